@@ -19,7 +19,7 @@ __all__ = ["SHAPES", "GesturePlacement", "reach_time", "stroke_time"]
 _WORDED = 0.5  # semantic score from which the hand shape of a form is part of what it says (ours)
 _LEFT = 0  # row of `RESTS`
 _SPACE = np.array([0.09, 0.02, -0.11])  # arm lengths from the table's places to where speakers gesture most (motion.md §1)
-_ROOM = np.array([0.9, 1.25, 1.0])  # strokes of speakers are higher than those of the table (motion.md: SD of height)
+_ROOM = np.array([0.95, 1.5, 1.1])  # strokes of speakers are higher than those of the table (motion.md: SD of height)
 _LAP = -0.46
 """Arm lengths above the shoulder at which the strokes of a seated body end, at the lowest. Ours: palms touch the mannequin's
 thighs at -.60, and a beat from there needs room."""
@@ -64,7 +64,7 @@ class GesturePlacement:
             return [self._shape_pose(t, 0.0, effort, modifier, free) for t in table]
         middle = np.mean([t[:3] for t in table], axis=0)
         low = self._random.uniform
-        shift = np.array([self._random.gauss(0, 0.045), self._random.gauss(0, 0.055), self._random.gauss(0, 0.04)]) * free
+        shift = np.array([self._random.gauss(0, 0.045), self._random.gauss(0, 0.10), self._random.gauss(0, 0.04)]) * free
         centre = middle + shift
         centre += (style.breadth + modifier.breadth, style.height + modifier.height, style.forward)
         centre += _SPACE
@@ -101,7 +101,7 @@ class GesturePlacement:
         pose[4] += turn
         pose[5:7] *= min(1.2, 0.7 + 0.3 * effort)
         pose[7:19] = self._shape(pose[7:19], tension, free)
-        pose[3] += self._random.gauss(0, 4) * free
+        pose[3] += self._random.gauss(3, 7) * free
         pose[19] += modifier.shrug
         return pose
 
@@ -134,11 +134,11 @@ class GesturePlacement:
 def stroke_time(a: Array, b: Array, tempo: float, modifier: EmotionModifier) -> float:
     """Seconds for a stroke: longer ways take longer, but less than in proportion (ours, to motion.md's stroke rows)."""
     way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
-    return max(0.26, (0.44 + 0.68 * way) / tempo * (1 - 0.26 * modifier.abrupt))
+    return max(0.26, (0.36 + 0.56 * way) / tempo * (1 - 0.26 * modifier.abrupt))
 
 
 def reach_time(a: Array, b: Array, tempo: float) -> float:
-    """Seconds for an unhurried reach, peak speed about 1 m/s."""
+    """Seconds for an unhurried reach, peak speed about 1.2 m/s."""
     way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
     turn = abs(float(b[4] - a[4])) / 90
-    return max(0.44, 0.50 + 0.95 * way**0.8, 0.40 * turn + 0.3) / tempo**0.7
+    return max(0.40, 0.38 + 0.72 * way**0.8, 0.36 * turn + 0.28) / tempo**0.7

@@ -6,8 +6,12 @@ from dataclasses import dataclass
 
 from ..motion.rotations import Array
 from .minimum_jerk import MinimumJerkTrack
+from .repertoire import FORMS
 
 __all__ = ["HandState", "effort_of"]
+
+
+_AT_EASE = 0.7  # effort up to which a hand beats where it is (ours)
 
 
 @dataclass
@@ -30,6 +34,10 @@ class HandState:
     pose: Array | None = None
     keeps: bool = False
     """Whether it stays up until then, even if the speaker falls silent."""
+
+    def can_beat(self) -> bool:
+        """Whether it is up with a form that beats, and at ease there."""
+        return self.place == "up" and self.form in FORMS and FORMS[self.form].beats and effort_of(self.track.target) < _AT_EASE
 
 
 def effort_of(pose: Array) -> float:

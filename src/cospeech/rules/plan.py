@@ -19,6 +19,7 @@ from ..audio.speech import Word
 from ..face.expressions import BROWS_EARLY
 from ..motion.kinematics.hands import CHANNELS, LAGS
 from ..motion.rotations import Array
+from .bouts import Bouts
 from .emotion_modifiers import EmotionModifier
 from .gesture import CHAINED, LEFT, RIGHT, RUN_UP, Gesture, GestureOverride
 from .gesture_space import SHAPES, GesturePlacement, reach_time, stroke_time
@@ -33,7 +34,7 @@ from .styles import Style
 
 __all__ = ["LEFT", "RIGHT", "Planner"]
 
-LEAD = 0.085  # seconds from the wrist's speed peak to the energy peak (motion.md §1: .07–.10 s measured)
+LEAD = 0.1  # seconds from the wrist's speed peak to the energy peak (motion.md §1: .07–.10 s measured)
 HORIZON = 0.78  # seconds ahead of the tick up to which accents are taken up
 _FORGOTTEN = 8.0  # seconds after which a stroke moves no face [ours: four seconds of motion are made at once, at most]
 SLACK = 0.02  # seconds between the tick and the earliest onset of a move
@@ -43,6 +44,9 @@ _CHAINED = 0.65  # share of the way back to where the hand already is that a pre
 _FROM_HANGING = 0.3  # share of its wind-up that a hand at the hip keeps: the body is in the way (ours, by the laws of the body)
 _HUNG, _STAYS_OUT = 2.5, 0.4  # seconds that a hand hangs; how often, after that, a gesture leaves it out, to usually (ours)
 _HURRIED = 0.6  # share of the usual length of a stroke at least, where a plan leaves little time for it (ours)
+_STIRS, _STIRRED = 0.35, 0.65  # how often a hand beats on an accent without a gesture, in a bout; and how large (ours)
+_BEATS = 0.35  # how often a raised hand beats in place of a new gesture (ours)
+_AGAIN = 2.2  # seconds after a stroke in which another one may follow in place (ours)
 _WEARY = 4.0  # seconds after a gesture in which its hands still beat; then they make another one, or come down (ours)
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
 
@@ -65,6 +69,7 @@ class Planner:
         places = [RESTS[style.idle][hand].values() for hand in (LEFT, RIGHT)]
         self.hands = [HandState(MinimumJerkTrack(place, LAGS), place) for place in places]
         self._gesture_space = GesturePlacement(style, self._random, intensity, temperature)
+        self._bouts = Bouts(Random(f"{seed + style.variation}/bouts"))
         self._planned: list[Gesture] = []
         self.placed = (0.0, 0.0, 0.0, 0.0)
         """Of the last gesture: seconds of its hold, and where its first stroke ends: out, up and forward, arm lengths."""
@@ -97,6 +102,7 @@ class Planner:
         speaking = any(p.start <= now + 0.5 and p.end >= now - 0.1 for p in phrases)
         self._heard = list(accents)
         self.posture.decide(now, phrases=phrases, modifier=modifier, speaking=speaking)
+        self._bouts.decide(now, phrases)
         for accent in accents:
             if self._last_accent < accent.time <= now + self.horizon:
                 self._last_accent = accent.time
@@ -133,22 +139,15 @@ class Planner:
                 return
         if soon:
             return
-        willing = self.style.rate * modifier.rate * (0.62 + 0.75 * accent.strength) * (0.4 + 0.6 * min(self.intensity, 1.0))
-        held = [
-            s
-            for s in self.hands
-            if s.place == "up"
-            and s.form in FORMS
-            and FORMS[s.form].beats
-            and effort_of(s.track.target) < 0.7
-            and accent.time - s.raised < _WEARY
-        ]
+        willing = self._bouts.willingness(self.style.rate * modifier.rate, accent.strength, self.intensity)
+        held = [s for s in self.hands if s.can_beat() and accent.time - s.raised < _WEARY]
+        beats = self._bouts.busy and (held or [s for s in self.hands if s.place == "rest"])
         if self._random.random() >= willing:
-            stirred = held or [s for s in self.hands if s.place == "rest"]
-            if stirred and self._random.random() < 0.7:
-                self._beat(now, accent, stirred, modifier, 0.6)
+            if beats and self._random.random() < _STIRS:
+                self._beat(now, accent, beats, modifier, _STIRRED)
             return
-        if held and self._random.random() < 0.55 and accent.time - min(s.last_stroke for s in held) < 2.2:
+        again = held and self._bouts.busy and accent.time - min(s.last_stroke for s in held) < _AGAIN
+        if again and self._random.random() < _BEATS:
             self._beat(now, accent, held, modifier, 1.0)
             return
         if not self._perform(now, accent.time, accent.strength, self._choose_form(modifier), modifier, None) and held:
@@ -248,7 +247,7 @@ class Planner:
 
     def _preparation(self, at: float, onset: float, wanted: float, available: float) -> tuple[float, float]:
         """Seconds and skew of an unhurried preparation; its speed peaks on an accent before, where one fits."""
-        prepare = min(1.35 * wanted, available)
+        prepare = min(1.25 * wanted, available)
         for accent in reversed(self._heard):
             if accent.time < at - 0.15:
                 for length in (prepare, 0.8 * prepare, min(1.9 * wanted, available)):
@@ -289,8 +288,8 @@ class Planner:
             state.track.move(end + 0.78 * length, 0.34 / tempo, poses[k], skew=0.2)
             end += length * (CHAINED if k < len(lengths) else 1.0)
         hold = poses[-1].copy()
-        sink = (1.05 - self.style.hold) * self._random.uniform(0.1, 0.9)  # the hand tires: down towards its resting place
-        sink = max(sink, 0.75 * effort_of(hold) * self._random.uniform(0.8, 1.2))
+        sink = (1.05 - self.style.hold) * self._random.uniform(0.05, 0.5)  # the hand tires: down towards its resting place
+        sink = max(sink, 0.4 * effort_of(hold) * self._random.uniform(0.8, 1.2))
         hold[:3] += (state.home[:3] - hold[:3]) * np.array([0.3 + 0.6 * effort_of(hold), 0.55, 0.4]) * sink
         hold[:3] += [self._random.gauss(0, 0.02) for _ in range(3)]
         hold[5] *= 0.6
@@ -300,7 +299,7 @@ class Planner:
 
     def _mark(self, state: HandState, name: str, peak: float, end: float, modifier: EmotionModifier) -> None:
         state.busy, state.place, state.form, state.last_stroke, state.keeps = end - 0.08, "up", name, peak, False
-        state.up_until = end + (0.3 + 1.9 * self.style.hold) * self._random.uniform(0.7, 1.4) / modifier.tempo
+        state.up_until = end + (0.24 + 1.5 * self.style.hold) * self._random.uniform(0.7, 1.4) / modifier.tempo
         state.up_until = end + (state.up_until - end) * (1.0 - 0.6 * effort_of(state.track.target))
 
     def _beat(self, now: float, accent: Accent, held: list[HandState], modifier: EmotionModifier, scale: float) -> bool:
@@ -308,7 +307,7 @@ class Planner:
         if len(held) == 2 and self._random.random() > 0.2 + 0.5 * self.style.symmetry:
             held = [self.hands[RIGHT if self._random.random() < self.style.hand else LEFT]]
         tempo = self.style.tempo * modifier.tempo
-        size = scale * (0.11 + 0.22 * accent.strength) * self.style.amplitude * modifier.amplitude * self.intensity
+        size = scale * (0.14 + 0.25 * accent.strength) * self.style.amplitude * modifier.amplitude * self.intensity
         stroke = max(0.26, 0.42 / tempo) * (1 - 0.2 * modifier.abrupt)
         skew = draw_skew(self._random, -0.1, 0.3)
         onset = accent.time - LEAD - stroke * peak_share(skew)
@@ -321,7 +320,7 @@ class Planner:
             state.track.add(onset - lift + jitter, lift * 1.2, up, arc=draw_twist(self._random, up, 0.25))
             state.track.add(onset + jitter, stroke, down, skew=skew, arc=draw_twist(self._random, down, 0.22))
             back = recoil(up + down, state.track.target) if state.place == "up" else -(up + down)
-            state.track.add(onset + stroke + 0.05, 1.0 / tempo, back, skew=0.1)
+            state.track.add(onset + stroke + 0.05, 0.85 / tempo, back, skew=0.1)
             if state.place == "up":
                 self._mark(state, state.form, onset + stroke / 2, onset + stroke, modifier)
             else:

@@ -86,9 +86,9 @@ class Posture:
         """A new place for the torso around the speaker's usual one."""
         torso = self.style.torso * modifier.torso * self.size
         goal = (
-            self.style.lean + modifier.bow + self._gauss(2.6 * torso) + self._seat[0],
-            self._gauss(1.8 * torso) + self._seat[1],
-            modifier.turn + self._gauss(4.2 * torso) + self._seat[2],
+            self.style.lean + modifier.bow + self._gauss(2.7 * torso) + self._seat[0],
+            self._gauss(1.9 * torso) + self._seat[1],
+            modifier.turn + self._gauss(4.4 * torso) + self._seat[2],
             self._gauss(1.6 * torso),
         )
         columns = [Body.PITCH, Body.ROLL, Body.YAW, Body.SHOULDERS]
@@ -112,9 +112,9 @@ class Posture:
     def _turn_head(self, now: float, modifier: EmotionModifier, speaking: bool) -> None:
         head = self.style.head * modifier.head * self.size
         goal = (
-            -modifier.chin + self._gauss(4.3 * head),
-            modifier.tilt + self._gauss(5.2 * head),
-            modifier.turn * 0.5 + self._gauss(7.9 * head) + 0.45 * self._gaze_yaw(),
+            -modifier.chin + self._gauss(4.6 * head),
+            modifier.tilt + self._gauss(5.5 * head),
+            modifier.turn * 0.5 + self._gauss(8.4 * head) + 0.45 * self._gaze_yaw(),
         )
         length = self._random.uniform(0.45, 0.85)
         self.track.move(now + 0.02, length, np.array(goal), [Body.HEAD_PITCH, Body.HEAD_ROLL, Body.HEAD_YAW])
@@ -167,9 +167,9 @@ class Posture:
         torso = min(self.style.torso * modifier.torso * self.size, 1.8) * (0.6 if self.style.seated else 1.0)
         part = np.zeros(BODY_CHANNELS)
         side = 0 if len(hands) == 2 else 1 if hands[0] == 0 else -1
-        part[Body.YAW] = side * (11.0 * way[0] - 10.0 * way[2]) * torso + self._gauss(0.7 * torso)
-        part[Body.ROLL] = -side * 5.0 * way[0] * torso + self._gauss(0.6 * torso)
-        part[Body.PITCH] = (9.0 * way[2] - 9.0 * way[1]) * torso
+        part[Body.YAW] = side * (10.5 * way[0] - 9.5 * way[2]) * torso + self._gauss(0.7 * torso)
+        part[Body.ROLL] = -side * 4.8 * way[0] * torso + self._gauss(0.6 * torso)
+        part[Body.PITCH] = (8.6 * way[2] - 8.6 * way[1]) * torso
         turned = [Body.YAW, Body.PITCH, Body.ROLL]
         part[turned] = np.clip(part[turned], -8, 8)
         head = self.style.head * modifier.head * self.size

@@ -45,6 +45,7 @@ _PALM, _TIP = 0.080, 0.172  # metres from the wrist to the middle of the palm, t
 _APART = 0.115  # metres between the palms below which hands make room for each other
 _STAYING = 0.7  # share of a seated trunk's lean that the hands do not take part in (ours: hands rest on the thighs)
 _CROSSED = 0.09  # metres by which a leg over the other's knee raises the lap
+_FINGERS_HZ = 1.2  # of fingers that are never still: half of what recorded fingers move, in the median (ours)
 _CLEAR = 0.010  # metres of air kept between hand and body
 
 
@@ -139,7 +140,7 @@ def _add_body_noise(b: Array, times: Array, style: Style, seed: int, size: float
     head, torso, sway = style.head * still, min(style.torso, 1.0) * still * (2.7 if style.seated else 1.0), style.sway * still
     moved = sway * (0.15 if style.seated else 1.0)
     scale = np.array(
-        [0.8 * torso, 0.7 * torso, 1.3 * torso, 1.6 * head, 1.5 * head, 2.1 * head, 0.009 * moved, 0.009 * moved]
+        [1.1 * torso, 1.0 * torso, 1.8 * torso, 1.6 * head, 1.5 * head, 2.1 * head, 0.015 * moved, 0.015 * moved]
         + [1.4 * sway, 0.9 * sway, 0.9 * sway]
     )
     b[:, _SWAYING] += n * scale
@@ -280,13 +281,14 @@ def _limit(x: Array, low: float, high: float) -> Array:
 
 
 def _add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: Array) -> None:
-    n = smooth_noise(seed + 2, 22, times, 0.40, octaves=3, gain=0.45)
+    n = smooth_noise(seed + 2, 14, times, 0.40, octaves=3, gain=0.45)
+    bends = smooth_noise(seed + 4, 8, times, _FINGERS_HZ, octaves=2, gain=0.5)
     still = 0.55 + 0.45 * min(size, 1.0)
     for side in (0, 1):
-        k = n[:, side * 11 : side * 11 + 11] * still
+        k = n[:, side * 7 : side * 7 + 7] * still
         h[:, side, :3] += k[:, :3] * (0.011, 0.010, 0.011)
         h[:, side, 3:7] += k[:, 3:7] * (2.0, 3.0, 2.5, 1.5)
-        fingers = k[:, 7:11] * (7.5, 8.0, 8.0, 8.5)
+        fingers = bends[:, side * 4 : side * 4 + 4] * still * (8.6, 9.2, 9.2, 9.8)
         h[:, side, Channel.KNUCKLES] += fingers
         h[:, side, Channel.MIDDLES] += fingers * 1.3
     h[:, :, Channel.KNUCKLES] = _limit(h[:, :, Channel.KNUCKLES], *_KNUCKLE_LIMITS)

@@ -158,7 +158,7 @@ class Stance:
     def _turn(self, now: float) -> None:
         """The pelvis turns and tilts a little."""
         sway = self.amounts.sway * (0.8 if self.amounts.seated else 1.0)
-        goal = (self._gauss(5.6 * sway), self._gauss(1.9 * sway))
+        goal = (self._gauss(6.4 * sway), self._gauss(2.2 * sway))
         length = self._random.uniform(0.9, 1.8)
         self.track.move(now + 0.02, length, np.array(goal), [Body.HIPS_YAW, Body.HIPS_PITCH], skew=self._gauss(0.25))
         steps = not self.amounts.seated and self.amounts.steps > 0
@@ -176,11 +176,11 @@ class Stance:
         depth = self._random.uniform(0.62, 0.95) if kind < 0.55 else self._random.uniform(0.2, 0.5) if kind < 0.85 else 0.05
         self._left = not self._left if self._random.random() < 0.75 else self._left
         side = 1.0 if self._left else -1.0
-        width = min((left[0] - right[0]) / 2, 0.125)
+        width = min((left[0] - right[0]) / 2, 0.135)
         goal = np.array(
             [
                 (left[0] + right[0]) / 2 + side * width * depth * min(0.35 + 0.65 * sway, 1.1),
-                (left[1] + right[1]) / 2 + self._gauss(0.016 * sway),
+                (left[1] + right[1]) / 2 + self._gauss(0.017 * sway),
                 self._random.uniform(0.0, 0.003) + (1 - depth) * self._random.uniform(0.0, 0.023) * sway,
                 -side * self._random.uniform(0.0, 1.5) * sway,
             ]

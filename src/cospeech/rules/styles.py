@@ -107,11 +107,13 @@ _FOLDED_ROWS = (  # hands that rest on each other in front of the belly neither 
 
 STYLES: Mapping[str, Style] = MappingProxyType(
     {
-        "natural": Style("an even-tempered conversationalist; the default", rate=0.74, amplitude=1.12, head=1.06),
+        "natural": Style(
+            "an even-tempered conversationalist; the default", rate=0.82, amplitude=1.15, head=1.06, both=0.6, symmetry=0.65
+        ),
         "lively": Style(
             "many wide and quick gestures with short rests: a show host",
             variation=1000,
-            rate=0.67,
+            rate=0.64,
             amplitude=1.25,
             height=0.06,
             breadth=0.02,
@@ -178,9 +180,9 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             hold=0.95,
             hand=0.75,
             both=0.6,
-            symmetry=0.95,
+            symmetry=0.8,
             tension=0.65,
-            torso=1.0,
+            torso=0.85,
             head=1.08,
             lean=2,
             averted=0.15,
@@ -240,8 +242,8 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             both=0.6,
             symmetry=0.6,
             torso=1.5,
-            head=1.2,
-            sway=1.5,
+            head=1.12,
+            sway=1.3,
             steps=5,
             tension=0.35,
             averted=0.4,
@@ -280,8 +282,8 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             symmetry=0.65,
             tension=0.45,
             torso=1.1,
-            head=1.15,
-            sway=1.5,
+            head=1.1,
+            sway=1.3,
             steps=10,
             blinks=26,
             averted=0.35,

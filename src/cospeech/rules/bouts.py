@@ -1,0 +1,57 @@
+"""Bouts: gestures of a speaker come in bursts, with stretches between them in which the hands hold still or rest.
+
+Two recorded speakers are still less often than chance would make them, and for longer: with as much movement, their hands stop
+half as often as hands that leave out accents one by one (docs/models/rules.md). So accents are left out by the stretch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from random import Random
+
+from ..audio.prosodic_events import Phrase
+
+__all__ = ["Bouts"]
+
+_BUSY, _QUIET = (2.75, 7.5), (1.1, 2.6)
+"""Seconds of a stretch with gestures, and of one without. [ours: stillness of two recorded speakers]"""
+_AFTER_PAUSE = 0.75  # how often a phrase that follows a pause begins a bout with gestures [ours]
+_EAGER = {True: 1.35, False: 0.3}  # factor on the share of accents with a stroke, in a bout and between bouts [ours]
+
+
+class Bouts:
+    """When a speaker is in the middle of gestures, and when not.
+
+    Args:
+        random: drawn from in tick order.
+    """
+
+    def __init__(self, random: Random) -> None:
+        self._random = random
+        self.busy = True
+        """Whether gestures are to be made now."""
+        self._until, self._phrase = random.uniform(*_BUSY), -1.0
+
+    def decide(self, now: float, phrases: Sequence[Phrase]) -> None:
+        """One tick, at ``now`` seconds, with the phrases that are known."""
+        begun = next((p for p in phrases if self._phrase < p.start <= now + 0.6), None)
+        if begun is not None:
+            self._phrase = begun.start
+            if not self.busy and self._random.random() < _AFTER_PAUSE:
+                self._begin(now, busy=True)
+        if now >= self._until:
+            self._begin(now, busy=not self.busy)
+
+    def willingness(self, rate: float, strength: float, size: float) -> float:
+        """How likely an accent gets a stroke of hands that are free, 0 … 1 and above.
+
+        Args:
+            rate: of the style and the mood, as `cospeech.rules.styles.Style.rate`.
+            strength: of the accent, 0 … 1.
+            size: intensity of the take; small movers also move less often.
+        """
+        return rate * _EAGER[self.busy] * (0.62 + 0.75 * strength) * (0.4 + 0.6 * min(size, 1.0))
+
+    def _begin(self, now: float, *, busy: bool) -> None:
+        self.busy = busy
+        self._until = now + self._random.uniform(*(_BUSY if busy else _QUIET))

@@ -23,7 +23,7 @@ _ROOM = np.array([0.95, 1.5, 1.1])  # strokes of speakers are higher than those 
 _LAP = -0.46
 """Arm lengths above the shoulder at which the strokes of a seated body end, at the lowest. Ours: palms touch the mannequin's
 thighs at -.60, and a beat from there needs room."""
-_BOX = np.array([(-0.30, -0.97, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
+_BOX = np.array([(-0.30, -0.80, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
 
 SHAPES = HAND_SHAPES | HAND_VARIANTS
 SHAPE_KIN: dict[str, tuple[str, ...]] = {

@@ -87,7 +87,7 @@ class Planner:
         self._gesture_space.style, self._gesture_space.intensity = style, intensity
         self.posture.restyle(style, intensity)
         for hand in [h for h, state in enumerate(self.hands) if moved and state.place != "up" and now > state.busy]:
-            self._retract(now, hand, self.hands[hand], self.hands[hand].place, modifier)
+            self._retract(now, hand, self.hands[hand], self.hands[hand].place, modifier, self._random)
 
     @property
     def body(self) -> MinimumJerkTrack:
@@ -122,8 +122,6 @@ class Planner:
         while self.stroke_accents and self.stroke_accents[0] < now - _FORGOTTEN:
             self.stroke_accents.popleft()
         self.posture.on_accent(now, accent, modifier, has_stroke)
-
-    # ------------------------------------------------------------------------------------------------ strokes
 
     def _on_accent(self, now: float, accent: Accent, words: Sequence[Word], modifier: EmotionModifier) -> None:
         if self.intensity <= 0:
@@ -236,7 +234,8 @@ class Planner:
         for hand in {LEFT, RIGHT} - set(hands):
             other = self.hands[hand]
             if other.place == "up" and onset > other.busy and self._random.random() < 0.8:
-                self._retract(max(start, other.busy) + self._random.uniform(0.0, 0.25), hand, other, "rest", modifier)
+                later = max(start, other.busy) + self._random.uniform(0.0, 0.25)
+                self._retract(later, hand, other, "rest", modifier, self._random)
             else:
                 self._sympathy(other, leader, start, prepare, onset, stroke, poses)
         self.posture.on_stroke(start, onset, stroke, poses, hands, modifier)
@@ -359,36 +358,37 @@ class Planner:
         quiet = not any(p.end > now - 0.05 and p.start < now + self.horizon for p in phrases)
         last = max((p.end for p in phrases if p.start <= now), default=0.0)
         for hand, state in enumerate(self.hands):
+            draw = Random(self._random.random())  # each hand has its own numbers, whatever the other one does
             tired = now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold and not state.keeps)
             if state.place == "up" and now > state.busy and tired:
-                place = "idle" if self._random.random() < 0.9 - 0.5 * self.style.hold else "rest"
-                self._retract(now, hand, state, place, modifier)
+                place = "idle" if draw.random() < 0.9 - 0.5 * self.style.hold else "rest"
+                self._retract(now, hand, state, place, modifier, draw)
             elif state.place == "rest" and quiet and now > last + 1.1 + 1.2 * self.style.hold and now > state.busy:
-                self._retract(now, hand, state, "idle", modifier)
+                self._retract(now, hand, state, "idle", modifier, draw)
 
-    def _retract(self, now: float, hand: int, state: HandState, place: str, modifier: EmotionModifier) -> None:
+    def _retract(self, now: float, hand: int, state: HandState, place: str, modifier: EmotionModifier, draw: Random) -> None:
         table = RESTS[self.style.rest if place == "rest" else self.style.idle]
         goal = table[hand].values()
         free = 0.35 if self.style.seated or place == "idle" else 1.0
-        goal[:3] += [self._random.gauss(0, size) * free for size in (0.035, 0.03, 0.025)]
-        if self._random.random() < 0.5 and not self.style.seated:
+        goal[:3] += [draw.gauss(0, size) * free for size in (0.035, 0.03, 0.025)]
+        if draw.random() < 0.5 and not self.style.seated:
             goal[7:19] = SHAPES["curl"].values()
-        goal[7:19] += [self._random.gauss(0, 4) for _ in range(12)]
+        goal[7:19] += [draw.gauss(0, 4) for _ in range(12)]
         goal[19] += modifier.shrug
         length = reach_time(state.track.target, goal, 0.80 * self.style.tempo * modifier.tempo)
-        swing = draw_arc(self._random, goal - state.track.target, goal, self._random.uniform(0.05, 0.22))
-        skew = draw_skew(self._random, 0.2, 0.2)
-        start = self._on_the_beat(now + SLACK, 1.15 * length * peak_share(skew))
+        swing = draw_arc(draw, goal - state.track.target, goal, draw.uniform(0.05, 0.22))
+        skew = draw_skew(draw, 0.2, 0.2)
+        start = self._on_the_beat(now + SLACK, 1.15 * length * peak_share(skew), draw)
         state.track.move(start, length * 1.15, goal, skew=skew, arc=swing)
         state.place, state.home, state.busy, state.form = place, goal, start + 0.45 * length, ""
 
-    def _on_the_beat(self, earliest: float, to_peak: float) -> float:
+    def _on_the_beat(self, earliest: float, to_peak: float, draw: Random) -> float:
         """When to begin a move so that its speed peaks with an accent to come: hands fall back in the rhythm of the speech."""
         for accent in self._heard:
             start = accent.time - LEAD - to_peak
             if earliest <= start <= earliest + 0.4:
                 return start
-        return earliest + self._random.uniform(0, 0.12)
+        return earliest + draw.uniform(0, 0.12)
 
 
 def _stroke_times(

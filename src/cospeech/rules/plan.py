@@ -46,6 +46,7 @@ _HUNG, _STAYS_OUT = 2.5, 0.4  # seconds that a hand hangs; how often, after that
 _HURRIED = 0.6  # share of the usual length of a stroke at least, where a plan leaves little time for it (ours)
 _STIRS, _STIRRED = 0.35, 0.65  # how often a hand beats on an accent without a gesture, in a bout; and how large (ours)
 _BEATS = 0.35  # how often a raised hand beats in place of a new gesture (ours)
+_DROPS = 0.8  # how often a hand hangs after the last gesture before a pause (ours)
 _AGAIN = 2.2  # seconds after a stroke in which another one may follow in place (ours)
 _WEARY = 4.0  # seconds after a gesture in which its hands still beat; then they make another one, or come down (ours)
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
@@ -361,7 +362,7 @@ class Planner:
             draw = Random(self._random.random())  # each hand has its own numbers, whatever the other one does
             tired = now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold and not state.keeps)
             if state.place == "up" and now > state.busy and tired:
-                place = "idle" if draw.random() < 0.9 - 0.5 * self.style.hold else "rest"
+                place = "idle" if draw.random() < (_DROPS if quiet else 0.6 - 0.5 * self.style.hold) else "rest"
                 self._retract(now, hand, state, place, modifier, draw)
             elif state.place == "rest" and quiet and now > last + 1.1 + 1.2 * self.style.hold and now > state.busy:
                 self._retract(now, hand, state, "idle", modifier, draw)

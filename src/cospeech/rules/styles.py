@@ -108,7 +108,7 @@ _FOLDED_ROWS = (  # hands that rest on each other in front of the belly neither 
 STYLES: Mapping[str, Style] = MappingProxyType(
     {
         "natural": Style(
-            "an even-tempered conversationalist; the default", rate=0.82, amplitude=1.15, head=1.06, both=0.6, symmetry=0.65
+            "an even-tempered conversationalist; the default", rate=0.82, amplitude=1.15, head=1.06, both=0.65, symmetry=0.62
         ),
         "lively": Style(
             "many wide and quick gestures with short rests: a show host",

@@ -25,6 +25,10 @@ _LAP = -0.46
 thighs at -.60, and a beat from there needs room."""
 _BOX = np.array([(-0.30, -0.80, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
 
+_PARALLEL, _ALONG = 0.3, -0.7
+"""How often both hands go to the same side, and how far the other hand goes there, to the leader (ours: two recorded speakers
+move both hands at once, but mirror them little)."""
+
 SHAPES = HAND_SHAPES | HAND_VARIANTS
 SHAPE_KIN: dict[str, tuple[str, ...]] = {
     "relaxed": ("curl", "cradle"),
@@ -101,7 +105,7 @@ class GesturePlacement:
         pose[4] += turn
         pose[5:7] *= min(1.2, 0.7 + 0.3 * effort)
         pose[7:19] = self._shape(pose[7:19], tension, free)
-        pose[3] += self._random.gauss(3, 7) * free
+        pose[3] += self._random.gauss(0, 10) * free
         pose[19] += modifier.shrug
         return pose
 
@@ -112,8 +116,15 @@ class GesturePlacement:
         out = shape + (relaxed - shape) * loose
         return out + np.array([self._random.gauss(0, 3.0) * free for _ in out])
 
-    def follower(self, poses: list[Array], strength: float) -> list[Array]:
-        """The other hand of a two-handed gesture: smaller, lower, and where the leader does not look."""
+    def follower(self, poses: list[Array], strength: float, *, mirrors: bool) -> list[Array]:
+        """The other hand of a two-handed gesture: smaller, lower, and where the leader does not look.
+
+        Args:
+            poses: of the leader.
+            strength: of the accent, 0 … 1.
+            mirrors: it never goes to the same side as the leader, because the gesture says something with both hands.
+        """
+        side = _ALONG if not mirrors and self._random.random() < _PARALLEL else 1.0
         loose = 1 - self.style.symmetry
         rest = RESTS[self.style.rest][_LEFT].values()
         less = 1 - self._random.uniform(0.0, 0.25 + 0.5 * loose)  # of the way from the first pose on
@@ -123,7 +134,9 @@ class GesturePlacement:
         out = []
         for pose in poses:
             own = pose.copy()
-            own[:7] = poses[0][:7] + (pose - poses[0])[:7] * less
+            way = (pose - poses[0])[:7] * less
+            way[0] *= side
+            own[:7] = poses[0][:7] + way
             own[:3] += (rest[:3] - own[:3]) * drop + off + [self._random.gauss(0, 0.02 + 0.05 * loose) for _ in range(3)]
             own[4] += self._random.gauss(0, 9)
             own[7:19] += (soft - own[7:19]) * slack

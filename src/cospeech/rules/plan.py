@@ -223,7 +223,7 @@ class Planner:
         start = onset - prepare
         end = onset
         for hand in hands:
-            own = poses if hand == hands[0] else self._gesture_space.follower(poses, strength)
+            own = poses if hand == hands[0] else self._gesture_space.follower(poses, strength, mirrors=name not in FORMS)
             late = 0.0 if hand == hands[0] else self._random.uniform(-0.01, 0.03)
             end = self._schedule(
                 self.hands[hand], own, start + late, prepare, onset + late, usual, tempo, modifier, (wind_up, skew), asked

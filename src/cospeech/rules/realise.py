@@ -255,7 +255,7 @@ def _arms(
     reach_out = along * np.radians(_REACHED) * smoothstep((h[..., Channel.FORWARD] - 0.05) / 0.75) - np.radians(_DRAWN)
     clavicle = quat_multiply(arms._about(2, lift), arms._about(1, -reach_out))
     shoulder = o["leftShoulder"] + quat_rotate(clavicle, np.broadcast_to(o["leftUpperArm"], target.shape))
-    swivel = np.radians(h[..., Channel.SWIVEL])
+    swivel = np.radians(h[..., Channel.SWIVEL]) + _lift_elbows(h)
     rel = arms.reach(target - shoulder)
     pronation, wrist = arms.hand_turns(angles)
     hand, points = quat_multiply(pronation, wrist), _hand_points(h)
@@ -263,6 +263,18 @@ def _arms(
         rel = _make_room(rel, shoulder, quat_multiply(arms.solve_arm(rel, swivel)[1], hand), points, frames, style)
     upper, fore = arms.solve_arm(rel, swivel)
     _write_arms(rotations, clavicle, upper, quat_multiply(fore, pronation), wrist, h)
+
+
+_ELBOW, _OUTWARD, _MIDDLE, _WIDTH = np.radians(13.0), np.radians(40.0), 0.15, 0.55
+"""Radians by which an elbow leaves its natural place outward where the hand is before its shoulder, and by which this grows and
+falls as the hand goes inward and outward; arm lengths outward. [ours: one recorded speaker's elbow rises by 74° for an arm
+length inward; `cospeech.motion.kinematics.arms` says where an elbow is by nature]"""
+
+
+def _lift_elbows(h: Array) -> Array:
+    """(N, 2) radians of swivel that follow from where the hands ``h (N, 2, channels)`` are; arms that hang have none."""
+    raised = smoothstep((h[..., Channel.UP] + 1.0) / 0.3)
+    return raised * (_ELBOW + _OUTWARD * np.tanh((_MIDDLE - h[..., Channel.OUT]) / _WIDTH))
 
 
 _KNUCKLE_LIMITS, _MIDDLE_LIMITS = (-18.0, 94.0), (-2.0, 106.0)  # degrees; active ranges of adult fingers (Hume et al. 1990)
@@ -287,7 +299,7 @@ def _add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: Arra
     for side in (0, 1):
         k = n[:, side * 7 : side * 7 + 7] * still
         h[:, side, :3] += k[:, :3] * (0.011, 0.010, 0.011)
-        h[:, side, 3:7] += k[:, 3:7] * (2.0, 3.0, 2.5, 1.5)
+        h[:, side, 3:7] += k[:, 3:7] * (4.0, 3.0, 2.5, 1.5)
         fingers = bends[:, side * 4 : side * 4 + 4] * still * (8.6, 9.2, 9.2, 9.8)
         h[:, side, Channel.KNUCKLES] += fingers
         h[:, side, Channel.MIDDLES] += fingers * 1.3

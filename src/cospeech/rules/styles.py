@@ -108,7 +108,7 @@ _FOLDED_ROWS = (  # hands that rest on each other in front of the belly neither 
 STYLES: Mapping[str, Style] = MappingProxyType(
     {
         "natural": Style(
-            "an even-tempered conversationalist; the default", rate=0.82, amplitude=1.15, head=1.06, both=0.65, symmetry=0.62
+            "an even-tempered conversationalist; the default", rate=0.82, amplitude=1.15, head=1.06, both=0.78, symmetry=0.62
         ),
         "lively": Style(
             "many wide and quick gestures with short rests: a show host",
@@ -119,7 +119,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             breadth=0.02,
             tempo=1.1,
             hold=0.75,
-            both=0.65,
+            both=0.75,
             symmetry=0.65,
             torso=1.15,
             head=1.15,
@@ -139,7 +139,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             breadth=0.0,
             tempo=0.97,
             hold=0.45,
-            both=0.55,
+            both=0.65,
             torso=0.9,
             head=1.11,
             sway=1.05,
@@ -158,7 +158,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             forward=0.0,
             hold=0.85,
             hand=0.85,
-            both=0.5,
+            both=0.6,
             symmetry=0.7,
             tension=0.7,
             torso=0.9,
@@ -179,7 +179,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             tempo=1.02,
             hold=0.95,
             hand=0.75,
-            both=0.6,
+            both=0.7,
             symmetry=0.8,
             tension=0.65,
             torso=0.85,
@@ -239,7 +239,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             breadth=0.02,
             tempo=1.04,
             hold=0.78,
-            both=0.6,
+            both=0.7,
             symmetry=0.6,
             torso=1.5,
             head=1.12,
@@ -257,7 +257,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             amplitude=1.22,
             height=-0.02,
             hold=0.6,
-            both=0.6,
+            both=0.7,
             seated=True,
             rest="lap",
             idle="lap",

@@ -25,6 +25,9 @@ _LAP = -0.46
 thighs at -.60, and a beat from there needs room."""
 _BOX = np.array([(-0.30, -0.80, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
 
+_HAND_VARIETY = (11.0, 12.0, 7.0)
+"""Degrees of pronation, flexion and deviation by which a hand is turned otherwise than in the table. [ours: a speaker's recorded
+wrist turns twice as far and as fast as one that keeps to the table]"""
 _PARALLEL, _ALONG = 0.3, -0.7
 """How often both hands go to the same side, and how far the other hand goes there, to the leader (ours: two recorded speakers
 move both hands at once, but mirror them little)."""
@@ -102,6 +105,7 @@ class GesturePlacement:
         """A pose where the table has it, turned and shaped by this speaker's hand."""
         tension = float(np.clip(self.style.tension + modifier.tension, 0, 1))
         pose = table.copy()
+        pose[4:7] += [self._random.gauss(0, size) * free for size in _HAND_VARIETY]
         pose[4] += turn
         pose[5:7] *= min(1.2, 0.7 + 0.3 * effort)
         pose[7:19] = self._shape(pose[7:19], tension, free)
@@ -138,7 +142,7 @@ class GesturePlacement:
             way[0] *= side
             own[:7] = poses[0][:7] + way
             own[:3] += (rest[:3] - own[:3]) * drop + off + [self._random.gauss(0, 0.02 + 0.05 * loose) for _ in range(3)]
-            own[4] += self._random.gauss(0, 9)
+            own[4:7] += [self._random.gauss(0, size) for size in (12, 10, 6)]
             own[7:19] += (soft - own[7:19]) * slack
             out.append(own)
         return out

@@ -299,7 +299,7 @@ def _add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: Arra
     for side in (0, 1):
         k = n[:, side * 7 : side * 7 + 7] * still
         h[:, side, :3] += k[:, :3] * (0.011, 0.010, 0.011)
-        h[:, side, 3:7] += k[:, 3:7] * (4.0, 3.0, 2.5, 1.5)
+        h[:, side, 3:7] += k[:, 3:7] * (4.0, 5.0, 5.0, 3.0)
         fingers = bends[:, side * 4 : side * 4 + 4] * still * (8.6, 9.2, 9.2, 9.8)
         h[:, side, Channel.KNUCKLES] += fingers
         h[:, side, Channel.MIDDLES] += fingers * 1.3

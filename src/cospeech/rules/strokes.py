@@ -18,7 +18,8 @@ __all__ = ["draw_arc", "draw_beat", "draw_skew", "draw_twist", "recoil"]
 
 _LONGEST = 0.22  # arm lengths off the chord at most
 _OUT_UP_AHEAD = np.array([0.45, 0.30, 0.75])  # where paths bulge: around the body, as arms turn about the shoulder
-_DRAG = 48.0  # degrees of wrist per arm length of way up or down that a hand trails behind its forearm
+_DRAG = 85.0  # degrees of wrist per arm length of way up or down that a hand trails behind its forearm
+_MOST_DRAG = 36.0  # degrees of it at most
 _LOWEST, _FURTHEST = -0.76, 0.60  # arm lengths up and forward that beats leave a raised hand at: its arm stays bent
 _LEAST_CHORD = 0.03  # arm lengths; shorter ways have no direction
 
@@ -42,7 +43,7 @@ def draw_arc(random: Random, way: Array, pose: Array, size: float) -> Array:
     across /= max(float(np.sqrt(across @ across)), 1e-6)
     arc[:3] = across * float(np.clip(size * length, -_LONGEST, _LONGEST))
     turn = np.radians(pose[Channel.PRONATION])
-    drag = float(np.clip(_DRAG * chord[1], -22, 22))
+    drag = float(np.clip(_DRAG * chord[1], -_MOST_DRAG, _MOST_DRAG))
     arc[Channel.FLEXION] = drag * np.sin(turn)
     arc[Channel.DEVIATION] = 0.7 * drag * np.cos(turn)
     arc[Channel.SWIVEL] = random.gauss(0, 5)
@@ -71,8 +72,8 @@ def draw_beat(random: Random, size: float) -> tuple[Array, Array]:
         size: arm lengths of the way down.
     """
     up, down = np.zeros(CHANNELS), np.zeros(CHANNELS)
-    up[:7] = (random.gauss(0, 0.03), 0.28 * size, -0.1 * size, 0, 0, -40 * size, -25 * size)
-    down[:7] = (random.gauss(0.02, 0.03), -1.0 * size, 0.38 * size, 0, 0, 70 * size, 40 * size)
+    up[:7] = (random.gauss(0, 0.03), 0.28 * size, -0.1 * size, 0, 0, -75 * size, -45 * size)
+    down[:7] = (random.gauss(0.02, 0.03), -1.0 * size, 0.38 * size, 0, 0, 130 * size, 75 * size)
     return up, down
 
 

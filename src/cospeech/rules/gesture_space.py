@@ -26,8 +26,8 @@ thighs at -.60, and a beat from there needs room."""
 _BOX = np.array([(-0.30, -0.80, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
 
 _HAND_VARIETY = (11.0, 12.0, 7.0)
-"""Degrees of pronation, flexion and deviation by which a hand is turned otherwise than in the table. [ours: a speaker's recorded
-wrist turns twice as far and as fast as one that keeps to the table]"""
+"""Degrees of pronation, flexion and deviation by which a hand is turned otherwise than in the table. [ours: the wrist of a
+recorded speaker turns twice as far and as fast as one that keeps to the table]"""
 _PARALLEL, _ALONG = 0.3, -0.7
 """How often both hands go to the same side, and how far the other hand goes there, to the leader (ours: two recorded speakers
 move both hands at once, but mirror them little)."""

@@ -33,6 +33,7 @@ from cospeech.rules import STYLES
 
 GROUND = 0.003  # metres: a sole point lower than this stands on the floor ([ours], as the laws of tests/rules_laws.py)
 STANDING = ("hip height SD, cm", "hip travel SD, cm")  # rows that a seated body has no part in
+MOST_FAR = 3.0  # a row counts as no further from the mean than this ([ours]: one row is not to outweigh all others)
 WANTED = 300.0  # seconds of speech: the benchmark's demand
 EXTRA = {
     "beat lift, far": BodyRange(0.35, 0.55),
@@ -41,6 +42,7 @@ EXTRA = {
     "steps per minute": BodyRange(0.0, 20.0),
     "head speed median, deg/s": BodyRange(19.0, 27.0),
     "old rows inside, %": BodyRange(80.0, 100.0),
+    "old rows, distance from the mean": BodyRange(0.0, 0.5),
 }
 """Rows of this table that `body_statistics` does not give; docs/models/rules.md, and the laws of the body."""
 
@@ -81,6 +83,8 @@ def measure(pairs: Sequence[tuple[np.ndarray, Motion]], exempt: Sequence[str] = 
     rows["head speed median, deg/s"] = old["head speed 50 %, deg/s"]
     counted = [name for name in REFERENCE if name not in exempt]
     rows["old rows inside, %"] = 100 * float(np.mean([REFERENCE[n].holds(old.get(n, np.nan)) for n in counted]))
+    far = [min(REFERENCE[n].distance(old[n]), MOST_FAR) for n in counted if np.isfinite(old.get(n, np.nan))]
+    rows["old rows, distance from the mean"] = float(np.mean(far))
     return rows
 
 

@@ -25,6 +25,15 @@ class ReferenceRow(NamedTuple):
         """
         return self.low <= value <= self.high
 
+    def distance(self, value: float) -> float:
+        """How far ``value`` is from the mean: 0 at the mean, 1 at the end of the range on its side; NaN stays NaN.
+
+        >>> ReferenceRow(0.29, 0.043, 0.48).distance(0.385)
+        0.5
+        """
+        side = self.high - self.mean if value > self.mean else self.mean - self.low
+        return round(abs(value - self.mean) / side, 9) if side > 0 else float(value != self.mean)
+
 
 REFERENCE: dict[str, ReferenceRow] = {
     name: ReferenceRow(*numbers)

@@ -10,6 +10,7 @@ from ..motion.kinematics.arms import arm_lengths
 from ..motion.kinematics.hands import HAND_SHAPES, HAND_VARIANTS
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
+from .minimum_jerk import PEAK
 from .repertoire import FORMS, Form, HandPose
 from .rest_poses import RESTS
 from .styles import Style
@@ -20,11 +21,13 @@ _WORDED = 0.5  # semantic score from which the hand shape of a form is part of w
 _LEFT = 0  # row of `RESTS`
 _SPACE = np.array([0.09, 0.02, -0.11])  # arm lengths from the table's places to where speakers gesture most (motion.md §1)
 _ROOM = np.array([0.95, 1.5, 1.1])  # strokes of speakers are higher than those of the table (motion.md: SD of height)
+_OWN_SIDE = -0.18  # arm lengths outward of its shoulder: the other hand comes no further inward, to the leader's side (ours)
 _LAP = -0.46
 """Arm lengths above the shoulder at which the strokes of a seated body end, at the lowest. Ours: palms touch the mannequin's
 thighs at -.60, and a beat from there needs room."""
 _BOX = np.array([(-0.30, -0.80, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
 
+_FASTEST = 2.0  # m/s; no single move peaks above it (ours: 99 % of wrist speeds of people are below 2.8, motion.md §1)
 _HAND_VARIETY = (11.0, 12.0, 7.0)
 """Degrees of pronation, flexion and deviation by which a hand is turned otherwise than in the table. [ours: the wrist of a
 recorded speaker turns twice as far and as fast as one that keeps to the table]"""
@@ -143,6 +146,7 @@ class GesturePlacement:
             own[:7] = poses[0][:7] + way
             own[:3] += (rest[:3] - own[:3]) * drop + off + [self._random.gauss(0, 0.02 + 0.05 * loose) for _ in range(3)]
             own[4:7] += [self._random.gauss(0, size) for size in (12, 10, 6)]
+            own[0] = max(own[0], _OWN_SIDE)
             own[7:19] += (soft - own[7:19]) * slack
             out.append(own)
         return out
@@ -151,11 +155,12 @@ class GesturePlacement:
 def stroke_time(a: Array, b: Array, tempo: float, modifier: EmotionModifier) -> float:
     """Seconds for a stroke: longer ways take longer, but less than in proportion (ours, to motion.md's stroke rows)."""
     way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
-    return max(0.26, (0.36 + 0.56 * way) / tempo * (1 - 0.26 * modifier.abrupt))
+    usual = (0.36 + 0.56 * way) / tempo * (1 - 0.26 * modifier.abrupt)
+    return max(0.26, usual, PEAK * way / _FASTEST)
 
 
 def reach_time(a: Array, b: Array, tempo: float) -> float:
     """Seconds for an unhurried reach, peak speed about 1.2 m/s."""
     way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
     turn = abs(float(b[4] - a[4])) / 90
-    return max(0.40, 0.38 + 0.72 * way**0.8, 0.36 * turn + 0.28) / tempo**0.7
+    return max(max(0.40, 0.38 + 0.72 * way**0.8, 0.36 * turn + 0.28) / tempo**0.7, PEAK * way / _FASTEST)

@@ -17,10 +17,12 @@ import numpy as np
 
 from ..motion.rotations import Array
 
-__all__ = ["MinimumJerkTrack", "minimum_jerk", "peak_share", "skew_for"]
+__all__ = ["PEAK", "MinimumJerkTrack", "minimum_jerk", "peak_share", "skew_for"]
 
 _AT_ONCE = 24  # frames; each is added up over all moves that any of them sees [ours, the fastest]
 _SURELY = 1e-6  # seconds after its end from which a move is over, whatever the rounding [ours]
+PEAK = 1.875
+"""Peak speed of a minimum-jerk reach to its mean speed."""
 MOST_SKEW = 0.85  # [ours]: beyond 1 the progress would run backwards
 
 

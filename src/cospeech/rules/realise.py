@@ -42,6 +42,7 @@ _LIFTED, _REACHED, _DRAWN = 25.0, 17.0, 4.0
 the scapulohumeral rhythm, about a third of the arm's elevation (Inman, Saunders & Abbott 1944; shares ours)."""
 _ON_CHAIRS = 0.76  # of that on a chair, where shoulders would otherwise move with nothing but the hands (ours)
 _PALM, _TIP = 0.080, 0.172  # metres from the wrist to the middle of the palm, to the fingertips
+_MIDDLE_OF_HAND = 0.6  # share of the way from the wrist to the palm, where two hands are kept apart (ours)
 _APART = 0.115  # metres between the palms below which hands make room for each other
 _STAYING = 0.7  # share of a seated trunk's lean that the hands do not take part in (ours: hands rest on the thighs)
 _CROSSED = 0.09  # metres by which a leg over the other's knee raises the lap
@@ -337,7 +338,7 @@ def _make_room(rel: Array, shoulder: Array, hand: Array, points: Array, frames: 
         wrist_at = wrist_at + _push(point, radius + _CLEAR, frames)
         if style.seated:
             wrist_at = wrist_at + _push_from_lap(wrist_at if offset is None else wrist_at + offset, flat, frames)
-    point = wrist_at + palm
+    point = wrist_at + _MIDDLE_OF_HAND * palm
     apart = point[:, 0] - point[:, 1] * _MIRROR_V
     distance = np.sqrt(np.einsum("ni,ni->n", apart, apart))[:, None] + 1e-6
     need = 0.5 * 0.012 * np.logaddexp(0.0, (_APART - distance) / 0.012)

@@ -48,10 +48,7 @@ _STIRS, _STIRRED = 0.35, 0.65  # how often a hand beats on an accent without a g
 _BEATS = 0.35  # how often a raised hand beats in place of a new gesture (ours)
 _DROPS = 0.8  # how often a hand hangs after the last gesture before a pause (ours)
 _LEAST_TIME = 0.36  # share of an unhurried preparation below which a gesture is left out (ours: its hand would be thrown)
-_AGAIN, _WEARY = (
-    2.2,
-    4.0,
-)  # seconds after a stroke in which another follows in place; after a gesture in which hands beat (ours)
+_AGAIN, _WEARY = 2.2, 4.0  # seconds after a stroke in which another follows in place; after a gesture in which hands beat
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
 
 

@@ -35,7 +35,7 @@ class Posture:
         self._next = {"lean": random.uniform(0.2, 1.0), "head": 0.3, "seat": 0.0 if style.seated else np.inf}
         self._seat = np.zeros(3)  # pitch, roll and yaw that a seated torso adds to its usual place
         self.gaze: Gaze = GazePlanner(random.getrandbits(32), style.averted)
-        self.gaze_shifts: deque[tuple[float, float]] = deque(maxlen=64)
+        self.gaze_shifts: deque[tuple[float, float]] = deque(maxlen=128)
         """Recent ones: time in seconds, size in radians."""
         self._phrase = -1.0
         self._modifier: EmotionModifier | None = None

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 __all__ = ["KEPT", "Session"]
 
 KEPT = 300.0  # seconds that planned strokes are remembered; ours: who annotates a stream looks more often than that
+_HEARD = 4 * SAMPLE_RATE  # samples that are heard before the next decision, at most (ours)
 _EYES = [humanoid().index["leftEye"], humanoid().index["rightEye"]]
 
 
@@ -176,7 +177,7 @@ class Session(SessionControls):
         """Hear a piece, at once.
 
         Returns:
-            The motion that has become certain, in pieces of at most four seconds. What is not taken of it is kept, and comes
+            The motion that has become certain, in pieces of some seconds. What is not taken of it is kept, and comes
             first with the next call: every frame is given once, whether the pieces are taken at once, later, or in part.
 
         Raises:
@@ -193,13 +194,12 @@ class Session(SessionControls):
         if self._held.is_short(samples, self.detector.needs):
             return self._next_frames()
         samples = self._held.take(samples)
-        for first in range(0, len(samples), SAMPLE_RATE):  # a second at a time: the listener forgets what is long past
+        for first in range(0, len(samples), _HEARD):  # the listener forgets what is long past
             if not self.foresight.is_usual:
-                self._follow(samples[first : first + SAMPLE_RATE])
+                self._follow(samples[first : first + _HEARD])
                 continue
-            self._hear(samples[first : first + SAMPLE_RATE])
-            while self.detector.step():
-                pass
+            self._hear(samples[first : first + _HEARD])
+            self.detector.catch_up()
             self._decide_what_is_certain()
             if self.planned_until - self._frame / self.fps >= MOST_AT_ONCE:
                 self._make(self.planned_until)

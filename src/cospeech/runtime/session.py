@@ -41,9 +41,8 @@ from .styles.embedding import StyleMixture
 from .system import System
 from .waiting_speech import WaitingSpeech
 
-__all__ = ["PIECE", "ResolvedStyle", "TrainedSession", "latency_of_body"]
+__all__ = ["ResolvedStyle", "TrainedSession", "latency_of_body"]
 
-PIECE = 2.0  # seconds of speech worked off at once
 _LATEST = 0.15  # seconds for which pieces wait at most, while the face is busy (ours)
 
 

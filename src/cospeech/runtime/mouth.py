@@ -37,6 +37,7 @@ POSE = "face"
 SHIPPED_FACE = Path(__file__).parents[1] / "assets" / "bundles" / "speech-to-face.cospeech"
 """The face that comes with the package."""
 _HOP = 0.5  # s made at once, and heard ahead at most; ours: half of what the face waits for anyway, and windows overlap little
+_LONG_HOP = 1.0  # s made at once where a window gives the very frames of the whole speech: windows overlap even less (ours)
 _SHORT_HOP = 2  # frames made at once where little may be waited for (ours)
 _HELD = 8  # frames ahead of a network that normalises over its window (ours)
 _LONGER = "a longer look_ahead"
@@ -54,8 +55,21 @@ def choose_layout(signature: Signature, fps: float, waits: float | None = None) 
     Raises:
         InputError: the network cannot do with so little.
     """
-    if waits is not None:
-        return _choose_short_layout(signature, floor(waits * fps + 1e-6))
+    usual = _choose_usual_layout(signature, fps)
+    if waits is None:
+        return usual
+    frames = floor(waits * fps + 1e-6)
+    if frames < usual.waits:
+        return _choose_short_layout(signature, frames)
+    if usual.fade:
+        return usual
+    hop = min(frames - usual.ahead, round(_LONG_HOP * fps)) // signature.multiple * signature.multiple
+    hop = max(hop, usual.hop)
+    return WindowLayout(2 * usual.ahead + hop, hop, usual.ahead, 0)
+
+
+def _choose_usual_layout(signature: Signature, fps: float) -> WindowLayout:
+    """Windows that half a second is made of at once."""
     hop = max(signature.multiple, round(_HOP * fps) // signature.multiple * signature.multiple)
     far = round(_HOP * fps)
     if signature.reach is not None and signature.reach <= far:  # exact: what one pass over the whole speech would make
@@ -102,9 +116,10 @@ class BundleMouth:
             raise InputError("this bundle cannot make the mouth", hint)
         track = StyleTrack(system, space, Styles(system, space).blend(style), [0], temperature=0.0)
         self._system, self._network, self._track = system, network, track
-        self._open(choose_layout(network.signature, system.fps))
-        if not self.latency <= MOUTH_WAITS:
-            raise InputError(f"the mouth's network needs {self.latency:.2f} s of speech ahead", f"at most {MOUTH_WAITS:.2f} s")
+        needs = choose_layout(network.signature, system.fps).waits / system.fps + self._waits
+        if not needs <= MOUTH_WAITS:
+            raise InputError(f"the mouth's network needs {needs:.2f} s of speech ahead", f"at most {MOUTH_WAITS:.2f} s")
+        self._open(choose_layout(network.signature, system.fps, MOUTH_WAITS - self._waits))
         self._first, self._kept = 0, np.zeros((0, len(ARKIT)), np.float32)  # index of the first frame kept; the frames
         self._finished = False
 

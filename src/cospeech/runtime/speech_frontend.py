@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from ..audio.features.reduce import open_features, reduce_audio
@@ -27,7 +29,7 @@ class SpeechFrontend:
         self._system = system
         self._controls = Crossfade(_row(controls), system.fps)
         self._features = open_features(system.audio, system.fps)
-        self._silence = self._standard(_silence(system))
+        self._silence = self._standard(_hear_silence(system.audio, system.fps))
         self._given = 0
         self._nothing = self.silence[:0]
 
@@ -138,11 +140,14 @@ class SpeechTextFrontend:
         return rows
 
 
-def _silence(system: System) -> Array:
-    """(1, C) columns of silence."""
-    silence = open_features(system.audio, system.fps)
-    rows = silence.push(Speech(np.zeros(16_000, np.float32)))
-    return np.concatenate([rows, silence.finish(1)])[:1]
+@cache
+def _hear_silence(audio: str, fps: float) -> Array:
+    """(1, C) columns of silence; to be read only."""
+    features = open_features(audio, fps)
+    rows = features.push(Speech(np.zeros(16_000, np.float32)))
+    found = np.concatenate([rows, features.finish(1)])[:1]
+    found.setflags(write=False)
+    return found
 
 
 def _row(controls: Array) -> Array:

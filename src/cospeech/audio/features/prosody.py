@@ -184,15 +184,21 @@ class ProsodyStream:
         mel = _mel_bands(N_MELS)(power)
         bands = _decibels(_log_bands()(power))
         energy, bands = bands[:, 0], np.ascontiguousarray(bands[:, 1:])
-        heard = _decibels(np.maximum(mel, np.float32(ONSET_FLOOR)))
-        before = heard[:1] if self._mel_before is None else self._mel_before
-        onset = np.maximum(np.diff(heard, axis=0, prepend=before), 0).mean(axis=1)
-        self._mel_before = heard[-1:]
-        pitch, strength = _pitch(frames)
-        voicing = np.where(self._loud_enough(energy), np.clip((strength - VOICED[0]) / (VOICED[1] - VOICED[0]), 0, 1), 0)
-        voicing = voicing.astype(np.float32)
-        self._raw_pitch = np.concatenate([self._raw_pitch, np.where(voicing > 0.5, pitch, 0).astype(np.float32)])
-        kept = log_power(mel) if self.keep_mel else None
+        logs = log_power(mel)
+        heard = np.maximum(logs, _onset_floor()) * _TO_DECIBELS
+        steps = np.empty_like(heard)
+        np.subtract(heard[1:], heard[:-1], out=steps[1:])
+        steps[0] = 0 if self._mel_before is None else heard[0] - self._mel_before
+        onset = np.maximum(steps, 0).mean(axis=1)
+        self._mel_before = heard[-1]
+        voicing, pitch = np.zeros((2, len(frames)), np.float32)
+        loud = np.flatnonzero(self._loud_enough(energy))  # nothing else can be voice
+        if len(loud):
+            found, strength = _pitch(frames if len(loud) == len(frames) else frames[loud])
+            voicing[loud] = np.clip((strength - VOICED[0]) / (VOICED[1] - VOICED[0]), 0, 1)
+            pitch[loud] = found
+        self._raw_pitch = np.concatenate([self._raw_pitch, np.where(voicing > 0.5, pitch, np.float32(0))])
+        kept = logs if self.keep_mel else None
         self._waiting.append(Features(energy, energy, voicing, onset, bands, kept, start=self._made))  # pitch follows
         self._made += len(frames)
 
@@ -235,8 +241,17 @@ def find_pauses(energy: NDArray[np.floating], fps: float = FPS, *, shortest: flo
     return [(first / fps, last / fps) for first, last in pairs if last - first >= shortest * fps]
 
 
+_TO_DECIBELS = np.float32(10 / np.log(10))
+
+
 def _decibels(power: Floats) -> Floats:
-    return log_power(power) * np.float32(10 / np.log(10))
+    return log_power(power) * _TO_DECIBELS
+
+
+@cache
+def _onset_floor() -> np.float32:
+    """Logarithm of `ONSET_FLOOR`."""
+    return log_power(np.full(BATCH, ONSET_FLOOR, np.float32))[0]  # type: ignore[no-any-return]
 
 
 def _nothing(mel: bool) -> Features:

@@ -40,7 +40,7 @@ from .stance import BREATH_PITCH, CONTRAPPOSTO, PELVIS_SHARE, Stance, StanceAmou
 __all__ = ["REACH", "StanceLayer", "add_stance"]
 
 TICK = 0.1  # seconds between decisions, as in a session of the rules
-_AT_ONCE = 60  # frames; more at a time would all be compared with moves that only a few of them see
+_AT_ONCE = 240  # frames; more at a time take memory, and hardly less time
 _SEATED = 0.70  # metres; hips that begin lower sit, and keep the legs that they have ([ours], half-way of `legs.plant`)
 REACH = 0.24
 """Seconds before and after a frame of which the wrists count: half the width of the trunk's kernel, and its lead."""

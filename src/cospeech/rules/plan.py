@@ -347,7 +347,7 @@ class Planner:
             (onset + 0.02, stroke, poses[1] - poses[0]),
         ):
             part = np.zeros(CHANNELS)
-            part[:3] = np.clip(delta[:3], -0.35, 0.35) * share * self._random.uniform(0.6, 1.2)
+            part[:3] = np.minimum(np.maximum(delta[:3], -0.35), 0.35) * share * self._random.uniform(0.6, 1.2)
             part[5] = delta[5] * share * 0.5
             state.track.add(onset_, length, part)
         undo = np.zeros(CHANNELS)

@@ -171,7 +171,7 @@ class Posture:
         part[Body.ROLL] = -side * 5.0 * way[0] * torso + self._gauss(0.6 * torso)
         part[Body.PITCH] = (9.0 * way[2] - 9.0 * way[1]) * torso
         turned = [Body.YAW, Body.PITCH, Body.ROLL]
-        part[turned] = np.clip(part[turned], -8, 8)
+        part[turned] = np.minimum(np.maximum(part[turned], -8.0), 8.0)
         head = self.style.head * modifier.head * self.size
         part[Body.HEAD_YAW] = 0.65 * part[Body.YAW] + self._gauss(4.3 * head)
         part[Body.HEAD_PITCH] = 0.65 * part[Body.PITCH] + self._gauss(4.0 * head)
@@ -180,9 +180,9 @@ class Posture:
         if self.style.seated:  # on a chair the head goes along, and the trunk hardly
             part[turned] *= 0.3
         else:
-            part[Body.HIPS_X] = np.clip(side * 0.05 * way[0], -0.012, 0.012) * torso
-            part[Body.HIPS_Z] = np.clip(0.05 * way[2], -0.014, 0.014) * torso
-            part[Body.SINK] = np.clip(-0.018 * way[1], -0.002, 0.006) * torso
+            part[Body.HIPS_X] = min(max(side * 0.05 * way[0], -0.012), 0.012) * torso
+            part[Body.HIPS_Z] = min(max(0.05 * way[2], -0.014), 0.014) * torso
+            part[Body.SINK] = min(max(-0.018 * way[1], -0.002), 0.006) * torso
         lead = self._random.uniform(0.06, 0.13)
         wind = -self._random.uniform(0.2, 0.5) * part
         ready = onset - lead

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..audio.prosodic_events import RATE, Heard
-from ..motion.curves import smoothstep
+from ..motion.curves import clip, smoothstep
 from ..motion.noise import hash_normal, hash_uniform
 from ..motion.rotations import Array
 
@@ -117,7 +117,7 @@ def eyelids(
     begin, index = begin[near], index[near]
     if not len(begin):
         return np.zeros(len(times))
-    width = np.clip(_MEDIAN_WIDTH * np.exp(_LOG_SPREAD * hash_normal(seed, _WIDTH, index)), *_WIDTHS)
+    width = clip(_MEDIAN_WIDTH * np.exp(_LOG_SPREAD * hash_normal(seed, _WIDTH, index)), *_WIDTHS)
     depth = 1.0 - 0.25 * hash_uniform(seed, _DEPTH, index) ** 4  # most blinks are complete
     since = (times[:, None] - begin) / width
     ramp = np.minimum(since / _CLOSE, (_CLOSE + _SHUT + _OPEN - since) / _OPEN)

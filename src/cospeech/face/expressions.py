@@ -112,7 +112,7 @@ def accent_brows(
     index = np.rint(when * 1000).astype(np.int64)
     which, side, much, inner = hash_uniform(seed, np.arange(_WHICH, _INNER + 1)[:, None], index)
     chance = np.where(strength < _STRONG, 0.06, 0.18 + 0.32 * strength) * amount
-    chance = couple(chance, np.isin(when, np.array(strokes, float)), coupling * min(amount, 1.0))
+    chance = couple(chance, _are_among(accents, strokes), coupling * min(amount, 1.0))
     knit = (which > 1 - _KNIT * min(amount, 1.0)) & (strength > _STRONG)
     size = (0.55 + 0.6 * much) * (0.18 + 0.5 * strength) * (0.5 + 0.5 * amount)
     up = np.where(which < chance, size, 0.0)
@@ -126,6 +126,12 @@ def accent_brows(
     since = times[:, None] - (when - BROWS_EARLY + late)
     ramp = np.minimum(since / _RISE, (_RISE + _HOLD + _FALL - since) / _FALL)
     return np.tanh(add_weighted_rows(smoothstep(ramp), raised))  # overlapping rises saturate
+
+
+def _are_among(accents: Sequence[Accent], strokes: Sequence[float]) -> Array:
+    """(A,) which of the accents have a stroke. NumPy's own way takes ten times as long."""
+    struck = set(strokes)
+    return np.array([accent.time in struck for accent in accents])
 
 
 def accent_swell(times: Array, accents: Sequence[Accent], *, late: float = 0.0) -> Array:

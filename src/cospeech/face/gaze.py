@@ -15,6 +15,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from ..audio.prosodic_events import Phrase
+from ..motion.curves import clip
 from ..motion.rotations import Array, euler_to_quat, quat_conjugate, quat_multiply, quat_rotate
 from ..motion.skeleton import humanoid
 from ..motion.skeletons.arkit import ARKIT_INDEX
@@ -126,7 +127,7 @@ class GazePlanner:
 def direction_of(rotations: Array) -> Array:
     """(N, 4) of an eye → (N, 2) yaw to the left and pitch up, radians."""
     ahead = quat_rotate(rotations, np.array([0.0, 0.0, 1.0]))
-    return np.stack([np.arctan2(ahead[:, 0], ahead[:, 2]), np.arcsin(np.clip(ahead[:, 1], -1.0, 1.0))], -1)
+    return np.stack([np.arctan2(ahead[:, 0], ahead[:, 2]), np.arcsin(clip(ahead[:, 1], -1.0, 1.0))], -1)
 
 
 def toward(gaze: Array) -> Array:
@@ -159,7 +160,7 @@ def eye_angles(rotations: Array, root: Array, gaze: Array) -> Array:
     yaw, up = gaze[:, 0] + np.arctan2(-moved[:, 0], LISTENER - moved[:, 2]), gaze[:, 1]
     aim = np.stack([np.sin(yaw) * np.cos(up), np.sin(up), np.cos(yaw) * np.cos(up)], -1)
     aim = quat_rotate(quat_conjugate(head), aim)
-    angles = np.stack([np.arctan2(aim[:, 0], aim[:, 2]), np.arcsin(np.clip(aim[:, 1], -1.0, 1.0))], -1)
+    angles = np.stack([np.arctan2(aim[:, 0], aim[:, 2]), np.arcsin(clip(aim[:, 1], -1.0, 1.0))], -1)
     size, free = np.abs(angles), _FREE * _LIMIT
     beyond = np.maximum(size - free, 0.0)
     angles = np.sign(angles) * (np.minimum(size, free) + (_LIMIT - free) * np.tanh(beyond / (_LIMIT - free)))
@@ -202,4 +203,4 @@ def lids_and_looks(weights: Array, angles: Array) -> Array:
     shut = out[:, _BLINK]
     out[:, _BLINK] = 1 - (1 - shut) * (1 - _LID_FOLLOWS * np.minimum(out[:, _DOWN], 1.0))
     out[:, _WIDE] += _LID_LIFTS * out[:, _UP] * (1 - shut)
-    return np.clip(out, 0.0, 1.0)
+    return clip(out, 0.0, 1.0)

@@ -8,7 +8,6 @@ and kinds follow gesture annotation practice (McNeill 1992; Kendon 2004); the po
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -34,13 +33,8 @@ class HandPose(NamedTuple):
 
     def values(self) -> Array:
         """(20,) in channel order."""
-        return _values_of(self).copy()
-
-
-@lru_cache(256)
-def _values_of(pose: HandPose) -> Array:
-    head = (pose.out, pose.up, pose.forward, pose.swivel, pose.pronation, pose.flexion, pose.deviation)
-    return np.concatenate([head, HAND_SHAPES[pose.shape].values(), [pose.shrug]])
+        head = (self.out, self.up, self.forward, self.swivel, self.pronation, self.flexion, self.deviation)
+        return np.array([*head, *HAND_SHAPES[self.shape].values().tolist(), self.shrug])
 
 
 class Form(NamedTuple):

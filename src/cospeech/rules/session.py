@@ -203,7 +203,7 @@ class Session(SessionControls):
             self._decide_what_is_certain()
             if self.planned_until - self._frame / self.fps >= MOST_AT_ONCE:
                 self._make(self.planned_until)
-        if chunk.duration > self.foresight.wait + 1e-9:
+        if float(chunk.duration) > self.foresight.wait + 1e-9:
             self._make(self.planned_until)
         return self._next_frames()
 
@@ -372,8 +372,10 @@ class Session(SessionControls):
         """(N, 8): of the track; or linear between ticks and one tick late, so that the later one has always been decided."""
         if self.mood.track is not None:
             return self.mood.track.at(times)
-        at = np.array([t for t, _ in self._moods])
         values = np.array([p for _, p in self._moods])
+        if (values == values[0]).all():
+            return np.repeat(values[:1], len(times), 0)
+        at = np.array([t for t, _ in self._moods])
         return np.stack([np.interp(times - self.foresight.tick, at, values[:, k]) for k in range(values.shape[1])], -1)
 
 

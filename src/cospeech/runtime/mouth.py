@@ -17,6 +17,7 @@ from ..audio.features.prosody import DELAY
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech
 from ..errors import InputError
+from ..motion.curves import clip
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT
 from ..rules.foresight import MOUTH_WAITS
@@ -176,7 +177,7 @@ class BundleMouth:
             raise RuntimeError(f"the mouth is known until {self.certain_until:.3f} s, not at {times[-1]:.3f} s")
         low = np.floor(places + 1e-6).astype(int)
         share = np.maximum(places - low, 0.0)[:, None]
-        here, there = (self._kept[np.clip(low + n - self._first, 0, len(self._kept) - 1)].astype(float) for n in (0, 1))
+        here, there = (self._kept[clip(low + n - self._first, 0, len(self._kept) - 1)].astype(float) for n in (0, 1))
         gone = min(int(low[0]) - self._first, len(self._kept) - 1)
         if gone > 0:
             self._first, self._kept = self._first + gone, self._kept[gone:].copy()
@@ -186,7 +187,7 @@ class BundleMouth:
         """Weights of what further frames of the network make certain."""
         poses, at = self._sampled.push(made, total, last)
         if len(at):
-            weights = np.clip(self._decoder.denormalise(poses, at)[0, :, : len(ARKIT)], 0.0, 1.0)
+            weights = clip(self._decoder.denormalise(poses, at)[0, :, : len(ARKIT)], 0.0, 1.0)
             self._kept = np.concatenate([self._kept, weights.astype(np.float32)])
 
 

@@ -269,7 +269,7 @@ class TrainedSession:
         makes no frame late; what a resampler keeps of other rates is not known here."""
         self._held.hold(piece)
         quiet = all(face.is_quiet(self._held.heard) for face in self._faces)
-        waits = piece.rate == SAMPLE_RATE and self._held.seconds + piece.duration <= min(self._slack, _LATEST)
+        waits = piece.rate == SAMPLE_RATE and self._held.seconds + float(piece.duration) <= min(self._slack, _LATEST)
         hears = not waits or (quiet and self._held.seconds >= TICK)
         made = self._push_body() if hears else None
         for face, kept in zip(self._faces, self._heads, strict=True):  # after the player, in whose mood they may be

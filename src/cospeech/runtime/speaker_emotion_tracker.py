@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..audio.emotions import EMOTIONS, EmotionTrack, Moods, SteeredMoods
+from ..motion.curves import clip
 from ..motion.rotations import Array
 from ..rules.mood import SPAN
 from .network import Network
@@ -91,7 +92,7 @@ class SpeakerEmotionTracker:
             frames: (…,) whole or not.
         """
         wanted = np.asarray(frames, float)
-        known = np.clip(wanted - self.lag, self._first - 1, self.frames - 1)
+        known = clip(wanted - self.lag, self._first - 1, self.frames - 1)
         low = np.floor(known).astype(int)
         first, last = int(low.min(initial=self.frames - 1)), int(low.max(initial=self._first - 1)) + 1
         course = np.array(self._course[first - self._first + 1 : last - self._first + 2])

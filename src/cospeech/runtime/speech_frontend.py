@@ -76,7 +76,7 @@ class SpeechFrontend:
         """(T, C) columns as the network hears them; sounds louder or softer than any it has heard are as those."""
         s = self._system.statistics
         rows = (reduce_audio(columns, self._system.audio) - s.audio_mean) / s.audio_std
-        return np.clip(rows, s.audio_low, s.audio_high).astype(np.float32)
+        return np.minimum(np.maximum(rows, s.audio_low), s.audio_high).astype(np.float32)
 
     def _append_controls(self, rows: Array) -> Array:
         controls = self._controls.mix(lambda row: row, self._given + np.arange(len(rows)))[0]

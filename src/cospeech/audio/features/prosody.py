@@ -195,7 +195,7 @@ class ProsodyStream:
         loud = np.flatnonzero(self._loud_enough(energy))  # nothing else can be voice
         if len(loud):
             found, strength = _pitch(frames if len(loud) == len(frames) else frames[loud])
-            voicing[loud] = np.clip((strength - VOICED[0]) / (VOICED[1] - VOICED[0]), 0, 1)
+            voicing[loud] = np.minimum(np.maximum((strength - VOICED[0]) / (VOICED[1] - VOICED[0]), 0), 1)
             pitch[loud] = found
         self._raw_pitch = np.concatenate([self._raw_pitch, np.where(voicing > 0.5, pitch, np.float32(0))])
         kept = logs if self.keep_mel else None
@@ -320,7 +320,8 @@ def _pitch(frames: Floats) -> tuple[Floats, Floats]:
     bend = left - 2 * top + right
     shift = np.where(bend < 0, (left - right) / np.where(bend < 0, 2 * bend, 1), 0)
     strength = np.where(peaks[rows, best], top - (left - right) * shift / 4, 0)
-    return (LAG_RATE / (at[best] + np.clip(shift, -0.5, 0.5))).astype(np.float32), np.clip(strength, 0, 1).astype(np.float32)
+    shift, strength = np.minimum(np.maximum(shift, -0.5), 0.5), np.minimum(np.maximum(strength, 0), 1)
+    return (LAG_RATE / (at[best] + shift)).astype(np.float32), strength.astype(np.float32)
 
 
 def _mend_jumps(pitch: Floats) -> Floats:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..curves import clip
 from ..rotations import Array
 
 __all__ = ["HEAD_CENTRE", "HEAD_RADII", "SECTIONS", "THIGH_TOP", "push_from_head", "push_from_thighs", "push_from_torso"]
@@ -73,8 +74,8 @@ def push_from_head(points: Array, centre: Array, radius: Array | float) -> Array
 def push_from_thighs(points: Array, top: Array | float, front: float, radius: Array | float) -> Array:
     """Displacement upward that keeps balls above the lap of a seated body (thighs at height ``top`` as far as ``front``)."""
     inside = top + radius - points[..., 1]
-    fade = np.clip((points[..., 2] + 0.15) / 0.15, 0.0, 1.0) * np.clip((front - points[..., 2]) / 0.15, 0.0, 1.0)
-    fade = fade * np.clip((0.58 - np.abs(points[..., 0])) / 0.20, 0.0, 1.0)  # beside the chair's seat too: a wide, soft edge
+    fade = clip((points[..., 2] + 0.15) / 0.15, 0.0, 1.0) * clip((front - points[..., 2]) / 0.15, 0.0, 1.0)
+    fade = fade * clip((0.58 - np.abs(points[..., 0])) / 0.20, 0.0, 1.0)  # beside the chair's seat too: a wide, soft edge
     out = np.zeros_like(points)
-    out[..., 1] = _soft_excess(np.clip(inside, -0.2, 0.18)) * fade
+    out[..., 1] = _soft_excess(clip(inside, -0.2, 0.18)) * fade
     return out

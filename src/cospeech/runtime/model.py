@@ -135,7 +135,7 @@ class TrainedModel:
         return TrainedSession(
             self.system, frontend, decoder, faces, fps=options.fps, parts=options.parts, resolved_style=resolved_style,
             direct=self._resolve_style, intensity=options.intensity, before=conditioning.before, stances=stances,
-            rest=rest,
+            rest=rest, prosody=shared,
         )  # fmt: skip
 
     def _stances(self, options: GenerationOptions) -> list[StanceLayer]:

@@ -52,7 +52,7 @@ class SpeakerEmotionTracker:
         self._sum = np.zeros(width)
         self._count = np.full(width, DOUBT * fps)
         self._felt = np.zeros(len(EMOTIONS))
-        self._first, self._course = 0, [self._now()]  # of the frame before the first that is kept, then of those
+        self._first, self._course = 0, [self._judge((self._sum / self._count)[None])[0]]  # of the frame before the first that is kept, then of those
         self.frames = 0
         """Of which probabilities are known."""
 
@@ -72,12 +72,15 @@ class SpeakerEmotionTracker:
         logits = None
         if self._classifier is not None and voiced.any():
             logits = self._classifier.run(rows=rows[None])["logits"][0, self._reach : self._reach + BLOCK]
-        for k in range(BLOCK):
+        means = np.empty((BLOCK, len(self._sum)))
+        for k, voice in enumerate(voiced.tolist()):
             self._sum, self._count = self._sum * self._fade, self._count * self._fade
-            if logits is not None and voiced[k]:
+            if logits is not None and voice:
                 self._sum, self._count = self._sum + logits[k], self._count + 1
-            self._course.append(self._now())
-            self._felt += self._course[-1][self._speakers :]
+            means[k] = self._sum / self._count
+        for shares in self._judge(means):
+            self._course.append(shares)
+            self._felt += shares[self._speakers :]
         self.frames += BLOCK
 
     @property
@@ -147,13 +150,12 @@ class SpeakerEmotionTracker:
         """(8,) mean probabilities over all that was heard."""
         return self._felt / self.frames if self.frames else self._course[-1][self._speakers :]
 
-    def _now(self) -> Array:
-        """(S + 8,) two distributions, of what was heard so far."""
-        logits = self._sum / self._count
-        return np.concatenate([_softmax(logits[: self._speakers]), _softmax(logits[self._speakers :])])
+    def _judge(self, logits: Array) -> Array:
+        """(n, S + 8) two distributions each."""
+        return np.concatenate([_softmax(logits[:, : self._speakers]), _softmax(logits[:, self._speakers :])], 1)
 
 
 def _softmax(logits: Array) -> Array:
-    weights = np.exp(logits - logits.max())
-    scaled: Array = weights / weights.sum()
+    weights = np.exp(logits - logits.max(1, keepdims=True))
+    scaled: Array = weights / weights.sum(1, keepdims=True)
     return scaled

@@ -6,6 +6,7 @@ A pure function of time: nothing is remembered from call to call, so a stream in
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -27,8 +28,11 @@ from .visemes import MOUTH, phones_of, phones_to_mouth, snap_visemes
 __all__ = ["Face"]
 
 
-def _columns(*names: str) -> list[int]:
-    return [ARKIT_INDEX[name] for name in names]
+def _columns(*names: str) -> list[int] | slice:
+    """Channels; a slice where they lie evenly, which is read and written at a third of the cost."""
+    found = [ARKIT_INDEX[name] for name in names]
+    steps = {after - before for before, after in pairwise(found)}
+    return slice(found[0], found[-1] + 1, *steps) if len(steps) == 1 and min(steps) > 0 else found
 
 
 _BLINK = _columns("eyeBlinkLeft", "eyeBlinkRight")
@@ -36,7 +40,8 @@ _WIDE = _columns("eyeWideLeft", "eyeWideRight")
 _SQUINT = _columns("eyeSquintLeft", "eyeSquintRight")
 _SMILE = _columns("mouthSmileLeft", "mouthSmileRight")
 _PRESS = _columns("mouthPressLeft", "mouthPressRight")
-_BROWS = _columns("browInnerUp", "browOuterUpLeft", "browOuterUpRight", "browDownLeft", "browDownRight")
+_BROWS_UP = _columns("browInnerUp", "browOuterUpLeft", "browOuterUpRight")
+_BROWS_DOWN = _columns("browDownLeft", "browDownRight")
 _JAW, _CLOSE = ARKIT_INDEX["jawOpen"], ARKIT_INDEX["mouthClose"]
 _ROLL = _columns("mouthRollLower", "mouthRollUpper")
 _SIDED = ("mouthStretch", "mouthSmile", "mouthLowerDown", "mouthUpperUp")
@@ -44,7 +49,7 @@ _SPREAD = np.zeros((len(MOUTH), len(ARKIT)))  # MOUTH → ARKit: both sides of t
 for _row, _name in enumerate(MOUTH):
     _SPREAD[_row, _columns(*((_name + "Left", _name + "Right") if _name in _SIDED else (_name,)))] = 1.0
 _PUCKER = MOUTH.index("mouthPucker")
-_ROUND = [MOUTH.index("mouthFunnel"), _PUCKER]
+_ROUND = slice(MOUTH.index("mouthFunnel"), _PUCKER + 1)
 _SPREAD_LIPS = 0.8 * np.array(
     [name.startswith(("mouthStretch", "mouthSmile", "mouthDimple", "mouthLowerDown", "mouthUpperUp")) for name in ARKIT]
 )  # [ours] what rounded lips, fully, leave less of
@@ -232,10 +237,10 @@ class Face:
         drawn: dict[str, Any] = {"seed": self.seed, "amount": self.emphasis, "late": self._delays.brows}
         moves = accent_brows(times, accents, **drawn, strokes=strokes or (), coupling=tied)
         moves *= self.expressiveness * (0.7 + 0.3 * self.intensity)
-        down = out[:, _BROWS[3:]].mean(1)
+        down = out[:, _BROWS_DOWN].mean(1)
         held = np.maximum(1 - 1.2 * down, 0)[:, None]  # lowered brows stress by lowering further
-        out[:, _BROWS[:3]] += moves[:, :3] * held + 0.025 * self.expressiveness * (1 + drift[:, 2:5])
-        out[:, _BROWS[3:]] += (moves[:, 3] + 0.8 * down * moves[:, 0])[:, None]
+        out[:, _BROWS_UP] += moves[:, :3] * held + 0.025 * self.expressiveness * (1 + drift[:, 2:5])
+        out[:, _BROWS_DOWN] += (moves[:, 3] + 0.8 * down * moves[:, 0])[:, None]
 
     def _lids(
         self,

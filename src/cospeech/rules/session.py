@@ -327,7 +327,8 @@ class Session(SessionControls):
         mood, layers = self._mood_at(times), self.manners.layers(times)
         made = [(self._pose(times, mood, manner), share) for manner, share in layers]
         rotations = mix_frames([(pose.rotations, share) for pose, share in made])
-        rotations[:, _resting(self.parts)] = quat_identity(1)
+        if not self._eyes_only:
+            rotations[:, _resting(self.parts)] = quat_identity(1)
         face = None
         if "face" in self.parts:
             faces = self._faces(times, mood, [manner.face for manner, _ in layers])

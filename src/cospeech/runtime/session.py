@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf
 
@@ -369,9 +369,11 @@ class TrainedSession:
                 eyes, face = head.take(count)
                 rotations = rotations.copy()
                 rotations[:, eye_joints()] = eyes
-                aimed = self._faces[take].aim(Motion(self._fps, rotations, root, face, humanoid(), start))
-                rotations, face = aimed.rotations, aimed.face
+            motion = Motion(self._fps, rotations, root, face, humanoid(), start)
+            if face is not None:
+                motion = self._faces[take].aim(motion)
             if self._seams:
-                rotations, root = self._seams[take].blend(rotations, root, self._frame - count)
-            made.append(Motion(self._fps, rotations, root, face, humanoid(), start))
+                rotations, root = self._seams[take].blend(motion.rotations, root, self._frame - count)
+                motion = replace(motion, rotations=rotations, root=root)
+            made.append(motion)
         return made

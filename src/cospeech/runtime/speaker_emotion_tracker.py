@@ -52,7 +52,8 @@ class SpeakerEmotionTracker:
         self._sum = np.zeros(width)
         self._count = np.full(width, DOUBT * fps)
         self._felt = np.zeros(len(EMOTIONS))
-        self._first, self._course = 0, [self._judge((self._sum / self._count)[None])[0]]  # of the frame before the first that is kept, then of those
+        before = self._judge((self._sum / self._count)[None])[0]
+        self._first, self._course = 0, [before]  # of the frame before the first that is kept, then of those
         self.frames = 0
         """Of which probabilities are known."""
 

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
+from math import ceil
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -307,7 +308,7 @@ class Session(SessionControls):
 
     def _end(self, until: float) -> int:
         """The first frame that is not before ``until`` seconds."""
-        return int(np.ceil(until * self.fps - 1e-9))
+        return ceil(until * self.fps - 1e-9)
 
     def _forget(self, made: float) -> None:
         """What no frame after this time in seconds asks for."""

@@ -79,6 +79,8 @@ class SpeechFrontend:
         return np.minimum(np.maximum(rows, s.audio_low), s.audio_high).astype(np.float32)
 
     def _append_controls(self, rows: Array) -> Array:
+        if not self._system.controls:
+            return rows
         controls = self._controls.mix(lambda row: row, self._given + np.arange(len(rows)))[0]
         return np.concatenate([rows, np.broadcast_to(controls, (len(rows), controls.shape[1]))], 1)
 
@@ -96,7 +98,8 @@ class SpeechTextFrontend:
     def __init__(self, system: System, controls: Array) -> None:
         self._system, self._frontend, self._words = system, SpeechFrontend(system, controls), WordStream(system.fps)
         self._heard = self._frontend.silence[:0]
-        self._read = np.zeros((0, system.statistics.words.shape[1]), np.float32)
+        self._unsaid = system.word_rows([None])
+        self._read = self._unsaid[:0]
 
     def share(self, prosody: SharedProsody) -> None:
         """See `SpeechFrontend`."""
@@ -133,7 +136,8 @@ class SpeechTextFrontend:
 
     def _join(self, words: list[str | None]) -> Array:
         """Rows of which both the sound and the word are known."""
-        self._read = np.concatenate([self._read, self._system.word_rows(words)])
+        read = self._system.word_rows(words) if any(words) else np.repeat(self._unsaid, len(words), 0)
+        self._read = np.concatenate([self._read, read])
         known = min(len(self._heard), len(self._read))
         rows = np.concatenate([self._heard[:known], self._read[:known]], 1)
         self._heard, self._read = self._heard[known:].copy(), self._read[known:].copy()

@@ -83,7 +83,8 @@ def smooth_noise(seed: int, channels: int, times: Array, rate: float, *, octaves
     count = first.max(1) + 3 - low
     lattice = _lattices(seed, channels, tuple(low.tolist()), tuple(count.tolist()))
     place = first + (np.cumsum(count) - count - low - 1)[:, None]
-    weights = ((1 - u) ** 3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (-3 * u**3 + 3 * u**2 + 3 * u + 1) / 6, u**3 / 6)
+    square, cube = u**2, u**3
+    weights = ((1 - u) ** 3 / 6, (3 * cube - 6 * square + 4) / 6, (-3 * cube + 3 * square + 3 * u + 1) / 6, cube / 6)
     values: Array = weights[0][..., None] * lattice.take(place, 0)  # octaves, times, channels
     for k in (1, 2, 3):
         values += weights[k][..., None] * lattice.take(place + k, 0)

@@ -26,6 +26,8 @@ SECTIONS = np.array(
         (1.50, 0.065, 0.065, -0.004),
     ]
 )
+_HEIGHTS, _SIZES = SECTIONS[:, 0].copy(), np.ascontiguousarray(SECTIONS[:, 1:].T)
+_SLOPES = np.concatenate([np.diff(_SIZES) / np.diff(_HEIGHTS), np.zeros((3, 1))], 1)
 HEAD_CENTRE = np.array([0.0, 0.090, 0.006])  # from the head joint
 HEAD_RADII = np.array([0.088, 0.131, 0.119])
 THIGH_TOP = 0.085  # above the line hip joint – knee, metres; ours: the mannequin's thigh plus cloth
@@ -43,7 +45,7 @@ def push_from_torso(points: Array, radius: Array | float) -> Array:
     The push is horizontal, along the ellipse's normal, and never towards the back: a hand in front leaves to the front.
     """
     h = points[..., 1]
-    a, b, centre = (np.interp(h, SECTIONS[:, 0], SECTIONS[:, k]) for k in (1, 2, 3))
+    a, b, centre = _measure_section(h)
     a, b = a + radius, b + radius
     x, z = points[..., 0], points[..., 2] - centre
     norm = np.sqrt((x / a) ** 2 + (z / b) ** 2) + 1e-6
@@ -58,6 +60,13 @@ def push_from_torso(points: Array, radius: Array | float) -> Array:
     out = np.zeros_like(points)
     out[..., 0], out[..., 2] = push * gx / length, push * gz / length
     return out
+
+
+def _measure_section(height: Array) -> Array:
+    """(3, …) half width, half depth and centre of the torso at heights (…): as three times `numpy.interp`, at once."""
+    height = clip(height, _HEIGHTS[0], _HEIGHTS[-1])
+    below = np.searchsorted(_HEIGHTS, height, "right") - 1
+    return _SLOPES.take(below, 1) * (height - _HEIGHTS.take(below)) + _SIZES.take(below, 1)
 
 
 def push_from_head(points: Array, centre: Array, radius: Array | float) -> Array:

@@ -12,7 +12,7 @@ from .rotations import Array
 
 __all__ = ["add_weighted_rows"]
 
-_WIDE = 16  # numbers of a row from which adding row after row is quicker than all terms in one array (measured; ours)
+_MANY = 1000  # numbers of a result from which adding row after row is quicker than all terms in one array (measured; ours)
 
 
 def add_weighted_rows(weights: Array, rows: Array | None = None) -> Array:
@@ -31,7 +31,7 @@ def add_weighted_rows(weights: Array, rows: Array | None = None) -> Array:
     if rows is None:
         rows = np.ones((weights.shape[1], 1))
     used = np.flatnonzero(weights.any(0))
-    if rows.shape[1] >= _WIDE or not len(used):
+    if len(weights) * rows.shape[1] >= _MANY or not len(used):
         total: Array = np.zeros((len(weights), rows.shape[1]))
         for k in used:
             total += weights[:, k, None] * rows[k]

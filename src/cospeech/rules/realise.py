@@ -118,9 +118,9 @@ def realise(
 
 
 def gaze_only(times: Array, body: MinimumJerkTrack) -> Pieces:
-    """The gaze at ``times (N,)`` seconds on a body in its rest pose, for a face whose head another system turns."""
+    """The gaze at ``times (N,)`` seconds on a body of no joints, for a face whose head another system turns."""
     root = np.repeat(humanoid().offsets[:1].astype(float), len(times), 0)
-    return Pieces(quat_identity(len(times), len(humanoid())), root, _gaze(body.at(times)))
+    return Pieces(quat_identity(len(times), 0), root, _gaze(body.at(times)))
 
 
 def _gaze(b: Array) -> Array:

@@ -327,18 +327,26 @@ class Session(SessionControls):
     def _realise(self, times: Array) -> Motion:
         mood, layers = self._mood_at(times), self.manners.layers(times)
         made = [(self._pose(times, mood, manner), share) for manner, share in layers]
-        rotations = mix_frames([(pose.rotations, share) for pose, share in made])
-        if not self._eyes_only:
-            rotations[:, _resting(self.parts)] = quat_identity(1)
         face = None
         if "face" in self.parts:
             faces = self._faces(times, mood, [manner.face for manner, _ in layers])
             face = mix_frames([(each, share) for each, (_, share) in zip(faces, layers, strict=True)]).astype(np.float32)
-            rotations[:, _EYES] = toward(mix_frames([(pose.gaze, share) for pose, share in made]))[:, None]
-        rotations = self._signs.push(rotations.astype(np.float32))
         root = mix_frames([(pose.root, share) for pose, share in made]).astype(np.float32)
-        motion = Motion(self.fps, rotations, root, face, humanoid(), float(times[0]))
+        motion = Motion(self.fps, self._turn(made), root, face, humanoid(), float(times[0]))
         return self.aim(motion) if self._aimed else motion
+
+    def _turn(self, made: list[tuple[Pieces, Array]]) -> Array:
+        """(n, J, 4) float32: the rotations of several manners as one; eyes stand in the world, where a face is wanted."""
+        if self._eyes_only:
+            eyes = toward(mix_frames([(pose.gaze, share) for pose, share in made]))[:, None]
+            rotations = quat_identity(len(eyes), len(humanoid()), dtype=np.float32)
+            rotations[:, _EYES] = self._signs.push(eyes.astype(np.float32))
+            return rotations
+        rotations = mix_frames([(pose.rotations, share) for pose, share in made])
+        rotations[:, _resting(self.parts)] = quat_identity(1)
+        if "face" in self.parts:
+            rotations[:, _EYES] = toward(mix_frames([(pose.gaze, share) for pose, share in made]))[:, None]
+        return self._signs.push(rotations.astype(np.float32))
 
     def _pose(self, times: Array, mood: Array, manner: Manner) -> Pieces:
         if self._eyes_only:

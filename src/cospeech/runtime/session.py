@@ -278,7 +278,7 @@ class TrainedSession:
         waits = self._held.seconds <= late
         hears = not waits or (quiet and self._held.seconds >= TICK)
         ready = self._prosody.samples
-        shares = ready > self._held.taken and (self._held.heard - ready) / SAMPLE_RATE <= late
+        shares = ready > self._held.begin and (self._held.heard - ready) / SAMPLE_RATE <= late
         made = self._push_body(ready if shares else inf) if hears else None
         for face, kept in zip(self._faces, self._heads, strict=True):  # after the player, in whose mood they may be
             self._see(kept, face.push(piece))

@@ -34,8 +34,8 @@ class WaitingSpeech:
         return self._count / self._pieces[0].rate if self._pieces else 0.0
 
     @property
-    def taken(self) -> int:
-        """Samples that are held no more, in all."""
+    def begin(self) -> int:
+        """Samples before those that are held, in all."""
         return self.heard - self._count
 
     def hold(self, piece: Speech) -> None:

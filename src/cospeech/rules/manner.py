@@ -70,6 +70,8 @@ class MannerCourse:
 
     def layers(self, times: Array) -> list[tuple[Manner, Array]]:
         """The manners of ``times (n,)`` seconds, each with its share (n,) over those before it; the first has all of it."""
+        if len(self._layers) == 1:
+            return [(self.last, np.ones(len(times)))]
         begun = [(start, manner) for start, manner in self._layers if start <= times[-1]]
         shares = [smoothstep((times - start) / FADE) for start, _ in begun]
         first = max((k for k, share in enumerate(shares) if share[0] == 1.0), default=0)

@@ -150,6 +150,7 @@ class ProsodyStream:
         self._peak = -np.inf  # recent peak level
         self._raw_pitch = np.zeros(MEDIAN // 2, np.float32)  # frames around those to be smoothed; silence before the first
         self._waiting: list[Features] = []
+        self._memory = _PitchMemory()
 
     def push(self, samples: Floats) -> Features:
         """The frames that these samples complete; possibly none."""
@@ -194,7 +195,7 @@ class ProsodyStream:
         voicing, pitch = np.zeros((2, len(frames)), np.float32)
         loud = np.flatnonzero(self._loud_enough(energy))  # nothing else can be voice
         if len(loud):
-            found, strength = _pitch(frames if len(loud) == len(frames) else frames[loud])
+            found, strength = _pitch(frames if len(loud) == len(frames) else frames[loud], self._memory)
             voicing[loud] = np.minimum(np.maximum((strength - VOICED[0]) / (VOICED[1] - VOICED[0]), 0), 1)
             pitch[loud] = found
         self._raw_pitch = np.concatenate([self._raw_pitch, np.where(voicing > 0.5, pitch, np.float32(0))])
@@ -296,18 +297,33 @@ def _pitch_scales() -> tuple[Floats, NDArray[np.int64], Floats]:
     return hann(PITCH_WINDOW).astype(np.float32), at, cost.astype(np.float32)
 
 
-def _pitch(frames: Floats) -> tuple[Floats, Floats]:
-    """(T, 800) samples → pitch (T,) in Hz and strength (T,) 0 … 1, from the autocorrelation.
+class _PitchMemory:
+    """Memory of `_pitch` that is kept from batch to batch: asking the system for so much takes as long as a transform.
+
+    Samples behind the window, and powers beyond the band that is looked at, stay 0.
+    """
+
+    def __init__(self) -> None:
+        self.windowed = np.zeros((BATCH, PITCH_TRANSFORM), np.float32)
+        self.spectra = np.empty((BATCH, PITCH_TRANSFORM // 2 + 1), np.complex64)
+        self.power = np.zeros((BATCH, PITCH_TRANSFORM // 4 + 1), np.float32)
+        self.lags = np.empty((BATCH, PITCH_TRANSFORM // 2), np.float32)
+
+
+def _pitch(frames: Floats, memory: _PitchMemory) -> tuple[Floats, Floats]:
+    """(T, 800) samples → pitch (T,) in Hz and strength (T,) 0 … 1, from the autocorrelation; T is `BATCH` at most.
 
     P. Boersma, "Accurate short-term analysis of the fundamental frequency…", IFA Proceedings 17, 1993; no path search.
     """
     window, at, cost = _pitch_scales()
-    spectra = np.fft.rfft(frames * window, PITCH_TRANSFORM)
+    count = len(frames)
+    np.multiply(frames, window, out=memory.windowed[:count, :PITCH_WINDOW])
+    spectra = np.fft.rfft(memory.windowed[:count], out=memory.spectra[:count])  # type: ignore[arg-type]  # stubs know doubles
     per_bin = RATE / PITCH_TRANSFORM
     low, high = round(PITCH_BAND[0] / per_bin), round(PITCH_BAND[1] / per_bin)
-    power = np.zeros((len(frames), PITCH_TRANSFORM // 4 + 1), np.float32)
+    power = memory.power[:count]
     power[:, low:high] = np.square(spectra[:, low:high].real) + np.square(spectra[:, low:high].imag)
-    lags = np.fft.irfft(power, PITCH_TRANSFORM // 2)
+    lags = np.fft.irfft(power, PITCH_TRANSFORM // 2, out=memory.lags[:count])  # type: ignore[arg-type]  # as before
     shortest, longest = _LAGS
     around = lags[:, shortest - 1 : longest + 2] / np.maximum(lags[:, :1], np.float32(1e-12))
     around = around / _window_autocorrelation()[shortest - 1 : longest + 2]

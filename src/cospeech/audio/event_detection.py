@@ -35,7 +35,7 @@ _HALF = len(_SMOOTH) // 2
 ENVELOPE_DELAY = _HALF / RATE
 """Seconds by which the envelope is known later than the energy."""
 _LEVEL_SPAN = round((TICK + LEVEL_DELAY) * RATE)  # rows that the level is taken from at every tick
-_ROOM = 2000  # rows that there is room for behind those that are kept (ours)
+_ROOM = 500  # rows that there is room for behind those that are kept (ours)
 _SURE = round(PEAK_DELAY * RATE)  # rows after a peak that tell how far it falls
 
 

@@ -21,6 +21,8 @@ from .styles import Style
 
 __all__ = ["Posture"]
 
+_REMEMBERED = 16.0  # seconds after which a shift of the gaze moves no face [ours: twelve seconds are made at once, at most]
+
 
 class Posture:
     """Plans the body's track for one take."""
@@ -35,7 +37,7 @@ class Posture:
         self._next = {"lean": random.uniform(0.2, 1.0), "head": 0.3, "seat": 0.0 if style.seated else np.inf}
         self._seat = np.zeros(3)  # pitch, roll and yaw that a seated torso adds to its usual place
         self.gaze: Gaze = GazePlanner(random.getrandbits(32), style.averted)
-        self.gaze_shifts: deque[tuple[float, float]] = deque(maxlen=128)
+        self.gaze_shifts: deque[tuple[float, float]] = deque()
         """Recent ones: time in seconds, size in radians."""
         self._phrase = -1.0
         self._modifier: EmotionModifier | None = None
@@ -135,6 +137,8 @@ class Posture:
         columns = [Body.GAZE_YAW, Body.GAZE_UP]
         way = float(np.hypot(*(np.array([saccade.yaw, saccade.up]) - self.track.target[columns])))
         self.gaze_shifts.append((saccade.time + 0.03, float(np.radians(way))))
+        while self.gaze_shifts[0][0] < now - _REMEMBERED:
+            self.gaze_shifts.popleft()
         self.track.move(saccade.time, saccade.length, np.array([saccade.yaw, saccade.up]), columns)
         if self.gaze.away != away and (self.gaze.away or self._random.random() < 0.6):
             self._next["head"] = now + 0.05

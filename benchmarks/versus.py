@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 RUNS = 3  # of a process
@@ -28,8 +29,8 @@ JOBS = (
 ROOT = Path(__file__).parents[1]
 
 
-def run_job(job: str) -> None:
-    """In a process of its own: print seconds of processor time per second of speech, of each run."""
+def prepare(job: str) -> tuple[Callable[[], None], float]:
+    """What plays a job once, and seconds of its speech."""
     import numpy as np
 
     import cospeech
@@ -54,6 +55,12 @@ def run_job(job: str) -> None:
         for _ in live.finish():
             pass
 
+    return play, seconds
+
+
+def run_job(job: str) -> None:
+    """In a process of its own: print seconds of processor time per second of speech, of each run."""
+    play, seconds = prepare(job)
     play()
     for _ in range(RUNS):
         began = time.process_time()

@@ -30,9 +30,10 @@ from cospeech.metrics import Tools, load_metric
 from cospeech.metrics.movement import Track, wrist_speeds
 from cospeech.motion.motion import Motion
 from cospeech.motion.poses import find_pose
+from cospeech.rules.streaming import MOST_AT_ONCE
 from cospeech.runtime.autoregressive_decoder import AutoregressiveDecoder, Source
 from cospeech.runtime.flow.latent_sources import CodeSource, NormalSource, SegmentSource, Transfer, best_transfer, flow_of
-from cospeech.runtime.session import PIECE, ResolvedStyle, TrainedSession
+from cospeech.runtime.session import ResolvedStyle, TrainedSession
 from cospeech.runtime.speech_frontend import SpeechFrontend
 from cospeech.runtime.styles.embedding import StyleMixture
 from cospeech.runtime.styles.space import style_space
@@ -115,7 +116,7 @@ def perform(system: System, speech: Speech, sources: Sequence[Source]) -> list[M
         resolved_style=resolved_style,
         direct=lambda style: resolved_style,
     )
-    pieces = [made for chunk in speech.chunks(PIECE) for made in playing.push_takes(chunk)]
+    pieces = [made for chunk in speech.chunks(MOST_AT_ONCE) for made in playing.push_takes(chunk)]
     pieces += playing.finish_takes()
     return [Motion.concatenate(take) for take in zip(*pieces, strict=True)]
 

@@ -19,6 +19,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
+
 from . import __version__
 from .audio.emotions import EmotionTrack, read_emotion_track
 from .audio.forced_alignment import align_with_recogniser
@@ -31,9 +33,11 @@ from .files import all_or_none
 from .models import DEFAULT, PARTS, GenerationSession, Model, PlannedSession
 from .models import load as load_model
 from .motion.motion import Motion
+from .motion.rotations import Array
 from .motion.skeleton import Skeleton
 from .rules.options import FaceGain, GenerationOptions, MotionLike
 from .rules.plan_commands import NO_EDITS, PlanCommands, with_plan
+from .rules.streaming import MOST_AT_ONCE
 from .runtime.motion_switch import keep_stretches
 from .runtime.report import Report
 from .runtime.styles.style import example_files
@@ -222,13 +226,25 @@ def speech_chunks(source: SpeechSource) -> Iterator[Speech]:
     """A sound file as pieces of speech; durations add up exactly to the file's, words travel with the piece they start in."""
     words = list(source.words) if source.words is not None else None
     at, held = Fraction(0), None
-    for block in source.blocks():
+    for block in _join_blocks(source.blocks(), round(MOST_AT_ONCE * source.rate)):
         if held is not None:
             yield _chunk(held, source, at, Fraction(len(held), source.rate), words)
             at += Fraction(len(held), source.rate)
         held = block
     if held is not None and source.duration is not None:
         yield _chunk(held, source, at, source.duration - at, words, last=True)
+
+
+def _join_blocks(blocks: Iterable[Array], size: int) -> Iterator[Array]:
+    """The same samples in blocks of this size; a decoder's own are short where a file has many samples a second."""
+    held = np.zeros(0, np.float32)
+    for block in blocks:
+        held = np.concatenate([held, block])
+        while len(held) >= size:
+            yield held[:size]
+            held = held[size:]
+    if len(held):
+        yield held
 
 
 def _chunk(

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 
 import numpy as np
 
 from ..motion.rotations import Array
+from .features.mel import overlapping
 from .features.prosody import Features, ProsodyStream, samples_for
 from .features.shared_prosody import Prosody, SharedProsody
 from .prosodic_events import RATE, Accent, Heard, Phrase
@@ -24,7 +25,7 @@ __all__ = ["ENVELOPE_DELAY", "LEVEL_DELAY", "PEAK_DELAY", "TICK", "EventDetector
 TICK = 0.1  # seconds between two decisions; ours
 LEVEL_DELAY = 0.25  # seconds the running level sees ahead of the frame that it scales (ours)
 PEAK_DELAY = 0.20  # seconds after a peak that its prominence is judged on (ours)
-_KEEP = 12.0  # seconds of the past that stay in memory
+_KEEP = 20.0  # seconds of the past that stay in memory (ours: `cospeech.rules.streaming.MOST_AT_ONCE` and what is heard around)
 _WEAKEST = -58.0  # dBFS; a peak level below this is treated as silence (ours: room noise of a quiet microphone)
 _RANGE = (22.0, 38.0)  # dB between the floor and the loud syllables: least and most that are believed
 _SPEAKING = 0.40  # loudness above which somebody speaks (≈ 20 dB under the loud syllables)
@@ -34,30 +35,36 @@ _HALF = len(_SMOOTH) // 2
 ENVELOPE_DELAY = _HALF / RATE
 """Seconds by which the envelope is known later than the energy."""
 _LEVEL_SPAN = round((TICK + LEVEL_DELAY) * RATE)  # rows that the level is taken from at every tick
+_ROOM = 500  # rows that there is room for behind those that are kept (ours)
 _SURE = round(PEAK_DELAY * RATE)  # rows after a peak that tell how far it falls
 
 
 class _Buffer:
-    """Rows appended at the end, dropped from the front; addressed by absolute index."""
+    """Rows appended at the end, dropped from the front; addressed by absolute index.
+
+    There is room behind the rows, so that few appends copy what is there. What was handed out is never written to again.
+    """
 
     def __init__(self, width: int = 0) -> None:
-        self.first = 0
-        self._rows = np.zeros((0, width) if width else 0)
-
-    @property
-    def end(self) -> int:
-        return self.first + len(self._rows)
+        self.first, self.end = 0, 0
+        self._begin = 0  # index of the first row of the memory
+        self._rows = np.empty((_ROOM, width) if width else _ROOM)
 
     def append(self, rows: Array) -> None:
-        self._rows = np.concatenate([self._rows, rows])
+        if self.end + len(rows) - self._begin > len(self._rows):
+            kept = self._rows[self.first - self._begin : self.end - self._begin]
+            self._rows = np.empty((len(kept) + len(rows) + _ROOM, *kept.shape[1:]))
+            self._rows[: len(kept)] = kept
+            self._begin = self.first
+        at = self.end - self._begin
+        self._rows[at : at + len(rows)] = rows
+        self.end += len(rows)
 
     def rows(self, a: int, b: int) -> Array:
-        return self._rows[max(a - self.first, 0) : max(b - self.first, 0)]
+        return self._rows[max(a, self.first) - self._begin : max(min(b, self.end), self.first) - self._begin]
 
     def drop_before(self, index: int) -> None:
-        if index - self.first > 400:  # copy now and then, not at every tick
-            self._rows = self._rows[index - self.first :].copy()
-            self.first = index
+        self.first = max(min(index, self.end), self.first)
 
 
 class EventDetector:
@@ -109,11 +116,10 @@ class EventDetector:
     def push(self, samples: Array) -> None:
         """Hear more samples at the announced rate."""
         self.hear(samples)
-        while self.step():
-            pass
+        self.catch_up()
 
     def hear(self, samples: Array) -> None:
-        """As `push`, but nothing becomes known yet: `step` is called for that."""
+        """As `push`, but nothing becomes known yet: `step` or `catch_up` is called for that."""
         self._take(self._prosody.push(samples))
 
     @property
@@ -130,15 +136,24 @@ class EventDetector:
         """One tick more becomes known, where enough was heard; whether it did."""
         if not self.is_ready:
             return False
-        self._tick(self._loudness.end + self._step)
+        self._know([self._loudness.end + self._step])
         return True
+
+    def catch_up(self) -> None:
+        """As `step` until nothing more becomes known; many ticks at once take hardly longer than one."""
+        if self._wait < _SURE:  # of peaks that are not waited for, each tick judges what it knows
+            while self.step():
+                pass
+        elif self.is_ready:
+            first, last = self._loudness.end + self._step, self._raw["energy"].end - self._delay
+            self._know(range(first, last + 1, self._step))
 
     def finish(self) -> None:
         """The speech is over: what is left becomes known, followed by silence."""
         self._take(self._prosody.flush())
         if self._raw:
             while self._loudness.end < self._raw["energy"].end:
-                self._tick(min(self._loudness.end + self._step, self._raw["energy"].end))
+                self._know([min(self._loudness.end + self._step, self._raw["energy"].end)])
             self._smooth(self._loudness.end, max(self._peak, _WEAKEST), tail=_HALF)
         self.finished = True
         self._confirm_peaks(last=True)
@@ -152,18 +167,15 @@ class EventDetector:
             rows = np.asarray(getattr(features, name), float)
             self._raw.setdefault(name, _Buffer(rows.shape[1] if rows.ndim > 1 else 0)).append(rows)
 
-    def _tick(self, end: int) -> None:
-        first = self._loudness.end
-        energy = self._raw["energy"].rows(first, end)
-        seen = end + self._delay
-        oldest = first if self._wait >= _SURE else max(seen - _LEVEL_SPAN, 0)
-        self._follow_level(self._raw["energy"].rows(oldest, seen))
-        spread = min(max(self._peak - self._floor, _RANGE[0]), _RANGE[1])
-        top = max(self._peak, _WEAKEST)
-        self._loudness.append(np.minimum(np.maximum((energy - (top - spread)) / spread, 0.0), 1.25))
-        pitch, voicing = self._raw["pitch"].rows(first, end), self._raw["voicing"].rows(first, end)
-        self._tone.append(self._semitones(pitch, voicing))
-        self._smooth(end, top)
+    def _know(self, ends: Sequence[int]) -> None:
+        """The ticks up to these rows become known, one after the other."""
+        first, end = self._loudness.end, ends[-1]
+        seen = self._raw["energy"].rows(first, end + self._delay)
+        levels = self._follow_levels(first, ends, seen.tolist())
+        top, spread = np.repeat(levels, np.diff(ends, prepend=first), axis=0).T
+        self._loudness.append(np.minimum(np.maximum((seen[: end - first] - (top - spread)) / spread, 0.0), 1.25))
+        self._tone.append(self._semitones(first, ends))
+        self._smooth_ticks(first, ends, [level[0] for level in levels])
         self._follow_phrases(first, end)
         self._confirm_peaks()
         oldest = end - round(_KEEP * RATE)
@@ -174,6 +186,31 @@ class EventDetector:
         while len(self.phrases) > 1 and self.phrases[0].end < oldest / RATE:
             self.phrases.popleft()
 
+    def _follow_levels(self, first: int, ends: Sequence[int], energy: list[float]) -> list[tuple[float, float]]:
+        """Level of loud syllables, and dB from the floor to there, at each tick; ``energy`` begins at the row ``first``."""
+        found, begin = [], first
+        for end in ends:
+            ahead = energy[begin - first : end + self._delay - first]
+            if self._wait < _SURE:
+                seen = end + self._delay
+                ahead = self._raw["energy"].rows(max(seen - _LEVEL_SPAN, 0), seen).tolist()
+            self._follow_level(ahead)
+            spread = min(max(self._peak - self._floor, _RANGE[0]), _RANGE[1])
+            found.append((max(self._peak, _WEAKEST), spread))
+            begin = end
+        return found
+
+    def _smooth_ticks(self, first: int, ends: Sequence[int], tops: list[float]) -> None:
+        """`_smooth` for each of the ticks."""
+        before = self._envelope.end - _HALF
+        if len(ends) == 1 or before < 0 or self._envelope.end != first - _HALF:
+            for end, top in zip(ends, tops, strict=True):
+                self._smooth(end, top)
+            return
+        energy = overlapping(self._raw["energy"].rows(before, ends[-1]), 2 * _HALF + self._step, self._step)
+        amplitude = 10 ** ((energy - np.array(tops)[:, None]) / 20)
+        self._envelope.append(np.concatenate([np.convolve(row, _SMOOTH, "valid") for row in amplitude]))
+
     def _smooth(self, end: int, top: float, tail: int = 0) -> None:
         """Extend the envelope (linear amplitude against the level of loud syllables) as far as the kernel reaches."""
         energy = self._raw["energy"].rows(self._envelope.end - _HALF, end)
@@ -183,9 +220,9 @@ class EventDetector:
         if len(amplitude) >= len(_SMOOTH):
             self._envelope.append(np.convolve(amplitude, _SMOOTH, "valid"))
 
-    def _follow_level(self, ahead: Array) -> None:
+    def _follow_level(self, ahead: list[float]) -> None:
         """Floor and level of loud syllables: quick towards new extremes, slow back (ours: 20 s down, 12 s up)."""
-        ordered = np.sort(ahead)
+        ordered = sorted(ahead)
         low, high = quantile(ordered, 0.10), quantile(ordered, 0.92)
         if math.isnan(self._peak):
             self._floor, self._peak = low, max(high, low + _RANGE[0])
@@ -193,15 +230,20 @@ class EventDetector:
         self._peak = max(high, self._peak - 0.6 * tick) if high > self._peak - 14 else self._peak - 0.25 * tick
         self._floor = low if low < self._floor else self._floor + min(1.0, low - self._floor) * tick * 0.5
 
-    def _semitones(self, pitch: Array, voicing: Array) -> Array:
+    def _semitones(self, first: int, ends: Sequence[int]) -> Array:
+        """Of the rows from ``first`` on, above the median pitch of the voice, which follows every tick."""
+        pitch, voicing = (self._raw[name].rows(first, ends[-1]) for name in ("pitch", "voicing"))
         voiced = (pitch > 0) & (voicing > 0.5)
-        if voiced.any():
-            ordered = np.sort(pitch[voiced])
-            median = float(ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]) / 2
-            self._pitch = median if math.isnan(self._pitch) else self._pitch * (median / self._pitch) ** 0.03
-        if math.isnan(self._pitch):
-            return np.zeros(len(pitch))
-        return np.where(voiced, np.minimum(np.maximum(12 * np.log2(np.maximum(pitch, 1) / self._pitch), -12), 14), 0.0)
+        usual, rows, sung = np.empty(len(pitch)), pitch.tolist(), voiced.tolist()
+        begin = 0
+        for end in (end - first for end in ends):
+            ordered = sorted([tone for tone, voice in zip(rows[begin:end], sung[begin:end], strict=True) if voice])
+            if ordered:
+                median = (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]) / 2
+                self._pitch = median if math.isnan(self._pitch) else self._pitch * (median / self._pitch) ** 0.03
+            usual[begin:end] = self._pitch
+            begin = end
+        return np.where(voiced, np.minimum(np.maximum(12 * np.log2(np.maximum(pitch, 1) / usual), -12), 14), 0.0)
 
     def _follow_phrases(self, first: int, end: int) -> None:
         for k, loud in enumerate((self._loudness.rows(first, end) > _SPEAKING).tolist()):
@@ -213,6 +255,7 @@ class EventDetector:
                     self.phrases.append(Phrase(t / RATE, t / RATE))
             elif self._speaking and (t - self._silent_since) / RATE > _PAUSE:
                 self._speaking = False
+                self.phrases[-1] = Phrase(self.phrases[-1].start, self._silent_since / RATE)
         if self.phrases and self._speaking:
             self.phrases[-1] = Phrase(self.phrases[-1].start, self._silent_since / RATE)
 
@@ -255,7 +298,7 @@ class EventDetector:
         return Heard(a, self._loudness.rows(a, b), self._tone.rows(a, b), raw["voicing"], raw["onset"], raw["bands"])
 
 
-def quantile(ordered: Array, share: float) -> float:
+def quantile(ordered: Array | list[float], share: float) -> float:
     """As `numpy.quantile` of what is in order, which takes twenty times as long over so few."""
     place = (len(ordered) - 1) * share
     low = int(place)

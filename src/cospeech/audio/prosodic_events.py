@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..motion.curves import clip
 from ..motion.rotations import Array
 
 __all__ = ["RATE", "Accent", "Heard", "Phrase"]
@@ -58,7 +59,7 @@ class Heard:
 
     def at(self, times: Array, values: Array) -> Array:
         """Linear interpolation of one of the arrays, (T,) or (T, C), at ``times`` in seconds; the ends are held."""
-        x = np.clip(np.asarray(times) * RATE - self.start, 0, len(values) - 1)
+        x = clip(np.asarray(times) * RATE - self.start, 0, len(values) - 1)
         low = np.minimum(x.astype(int), len(values) - 1)
         high = np.minimum(low + 1, len(values) - 1)
         part = x - low

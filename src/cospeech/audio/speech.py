@@ -99,15 +99,15 @@ class Speech:
         object.__setattr__(self, "rate", _check_rate(self.rate))
         _check_samples(samples[:, None], self.name, 0, self.rate)
         object.__setattr__(self, "samples", samples)
+        whole = Fraction(len(samples), self.rate)
         if self.duration is None:
-            whole = Fraction(len(samples), self.rate)
-            exact = whole if self.seconds is None else _fraction("seconds", self.seconds)
-            object.__setattr__(self, "duration", exact)
-        if not (isinstance(self.duration, Rational) and 0 <= self.duration <= Fraction(len(samples), self.rate) + SPARE):
+            object.__setattr__(self, "duration", whole if self.seconds is None else _fraction("seconds", self.seconds))
+        if self.duration is not whole and not (isinstance(self.duration, Rational) and 0 <= self.duration <= whole + SPARE):
             problem = f"{len(samples)} samples at {self.rate} Hz as a speech of {str(self.duration)[:40]} s"
             raise InputError(problem, f"{len(samples) / self.rate:g} s, or a little less")
         object.__setattr__(self, "seconds", float(self.duration))
-        _fraction("start", self.start)
+        if not (isinstance(self.start, float) and isfinite(self.start)):
+            _fraction("start", self.start)
 
     @staticmethod
     def load(path: str | PathLike[str], *, transcript: str | PathLike[str] | None = None, rate: int = RATE) -> Speech:
@@ -180,8 +180,8 @@ class Speech:
             first, number = last, number + 1
 
     def _cut(self, first: int, last: int, words: tuple[Word, ...] | None) -> Speech:
-        whole = self.duration if last == len(self.samples) else Fraction(last, self.rate)
-        duration = max(whole - Fraction(first, self.rate), Fraction(0))
+        rest = last == len(self.samples)
+        duration = max(self.duration - Fraction(first, self.rate), Fraction(0)) if rest else Fraction(last - first, self.rate)
         return Speech(self.samples[first:last], self.rate, words, None, self.name, self.start + first / self.rate, duration)
 
 

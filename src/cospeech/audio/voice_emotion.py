@@ -19,6 +19,7 @@ import numpy as np
 
 from ..motion.rotations import Array
 from .emotions import EMOTIONS
+from .features.mel import FPS
 from .features.prosody import Features
 from .voice_functionals import measure_voice
 
@@ -107,10 +108,10 @@ class RunningLevel:
 
 def judge_voice(row: Array, weights: VoiceWeights) -> VoiceLook:
     """What a standardised row (F,) says."""
-    full = np.append(row, 1.0)
+    full = np.concatenate([row, [1.0]])
     logits = weights.categories @ full
     logits = logits - logits.max()
-    return VoiceLook(float(np.clip(weights.arousal @ full, -1.5, 1.5)), logits - np.log(np.exp(logits).sum()))
+    return VoiceLook(min(max(float(weights.arousal @ full), -1.5), 1.5), logits - np.log(np.exp(logits).sum()))
 
 
 class VoiceEmotion:
@@ -135,12 +136,15 @@ class VoiceEmotion:
 
     def look(self, until: float) -> VoiceLook | None:
         """What the `WINDOW` before ``until`` seconds says; looks follow each other every `LOOKS`. None: nothing is said."""
-        own = [piece for piece in self._pieces if (piece.start + len(piece)) / piece.fps > until - WINDOW]
+        first, last = (round(time * FPS) for time in (until - WINDOW, until))
+        own = [
+            piece[max(first - piece.start, 0) : max(last - piece.start, 0)]
+            for piece in self._pieces
+            if piece.start < last and piece.start + len(piece) > first
+        ]
         if not own:
             return None
-        heard = Features.concatenate(own)
-        first, last = (round(time * heard.fps) - heard.start for time in (until - WINDOW, until))
-        row = measure_voice(heard[max(first, 0) : max(last, 0)])
+        row = measure_voice(own[0] if len(own) == 1 else Features.concatenate(own))
         return None if row is None else judge_voice(self._level.standardise(row, LOOKS / WINDOW), self._weights)
 
 

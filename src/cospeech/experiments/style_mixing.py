@@ -20,7 +20,7 @@ from ..errors import InputError
 from ..models import Model
 from ..motion.motion import Motion
 from ..motion.rotations import Array
-from ..runtime.session import PIECE
+from ..rules.streaming import MOST_AT_ONCE
 from .figures.curves import PlottedCurve, draw_curves
 from .figures.heat import FIGURES, Pictures, draw_heat, frame_of
 
@@ -109,7 +109,7 @@ def _takes(model: Model, speech: Speech, style: str, takes: int, seed: int) -> l
     if model.takes_at_once == 1:
         return [model.generate(speech, seed=seed + k, **options) for k in range(takes)]
     session = model.session(seed=seed, takes=takes, **options)
-    pieces = [made for chunk in speech.chunks(PIECE) for made in session.push_takes(chunk)]
+    pieces = [made for chunk in speech.chunks(MOST_AT_ONCE) for made in session.push_takes(chunk)]
     pieces += session.finish_takes()
     return [Motion.concatenate(take) for take in zip(*pieces, strict=True)]
 

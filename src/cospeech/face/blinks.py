@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
+from math import floor
 
 import numpy as np
 
 from ..audio.prosodic_events import RATE, Heard
-from ..motion.curves import smoothstep
+from ..motion.curves import clip, smoothstep
 from ..motion.noise import hash_normal, hash_uniform
 from ..motion.rotations import Array
 
@@ -41,21 +43,29 @@ def phrase_ends(heard: Heard) -> Array:
     return heard.start + fall[sofar[np.minimum(fall + _PAUSE, len(loud))] == sofar[fall]]
 
 
-def blink_times(seed: int, rate: float, start: float, end: float) -> tuple[Array, Array]:
-    """Blinks that are due between two times (s), and a little around them, without any cause: (B,) begin, (B,) identity.
+def blink_times(seed: int, rate: float, start: float, end: float) -> tuple[Array, Array, Array]:
+    """Blinks that are due between two times (s), and a little around them, without any cause: (B,) begin, (B,) identity, and
+    (B,) how surely they come while somebody speaks, 0 … 1.
 
     Time is cut in cells of ``1 / rate`` seconds with one blink each, at a place drawn from the seed and the cell's
     number; a few cells have two or none. Nothing before ``start`` has to be known, so hours cost nothing.
     """
     if rate <= 0:
-        return np.zeros(0), np.zeros(0, int)
-    cell = np.arange(int(np.floor((start - 2.0) * rate)), int(np.floor((end + 1.0) * rate)) + 1)
+        return np.zeros(0), np.zeros(0, int), np.zeros(0)
+    return _draw_blinks(seed, rate, floor((start - 2.0) * rate), floor((end + 1.0) * rate) + 1)
+
+
+@lru_cache(64)
+def _draw_blinks(seed: int, rate: float, begin: int, end: int) -> tuple[Array, Array, Array]:
+    """`blink_times` of these cells; a stream asks for the same ones again and again."""
+    cell = np.arange(begin, end)
     place, kind = hash_uniform(seed, _PER_CELL, cell)
     first = (cell + 0.08 + 0.84 * place) / rate
     again = kind < _TWICE
     second = first[again] + 0.45 + 4.0 * kind[again]
     once = kind < 1 - _TWICE
-    return np.concatenate([first[once], second]), np.concatenate([2 * cell[once], 2 * cell[again] + 1])
+    index = np.concatenate([2 * cell[once], 2 * cell[again] + 1])
+    return np.concatenate([first[once], second]), index, hash_uniform(seed, _HOLD, index)
 
 
 def _draw_caused_blinks(
@@ -93,9 +103,9 @@ def eyelids(
         late: seconds by which blinks at the ends of phrases come later, because little is heard ahead; such an end counts
             when its pause is long enough to be one.
     """
-    due, index = blink_times(seed, rate, float(times[0]), float(times[-1]))
+    due, index, sure = blink_times(seed, rate, float(times[0]), float(times[-1]))
     speaking = heard.at(due, heard.loudness) > _SPEAKING
-    kept = ~speaking | (hash_uniform(seed, _HOLD, index) > _HELD_BACK + _HELD_FOR_STROKES * coupling)
+    kept = ~speaking | (sure > _HELD_BACK + _HELD_FOR_STROKES * coupling)
     begin, index = due[kept], index[kept]
     ends = phrase_ends(heard)
     if late:
@@ -117,7 +127,7 @@ def eyelids(
     begin, index = begin[near], index[near]
     if not len(begin):
         return np.zeros(len(times))
-    width = np.clip(_MEDIAN_WIDTH * np.exp(_LOG_SPREAD * hash_normal(seed, _WIDTH, index)), *_WIDTHS)
+    width = clip(_MEDIAN_WIDTH * np.exp(_LOG_SPREAD * hash_normal(seed, _WIDTH, index)), *_WIDTHS)
     depth = 1.0 - 0.25 * hash_uniform(seed, _DEPTH, index) ** 4  # most blinks are complete
     since = (times[:, None] - begin) / width
     ramp = np.minimum(since / _CLOSE, (_CLOSE + _SHUT + _OPEN - since) / _OPEN)

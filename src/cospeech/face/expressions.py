@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -108,11 +109,25 @@ def accent_brows(
     """
     if not len(accents):
         return np.zeros((len(times), 4))
+    struck = set(strokes)
+    tied = tuple(accent.time in struck for accent in accents)
+    when, raised = _draw_brows(tuple(accents), tied, seed, amount, coupling * min(amount, 1.0))
+    since = times[:, None] - (when - BROWS_EARLY + late)
+    ramp = np.minimum(since / _RISE, (_RISE + _HOLD + _FALL - since) / _FALL)
+    return np.tanh(add_weighted_rows(smoothstep(ramp), raised))  # overlapping rises saturate
+
+
+@lru_cache(32)
+def _draw_brows(
+    accents: tuple[Accent, ...], tied: tuple[bool, ...], seed: int, amount: float, coupling: float
+) -> tuple[Array, Array]:
+    """(A,) times of accents, and (A, 4) how far each moves the brows; ``tied``: those with a stroke. A stream asks for the same
+    ones again and again."""
     when, strength = np.array(accents, float).T
     index = np.rint(when * 1000).astype(np.int64)
     which, side, much, inner = hash_uniform(seed, np.arange(_WHICH, _INNER + 1)[:, None], index)
     chance = np.where(strength < _STRONG, 0.06, 0.18 + 0.32 * strength) * amount
-    chance = couple(chance, np.isin(when, np.array(strokes, float)), coupling * min(amount, 1.0))
+    chance = couple(chance, np.array(tied), coupling)
     knit = (which > 1 - _KNIT * min(amount, 1.0)) & (strength > _STRONG)
     size = (0.55 + 0.6 * much) * (0.18 + 0.5 * strength) * (0.5 + 0.5 * amount)
     up = np.where(which < chance, size, 0.0)
@@ -123,9 +138,8 @@ def accent_brows(
         up * (0.9 - 0.5 * inner) * (1 - np.maximum(alone, 0)),
         np.where(knit, 0.8 * size, 0.0),
     ], 1)  # fmt: skip
-    since = times[:, None] - (when - BROWS_EARLY + late)
-    ramp = np.minimum(since / _RISE, (_RISE + _HOLD + _FALL - since) / _FALL)
-    return np.tanh(add_weighted_rows(smoothstep(ramp), raised))  # overlapping rises saturate
+    raised.setflags(write=False)
+    return when, raised
 
 
 def accent_swell(times: Array, accents: Sequence[Accent], *, late: float = 0.0) -> Array:

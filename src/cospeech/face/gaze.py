@@ -15,6 +15,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from ..audio.prosodic_events import Phrase
+from ..motion.curves import clip
 from ..motion.rotations import Array, euler_to_quat, quat_conjugate, quat_multiply, quat_rotate
 from ..motion.skeleton import humanoid
 from ..motion.skeletons.arkit import ARKIT_INDEX
@@ -126,18 +127,20 @@ class GazePlanner:
 def direction_of(rotations: Array) -> Array:
     """(N, 4) of an eye → (N, 2) yaw to the left and pitch up, radians."""
     ahead = quat_rotate(rotations, np.array([0.0, 0.0, 1.0]))
-    return np.stack([np.arctan2(ahead[:, 0], ahead[:, 2]), np.arcsin(np.clip(ahead[:, 1], -1.0, 1.0))], -1)
+    return np.stack([np.arctan2(ahead[:, 0], ahead[:, 2]), np.arcsin(clip(ahead[:, 1], -1.0, 1.0))], -1)
 
 
 def toward(gaze: Array) -> Array:
-    """(N, 2) yaw to the left and pitch up, radians → (N, 4) rotation."""
-    return euler_to_quat(np.stack([gaze[:, 0], -gaze[:, 1], np.zeros(len(gaze))], -1), "YXZ")
+    """(…, 2) yaw to the left and pitch up, radians → (…, 4) rotation."""
+    angles = np.zeros((*gaze.shape[:-1], 3))
+    angles[..., 0], angles[..., 1] = gaze[..., 0], -gaze[..., 1]
+    return euler_to_quat(angles, "YXZ")
 
 
 @cache
-def _chain() -> tuple[list[int], tuple[int, int]]:
+def _chain() -> tuple[list[int], list[int]]:
     joint = humanoid().index
-    return [joint[n] for n in ("hips", "spine", "chest", "upperChest", "neck", "head")], (joint["leftEye"], joint["rightEye"])
+    return [joint[n] for n in ("hips", "spine", "chest", "upperChest", "neck", "head")], [joint["leftEye"], joint["rightEye"]]
 
 
 def eye_angles(rotations: Array, root: Array, gaze: Array) -> Array:
@@ -151,15 +154,15 @@ def eye_angles(rotations: Array, root: Array, gaze: Array) -> Array:
     Returns:
         (N, 2, 2) radians: left and right eye; yaw to the left and pitch up. Both meet at the distance of the listener.
     """
-    chain, _ = _chain()
-    head = rotations[:, chain[0]].astype(float)
-    for joint in chain[1:]:
-        head = quat_multiply(head, rotations[:, joint].astype(float))
+    locals_ = rotations[:, _chain()[0]].astype(float)
+    head = locals_[:, 0]
+    for k in range(1, locals_.shape[1]):
+        head = quat_multiply(head, locals_[:, k])
     moved = root.astype(float) - humanoid().offsets[0]
     yaw, up = gaze[:, 0] + np.arctan2(-moved[:, 0], LISTENER - moved[:, 2]), gaze[:, 1]
     aim = np.stack([np.sin(yaw) * np.cos(up), np.sin(up), np.cos(yaw) * np.cos(up)], -1)
     aim = quat_rotate(quat_conjugate(head), aim)
-    angles = np.stack([np.arctan2(aim[:, 0], aim[:, 2]), np.arcsin(np.clip(aim[:, 1], -1.0, 1.0))], -1)
+    angles = np.stack([np.arctan2(aim[:, 0], aim[:, 2]), np.arcsin(clip(aim[:, 1], -1.0, 1.0))], -1)
     size, free = np.abs(angles), _FREE * _LIMIT
     beyond = np.maximum(size - free, 0.0)
     angles = np.sign(angles) * (np.minimum(size, free) + (_LIMIT - free) * np.tanh(beyond / (_LIMIT - free)))
@@ -170,17 +173,19 @@ def eye_angles(rotations: Array, root: Array, gaze: Array) -> Array:
 def look(rotations: Array, angles: Array) -> Array:
     """(N, J, 4) of a body with its eyes turned by (N, 2, 2) `eye_angles`; the same type of numbers."""
     turned = rotations.copy()
-    for k, eye in enumerate(_chain()[1]):
-        turned[:, eye] = toward(angles[:, k])
+    turned[:, _chain()[1]] = toward(angles)
     return turned
 
 
-def _columns(name: str) -> list[int]:
-    return [ARKIT_INDEX[name + side] for side in ("Left", "Right")]
+def _columns(name: str) -> slice:
+    """Those of the left and the right side."""
+    left, right = (ARKIT_INDEX[name + side] for side in ("Left", "Right"))
+    return slice(left, right + 1, right - left)
 
 
 _OUT, _IN, _UP, _DOWN = (_columns("eyeLook" + way) for way in ("Out", "In", "Up", "Down"))
 _BLINK, _WIDE = _columns("eyeBlink"), _columns("eyeWide")
+_SIDES = np.array([1.0, -1.0])
 
 
 def lids_and_looks(weights: Array, angles: Array) -> Array:
@@ -195,11 +200,11 @@ def lids_and_looks(weights: Array, angles: Array) -> Array:
         open wide with one that rises.
     """
     out = weights.copy()
-    outward = angles[:, :, 0] / _FULL[0] * [1.0, -1.0]
+    outward = angles[:, :, 0] / _FULL[0] * _SIDES
     up = angles[:, :, 1] / _FULL[1]
     out[:, _OUT], out[:, _IN] = np.maximum(outward, 0.0), np.maximum(-outward, 0.0)
     out[:, _UP], out[:, _DOWN] = np.maximum(up, 0.0), np.maximum(-up, 0.0)
-    shut = out[:, _BLINK]
+    shut = out[:, _BLINK].copy()
     out[:, _BLINK] = 1 - (1 - shut) * (1 - _LID_FOLLOWS * np.minimum(out[:, _DOWN], 1.0))
     out[:, _WIDE] += _LID_LIFTS * out[:, _UP] * (1 - shut)
-    return np.clip(out, 0.0, 1.0)
+    return clip(out, 0.0, 1.0)

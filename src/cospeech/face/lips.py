@@ -91,9 +91,10 @@ def _closures(level: Array, hiss: Array, present: Array) -> tuple[Array, Array]:
     count, wide = len(level), _DIP + 1
     padded = np.zeros((3, count + 2 * _DIP))
     padded[:, _DIP:-_DIP] = level, hiss, present
-    most = padded[:, : count + _DIP]  # in the end, of column k: rows k - _DIP … k
-    for n in range(1, wide):
-        most = np.maximum(most, padded[:, n : n + count + _DIP])
+    most, span = padded, 1  # of column k: rows k - _DIP … k - _DIP + span - 1
+    while span < wide:
+        step = min(span, wide - span)
+        most, span = np.maximum(most[:, :-step], most[:, step:]), span + step
     around = np.minimum(most[0, :count], most[0, _DIP:])
     burst = most[1, 8 : 8 + count]  # 4 rows before … 8 after
     active = np.maximum(most[2, _DIP - _AFTER : count + _DIP - _AFTER], most[2, _BEFORE : count + _BEFORE])

@@ -17,20 +17,22 @@ __all__ = ["hash_normal", "hash_uniform", "smooth_noise"]
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)  # splitmix64 (Steele, Lea & Flood 2014)
 _MIX_A, _MIX_B = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+_ROUNDS, _LAST = ((_MIX_A, np.uint64(30)), (_MIX_B, np.uint64(27))), np.uint64(31)
+_SHOWN = np.uint64(11)
 
 
 def _hash(seed: int, stream: Array, index: Array) -> NDArray[np.uint64]:
     with np.errstate(over="ignore"):
-        x = np.asarray(index).astype(np.int64).astype(np.uint64) * _GOLDEN
-        x = x + np.asarray(stream).astype(np.uint64) * _MIX_A + np.uint64(seed & 0xFFFFFFFFFFFFFFFF) * _MIX_B
-        for mix, shift in ((_MIX_A, 30), (_MIX_B, 27)):
-            x = (x ^ (x >> np.uint64(shift))) * mix
-        return x ^ (x >> np.uint64(31))
+        x = index.astype(np.int64).astype(np.uint64) * _GOLDEN
+        x = x + (stream.astype(np.uint64) * _MIX_A + np.uint64(seed * int(_MIX_B) & 0xFFFFFFFFFFFFFFFF))
+        for mix, shift in _ROUNDS:
+            x = (x ^ (x >> shift)) * mix
+        return x ^ (x >> _LAST)
 
 
 def hash_uniform(seed: int, stream: ArrayLike, index: ArrayLike) -> Array:
     """Uniform values in (0, 1) that depend on nothing but ``(seed, stream, index)``; arguments broadcast."""
-    return ((_hash(seed, np.asarray(stream), np.asarray(index)) >> np.uint64(11)).astype(np.float64) + 0.5) / 2.0**53
+    return ((_hash(seed, np.asarray(stream), np.asarray(index)) >> _SHOWN).astype(np.float64) + 0.5) / 2.0**53
 
 
 def hash_normal(seed: int, stream: ArrayLike, index: ArrayLike) -> Array:
@@ -81,7 +83,8 @@ def smooth_noise(seed: int, channels: int, times: Array, rate: float, *, octaves
     count = first.max(1) + 3 - low
     lattice = _lattices(seed, channels, tuple(low.tolist()), tuple(count.tolist()))
     place = first + (np.cumsum(count) - count - low - 1)[:, None]
-    weights = ((1 - u) ** 3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (-3 * u**3 + 3 * u**2 + 3 * u + 1) / 6, u**3 / 6)
+    square, cube = u**2, u**3
+    weights = ((1 - u) ** 3 / 6, (3 * cube - 6 * square + 4) / 6, (-3 * cube + 3 * square + 3 * u + 1) / 6, cube / 6)
     values: Array = weights[0][..., None] * lattice.take(place, 0)  # octaves, times, channels
     for k in (1, 2, 3):
         values += weights[k][..., None] * lattice.take(place + k, 0)

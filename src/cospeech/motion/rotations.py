@@ -110,6 +110,12 @@ def cross(a: Array, b: Array) -> Array:
 
 def quat_rotate(q: Array, v: Array) -> Array:
     """Rotate vectors ``v (..., 3)`` by ``q (..., 4)``; batch dimensions broadcast."""
+    if q.size <= _FEW and v.size <= _FEW:  # the same bits, see `quat_multiply`
+        turned = q.take(_TURNED, -1)
+        terms = turned * v.take(_TURNED_BACK, -1)
+        t = 2 * (terms[..., :3] - terms[..., 3:])
+        terms = turned * t.take(_TURNED_BACK, -1)
+        return v + q[..., 3:] * t + (terms[..., :3] - terms[..., 3:])  # type: ignore[no-any-return]
     xyz = q[..., :3]
     t = 2 * cross(xyz, v)
     return v + q[..., 3:] * t + cross(xyz, t)
@@ -214,7 +220,8 @@ def matrix_to_quat(m: Array) -> Array:
     table[..., 0, 0], table[..., 1, 1] = 1 + d[0] - d[1] - d[2], 1 - d[0] + d[1] - d[2]
     table[..., 2, 2], table[..., 3, 3] = 1 - d[0] - d[1] + d[2], 1 + trace
     best = np.argmax(np.stack([*d, trace]), 0)
-    return quat_normalize(np.take_along_axis(table, best[..., None, None], -2)[..., 0, :])
+    rows = table.reshape(-1, 4, 4)[np.arange(best.size), best.ravel()]
+    return quat_normalize(rows.reshape(*trace.shape, 4))
 
 
 def euler_to_quat(angles: Array, order: str = "XYZ") -> Array:

@@ -87,8 +87,8 @@ class GesturePlacement:
         for t in table:
             pose = self._shape_pose(t, turn, effort, modifier, free)
             pose[:3] = centre + (t[:3] - middle) * scale * _ROOM
-            pose[:3] = np.clip(pose[:3], *_BOX)
-            in_front = 0.06 + 0.42 * float(np.clip(pose[1] + 0.75, 0, 1))  # raised hands stay in front of the shoulder
+            pose[:3] = np.minimum(np.maximum(pose[:3], _BOX[0]), _BOX[1])
+            in_front = 0.06 + 0.42 * min(max(float(pose[1]) + 0.75, 0.0), 1.0)  # raised hands stay in front of the shoulder
             pose[2] = max(pose[2], in_front)
             out.append(pose)
         if style.seated:  # strokes end above the thighs, or their peaks of speed would be where the thighs stop them
@@ -106,7 +106,7 @@ class GesturePlacement:
 
     def _shape_pose(self, table: Array, turn: float, effort: float, modifier: EmotionModifier, free: float) -> Array:
         """A pose where the table has it, turned and shaped by this speaker's hand."""
-        tension = float(np.clip(self.style.tension + modifier.tension, 0, 1))
+        tension = min(max(self.style.tension + modifier.tension, 0.0), 1.0)
         pose = table.copy()
         pose[4:7] += [self._random.gauss(0, size) * free for size in _HAND_VARIETY]
         pose[4] += turn

@@ -70,8 +70,10 @@ class MannerCourse:
 
     def layers(self, times: Array) -> list[tuple[Manner, Array]]:
         """The manners of ``times (n,)`` seconds, each with its share (n,) over those before it; the first has all of it."""
+        if len(self._layers) == 1:
+            return [(self.last, np.ones(len(times)))]
         begun = [(start, manner) for start, manner in self._layers if start <= times[-1]]
-        shares = [smoothstep(np.clip((times - start) / FADE, 0.0, 1.0)) for start, _ in begun]
+        shares = [smoothstep((times - start) / FADE) for start, _ in begun]
         first = max((k for k, share in enumerate(shares) if share[0] == 1.0), default=0)
         return [(manner, share) for (_, manner), share in zip(begun[first:], shares[first:], strict=True)]
 

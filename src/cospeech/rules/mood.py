@@ -9,6 +9,7 @@ import numpy as np
 
 from ..audio.emotions import EMOTIONS, EmotionTrack, Moods, SteeredMoods
 from ..audio.voice_emotion import LOOKS, ConfidentEmotion, VoiceEmotion
+from ..motion.curves import clip
 from ..motion.rotations import Array
 from .arousal import Arousal
 
@@ -39,7 +40,7 @@ class _HeardMoods:
         """(…, 8) weights at these times in seconds; neutral before the first look."""
         times = np.asarray(times, float)
         looks = np.array([_NEUTRAL if not self._gone else self._looks[0], *self._looks])
-        place = np.clip(times / LOOKS - 1 - self.first - self._gone + 1, 0, len(looks) - 1)
+        place = clip(times / LOOKS - 1 - self.first - self._gone + 1, 0, len(looks) - 1)
         low = np.floor(place).astype(int)
         part = (place - low)[..., None]
         found: Array = looks[low] + part * (looks[np.minimum(low + 1, len(looks) - 1)] - looks[low])

@@ -36,7 +36,7 @@ __all__ = ["LEFT", "RIGHT", "Planner"]
 
 LEAD = 0.1  # seconds from the wrist's speed peak to the energy peak (motion.md §1: .07–.10 s measured)
 HORIZON = 0.78  # seconds ahead of the tick up to which accents are taken up
-_FORGOTTEN = 8.0  # seconds after which a stroke moves no face [ours: four seconds of motion are made at once, at most]
+_FORGOTTEN = 16.0  # seconds after which a stroke moves no face [ours: twelve seconds of motion are made at once, at most]
 SLACK = 0.02  # seconds between the tick and the earliest onset of a move
 _EARLIEST = 0.35  # share of a preparation at which its speed may peak first; and last, from its end (ours)
 _MERGED = 0.03  # seconds by which the end of the preparation brings the peak of speed forward (ours, measured)
@@ -346,7 +346,7 @@ class Planner:
             (onset + 0.02, stroke, poses[1] - poses[0]),
         ):
             part = np.zeros(CHANNELS)
-            part[:3] = np.clip(delta[:3], -0.35, 0.35) * share * self._random.uniform(0.6, 1.2)
+            part[:3] = np.minimum(np.maximum(delta[:3], -0.35), 0.35) * share * self._random.uniform(0.6, 1.2)
             part[5] = delta[5] * share * 0.5
             state.track.add(onset_, length, part)
         undo = np.zeros(CHANNELS)

@@ -88,4 +88,4 @@ class PlanRecord:
 
 
 def _latest(events: Any) -> list[Any]:
-    return list(islice(reversed(events), 32))[::-1]
+    return list(islice(reversed(events), 64))[::-1]

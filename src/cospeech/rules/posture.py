@@ -21,6 +21,8 @@ from .styles import Style
 
 __all__ = ["Posture"]
 
+_REMEMBERED = 16.0  # seconds after which a shift of the gaze moves no face [ours: twelve seconds are made at once, at most]
+
 
 class Posture:
     """Plans the body's track for one take."""
@@ -35,7 +37,7 @@ class Posture:
         self._next = {"lean": random.uniform(0.2, 1.0), "head": 0.3, "seat": 0.0 if style.seated else np.inf}
         self._seat = np.zeros(3)  # pitch, roll and yaw that a seated torso adds to its usual place
         self.gaze: Gaze = GazePlanner(random.getrandbits(32), style.averted)
-        self.gaze_shifts: deque[tuple[float, float]] = deque(maxlen=64)
+        self.gaze_shifts: deque[tuple[float, float]] = deque()
         """Recent ones: time in seconds, size in radians."""
         self._phrase = -1.0
         self._modifier: EmotionModifier | None = None
@@ -135,6 +137,8 @@ class Posture:
         columns = [Body.GAZE_YAW, Body.GAZE_UP]
         way = float(np.hypot(*(np.array([saccade.yaw, saccade.up]) - self.track.target[columns])))
         self.gaze_shifts.append((saccade.time + 0.03, float(np.radians(way))))
+        while self.gaze_shifts[0][0] < now - _REMEMBERED:
+            self.gaze_shifts.popleft()
         self.track.move(saccade.time, saccade.length, np.array([saccade.yaw, saccade.up]), columns)
         if self.gaze.away != away and (self.gaze.away or self._random.random() < 0.6):
             self._next["head"] = now + 0.05
@@ -171,7 +175,7 @@ class Posture:
         part[Body.ROLL] = -side * 4.8 * way[0] * torso + self._gauss(0.6 * torso)
         part[Body.PITCH] = (8.6 * way[2] - 8.6 * way[1]) * torso
         turned = [Body.YAW, Body.PITCH, Body.ROLL]
-        part[turned] = np.clip(part[turned], -8, 8)
+        part[turned] = np.minimum(np.maximum(part[turned], -8.0), 8.0)
         head = self.style.head * modifier.head * self.size
         part[Body.HEAD_YAW] = 0.65 * part[Body.YAW] + self._gauss(4.3 * head)
         part[Body.HEAD_PITCH] = 0.65 * part[Body.PITCH] + self._gauss(4.0 * head)
@@ -180,9 +184,9 @@ class Posture:
         if self.style.seated:  # on a chair the head goes along, and the trunk hardly
             part[turned] *= 0.3
         else:
-            part[Body.HIPS_X] = np.clip(side * 0.05 * way[0], -0.012, 0.012) * torso
-            part[Body.HIPS_Z] = np.clip(0.05 * way[2], -0.014, 0.014) * torso
-            part[Body.SINK] = np.clip(-0.018 * way[1], -0.002, 0.006) * torso
+            part[Body.HIPS_X] = min(max(side * 0.05 * way[0], -0.012), 0.012) * torso
+            part[Body.HIPS_Z] = min(max(0.05 * way[2], -0.014), 0.014) * torso
+            part[Body.SINK] = min(max(-0.018 * way[1], -0.002), 0.006) * torso
         lead = self._random.uniform(0.06, 0.13)
         wind = -self._random.uniform(0.2, 0.5) * part
         ready = onset - lead

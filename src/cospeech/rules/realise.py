@@ -120,9 +120,9 @@ def realise(
 
 
 def gaze_only(times: Array, body: MinimumJerkTrack) -> Pieces:
-    """The gaze at ``times (N,)`` seconds on a body in its rest pose, for a face whose head another system turns."""
+    """The gaze at ``times (N,)`` seconds on a body of no joints, for a face whose head another system turns."""
     root = np.repeat(humanoid().offsets[:1].astype(float), len(times), 0)
-    return Pieces(quat_identity(len(times), len(humanoid())), root, _gaze(body.at(times)))
+    return Pieces(quat_identity(len(times), 0), root, _gaze(body.at(times)))
 
 
 def _gaze(b: Array) -> Array:
@@ -172,10 +172,12 @@ class _Frames(NamedTuple):
     """The torso as both arms see it: (N, 2, …), the right side mirrored; positions relative to the upper chest's joint."""
 
     to_hips: Array
+    from_hips: Array
     hips_at: Array
     gesture: Array
     head_at: Array
     to_seat: Array
+    from_seat: Array
     seat_at: Array
     lap: Array
     """(N, 1) height of the lap where the hips of the T-pose are: it stays level when the pelvis tilts."""
@@ -184,7 +186,10 @@ class _Frames(NamedTuple):
 
 
 def _both(left: Array, mirror: Array) -> Array:
-    return np.stack([left, left * mirror], 1)
+    both = np.empty((len(left), 2, left.shape[1]))
+    both[:, 0] = left
+    np.multiply(left, mirror, out=both[:, 1])
+    return both
 
 
 _MIRROR_V, _MIRROR_Q = np.array([-1.0, 1.0, 1.0]), np.array([1.0, -1.0, -1.0, 1.0])
@@ -212,12 +217,15 @@ def _frames(places: dict[str, tuple[Array, Array]], neck: Array, b: Array, rotat
         stay = quat_rotate(back, _STAYING * (usual - (chest_at - hips_at)))
     crossed = smoothstep(b[:, [Body.LEFT_LIFT, Body.RIGHT_LIFT]].max(1, keepdims=True) / 0.18)
     lap = float(o["t:hips"][1]) - 0.04 + THIGH_TOP + _CROSSED * crossed
+    both_to_hips, to_seat = _both(to_hips, _MIRROR_Q), _both(chest, _MIRROR_Q)
     return _Frames(
-        _both(to_hips, _MIRROR_Q),
+        both_to_hips,
+        quat_conjugate(both_to_hips),
         _both(hips_from, _MIRROR_V),
         _both(gesture, _MIRROR_Q),
         _both(head, _MIRROR_V),
-        _both(chest, _MIRROR_Q),
+        to_seat,
+        quat_conjugate(to_seat),
         _both(chest_at - hips_at, _MIRROR_V),
         lap,
         _both(stay, _MIRROR_V),
@@ -356,7 +364,7 @@ def _push(point: Array, radius: float, frames: _Frames) -> Array:
     mix = smoothstep((upper[..., 1] - 1.02) / 0.20)[..., None]
     both = upper * mix + lower * (1 - mix)
     push = push_from_torso(both, radius)
-    push_low = quat_rotate(quat_conjugate(frames.to_hips), push)
+    push_low = quat_rotate(frames.from_hips, push)
     out = push * mix + push_low * (1 - mix)
     return out + push_from_head(point + out, frames.head_at, radius)  # type: ignore[no-any-return]
 
@@ -364,7 +372,7 @@ def _push(point: Array, radius: float, frames: _Frames) -> Array:
 def _push_from_lap(point: Array, radius: float, frames: _Frames) -> Array:
     """As `_push`, out of the thighs of a seated body; a palm lies flat on them."""
     level = quat_rotate(frames.to_seat, point) + frames.seat_at + _offsets()["t:hips"]
-    return quat_rotate(quat_conjugate(frames.to_seat), push_from_thighs(level, frames.lap, 0.46, radius))
+    return quat_rotate(frames.from_seat, push_from_thighs(level, frames.lap, 0.46, radius))
 
 
 def _write_arms(rotations: Array, clavicle: Array, upper: Array, forearm: Array, wrist: Array, h: Array) -> None:

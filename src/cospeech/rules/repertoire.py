@@ -34,7 +34,7 @@ class HandPose(NamedTuple):
     def values(self) -> Array:
         """(20,) in channel order."""
         head = (self.out, self.up, self.forward, self.swivel, self.pronation, self.flexion, self.deviation)
-        return np.concatenate([head, HAND_SHAPES[self.shape].values(), [self.shrug]])
+        return np.array([*head, *HAND_SHAPES[self.shape].values().tolist(), self.shrug])
 
 
 class Form(NamedTuple):

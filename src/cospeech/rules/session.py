@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
+from math import ceil
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 __all__ = ["KEPT", "Session"]
 
 KEPT = 300.0  # seconds that planned strokes are remembered; ours: who annotates a stream looks more often than that
+_HEARD = 4 * SAMPLE_RATE  # samples that are heard before the next decision, at most (ours)
 _EYES = [humanoid().index["leftEye"], humanoid().index["rightEye"]]
 
 
@@ -176,7 +178,7 @@ class Session(SessionControls):
         """Hear a piece, at once.
 
         Returns:
-            The motion that has become certain, in pieces of at most four seconds. What is not taken of it is kept, and comes
+            The motion that has become certain, in pieces of some seconds. What is not taken of it is kept, and comes
             first with the next call: every frame is given once, whether the pieces are taken at once, later, or in part.
 
         Raises:
@@ -193,17 +195,16 @@ class Session(SessionControls):
         if self._held.is_short(samples, self.detector.needs):
             return self._next_frames()
         samples = self._held.take(samples)
-        for first in range(0, len(samples), SAMPLE_RATE):  # a second at a time: the listener forgets what is long past
+        for first in range(0, len(samples), _HEARD):  # the listener forgets what is long past
             if not self.foresight.is_usual:
-                self._follow(samples[first : first + SAMPLE_RATE])
+                self._follow(samples[first : first + _HEARD])
                 continue
-            self._hear(samples[first : first + SAMPLE_RATE])
-            while self.detector.step():
-                pass
+            self._hear(samples[first : first + _HEARD])
+            self.detector.catch_up()
             self._decide_what_is_certain()
             if self.planned_until - self._frame / self.fps >= MOST_AT_ONCE:
                 self._make(self.planned_until)
-        if chunk.duration > self.foresight.wait + 1e-9:
+        if float(chunk.duration) > self.foresight.wait + 1e-9:
             self._make(self.planned_until)
         return self._next_frames()
 
@@ -307,7 +308,7 @@ class Session(SessionControls):
 
     def _end(self, until: float) -> int:
         """The first frame that is not before ``until`` seconds."""
-        return int(np.ceil(until * self.fps - 1e-9))
+        return ceil(until * self.fps - 1e-9)
 
     def _forget(self, made: float) -> None:
         """What no frame after this time in seconds asks for."""
@@ -326,17 +327,26 @@ class Session(SessionControls):
     def _realise(self, times: Array) -> Motion:
         mood, layers = self._mood_at(times), self.manners.layers(times)
         made = [(self._pose(times, mood, manner), share) for manner, share in layers]
-        rotations = mix_frames([(pose.rotations, share) for pose, share in made])
-        rotations[:, _resting(self.parts)] = quat_identity(1)
         face = None
         if "face" in self.parts:
             faces = self._faces(times, mood, [manner.face for manner, _ in layers])
             face = mix_frames([(each, share) for each, (_, share) in zip(faces, layers, strict=True)]).astype(np.float32)
-            rotations[:, _EYES] = toward(mix_frames([(pose.gaze, share) for pose, share in made]))[:, None]
-        rotations = self._signs.push(rotations.astype(np.float32))
         root = mix_frames([(pose.root, share) for pose, share in made]).astype(np.float32)
-        motion = Motion(self.fps, rotations, root, face, humanoid(), float(times[0]))
+        motion = Motion(self.fps, self._turn(made), root, face, humanoid(), float(times[0]))
         return self.aim(motion) if self._aimed else motion
+
+    def _turn(self, made: list[tuple[Pieces, Array]]) -> Array:
+        """(n, J, 4) float32: the rotations of several manners as one; eyes stand in the world, where a face is wanted."""
+        if self._eyes_only:
+            eyes = toward(mix_frames([(pose.gaze, share) for pose, share in made]))[:, None]
+            rotations = quat_identity(len(eyes), len(humanoid()), dtype=np.float32)
+            rotations[:, _EYES] = self._signs.push(eyes.astype(np.float32))
+            return rotations
+        rotations = mix_frames([(pose.rotations, share) for pose, share in made])
+        rotations[:, _resting(self.parts)] = quat_identity(1)
+        if "face" in self.parts:
+            rotations[:, _EYES] = toward(mix_frames([(pose.gaze, share) for pose, share in made]))[:, None]
+        return self._signs.push(rotations.astype(np.float32))
 
     def _pose(self, times: Array, mood: Array, manner: Manner) -> Pieces:
         if self._eyes_only:
@@ -372,8 +382,10 @@ class Session(SessionControls):
         """(N, 8): of the track; or linear between ticks and one tick late, so that the later one has always been decided."""
         if self.mood.track is not None:
             return self.mood.track.at(times)
-        at = np.array([t for t, _ in self._moods])
         values = np.array([p for _, p in self._moods])
+        if (values == values[0]).all():
+            return np.repeat(values[:1], len(times), 0)
+        at = np.array([t for t, _ in self._moods])
         return np.stack([np.interp(times - self.foresight.tick, at, values[:, k]) for k in range(values.shape[1])], -1)
 
 

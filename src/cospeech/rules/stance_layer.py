@@ -40,7 +40,7 @@ from .stance import BREATH_PITCH, CONTRAPPOSTO, PELVIS_SHARE, Stance, StanceAmou
 __all__ = ["REACH", "StanceLayer", "add_stance"]
 
 TICK = 0.1  # seconds between decisions, as in a session of the rules
-_AT_ONCE = 60  # frames; more at a time would all be compared with moves that only a few of them see
+_AT_ONCE = 240  # frames; more at a time take memory, and hardly less time
 _SEATED = 0.70  # metres; hips that begin lower sit, and keep the legs that they have ([ours], half-way of `legs.plant`)
 REACH = 0.24
 """Seconds before and after a frame of which the wrists count: half the width of the trunk's kernel, and its lead."""
@@ -166,12 +166,24 @@ class StanceLayer:
             gains[k] = min(max(1.0 + (float(_QUICK) - self._quick) / float(_PER), _GAINS[0]), _GAINS[1])
             shares[k, 0] = min(max((self._quick - float(_HASTY[0])) / float(_HASTY[1] - _HASTY[0]), 0.0), 1.0)
             shares[k, 1] = 1.0 - min(max(float(_STEADY) / max(self._quick, 1e-6), _LEAST), 1.0)
-        means = np.empty((len(q), 4))
-        for k, head in enumerate(heads[-len(q) :]):
-            mean = self._mean if self._mean @ head >= 0 else -self._mean
-            self._mean = means[k] = mean + (head - mean) / max(_MOSTLY * self._fps, 1.0) if mean.any() else head
+        means = self._follow_mean(heads[-len(q) :])
         self._gains, self._shares = np.concatenate([self._gains, gains]), np.concatenate([self._shares, shares])
         self._means = np.concatenate([self._means, means])
+
+    def _follow_mean(self, heads: Array) -> Array:
+        """Where a head (n, 4) mostly is, frame by frame; in plain numbers, which is quicker than four at a time in arrays."""
+        (x, y, z, w), many, means = self._mean.tolist(), max(_MOSTLY * self._fps, 1.0), []
+        for a, b, c, d in heads.tolist():
+            if not (x or y or z or w):
+                x, y, z, w = a, b, c, d
+            else:
+                if x * a + y * b + z * c + w * d < 0:
+                    x, y, z, w = -x, -y, -z, -w
+                x, y, z, w = x + (a - x) / many, y + (b - y) / many, z + (c - z) / many, w + (d - w) / many
+            means.append((x, y, z, w))
+        found = np.array(means)
+        self._mean = found[-1]
+        return found
 
     def _calm_head(self, head: Array) -> Array:
         """The heads (n, 4) of the next frames, where they are hasty smoothed and nearer to where they mostly are."""

@@ -11,7 +11,7 @@ from ..motion.motion import Motion
 
 __all__ = ["MOST_AT_ONCE", "check_speech", "in_short", "stream_motion"]
 
-MOST_AT_ONCE = 4.0
+MOST_AT_ONCE = 8.0
 """Seconds of motion that are made in one go when there is plenty to do. [ours] More take memory and save little time."""
 
 
@@ -26,7 +26,7 @@ def check_speech(speech: object) -> None:
 
 
 def in_short(chunk: Speech) -> Iterable[Speech]:
-    """A piece of speech as it is; a long one in pieces of four seconds."""
+    """A piece of speech as it is; a long one in pieces of eight seconds."""
     return chunk.chunks(MOST_AT_ONCE) if len(chunk) > MOST_AT_ONCE * chunk.rate else [chunk]
 
 
@@ -39,7 +39,7 @@ class _Pushed(Protocol):
 
 
 def stream_motion(session: _Pushed, chunks: Iterable[Speech]) -> Iterator[Motion]:
-    """The motion of a session to speech that comes in pieces of any size; of long ones, four seconds are worked off at once.
+    """The motion of a session to speech that comes in pieces of any size; of long ones, eight seconds are worked off at once.
 
     Raises:
         InputError: one `Speech` in place of several, or something else than speech.

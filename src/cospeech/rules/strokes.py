@@ -41,9 +41,9 @@ def draw_arc(random: Random, way: Array, pose: Array, size: float) -> Array:
     bulge = _OUT_UP_AHEAD + np.array([random.gauss(0, 0.55), random.gauss(0, 0.55), random.gauss(0, 0.35)])
     across = bulge - chord * (bulge @ chord) / length**2
     across /= max(float(np.sqrt(across @ across)), 1e-6)
-    arc[:3] = across * float(np.clip(size * length, -_LONGEST, _LONGEST))
+    arc[:3] = across * min(max(size * length, -_LONGEST), _LONGEST)
     turn = np.radians(pose[Channel.PRONATION])
-    drag = float(np.clip(_DRAG * chord[1], -_MOST_DRAG, _MOST_DRAG))
+    drag = min(max(_DRAG * float(chord[1]), -_MOST_DRAG), _MOST_DRAG)
     arc[Channel.FLEXION] = drag * np.sin(turn)
     arc[Channel.DEVIATION] = 0.7 * drag * np.cos(turn)
     arc[Channel.SWIVEL] = random.gauss(0, 5)

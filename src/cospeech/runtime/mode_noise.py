@@ -54,9 +54,9 @@ class SmoothGumbel:
         (e, _), (f, g) = self._stir.tolist()
         out = np.empty((frames, self._state.shape[1]))
         (x, v), stirs = self._state, self._rng.standard_normal((frames, *self._state.shape))
-        for row, (n, m) in zip(out, stirs, strict=True):
+        for row, en, fn, gm in zip(out, e * stirs[:, 0], f * stirs[:, 0], g * stirs[:, 1], strict=True):
             row[:] = x
-            x, v = a * x + b * v + e * n, c * x + d * v + f * n + g * m
+            x, v = a * x + b * v + en, c * x + d * v + fn + gm
         self._state = np.stack([x, v])
         return _gumbel(out).astype(np.float32)
 

@@ -25,7 +25,7 @@ from ..rules import MouthMaker, RuleBasedModel
 from ..rules.foresight import LEAST_FACE
 from ..rules.options import GenerationOptions, MotionLike
 from ..rules.stance_layer import REACH, StanceLayer
-from ..rules.streaming import check_speech, stream_motion
+from ..rules.streaming import MOST_AT_ONCE, check_speech, stream_motion
 from .conditioning import NOTHING, Conditioning, read_conditioning
 from .decoder import Decoder
 from .decoders import is_mouth, needs_stance, options_for_files, start_decoder
@@ -34,7 +34,7 @@ from .flow.latent_sources import Transfer, flow_of
 from .mouth import POSE, BundleMouth, open_default_mouth
 from .pose_resampler import PoseResampler
 from .rest_in_silence import RestInSilence
-from .session import PIECE, ResolvedStyle, TrainedSession, latency_of_body
+from .session import ResolvedStyle, TrainedSession, latency_of_body
 from .speech_frontend import SpeechFrontend, SpeechTextFrontend
 from .styles.space import style_space
 from .styles.style import Styles
@@ -135,7 +135,7 @@ class TrainedModel:
         return TrainedSession(
             self.system, frontend, decoder, faces, fps=options.fps, parts=options.parts, resolved_style=resolved_style,
             direct=self._resolve_style, intensity=options.intensity, before=conditioning.before, stances=stances,
-            rest=rest,
+            rest=rest, prosody=shared,
         )  # fmt: skip
 
     def _stances(self, options: GenerationOptions) -> list[StanceLayer]:
@@ -237,7 +237,7 @@ class TrainedModel:
         options = GenerationOptions(seed=seed, intensity=intensity, temperature=temperature, look_ahead=look_ahead)
         frontend, decoder = self._start(self._resolve_style(style), options)
         check_speech(speech)
-        made = [decoder.push(frontend.push(chunk)) for chunk in shift_times(speech, speech.start).chunks(PIECE)]
+        made = [decoder.push(frontend.push(chunk)) for chunk in shift_times(speech, speech.start).chunks(MOST_AT_ONCE)]
         made += [decoder.push(frontend.finish()), decoder.finish(frontend.silence)]
         sampled = PoseResampler(1, decoder.width, smooth=self.system.smooth, step=1.0)
         poses, at = sampled.push(np.concatenate(made, 1), frontend.frames, frontend.frames - 1)
@@ -248,7 +248,7 @@ class TrainedModel:
         """Several takes in one pass, which costs little more than one: those of ``seed``, ``seed + 1``, …"""
         session = self.session(takes=takes, **options)
         check_speech(speech)
-        pieces = [made for chunk in speech.chunks(PIECE) for made in session.push_takes(chunk)]
+        pieces = [made for chunk in speech.chunks(MOST_AT_ONCE) for made in session.push_takes(chunk)]
         pieces += session.finish_takes()
         return [Motion.concatenate(take) for take in zip(*pieces, strict=True)]
 

@@ -17,6 +17,7 @@ from ..audio.features.prosody import DELAY
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech
 from ..errors import InputError
+from ..motion.curves import clip
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT
 from ..rules.foresight import MOUTH_WAITS
@@ -37,6 +38,7 @@ POSE = "face"
 SHIPPED_FACE = Path(__file__).parents[1] / "assets" / "bundles" / "speech-to-face.cospeech"
 """The face that comes with the package."""
 _HOP = 0.5  # s made at once, and heard ahead at most; ours: half of what the face waits for anyway, and windows overlap little
+_LONG_HOP = 1.0  # s made at once where a window gives the very frames of the whole speech: windows overlap even less (ours)
 _SHORT_HOP = 2  # frames made at once where little may be waited for (ours)
 _HELD = 8  # frames ahead of a network that normalises over its window (ours)
 _LONGER = "a longer look_ahead"
@@ -54,8 +56,21 @@ def choose_layout(signature: Signature, fps: float, waits: float | None = None) 
     Raises:
         InputError: the network cannot do with so little.
     """
-    if waits is not None:
-        return _choose_short_layout(signature, floor(waits * fps + 1e-6))
+    usual = _choose_usual_layout(signature, fps)
+    if waits is None:
+        return usual
+    frames = floor(waits * fps + 1e-6)
+    if frames < usual.waits:
+        return _choose_short_layout(signature, frames)
+    if usual.fade:
+        return usual
+    hop = min(frames - usual.ahead, round(_LONG_HOP * fps)) // signature.multiple * signature.multiple
+    hop = max(hop, usual.hop)
+    return WindowLayout(2 * usual.ahead + hop, hop, usual.ahead, 0)
+
+
+def _choose_usual_layout(signature: Signature, fps: float) -> WindowLayout:
+    """Windows that half a second is made of at once."""
     hop = max(signature.multiple, round(_HOP * fps) // signature.multiple * signature.multiple)
     far = round(_HOP * fps)
     if signature.reach is not None and signature.reach <= far:  # exact: what one pass over the whole speech would make
@@ -102,9 +117,10 @@ class BundleMouth:
             raise InputError("this bundle cannot make the mouth", hint)
         track = StyleTrack(system, space, Styles(system, space).blend(style), [0], temperature=0.0)
         self._system, self._network, self._track = system, network, track
-        self._open(choose_layout(network.signature, system.fps))
-        if not self.latency <= MOUTH_WAITS:
-            raise InputError(f"the mouth's network needs {self.latency:.2f} s of speech ahead", f"at most {MOUTH_WAITS:.2f} s")
+        needs = choose_layout(network.signature, system.fps).waits / system.fps + self._waits
+        if not needs <= MOUTH_WAITS:
+            raise InputError(f"the mouth's network needs {needs:.2f} s of speech ahead", f"at most {MOUTH_WAITS:.2f} s")
+        self._open(choose_layout(network.signature, system.fps, MOUTH_WAITS - self._waits))
         self._first, self._kept = 0, np.zeros((0, len(ARKIT)), np.float32)  # index of the first frame kept; the frames
         self._finished = False
 
@@ -161,7 +177,7 @@ class BundleMouth:
             raise RuntimeError(f"the mouth is known until {self.certain_until:.3f} s, not at {times[-1]:.3f} s")
         low = np.floor(places + 1e-6).astype(int)
         share = np.maximum(places - low, 0.0)[:, None]
-        here, there = (self._kept[np.clip(low + n - self._first, 0, len(self._kept) - 1)].astype(float) for n in (0, 1))
+        here, there = (self._kept[clip(low + n - self._first, 0, len(self._kept) - 1)].astype(float) for n in (0, 1))
         gone = min(int(low[0]) - self._first, len(self._kept) - 1)
         if gone > 0:
             self._first, self._kept = self._first + gone, self._kept[gone:].copy()
@@ -171,7 +187,7 @@ class BundleMouth:
         """Weights of what further frames of the network make certain."""
         poses, at = self._sampled.push(made, total, last)
         if len(at):
-            weights = np.clip(self._decoder.denormalise(poses, at)[0, :, : len(ARKIT)], 0.0, 1.0)
+            weights = clip(self._decoder.denormalise(poses, at)[0, :, : len(ARKIT)], 0.0, 1.0)
             self._kept = np.concatenate([self._kept, weights.astype(np.float32)])
 
 

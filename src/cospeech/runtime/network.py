@@ -73,10 +73,9 @@ class Network:
         sizes = self._sizes(given)
         frames = sizes.get("T", sizes.get("S", 1) * self.signature.multiple)
         inputs, outputs = self._shapes(sizes.get("N", 1), frames)
-        for name, array in given.items():
-            if np.shape(array) != inputs.get(name) or 0 in np.shape(array):
-                shapes = {name: np.shape(array) for name, array in given.items()}
-                raise InputError(f"a network was given {shapes}"[:200], f"it takes {self._given}"[:200])
+        if not (all(np.shape(array) == inputs.get(name) for name, array in given.items()) and sizes.get("N", 1) and frames):
+            shapes = {name: np.shape(array) for name, array in given.items()}
+            raise InputError(f"a network was given {shapes}"[:200], f"it takes {self._given}"[:200])
         if frames % self.signature.multiple and "T" in sizes:
             raise InputError(f"a network was given {frames} frames", f"a multiple of {self.signature.multiple}")
         sane = {name: array if name in self.signature.state else _sane(array) for name, array in given.items()}

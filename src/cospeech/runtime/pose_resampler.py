@@ -6,6 +6,7 @@ from math import comb
 
 import numpy as np
 
+from ..motion.curves import clip
 from ..motion.rotations import Array
 
 __all__ = ["MOST_LAG", "PoseResampler"]
@@ -70,6 +71,6 @@ class PoseResampler:
         """(N, n, D) of these indices."""
         total = np.zeros((len(self._made), len(poses), self._made.shape[2]), np.float32)
         for n, tap in enumerate(self._taps):
-            index = np.clip(poses + n - self._smooth, 0, last)
+            index = clip(poses + n - self._smooth, 0, last)
             total += tap * self._made[:, np.maximum(index - self._first, 0)]
         return total

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections import deque
 from functools import cache
-from itertools import islice
 from math import floor, inf
 
 import numpy as np
@@ -29,6 +28,7 @@ __all__ = ["RestInSilence", "resting_pose"]
 
 _RATE = 50  # decisions a second [ours: a decision is then as long as a frame of the rules' slowest display]
 _SILENCE = 0.6  # s without a voice after which hands rest [ours: pauses inside a sentence are shorter; `motion.md` §1]
+_PAUSE = round(_SILENCE * _RATE)  # decisions
 _FORESEEN = 0.5  # s that are looked ahead at most [ours: so long does it take to raise the hands]
 _DOWN, _UP = 0.7, 0.5  # s in which hands come to rest, and from there [ours: an unhurried retraction takes .5 to .8 s]
 _VOICED = 0.5  # voicing above which there is a voice (`cospeech.audio.features.prosody`)
@@ -60,7 +60,7 @@ class RestInSilence:
         self._trunk = [humanoid().index[name] for name in _TRUNK] if "body" in parts else []
         self._loudest = -inf
         self._raw = deque[bool](maxlen=4)
-        self._heard = deque[bool]()  # whether there is speech; of what is not decided yet, and as much before as counts
+        self._quiet = 0  # decisions since there was speech
         self._count, self._shares, self._first = 0, list[float](), 0  # of decisions; those that frames still need
         self._place = 0.0
         self._given = 0
@@ -127,21 +127,17 @@ class RestInSilence:
 
     def _decide(self, speech: bool) -> None:
         """The next decision, of ``ahead`` before this moment."""
-        window = round(_SILENCE * _RATE)
-        self._heard.append(speech)
+        self._quiet = 0 if speech else self._quiet + 1
         self._count += 1
         if self._count <= self._ahead:
             return
         now = self._count - 1 - self._ahead
-        recent = islice(self._heard, max(len(self._heard) - window, 0), None)
-        rests = not any(recent)
+        rests = self._quiet >= min(self._count, _PAUSE)
         if now == 0:
             self._place = float(rests)
         else:
             self._place = min(max(self._place + (1 / _DOWN if rests else -1 / _UP) / _RATE, 0.0), 1.0)
         self._shares.append(self._place)
-        while len(self._heard) > window:
-            self._heard.popleft()
 
 
 @cache

@@ -9,14 +9,16 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from math import inf
 
 import numpy as np
 
 from ..audio.emotions import Moods, emotion_track
 from ..audio.event_detection import TICK
 from ..audio.features.mel import RATE as SAMPLE_RATE
+from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech, count_frames, shift_times
 from ..errors import InputError
 from ..motion.motion import Motion
@@ -41,9 +43,8 @@ from .styles.embedding import StyleMixture
 from .system import System
 from .waiting_speech import WaitingSpeech
 
-__all__ = ["PIECE", "ResolvedStyle", "TrainedSession", "latency_of_body"]
+__all__ = ["ResolvedStyle", "TrainedSession", "latency_of_body"]
 
-PIECE = 2.0  # seconds of speech worked off at once
 _LATEST = 0.15  # seconds for which pieces wait at most, while the face is busy (ours)
 
 
@@ -82,6 +83,7 @@ class TrainedSession:
         before: motion that it goes on from, where some is given.
         stances: what carries the body of each take; none for a body that has legs of its own.
         rest: what lets the hands rest in silence, if anything does.
+        prosody: with which all of them hear.
     """
 
     def __init__(
@@ -99,8 +101,9 @@ class TrainedSession:
         before: Motion | None = None,
         stances: Sequence[StanceLayer] = (),
         rest: RestInSilence | None = None,
+        prosody: SharedProsody,
     ) -> None:
-        self._stances, self._rest = stances, rest
+        self._stances, self._rest, self._prosody = stances, rest, prosody
         self._poses = [PoseDecoder(find_pose(system.pose), fps, system.fps / fps) for _ in faces]
         self._frontend, self._decoder, self._rate_of_poses = frontend, decoder, system.fps
         self._sampled = PoseResampler(decoder.takes, decoder.width, smooth=system.smooth, step=system.fps / fps)
@@ -267,12 +270,16 @@ class TrainedSession:
 
     def _hear(self, piece: Speech) -> None:
         """A piece. At 16 kHz the body hears small pieces together, and decodes its poses, while the face is quiet, where that
-        makes no frame late; what a resampler keeps of other rates is not known here."""
+        makes no frame late; what a resampler keeps of other rates is not known here. It hears what the face has heard, whose
+        prosody is worked out already."""
         self._held.hold(piece)
         quiet = all(face.is_quiet(self._held.heard) for face in self._faces)
-        waits = piece.rate == SAMPLE_RATE and self._held.seconds + piece.duration <= min(self._slack, _LATEST)
+        late = min(self._slack, _LATEST) - float(piece.duration) if piece.rate == SAMPLE_RATE else -inf
+        waits = self._held.seconds <= late
         hears = not waits or (quiet and self._held.seconds >= TICK)
-        made = self._push_body() if hears else None
+        ready = self._prosody.samples
+        shares = ready > self._held.begin and (self._held.heard - ready) / SAMPLE_RATE <= late
+        made = self._push_body(ready if shares else inf) if hears else None
         for face, kept in zip(self._faces, self._heads, strict=True):  # after the player, in whose mood they may be
             self._see(kept, face.push(piece))
         if made is not None:
@@ -282,9 +289,9 @@ class TrainedSession:
         elif (made is None or not made.shape[1]) and len(self._bodies[0]) < TICK * self._fps:
             self._decode()  # a quiet moment: what is decoded now, no busy one has to decode
 
-    def _push_body(self) -> Array | None:
-        """What the body's network makes of what is held; None where nothing is."""
-        piece = self._held.take()
+    def _push_body(self, until: float = inf) -> Array | None:
+        """What the body's network makes of what is held up to a place in samples; None where nothing is."""
+        piece = self._held.take(until)
         if piece is None:
             return None
         if self._rest is not None:
@@ -362,9 +369,11 @@ class TrainedSession:
                 eyes, face = head.take(count)
                 rotations = rotations.copy()
                 rotations[:, eye_joints()] = eyes
-                aimed = self._faces[take].aim(Motion(self._fps, rotations, root, face, humanoid(), start))
-                rotations, face = aimed.rotations, aimed.face
+            motion = Motion(self._fps, rotations, root, face, humanoid(), start)
+            if face is not None:
+                motion = self._faces[take].aim(motion)
             if self._seams:
-                rotations, root = self._seams[take].blend(rotations, root, self._frame - count)
-            made.append(Motion(self._fps, rotations, root, face, humanoid(), start))
+                rotations, root = self._seams[take].blend(motion.rotations, root, self._frame - count)
+                motion = replace(motion, rotations=rotations, root=root)
+            made.append(motion)
         return made

@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..audio.emotions import EMOTIONS, EmotionTrack, Moods, SteeredMoods
+from ..motion.curves import clip
 from ..motion.rotations import Array
 from ..rules.mood import SPAN
 from .network import Network
@@ -51,7 +52,8 @@ class SpeakerEmotionTracker:
         self._sum = np.zeros(width)
         self._count = np.full(width, DOUBT * fps)
         self._felt = np.zeros(len(EMOTIONS))
-        self._first, self._course = 0, [self._now()]  # of the frame before the first that is kept, then of those
+        before = self._judge((self._sum / self._count)[None])[0]
+        self._first, self._course = 0, [before]  # of the frame before the first that is kept, then of those
         self.frames = 0
         """Of which probabilities are known."""
 
@@ -71,12 +73,15 @@ class SpeakerEmotionTracker:
         logits = None
         if self._classifier is not None and voiced.any():
             logits = self._classifier.run(rows=rows[None])["logits"][0, self._reach : self._reach + BLOCK]
-        for k in range(BLOCK):
+        means = np.empty((BLOCK, len(self._sum)))
+        for k, voice in enumerate(voiced.tolist()):
             self._sum, self._count = self._sum * self._fade, self._count * self._fade
-            if logits is not None and voiced[k]:
+            if logits is not None and voice:
                 self._sum, self._count = self._sum + logits[k], self._count + 1
-            self._course.append(self._now())
-            self._felt += self._course[-1][self._speakers :]
+            means[k] = self._sum / self._count
+        for shares in self._judge(means):
+            self._course.append(shares)
+            self._felt += shares[self._speakers :]
         self.frames += BLOCK
 
     @property
@@ -91,7 +96,7 @@ class SpeakerEmotionTracker:
             frames: (…,) whole or not.
         """
         wanted = np.asarray(frames, float)
-        known = np.clip(wanted - self.lag, self._first - 1, self.frames - 1)
+        known = clip(wanted - self.lag, self._first - 1, self.frames - 1)
         low = np.floor(known).astype(int)
         first, last = int(low.min(initial=self.frames - 1)), int(low.max(initial=self._first - 1)) + 1
         course = np.array(self._course[first - self._first + 1 : last - self._first + 2])
@@ -146,13 +151,12 @@ class SpeakerEmotionTracker:
         """(8,) mean probabilities over all that was heard."""
         return self._felt / self.frames if self.frames else self._course[-1][self._speakers :]
 
-    def _now(self) -> Array:
-        """(S + 8,) two distributions, of what was heard so far."""
-        logits = self._sum / self._count
-        return np.concatenate([_softmax(logits[: self._speakers]), _softmax(logits[self._speakers :])])
+    def _judge(self, logits: Array) -> Array:
+        """(n, S + 8) two distributions each."""
+        return np.concatenate([_softmax(logits[:, : self._speakers]), _softmax(logits[:, self._speakers :])], 1)
 
 
 def _softmax(logits: Array) -> Array:
-    weights = np.exp(logits - logits.max())
-    scaled: Array = weights / weights.sum()
+    weights = np.exp(logits - logits.max(1, keepdims=True))
+    scaled: Array = weights / weights.sum(1, keepdims=True)
     return scaled

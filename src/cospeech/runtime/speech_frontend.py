@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from ..audio.features.reduce import open_features, reduce_audio
@@ -27,7 +29,7 @@ class SpeechFrontend:
         self._system = system
         self._controls = Crossfade(_row(controls), system.fps)
         self._features = open_features(system.audio, system.fps)
-        self._silence = self._standard(_silence(system))
+        self._silence = self._standard(_hear_silence(system.audio, system.fps))
         self._given = 0
         self._nothing = self.silence[:0]
 
@@ -74,9 +76,11 @@ class SpeechFrontend:
         """(T, C) columns as the network hears them; sounds louder or softer than any it has heard are as those."""
         s = self._system.statistics
         rows = (reduce_audio(columns, self._system.audio) - s.audio_mean) / s.audio_std
-        return np.clip(rows, s.audio_low, s.audio_high).astype(np.float32)
+        return np.minimum(np.maximum(rows, s.audio_low), s.audio_high).astype(np.float32)
 
     def _append_controls(self, rows: Array) -> Array:
+        if not self._system.controls:
+            return rows
         controls = self._controls.mix(lambda row: row, self._given + np.arange(len(rows)))[0]
         return np.concatenate([rows, np.broadcast_to(controls, (len(rows), controls.shape[1]))], 1)
 
@@ -94,7 +98,8 @@ class SpeechTextFrontend:
     def __init__(self, system: System, controls: Array) -> None:
         self._system, self._frontend, self._words = system, SpeechFrontend(system, controls), WordStream(system.fps)
         self._heard = self._frontend.silence[:0]
-        self._read = np.zeros((0, system.statistics.words.shape[1]), np.float32)
+        self._unsaid = system.word_rows([None])
+        self._read = self._unsaid[:0]
 
     def share(self, prosody: SharedProsody) -> None:
         """See `SpeechFrontend`."""
@@ -131,18 +136,22 @@ class SpeechTextFrontend:
 
     def _join(self, words: list[str | None]) -> Array:
         """Rows of which both the sound and the word are known."""
-        self._read = np.concatenate([self._read, self._system.word_rows(words)])
+        read = self._system.word_rows(words) if any(words) else np.repeat(self._unsaid, len(words), 0)
+        self._read = np.concatenate([self._read, read])
         known = min(len(self._heard), len(self._read))
         rows = np.concatenate([self._heard[:known], self._read[:known]], 1)
         self._heard, self._read = self._heard[known:].copy(), self._read[known:].copy()
         return rows
 
 
-def _silence(system: System) -> Array:
-    """(1, C) columns of silence."""
-    silence = open_features(system.audio, system.fps)
-    rows = silence.push(Speech(np.zeros(16_000, np.float32)))
-    return np.concatenate([rows, silence.finish(1)])[:1]
+@cache
+def _hear_silence(audio: str, fps: float) -> Array:
+    """(1, C) columns of silence; to be read only."""
+    features = open_features(audio, fps)
+    rows = features.push(Speech(np.zeros(16_000, np.float32)))
+    found = np.concatenate([rows, features.finish(1)])[:1]
+    found.setflags(write=False)
+    return found
 
 
 def _row(controls: Array) -> Array:

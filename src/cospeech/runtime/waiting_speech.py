@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from math import inf
 
 import numpy as np
 
@@ -32,15 +33,25 @@ class WaitingSpeech:
         """Of what is held."""
         return self._count / self._pieces[0].rate if self._pieces else 0.0
 
+    @property
+    def begin(self) -> int:
+        """Samples before those that are held, in all."""
+        return self.heard - self._count
+
     def hold(self, piece: Speech) -> None:
         """Keep a piece."""
         self._pieces.append(piece)
         self._count += len(piece)
         self.heard += len(piece)
 
-    def take(self) -> Speech | None:
-        """All that is held, as one piece; None where there is nothing."""
-        pieces, self._pieces, self._count = self._pieces, [], 0
+    def take(self, until: float = inf) -> Speech | None:
+        """What is held up to a place in samples, counted from the beginning, as one piece; None where there is nothing."""
+        end, count = self.heard - self._count, 0
+        for piece in self._pieces:
+            if end + len(piece) > until:
+                break
+            end, count = end + len(piece), count + 1
+        pieces, self._pieces, self._count = self._pieces[:count], self._pieces[count:], self.heard - end
         if len(pieces) < 2:
             return pieces[0] if pieces else None
         said = [piece.words for piece in pieces if piece.words is not None]

@@ -84,18 +84,30 @@ class FrameFeatures(StreamingFeatures):
 
     def _rows(self, frames: NDArray[np.int64]) -> Floats:
         low = np.minimum(self._edge(frames), self._end - 1)
-        count = np.clip(self._edge(frames + 1), low + 1, self._end) - low
-        total = np.zeros((len(frames), len(AUDIO_NAMES)))
-        voiced = np.zeros(len(frames))
-        for k in range(count.max(initial=0)):  # one after the other: the bits do not depend on the rows beside
-            row = self._heard[np.minimum(low + k, self._end - 1) - self._first]
-            row = np.where((k < count)[:, None], row, 0.0)
-            total += row
-            voiced += row[:, _PITCH] > 0
+        count = np.minimum(np.maximum(self._edge(frames + 1), low + 1), self._end) - low
+        total, voiced = self._add_few(low, count) if count.max(initial=0) > len(frames) else self._add_many(low, count)
         pitch = total[:, _PITCH] / np.maximum(voiced, 1)
         out = (total / count[:, None]).astype(np.float32)
         out[:, _PITCH] = pitch
         return out
+
+    def _add_few(self, low: NDArray[np.int64], count: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Sums (n, 84) of so many hundredths each, and (n,) how many of them are voiced; frame by frame."""
+        total, voiced = np.empty((len(low), len(AUDIO_NAMES))), np.empty(len(low))
+        for k, (first, many) in enumerate(zip((low - self._first).tolist(), count.tolist(), strict=True)):
+            rows = self._heard[first : first + many].astype(float)
+            total[k], voiced[k] = np.add.reduce(rows, 0), np.count_nonzero(rows[:, _PITCH] > 0)
+        return total, voiced
+
+    def _add_many(self, low: NDArray[np.int64], count: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The same, hundredth by hundredth: bits do not depend on the rows beside."""
+        total, voiced = np.zeros((len(low), len(AUDIO_NAMES))), np.zeros(len(low))
+        for k in range(count.max(initial=0)):
+            row = self._heard[np.minimum(low + k, self._end - 1) - self._first]
+            row = np.where((k < count)[:, None], row, 0.0)
+            total += row
+            voiced += row[:, _PITCH] > 0
+        return total, voiced
 
     def _find_oldest(self, frame: int) -> int:
         return min(self._edge_of(frame), self._end - 1)

@@ -137,7 +137,7 @@ class Bands(Generic[T]):
         self.starts = np.cumsum([0, *(len(at) for at in rows[:-1])])
 
     def __call__(self, power: NDArray[T]) -> NDArray[T]:
-        return np.add.reduceat(power[:, self.bins] * self.weights, self.starts, axis=1)
+        return np.add.reduceat(power.take(self.bins, 1) * self.weights, self.starts, axis=1)
 
 
 @cache

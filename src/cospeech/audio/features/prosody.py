@@ -150,6 +150,7 @@ class ProsodyStream:
         self._peak = -np.inf  # recent peak level
         self._raw_pitch = np.zeros(MEDIAN // 2, np.float32)  # frames around those to be smoothed; silence before the first
         self._waiting: list[Features] = []
+        self._memory = _PitchMemory()
 
     def push(self, samples: Floats) -> Features:
         """The frames that these samples complete; possibly none."""
@@ -184,15 +185,21 @@ class ProsodyStream:
         mel = _mel_bands(N_MELS)(power)
         bands = _decibels(_log_bands()(power))
         energy, bands = bands[:, 0], np.ascontiguousarray(bands[:, 1:])
-        heard = _decibels(np.maximum(mel, np.float32(ONSET_FLOOR)))
-        before = heard[:1] if self._mel_before is None else self._mel_before
-        onset = np.maximum(np.diff(heard, axis=0, prepend=before), 0).mean(axis=1)
-        self._mel_before = heard[-1:]
-        pitch, strength = _pitch(frames)
-        voicing = np.where(self._loud_enough(energy), np.clip((strength - VOICED[0]) / (VOICED[1] - VOICED[0]), 0, 1), 0)
-        voicing = voicing.astype(np.float32)
-        self._raw_pitch = np.concatenate([self._raw_pitch, np.where(voicing > 0.5, pitch, 0).astype(np.float32)])
-        kept = log_power(mel) if self.keep_mel else None
+        logs = log_power(mel)
+        heard = np.maximum(logs, _onset_floor()) * _TO_DECIBELS
+        steps = np.empty_like(heard)
+        np.subtract(heard[1:], heard[:-1], out=steps[1:])
+        steps[0] = 0 if self._mel_before is None else heard[0] - self._mel_before
+        onset = np.maximum(steps, 0).mean(axis=1)
+        self._mel_before = heard[-1]
+        voicing, pitch = np.zeros((2, len(frames)), np.float32)
+        loud = np.flatnonzero(self._loud_enough(energy))  # nothing else can be voice
+        if len(loud):
+            found, strength = _pitch(frames if len(loud) == len(frames) else frames[loud], self._memory)
+            voicing[loud] = np.minimum(np.maximum((strength - VOICED[0]) / (VOICED[1] - VOICED[0]), 0), 1)
+            pitch[loud] = found
+        self._raw_pitch = np.concatenate([self._raw_pitch, np.where(voicing > 0.5, pitch, np.float32(0))])
+        kept = logs if self.keep_mel else None
         self._waiting.append(Features(energy, energy, voicing, onset, bands, kept, start=self._made))  # pitch follows
         self._made += len(frames)
 
@@ -235,8 +242,17 @@ def find_pauses(energy: NDArray[np.floating], fps: float = FPS, *, shortest: flo
     return [(first / fps, last / fps) for first, last in pairs if last - first >= shortest * fps]
 
 
+_TO_DECIBELS = np.float32(10 / np.log(10))
+
+
 def _decibels(power: Floats) -> Floats:
-    return log_power(power) * np.float32(10 / np.log(10))
+    return log_power(power) * _TO_DECIBELS
+
+
+@cache
+def _onset_floor() -> np.float32:
+    """Logarithm of `ONSET_FLOOR`."""
+    return log_power(np.full(BATCH, ONSET_FLOOR, np.float32))[0]  # type: ignore[no-any-return]
 
 
 def _nothing(mel: bool) -> Features:
@@ -281,18 +297,33 @@ def _pitch_scales() -> tuple[Floats, NDArray[np.int64], Floats]:
     return hann(PITCH_WINDOW).astype(np.float32), at, cost.astype(np.float32)
 
 
-def _pitch(frames: Floats) -> tuple[Floats, Floats]:
-    """(T, 800) samples → pitch (T,) in Hz and strength (T,) 0 … 1, from the autocorrelation.
+class _PitchMemory:
+    """Memory of `_pitch` that is kept from batch to batch: asking the system for so much takes as long as a transform.
+
+    Samples behind the window, and powers beyond the band that is looked at, stay 0.
+    """
+
+    def __init__(self) -> None:
+        self.windowed = np.zeros((BATCH, PITCH_TRANSFORM), np.float32)
+        self.spectra = np.empty((BATCH, PITCH_TRANSFORM // 2 + 1), np.complex64)
+        self.power = np.zeros((BATCH, PITCH_TRANSFORM // 4 + 1), np.float32)
+        self.lags = np.empty((BATCH, PITCH_TRANSFORM // 2), np.float32)
+
+
+def _pitch(frames: Floats, memory: _PitchMemory) -> tuple[Floats, Floats]:
+    """(T, 800) samples → pitch (T,) in Hz and strength (T,) 0 … 1, from the autocorrelation; T is `BATCH` at most.
 
     P. Boersma, "Accurate short-term analysis of the fundamental frequency…", IFA Proceedings 17, 1993; no path search.
     """
     window, at, cost = _pitch_scales()
-    spectra = np.fft.rfft(frames * window, PITCH_TRANSFORM)
+    count = len(frames)
+    np.multiply(frames, window, out=memory.windowed[:count, :PITCH_WINDOW])
+    spectra = np.fft.rfft(memory.windowed[:count], out=memory.spectra[:count])  # type: ignore[arg-type]  # stubs know doubles
     per_bin = RATE / PITCH_TRANSFORM
     low, high = round(PITCH_BAND[0] / per_bin), round(PITCH_BAND[1] / per_bin)
-    power = np.zeros((len(frames), PITCH_TRANSFORM // 4 + 1), np.float32)
+    power = memory.power[:count]
     power[:, low:high] = np.square(spectra[:, low:high].real) + np.square(spectra[:, low:high].imag)
-    lags = np.fft.irfft(power, PITCH_TRANSFORM // 2)
+    lags = np.fft.irfft(power, PITCH_TRANSFORM // 2, out=memory.lags[:count])  # type: ignore[arg-type]  # as before
     shortest, longest = _LAGS
     around = lags[:, shortest - 1 : longest + 2] / np.maximum(lags[:, :1], np.float32(1e-12))
     around = around / _window_autocorrelation()[shortest - 1 : longest + 2]
@@ -305,7 +336,8 @@ def _pitch(frames: Floats) -> tuple[Floats, Floats]:
     bend = left - 2 * top + right
     shift = np.where(bend < 0, (left - right) / np.where(bend < 0, 2 * bend, 1), 0)
     strength = np.where(peaks[rows, best], top - (left - right) * shift / 4, 0)
-    return (LAG_RATE / (at[best] + np.clip(shift, -0.5, 0.5))).astype(np.float32), np.clip(strength, 0, 1).astype(np.float32)
+    shift, strength = np.minimum(np.maximum(shift, -0.5), 0.5), np.minimum(np.maximum(strength, 0), 1)
+    return (LAG_RATE / (at[best] + shift)).astype(np.float32), strength.astype(np.float32)
 
 
 def _mend_jumps(pitch: Floats) -> Floats:

@@ -39,7 +39,8 @@ class SharedProsody:
     def __init__(self) -> None:
         self._stream = ProsodyStream(mel=True)
         self._nothing = self._stream.push(np.zeros(0, np.float32))
-        self._samples, self._over = 0, False
+        self.samples, self._over = 0, False
+        """Samples that somebody has heard, in all."""
         self._first, self._pieces = 0, list[Features]()  # pieces that somebody has not had yet, and the number of the first
         self._had: list[int] = []  # pieces, of each listener
 
@@ -50,9 +51,9 @@ class SharedProsody:
 
     def hear(self, samples: Floats, end: int) -> None:
         """Samples that end at this place of the speech; those that were heard already are passed over."""
-        new = end - self._samples
+        new = end - self.samples
         if new > 0 and not self._over:
-            self._samples = end
+            self.samples = end
             self._keep(self._stream.push(samples[len(samples) - new :]))
 
     def end(self) -> None:

@@ -62,10 +62,7 @@ class StreamingFeatures(ABC):
         if self._none is not None and self._held.is_short(samples, self._needs()):
             return self._none
         self._keep(self._convert(self._held.take(samples)))
-        until = self._given
-        while self._certain(until):
-            until += 1
-        return self._give(until)
+        return self._give(self._find_certain())
 
     def finish(self, frames: int | None = None) -> Floats:
         """The rest of the rows; frames after the end of the sound have what was heard last.
@@ -81,6 +78,17 @@ class StreamingFeatures(ABC):
             self._keep(self._convert(self._held.take(self._speech.finish())))
             self._keep(self._rest())
         return self._give(max(total, self._given))
+
+    def _find_certain(self) -> int:
+        """The first frame whose row is not certain yet; in steps that double, and then halve."""
+        until, step = self._given, 1
+        while self._certain(until + step - 1):
+            until, step = until + step, 2 * step
+        while step > 1:
+            step //= 2
+            if self._certain(until + step - 1):
+                until += step
+        return until
 
     def _needs(self) -> int:
         """Samples after which the next row is certain; more of the sound is not looked at before."""
@@ -116,7 +124,7 @@ class StreamingFeatures(ABC):
 
     @abstractmethod
     def _certain(self, frame: int) -> bool:
-        """Whether all has been heard that the row of a frame is made of."""
+        """Whether all has been heard that the row of a frame is made of; then it is for the frames before, too."""
 
     @abstractmethod
     def _rows(self, frames: NDArray[np.int64]) -> Floats:

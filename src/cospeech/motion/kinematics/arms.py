@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..curves import clip
 from ..rotations import Array, cross, matrix_to_quat, quat_conjugate, quat_identity, quat_multiply, vector_normalize
 from ..skeleton import humanoid
 from .hands import Channel
@@ -81,7 +82,7 @@ def solve_arm(target: Array, swivel: Array) -> tuple[Array, Array]:
     pole = vector_normalize(pole)
     side = cross(along, pole)
     pole = pole * np.cos(swivel)[..., None] + side * np.sin(swivel)[..., None]
-    cosine = np.clip((upper**2 + d**2 - fore**2) / (2 * upper * np.maximum(d, 1e-6)), -1, 1)
+    cosine = clip((upper**2 + d**2 - fore**2) / (2 * upper * np.maximum(d, 1e-6)), -1, 1)
     elbow = along * (upper * cosine)[..., None] + pole * (upper * np.sqrt(1 - cosine**2))[..., None]
     normal = vector_normalize(cross(along, pole))  # along × pole: the hinge's axis, shared by both bones
     frames = bone_frame(np.stack([elbow, target - elbow]), np.broadcast_to(normal, (2, *normal.shape)))
@@ -150,7 +151,7 @@ def finger_angles(rotations: Array) -> tuple[Array, Array]:
 
 def _parting(knuckles: Array) -> Array:
     """What each finger has of the spread: bent fingers cannot part (collateral ligaments tighten)."""
-    return _SPREAD_SHARE * np.clip(1 - knuckles / 1.2, 0.0, 1.0)
+    return _SPREAD_SHARE * clip(1 - knuckles / 1.2, 0.0, 1.0)
 
 
 def _turn_about(q: Array, axis: int) -> Array:

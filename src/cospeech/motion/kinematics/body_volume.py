@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..curves import clip
 from ..rotations import Array
 
 __all__ = ["HEAD_CENTRE", "HEAD_RADII", "SECTIONS", "THIGH_TOP", "push_from_head", "push_from_thighs", "push_from_torso"]
@@ -25,6 +26,8 @@ SECTIONS = np.array(
         (1.50, 0.065, 0.065, -0.004),
     ]
 )
+_HEIGHTS, _SIZES = SECTIONS[:, 0].copy(), np.ascontiguousarray(SECTIONS[:, 1:].T)
+_SLOPES = np.concatenate([np.diff(_SIZES) / np.diff(_HEIGHTS), np.zeros((3, 1))], 1)
 HEAD_CENTRE = np.array([0.0, 0.090, 0.006])  # from the head joint
 HEAD_RADII = np.array([0.088, 0.131, 0.119])
 THIGH_TOP = 0.085  # above the line hip joint – knee, metres; ours: the mannequin's thigh plus cloth
@@ -42,7 +45,7 @@ def push_from_torso(points: Array, radius: Array | float) -> Array:
     The push is horizontal, along the ellipse's normal, and never towards the back: a hand in front leaves to the front.
     """
     h = points[..., 1]
-    a, b, centre = (np.interp(h, SECTIONS[:, 0], SECTIONS[:, k]) for k in (1, 2, 3))
+    a, b, centre = _measure_section(h)
     a, b = a + radius, b + radius
     x, z = points[..., 0], points[..., 2] - centre
     norm = np.sqrt((x / a) ** 2 + (z / b) ** 2) + 1e-6
@@ -59,6 +62,13 @@ def push_from_torso(points: Array, radius: Array | float) -> Array:
     return out
 
 
+def _measure_section(height: Array) -> Array:
+    """(3, …) half width, half depth and centre of the torso at heights (…): as three times `numpy.interp`, at once."""
+    height = clip(height, _HEIGHTS[0], _HEIGHTS[-1])
+    below = np.searchsorted(_HEIGHTS, height, "right") - 1
+    return _SLOPES.take(below, 1) * (height - _HEIGHTS.take(below)) + _SIZES.take(below, 1)
+
+
 def push_from_head(points: Array, centre: Array, radius: Array | float) -> Array:
     """Displacement (..., 3) that brings balls out of the head's ellipsoid around ``centre (..., 3)``."""
     radii = HEAD_RADII + np.asarray(radius)[..., None]
@@ -73,8 +83,8 @@ def push_from_head(points: Array, centre: Array, radius: Array | float) -> Array
 def push_from_thighs(points: Array, top: Array | float, front: float, radius: Array | float) -> Array:
     """Displacement upward that keeps balls above the lap of a seated body (thighs at height ``top`` as far as ``front``)."""
     inside = top + radius - points[..., 1]
-    fade = np.clip((points[..., 2] + 0.15) / 0.15, 0.0, 1.0) * np.clip((front - points[..., 2]) / 0.15, 0.0, 1.0)
-    fade = fade * np.clip((0.58 - np.abs(points[..., 0])) / 0.20, 0.0, 1.0)  # beside the chair's seat too: a wide, soft edge
+    fade = clip((points[..., 2] + 0.15) / 0.15, 0.0, 1.0) * clip((front - points[..., 2]) / 0.15, 0.0, 1.0)
+    fade = fade * clip((0.58 - np.abs(points[..., 0])) / 0.20, 0.0, 1.0)  # beside the chair's seat too: a wide, soft edge
     out = np.zeros_like(points)
-    out[..., 1] = _soft_excess(np.clip(inside, -0.2, 0.18)) * fade
+    out[..., 1] = _soft_excess(clip(inside, -0.2, 0.18)) * fade
     return out

@@ -7,6 +7,7 @@ written for the left hand; the right is its mirror image. Angles in degrees here
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -46,7 +47,12 @@ class HandShape(NamedTuple):
 
     def values(self) -> Array:
         """(12,) in the order of the channels 7 … 18."""
-        return np.array([*self.knuckles, *self.middles, self.spread, *self.thumb], float)
+        return _values_of(self).copy()
+
+
+@lru_cache(256)
+def _values_of(shape: HandShape) -> Array:
+    return np.array([*shape.knuckles, *shape.middles, shape.spread, *shape.thumb], float)
 
 
 HAND_SHAPES: dict[str, HandShape] = {

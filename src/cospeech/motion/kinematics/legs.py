@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from ..curves import clip
 from ..rotations import Array, cross, euler_to_quat, matrix_to_quat, quat_conjugate, quat_multiply, quat_rotate
 from ..skeleton import humanoid
 from .body import Body
@@ -54,7 +55,7 @@ def stand(b: Array, seated: bool, rotations: Array | None) -> tuple[Array, Array
     roll = b[:, Body.HIPS_ROLL] + (0.0 if seated else _TILT * weight_shift(b))
     pitch = b[:, Body.HIPS_PITCH] + b[:, Body.PITCH] * (_LEANS if seated else 0.12)
     if seated:  # no forward tilt under a raised thigh: hips bend by 120° at most
-        raised = np.clip(lift.max(1) / 0.15, 0.0, 1.0)
+        raised = clip(lift.max(1) / 0.15, 0.0, 1.0)
         room = 12.0 - 17.0 * raised * raised * (3 - 2 * raised)
         pitch = room - 3.0 * np.logaddexp(0.0, (room - pitch) / 3.0)
     yaw = b[:, Body.HIPS_YAW] + (0.0 if seated else feet[..., 2].mean(1))
@@ -122,7 +123,7 @@ def _legs(hips: Array, root: Array, ankles: Array, yaw: Array, tip: Array) -> Ar
     pole = np.stack([np.sin(turn), np.zeros_like(turn), np.cos(turn)], -1)
     pole = pole - np.einsum("nsi,nsi->ns", pole, along)[..., None] * along
     pole /= np.maximum(np.sqrt(np.einsum("nsi,nsi->ns", pole, pole))[..., None], 1e-9)
-    cosine = np.clip((upper**2 + d**2 - lower**2) / (2 * upper * d), -_FOLDED, _FOLDED)
+    cosine = clip((upper**2 + d**2 - lower**2) / (2 * upper * d), -_FOLDED, _FOLDED)
     knee = along * (upper * cosine)[..., None] + pole * (upper * np.sqrt(1 - cosine**2))[..., None]
     hinge = cross(-along, pole)  # to the left
     bones = _bones(np.stack([knee, rel - knee], 2), hinge[:, :, None])
@@ -183,7 +184,7 @@ def read_feet(rotations: Array, root: Array) -> Array:
         world = quat_multiply(world, bones[:, :, k])
         ankle = ankle + quat_rotate(world, bone * _SIDES)
     toes = quat_rotate(quat_multiply(world, bones[:, :, 2]), np.array([0.0, 0.0, 1.0]))
-    turn, tip = np.arctan2(toes[..., 0], toes[..., 2]), -np.arcsin(np.clip(toes[..., 1], -1.0, 1.0))
+    turn, tip = np.arctan2(toes[..., 0], toes[..., 2]), -np.arcsin(clip(toes[..., 1], -1.0, 1.0))
     away = _ankles(np.stack([0 * turn, 0 * turn, np.degrees(turn)], -1), 0 * tip, tip)
     flat = ankle - away
     return np.stack([flat[..., 0], flat[..., 2], np.degrees(turn), flat[..., 1], tip], -1)
@@ -239,7 +240,7 @@ def plant(hips: Array, place: Array) -> tuple[Array, Array, Array]:
     Returns:
         The six joints, their local rotations (N, 6, 4), and the place (N, 3).
     """
-    u = np.clip((_STANDING - place[:, 1]) / (_STANDING - _SITTING), 0, 1)
+    u = clip((_STANDING - place[:, 1]) / (_STANDING - _SITTING), 0, 1)
     ankles = np.empty((len(place), 2, 3))
     ankles[:] = _SIDES * STANCE
     ankles[..., 1] = _leg()[3][1]

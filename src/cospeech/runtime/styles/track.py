@@ -102,7 +102,8 @@ class SpokenStyleTrack:
     ) -> None:
         self._system, self._space, self._tracker = system, space, tracker
         s = system.statistics
-        self._made = (s.live_model_mean, s.live_style_gain) if live else (s.model_mean, s.style_gain)
+        made = (s.live_model_mean, s.live_style_gain) if live else (s.model_mean, s.style_gain)
+        self._tables = np.concatenate([s.speaker_mean, *made], 1)
         self._asked = Crossfade(space.mix(mixture).code[None, None], system.fps)
 
     @property
@@ -135,8 +136,7 @@ class SpokenStyleTrack:
     def scales(self, at: Array) -> tuple[Array, Array, Array]:
         """See `StyleTrack`."""
         shares = self._weights(at)[:, : len(self._system.speakers)]
-        tables = (self._system.statistics.speaker_mean, *self._made)
-        mean, made, gain = (add_weighted_rows(shares, table).astype(np.float32) for table in tables)
+        mean, made, gain = np.split(add_weighted_rows(shares, self._tables).astype(np.float32), 3, axis=1)
         return mean, made, gain
 
     def restyle(self, mixture: StyleMixture, frame: int) -> None:

@@ -15,16 +15,19 @@ from scipy.sparse import csr_matrix, diags, identity
 
 from cospeech.motion.rotations import Array
 
+from .net import vertex_normals
+
 __all__ = ["Cloth", "Poses", "ease", "place"]
 
 # All ours, by trial: what stretches least without a joint that loses its volume or cloth that looks crumpled.
 _POWER, _STEEP = 3, 100.0  # of the price of stretch beyond what is allowed: the worst edges weigh most
 _PRESSED, _PUSH = 0.5, 0.05  # length, of that at rest, below which an edge counts as pressed, and the price of its square
 _STIFF = 1e-3  # price of weights that change unevenly
-_CRUMPLED = 0.05  # price of points that are displaced unevenly
+_SLID, _RAISED = 0.01, 0.35  # prices of points that are displaced unevenly, in any way and out of the surface: folds are seen
+_SCALE = 1e-3  # price of rows of weights that do not sum to 1 before they are divided by their sum
 _NEAR = 100.0  # 1/m²: price of change itself, of that of uneven change
 _START, _MORE = 40, 24  # poses looked at in the first round, and added in each later one
-_ROUNDS, _STEPS = 7, 80  # rounds, and steps of the descent in each
+_ROUNDS, _STEPS = 7, 100  # rounds, and steps of the descent in each
 _FOUR = 2  # round from which a point has four joints
 _RINGS = 12  # edges from a point to those whose joints it may follow
 _LEVER = 0.02  # metres added to how far a joint carries a point from its place: the unit of its weight
@@ -33,7 +36,13 @@ _SHORT = 1e-4  # metres: shorter edges are creases that do not count
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Poses to be ready for: the joints' transforms (P, J, 3, 4), stretch (P,) that costs nothing, and a factor (P,) of the price."""
+    """Poses to be ready for.
+
+    Args:
+        moves: (P, J, 3, 4) transforms of the joints from the T-pose.
+        allowed: (P,) stretch that costs nothing.
+        price: (P,) factor of the price of what is beyond.
+    """
 
     moves: Array
     allowed: Array
@@ -114,11 +123,12 @@ class _Descent:
         rows = np.repeat(np.arange(len(self.pairs)), 2)
         self.ends = csr_matrix((np.tile([1.0, -1.0], len(self.pairs)), (rows, self.pairs.ravel())), (len(self.pairs), count))
         self.gather = self.ends.T.tocsr().astype(np.float32)
-        lengths = np.linalg.norm(self.ends @ rest, axis=1)
-        self.uneven = (self.ends.T @ diags(lengths**-2) @ self.ends).tocsr()
+        self.lengths = np.linalg.norm(self.ends @ rest, axis=1)
+        self.uneven = (self.ends.T @ diags(self.lengths**-2) @ self.ends).tocsr()
         self.hold = np.where(leads, 1 / np.maximum(cloth.free, 1e-3) - 1, 0)
         self.may = self._reach() & (leads & (cloth.free > 0))[:, None]
         self.unit = self._units(rest)
+        self.out = vertex_normals(cloth.points, cloth.triangles)
         self.loose = np.flatnonzero(leads & (cloth.give > 0))
 
     def share(self, own: Array) -> Array:
@@ -141,7 +151,8 @@ class _Descent:
             alone = np.einsum("jab,vb->vja", move[..., :3], rest) + move[..., 3]
             away = alone - np.einsum("vj,vja->va", self.cloth.weights, alone)[:, None]
             total += (away**2).sum(2)
-        return np.sqrt(total / len(moves)) + _LEVER
+        unit = np.sqrt(total / len(moves)) + _LEVER
+        return unit if self.cloth.twins is None else (unit + unit[self.cloth.twins[0]][:, self.cloth.twins[1]]) / 2
 
     def _pose(self, rest: Array, weights: Array, moves: Array) -> tuple[Array, Array]:
         """Points (V, P, 3) in poses, and the blended transforms (V, P, 3, 4)."""
@@ -182,9 +193,9 @@ class _Descent:
     def _unpack(self, values: Array) -> tuple[Array, Array, Array]:
         """Points, weights of those that follow none, and the sums (V,) by which these were divided."""
         count, own = int(self.may.sum()), np.zeros(self.may.shape)
-        own[self.may] = values[:count] / self.unit[self.may]
+        own[self.may] = values[:count] / self.unit[self.may] + 1e-6  # no row of zeros in a step that is too long
         moving = self.may.any(1)
-        total = np.where(moving, np.maximum(own.sum(1), 1e-6), 1)
+        total = np.where(moving, own.sum(1), 1)
         own = np.where(moving[:, None], own / total[:, None], self.cloth.weights)
         moved = np.zeros(self.cloth.points.shape)
         moved[self.loose] = values[count:].reshape(-1, 3)
@@ -199,12 +210,15 @@ class _Descent:
         back = self.uneven @ change + _NEAR * self.hold[:, None] * change
         price += _STIFF * float((change * back).sum())
         by_weight = self.follow.T @ (by_weight + 2 * _STIFF * back * self.unit)
-        back = self.uneven @ moved + _NEAR * moved
-        price += _CRUMPLED * float((moved * back).sum())
-        by_point = self.follow.T @ (by_point + 2 * _CRUMPLED * back)
+        for cost, part in ((_SLID, moved), (_RAISED, (moved * self.out).sum(1, keepdims=True) * self.out)):
+            back = self.uneven @ part + _NEAR * part
+            price += cost * float((part * back).sum())
+            back = back if part is moved else (back * self.out).sum(1, keepdims=True) * self.out
+            by_point = by_point + 2 * cost * back
+        by_point = self.follow.T @ by_point
         by_weight = (by_weight - (by_weight * own).sum(1, keepdims=True)) / total[:, None]
-        price += 1e-3 * float(((total - 1) ** 2).sum())  # the scale of a row is free; it stays near 1
-        by_weight = (by_weight + 2e-3 * (total - 1)[:, None]) / self.unit
+        price += _SCALE * float(((total - 1) ** 2).sum())
+        by_weight = (by_weight + 2 * _SCALE * (total - 1)[:, None]) / self.unit
         if self.cloth.twins is not None:
             point, joint = self.cloth.twins
             by_weight = (by_weight + by_weight[point][:, joint]) / 2
@@ -223,11 +237,13 @@ class _Descent:
         now = np.sqrt(np.einsum("epa,epa->ep", between, between))
         ratio = now / lengths
         over, lack = np.maximum(ratio - 1 - allowed, 0), np.maximum(_PRESSED - ratio, 0)
-        price = _STEEP * float((factor * over**_POWER).sum()) + _PUSH * float((lack**2).sum())
+        short = np.maximum(_PRESSED - lengths[:, 0] / self.lengths, 0)  # at rest, of the length as sculpted
+        price = _STEEP * float((factor * over**_POWER).sum() + (short**2).sum()) + _PUSH * float((lack**2).sum())
         slope = _STEEP * _POWER * factor * over ** (_POWER - 1) - 2 * _PUSH * lack
         pull = (slope / lengths / np.maximum(now, 1e-9)).astype(np.float32)[:, :, None] * between
         force = (self.gather @ pull.reshape(len(pull), -1)).reshape(posed.shape)
-        by_rest = self.ends.T @ (-((slope * ratio).sum(1, keepdims=True) / lengths**2) * apart)
+        tension = (slope * ratio).sum(1) / lengths[:, 0] ** 2 + 2 * _STEEP * short / (self.lengths * lengths[:, 0])
+        by_rest = self.ends.T @ (-tension[:, None] * apart)
         by_rest = by_rest + np.einsum("vpab,vpa->vb", blend[..., :3], force)
         turned = np.einsum("vj,jab->vba", weights, sculpted[..., :3])
         by_point = np.linalg.solve(turned, by_rest[..., None])[..., 0]

@@ -25,8 +25,9 @@ __all__ = ["ease_parts"]
 
 SPEAKING, LIMITS = (0.22, 20.0), (0.26, 1.0)  # stretch that costs nothing in poses of the rules and at limits, price; ours
 RANDOM = 600  # poses at limits; ours
-SKIN_GIVES, SHIRT_GIVES, TROUSERS_GIVE = 0.0012, 0.005, 0.008  # metres that a point is displaced at most; ours
+SKIN_GIVES, SLEEVES_GIVE, SHIRT_GIVES, TROUSERS_GIVE = 0.002, 0.007, 0.005, 0.0065  # metres, along each axis; ours
 STITCH = 0.018  # metres around a point that is sewn on from which it takes its weights; ours
+SLEEVE = 0.20  # metres from the middle, where the sleeves begin
 BELT = 0.9995  # height of the belt's lower edge, metres
 TUCKED = 1.040  # height up to which the shirt is tucked in, metres
 MIDDLE = 0.06  # metres on the other side of the middle to which a limb's weights reach; ours
@@ -69,16 +70,18 @@ def _ease_clothes(parts: list[Part]) -> list[Part]:
     trousers = np.arange(len(points)) >= len(points) - len(parts[2].vertices)
     pieces = _pieces(parts)
     cloth, legs = (pieces == np.bincount(pieces[of]).argmax() for of in (shirt, trousers))
-    tucked = cloth & (points[:, 1] < TUCKED) & (np.abs(points[:, 0]) < 0.2)
+    tucked = cloth & (points[:, 1] < TUCKED) & (np.abs(points[:, 0]) < SLEEVE)
     belt, open_ = legs & (rest[:, 1] > BELT), cloth & ~tucked
     sewn = [(tucked, belt), (~cloth & ~trousers, open_), (trousers & ~legs, legs)]
     leads = open_ | legs
     follow = _follow(points, leads, sewn)
     x, y, front = np.abs(points[:, 0]), points[:, 1], points[:, 2] > 0.04
     free = smoothstep(0.55, 0.52, np.abs(rest[:, 0])) * np.where(trousers, smoothstep(0.12, 0.20, y), 1)  # cuffs stay
-    plain = smoothstep(1.05, 1.08, y) * smoothstep(0.03, 0.06, x) * np.where(x < 0.2, smoothstep(1.40, 1.36, y), 1)
+    plain = smoothstep(1.05, 1.08, y) * smoothstep(0.03, 0.06, x) * np.where(x < SLEEVE, smoothstep(1.40, 1.36, y), 1)
     plain *= np.where(front, 1 - 0.7 * smoothstep(0.13, 0.10, x), 1)  # the chest less: pocket and placket lie on it
-    give = np.where(trousers, TROUSERS_GIVE * smoothstep(0.99, 0.96, y), SHIRT_GIVES * plain)
+    give = np.where(
+        trousers, TROUSERS_GIVE * smoothstep(0.99, 0.96, y), np.where(x > SLEEVE, SLEEVES_GIVE, SHIRT_GIVES) * plain
+    )
     side = np.array([{"l": 1, "r": -1}.get(humanoid().names[j][0], 0) for j in joints])
     barred = points[:, :1] * side < -MIDDLE
     twins = _twins(points, leads), np.searchsorted(joints, _mirror_joints()[joints])
@@ -180,7 +183,8 @@ def _ease(
     weights[:, joints] = own
     ends = np.cumsum([len(p.vertices) for p in parts])[:-1]
     return [
-        _renew(part, *pieces) for part, *pieces in zip(parts, *(np.split(a, ends) for a in (points, moved, weights)), strict=True)
+        _renew(part, *pieces)
+        for part, *pieces in zip(parts, *(np.split(a, ends) for a in (points, moved, weights)), strict=True)
     ]
 
 
@@ -195,6 +199,4 @@ def _renew(part: Part, old: Array, points: Array, weights: Array) -> Part:
     normals = np.einsum("vba,vb->va", now, normals)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     vertices = place(points, kept, sculpted)
-    return replace(
-        part, vertices=vertices.astype(np.float32), normals=normals.astype(np.float32), joints=joints, weights=four
-    )
+    return replace(part, vertices=vertices.astype(np.float32), normals=normals.astype(np.float32), joints=joints, weights=four)

@@ -12,7 +12,6 @@ from cospeech.motion.rotations import axis_angle_to_quat, quat_identity
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import STYLES
 
-
 PARTS = ("shirt", "pocket", "trousers", "face", "leftHand", "rightHand", "leftShoe", "rightShoe", "leftSole", "rightSole")
 
 

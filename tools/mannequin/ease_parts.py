@@ -23,9 +23,9 @@ from .sculpture import mirror_part, pack_weights, sculpt_pose, unpack_weights
 
 __all__ = ["ease_parts"]
 
-SPEAKING, LIMITS = (0.22, 20.0), (0.26, 1.0)  # stretch that costs nothing in poses of the rules and at limits, price; ours
+SPEAKING, LIMITS = (0.22, 30.0), (0.26, 1.5)  # stretch that costs nothing in poses of the rules and at limits, price; ours
 RANDOM = 600  # poses at limits; ours
-SKIN_GIVES, SLEEVES_GIVE, SHIRT_GIVES, TROUSERS_GIVE = 0.002, 0.007, 0.005, 0.0065  # metres, along each axis; ours
+SKIN_GIVES, SLEEVES_GIVE, SHIRT_GIVES, TROUSERS_GIVE = 0.002, 0.007, 0.005, 0.0055  # metres, along each axis; ours
 STITCH = 0.018  # metres around a point that is sewn on from which it takes its weights; ours
 SLEEVE = 0.20  # metres from the middle, where the sleeves begin
 BELT = 0.9995  # height of the belt's lower edge, metres

@@ -15,8 +15,8 @@ from cospeech.rules import STYLES
 __all__ = ["build_limit_poses", "build_speaking_poses"]
 
 _FRAMES = 40  # of each style; ours
-# Degrees about x, y and z of the left side, least and most: the half axes of the ellipsoid of a joint's turns. Ours, rounded
-# from textbooks of anatomy; what several bones of the body share (the trunk, the collar bone) is as a file may have it.
+# Degrees about x, y and z of the left side, least and most: the half axes of the ellipsoid of a joint's turns. Ours: about
+# what people reach, and more where files bend one bone for several (the trunk) or twist a hand for its forearm.
 _LIMITS = {
     "spine": ((-20, 60), (-30, 30), (-20, 20)),
     "chest": ((-15, 25), (-20, 20), (-15, 15)),

@@ -1,123 +1,261 @@
-"""Weights that stretch a surface less: those that were modelled are bettered by gradient descent over many poses.
+"""Weights and places that stretch a surface less: those that were modelled are bettered over many poses.
 
 Linear blending moves a point by the weighted mean of its joints' transforms. So the length of every edge in every pose is a
-smooth function of the weights, and its gradient is cheap.
+smooth function of the weights and of where the points lie at rest, and its gradient is cheap. We descend by L-BFGS-B (Byrd et
+al. 1995), on the poses that stretch some edge most; more such poses are added from round to round.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.optimize import minimize
+from scipy.sparse import csr_matrix, diags, identity
 
-from cospeech.export.mannequin.character import Part
-from cospeech.motion.rotations import Array, quat_to_matrix
-from cospeech.motion.skeleton import Skeleton
+from cospeech.motion.rotations import Array
 
-__all__ = ["ease"]
+from .net import vertex_normals
 
-# All ours, by trial: what stretches least without a joint that loses its volume.
-_FREE = 0.15  # stretch that costs nothing
-_STEEP, _POWER = 100.0, 4  # pull of an edge by its stretch beyond that: the worst edges weigh most
-_PRESSED = 0.5  # length, of that in the T-pose, below which an edge counts as pressed; folds may be pressed
-_PUSH = 0.3  # push of such an edge by what it lacks
-_SMOOTH = 2  # rounds of averaging over neighbours that make the change of the weights smooth
-_STEP = 0.006  # change of a weight in a step of Adam (Kingma and Ba 2015) at first; it falls to a twentieth
-_RINGS = 8  # edges from a point to those whose joints it may follow
+__all__ = ["Cloth", "Poses", "ease", "place"]
+
+# All ours, by trial: what stretches least without a joint that loses its volume or cloth that looks crumpled.
+_POWER, _STEEP = 3, 100.0  # of the price of stretch beyond what is allowed: the worst edges weigh most
+_PRESSED, _PUSH = 0.5, 0.05  # length, of that at rest, below which an edge counts as pressed, and the price of its square
+_STIFF = 1e-3  # price of weights that change unevenly
+_SLID, _RAISED = 0.01, 0.35  # prices of points that are displaced unevenly, in any way and out of the surface: folds are seen
+_SCALE = 1e-3  # price of rows of weights that do not sum to 1 before they are divided by their sum
+_NEAR = 100.0  # 1/m²: price of change itself, of that of uneven change
+_START, _MORE = 40, 24  # poses looked at in the first round, and added in each later one
+_ROUNDS, _STEPS = 7, 100  # rounds, and steps of the descent in each
+_FOUR = 2  # round from which a point has four joints
+_RINGS = 12  # edges from a point to those whose joints it may follow
+_LEVER = 0.02  # metres added to how far a joint carries a point from its place: the unit of its weight
+_SHORT = 1e-4  # metres: shorter edges are creases that do not count
 
 
-def ease(part: Part, skeleton: Skeleton, poses: Array, free: Array, rounds: int = 400) -> Part:
-    """The part with weights (V, 4) that stretch its edges less.
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """Poses to be ready for.
 
     Args:
-        part: as it was modelled.
-        skeleton: that the poses are of.
-        poses: (P, J, 4) local rotations.
-        free: (V,) 0 … 1, how far the weights of each point may change.
-        rounds: steps of the descent.
+        moves: (P, J, 3, 4) transforms of the joints from the T-pose.
+        allowed: (P,) stretch that costs nothing.
+        price: (P,) factor of the price of what is beyond.
     """
-    edges, lengths = _edges(part)
-    used = np.unique(part.joints[part.weights > 0])
-    moved = _moved(part.vertices, skeleton, poses, used)  # (P, J', V, 3)
-    old = np.zeros((len(part.vertices), len(used)))
-    np.add.at(old, (np.arange(len(old))[:, None], np.searchsorted(used, part.joints)), part.weights)
-    mean = _mean_of_neighbours(edges, len(old))
-    reach = old.copy()
-    for _ in range(_RINGS):
-        reach = np.maximum(reach, mean @ reach)
-    weights = 0.98 * old + 0.02 * reach / reach.sum(1, keepdims=True)
-    weights = np.where(free[:, None] > 0, weights, old)
-    may, first, second, least = weights > 0, np.zeros_like(old), np.zeros_like(old), 0.0
-    for k in range(rounds):
-        if k == rounds // 2:
-            may = _four_largest(weights) > 0
-        slope = _slope(weights, moved, edges, lengths)
-        slope = np.where(may, slope, 0)
-        slope = np.where(may, slope - slope.sum(1, keepdims=True) / may.sum(1, keepdims=True), 0)
-        for _ in range(_SMOOTH):
-            slope = mean @ slope
-        first, second = 0.9 * first + 0.1 * slope, 0.99 * second + 0.01 * slope**2
-        least = least or 0.1 * float(np.quantile(np.abs(slope), 0.98))
-        step = (first / (1 - 0.9 ** (k + 1))) / (np.sqrt(second / (1 - 0.99 ** (k + 1))) + least)
-        weights = weights - _STEP * (1 - 0.95 * k / rounds) * free[:, None] * step
-        weights = np.where(may, np.maximum(weights, 0), 0)
-        weights /= weights.sum(1, keepdims=True)
-    order = np.argsort(-weights, axis=1, kind="stable")[:, :4]
-    four = np.take_along_axis(weights, order, 1)
-    four = np.where(four < 0.004, 0, four)
-    four /= four.sum(1, keepdims=True)
-    joints = np.where(four > 0, used[order], 0)
-    if four.shape[1] < 4:
-        more = ((0, 0), (0, 4 - four.shape[1]))
-        four, joints = np.pad(four, more), np.pad(joints, more)
-    return replace(part, joints=joints.astype(np.int32), weights=four.astype(np.float32))
+
+    moves: Array
+    allowed: Array
+    price: Array
 
 
-def _moved(vertices: Array, skeleton: Skeleton, poses: Array, used: Array) -> Array:
-    """(P, J', V, 3) where each used joint alone would carry each vertex in each pose."""
-    positions, world = skeleton.forward(poses, np.tile(skeleton.offsets[0], (len(poses), 1)))
-    turns = quat_to_matrix(world[:, used])
-    shift = positions[:, used] - np.einsum("pjab,jb->pja", turns, skeleton.tpose[used])
-    return np.einsum("pjab,vb->pjva", turns, vertices) + shift[:, :, None]
+@dataclass(frozen=True, eq=False)
+class Cloth:
+    """A surface to ease.
+
+    Args:
+        points: (V, 3) as sculpted, metres.
+        triangles: (F, 3).
+        weights: (V, J), rows sum to 1.
+        sculpted: (J, 3, 4) transforms of the joints from the T-pose to the pose of sculpting.
+        free: (V,) 0 … 1, how far the weights of each point may change.
+        give: (V,) metres that a point may be displaced along each axis.
+        barred: (V, J) joints that a point must not follow.
+        follow: (V, V), rows sum to 1: of whose weights and displacements each point's are made; those points' own rows are
+            of the identity. None for the identity.
+        twins: the mirror image of each point (V,) and joint (J,), if the surface is to stay symmetric.
+    """
+
+    points: Array
+    triangles: Array
+    weights: Array
+    sculpted: Array
+    free: Array
+    give: Array
+    barred: Array
+    follow: csr_matrix | None = None
+    twins: tuple[Array, Array] | None = None
 
 
-def _slope(weights: Array, moved: Array, edges: csr_matrix, lengths: Array) -> Array:
-    """(V, J') gradient of the price of all edges in all poses."""
-    total = np.zeros_like(weights)
-    for pose in moved:
-        between = edges @ np.einsum("vj,jva->va", weights, pose)
-        now = np.linalg.norm(between, axis=1)
+def place(points: Array, weights: Array, sculpted: Array) -> Array:
+    """(V, 3) in the T-pose of points as sculpted."""
+    blend = np.einsum("vj,jab->vab", weights, sculpted)
+    return np.linalg.solve(blend[..., :3], (points - blend[..., 3])[..., None])[..., 0]
+
+
+def ease(cloth: Cloth, poses: Poses) -> tuple[Array, Array]:
+    """Points (V, 3) as sculpted and weights (V, J), at most four a point that follows none, that stretch the edges less."""
+    descent = _Descent(cloth, poses)
+    points, weights = cloth.points, descent.share(cloth.weights)
+    chosen: list[int] = []
+    for k in range(_ROUNDS):
+        ratios = descent.ratios(points, weights, poses.moves)
+        over = np.maximum(ratios - 1 - poses.allowed[:, None], 0)
+        chosen = _choose(over, [c for c in chosen if over[c].any()], _MORE if k else _START)
+        if k == _FOUR:
+            weights = descent.keep_four(weights)
+        points, weights = descent.run(points, weights, np.array(chosen))
+    return points, weights
+
+
+def _choose(over: Array, chosen: list[int], more: int) -> list[int]:
+    """Up to ``more`` poses beside those chosen: each time the one with most stretch (P, E) that no chosen one has."""
+    covered = over[chosen].max(0, initial=0)
+    for _ in range(more):
+        gain = np.maximum(over - covered, 0).sum(1)
+        best = int(gain.argmax())
+        if gain[best] <= 1e-3:
+            break
+        chosen, covered = [*chosen, best], np.maximum(covered, over[best])
+    return chosen
+
+
+class _Descent:
+    """The price of a cloth's weights and displacements, and its gradient."""
+
+    def __init__(self, cloth: Cloth, poses: Poses) -> None:
+        self.cloth, self.poses = cloth, poses
+        count = len(cloth.points)
+        self.follow = identity(count, format="csr") if cloth.follow is None else cloth.follow
+        leads = np.asarray(self.follow.sum(0)).ravel() > 0
+        rest = place(cloth.points, self.share(cloth.weights), cloth.sculpted)
+        self.pairs = _pairs(cloth.triangles, rest)
+        rows = np.repeat(np.arange(len(self.pairs)), 2)
+        self.ends = csr_matrix((np.tile([1.0, -1.0], len(self.pairs)), (rows, self.pairs.ravel())), (len(self.pairs), count))
+        self.gather = self.ends.T.tocsr().astype(np.float32)
+        self.lengths = np.linalg.norm(self.ends @ rest, axis=1)
+        self.uneven = (self.ends.T @ diags(self.lengths**-2) @ self.ends).tocsr()
+        self.hold = np.where(leads, 1 / np.maximum(cloth.free, 1e-3) - 1, 0)
+        self.may = self._reach() & (leads & (cloth.free > 0))[:, None]
+        self.unit = self._units(rest)
+        self.out = vertex_normals(cloth.points, cloth.triangles)
+        self.loose = np.flatnonzero(leads & (cloth.give > 0))
+
+    def share(self, own: Array) -> Array:
+        """Weights or displacements of all points from those of the points that follow none."""
+        return self.follow @ own
+
+    def _reach(self) -> Array:
+        """(V, J) joints that a point may follow: those of the points around it."""
+        near = abs(self.ends.T @ self.ends) + identity(len(self.cloth.points))
+        reach = self.cloth.weights > 0
+        for _ in range(_RINGS):
+            reach = (near @ reach.astype(float)) > 0
+        return (reach & ~self.cloth.barred) | (self.cloth.weights > 0)
+
+    def _units(self, rest: Array) -> Array:
+        """(V, J) metres by which a joint carries a point from its place, root mean square over poses."""
+        moves = self.poses.moves[:: max(1, len(self.poses.moves) // 80)]
+        total = np.zeros(self.cloth.weights.shape)
+        for move in moves:
+            alone = np.einsum("jab,vb->vja", move[..., :3], rest) + move[..., 3]
+            away = alone - np.einsum("vj,vja->va", self.cloth.weights, alone)[:, None]
+            total += (away**2).sum(2)
+        unit = np.sqrt(total / len(moves)) + _LEVER
+        return unit if self.cloth.twins is None else (unit + unit[self.cloth.twins[0]][:, self.cloth.twins[1]]) / 2
+
+    def _pose(self, rest: Array, weights: Array, moves: Array) -> tuple[Array, Array]:
+        """Points (V, P, 3) in poses, and the blended transforms (V, P, 3, 4)."""
+        flat = np.ascontiguousarray(moves.transpose(1, 0, 2, 3), np.float32).reshape(weights.shape[1], -1)
+        blend = (weights.astype(np.float32) @ flat).reshape(len(rest), -1, 3, 4)
+        return np.einsum("vpab,vb->vpa", blend[..., :3], rest.astype(np.float32)) + blend[..., 3], blend
+
+    def ratios(self, points: Array, weights: Array, moves: Array) -> Array:
+        """(P, E) lengths of the edges in poses, of those at rest."""
+        rest = place(points, weights, self.cloth.sculpted)
+        lengths = np.linalg.norm(self.ends @ rest, axis=1)
+        found = []
+        for start in range(0, len(moves), 64):
+            posed, _ = self._pose(rest, weights, moves[start : start + 64])
+            apart = posed[self.pairs[:, 0]] - posed[self.pairs[:, 1]]
+            found.append(np.sqrt(np.einsum("epa,epa->ep", apart, apart)).T / lengths)
+        return np.concatenate(found)
+
+    def keep_four(self, weights: Array) -> Array:
+        """Let each point follow its four joints of most weight alone from now on."""
+        order = np.argsort(-weights, axis=1, kind="stable")[:, :4]
+        most = np.zeros(weights.shape, bool)
+        np.put_along_axis(most, order, True, 1)
+        self.may &= most & (weights > 0.002)
+        weights = np.where(self.may.any(1)[:, None] & ~self.may, 0, weights)
+        return self.share(weights / weights.sum(1, keepdims=True))
+
+    def run(self, points: Array, weights: Array, chosen: Array) -> tuple[Array, Array]:
+        """Descend on the poses ``chosen``."""
+        first = np.concatenate([(weights * self.unit)[self.may], (points - self.cloth.points)[self.loose].ravel()])
+        give = np.repeat(self.cloth.give[self.loose], 3)
+        bounds = [(0.0, None)] * int(self.may.sum()) + list(zip(-give, give, strict=True))
+        options = {"maxiter": _STEPS, "maxcor": 12}
+        found = minimize(self._price, first, (chosen,), "L-BFGS-B", jac=True, bounds=bounds, options=options)
+        points, own, _ = self._unpack(found.x)
+        return points, self.share(own)
+
+    def _unpack(self, values: Array) -> tuple[Array, Array, Array]:
+        """Points, weights of those that follow none, and the sums (V,) by which these were divided."""
+        count, own = int(self.may.sum()), np.zeros(self.may.shape)
+        own[self.may] = values[:count] / self.unit[self.may] + 1e-6  # no row of zeros in a step that is too long
+        moving = self.may.any(1)
+        total = np.where(moving, own.sum(1), 1)
+        own = np.where(moving[:, None], own / total[:, None], self.cloth.weights)
+        moved = np.zeros(self.cloth.points.shape)
+        moved[self.loose] = values[count:].reshape(-1, 3)
+        return self.cloth.points + self.share(moved), own, total
+
+    def _price(self, values: Array, chosen: Array) -> tuple[float, Array]:
+        """Price of the free values, and its gradient."""
+        points, own, total = self._unpack(values)
+        weights = self.share(own)
+        price, by_weight, by_point = self._price_stretch(points, weights, chosen)
+        change, moved = (weights - self.share(self.cloth.weights)) * self.unit, points - self.cloth.points
+        back = self.uneven @ change + _NEAR * self.hold[:, None] * change
+        price += _STIFF * float((change * back).sum())
+        by_weight = self.follow.T @ (by_weight + 2 * _STIFF * back * self.unit)
+        for cost, part in ((_SLID, moved), (_RAISED, (moved * self.out).sum(1, keepdims=True) * self.out)):
+            back = self.uneven @ part + _NEAR * part
+            price += cost * float((part * back).sum())
+            back = back if part is moved else (back * self.out).sum(1, keepdims=True) * self.out
+            by_point = by_point + 2 * cost * back
+        by_point = self.follow.T @ by_point
+        by_weight = (by_weight - (by_weight * own).sum(1, keepdims=True)) / total[:, None]
+        price += _SCALE * float(((total - 1) ** 2).sum())
+        by_weight = (by_weight + 2 * _SCALE * (total - 1)[:, None]) / self.unit
+        if self.cloth.twins is not None:
+            point, joint = self.cloth.twins
+            by_weight = (by_weight + by_weight[point][:, joint]) / 2
+            by_point = (by_point + by_point[point] * [-1, 1, 1]) / 2
+        return price, np.concatenate([by_weight[self.may], by_point[self.loose].ravel()])
+
+    def _price_stretch(self, points: Array, weights: Array, chosen: Array) -> tuple[float, Array, Array]:
+        """Price of the edges' lengths in poses, and its gradient by weights (V, J) and by points as sculpted (V, 3)."""
+        moves, allowed, factor = self.poses.moves[chosen], self.poses.allowed[chosen], self.poses.price[chosen]
+        sculpted = self.cloth.sculpted
+        rest = place(points, weights, sculpted)
+        apart = self.ends @ rest
+        lengths = np.linalg.norm(apart, axis=1)[:, None]
+        posed, blend = self._pose(rest, weights, moves)
+        between = posed[self.pairs[:, 0]] - posed[self.pairs[:, 1]]
+        now = np.sqrt(np.einsum("epa,epa->ep", between, between))
         ratio = now / lengths
-        price = _STEEP * np.maximum(ratio - 1 - _FREE, 0) ** _POWER - _PUSH * np.maximum(_PRESSED - ratio, 0)
-        pull = between * (price / np.maximum(now, 1e-9))[:, None]
-        total += np.einsum("va,jva->vj", edges.T @ pull, pose)
-    return total
+        over, lack = np.maximum(ratio - 1 - allowed, 0), np.maximum(_PRESSED - ratio, 0)
+        short = np.maximum(_PRESSED - lengths[:, 0] / self.lengths, 0)  # at rest, of the length as sculpted
+        price = _STEEP * float((factor * over**_POWER).sum() + (short**2).sum()) + _PUSH * float((lack**2).sum())
+        slope = _STEEP * _POWER * factor * over ** (_POWER - 1) - 2 * _PUSH * lack
+        pull = (slope / lengths / np.maximum(now, 1e-9)).astype(np.float32)[:, :, None] * between
+        force = (self.gather @ pull.reshape(len(pull), -1)).reshape(posed.shape)
+        tension = (slope * ratio).sum(1) / lengths[:, 0] ** 2 + 2 * _STEEP * short / (self.lengths * lengths[:, 0])
+        by_rest = self.ends.T @ (-tension[:, None] * apart)
+        by_rest = by_rest + np.einsum("vpab,vpa->vb", blend[..., :3], force)
+        turned = np.einsum("vj,jab->vba", weights, sculpted[..., :3])
+        by_point = np.linalg.solve(turned, by_rest[..., None])[..., 0]
+        flat = np.ascontiguousarray(moves.transpose(0, 2, 1, 3), np.float32).reshape(3 * len(moves), -1)
+        torque = (force.reshape(len(force), -1) @ flat).reshape(len(force), -1, 4).astype(float)
+        by_weight = np.einsum("vjb,vb->vj", torque[..., :3], rest) + torque[..., 3]
+        held = np.einsum("jab,vb->vja", sculpted[..., :3], rest) + sculpted[..., 3]
+        return price, by_weight - np.einsum("vja,va->vj", held, by_point), by_point
 
 
-def _edges(part: Part) -> tuple[csr_matrix, Array]:
-    """(E, V) differences along the edges of some length, and their lengths (E,)."""
-    pairs = np.concatenate([part.triangles[:, [0, 1]], part.triangles[:, [1, 2]], part.triangles[:, [2, 0]]])
+def _pairs(triangles: Array, points: Array) -> Array:
+    """(E, 2) the edges of some length, each once."""
+    pairs = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     pairs = np.unique(np.sort(pairs, 1), axis=0)
-    lengths = np.linalg.norm(part.vertices[pairs[:, 0]] - part.vertices[pairs[:, 1]], axis=1)
-    pairs, lengths = pairs[lengths > 1e-4], lengths[lengths > 1e-4]
-    row = np.arange(len(pairs))
-    data = np.concatenate([np.ones(len(pairs)), -np.ones(len(pairs))])
-    where = np.concatenate([row, row]), pairs.T.ravel()
-    return coo_matrix((data, where), shape=(len(pairs), len(part.vertices))).tocsr(), lengths
-
-
-def _mean_of_neighbours(edges: csr_matrix, count: int) -> csr_matrix:
-    """(V, V) that averages over a point and its neighbours."""
-    near = abs(edges.T @ edges).sign() + coo_matrix((np.full(count, 1e-9), (range(count), range(count))), (count, count))
-    near = near.tocsr()
-    near.data[:] = 1
-    return (coo_matrix((1 / np.asarray(near.sum(1)).ravel(), (range(count), range(count)))) @ near).tocsr()
-
-
-def _four_largest(weights: Array) -> Array:
-    """Weights without those beyond each row's four largest."""
-    if weights.shape[1] <= 4:
-        return weights
-    least = np.sort(weights, axis=1)[:, -4][:, None]
-    return np.where(weights >= least, weights, 0)
+    return pairs[np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1) > _SHORT]

@@ -11,14 +11,13 @@ from cospeech.motion.rotations import Array
 from cospeech.motion.skeleton import humanoid
 
 from .clothes import clothes
-from .ease import ease
+from .ease_parts import ease_parts
 from .face_shapes import Shapes, brow_shapes, jaw_shapes, tongue_shapes
 from .features import Piece, brows, ears, eyeball, hair, teeth, tongue
 from .hands import hands
 from .head import NOSTRIL, Head, head_net, head_normals
 from .net import smoothstep
-from .poses import GESTURING, build_leg_poses, build_poses
-from .sculpture import DARK, SKIN, make_part, mirror_part, srgb, weights_of
+from .sculpture import DARK, SKIN, make_part, srgb, weights_of
 
 __all__ = ["sculpt"]
 
@@ -95,24 +94,7 @@ def _face_parts() -> list[Part]:
     return [make_part("face", head.net, normals, weights, colour, 0.7, shapes), *parts]
 
 
-def _ease_parts(parts: list[Part]) -> list[Part]:
-    """The parts with bare skin and the trousers, with weights that stretch them less; the shirt's weights are searched ones."""
-    body, poses, found = humanoid(), build_poses(), {part.name: part for part in parts}
-    legs = np.concatenate([build_leg_poses(), poses[GESTURING::4]])
-    rise, out = ({p.name: p.vertices[:, axis] for p in parts} for axis in (1, 0))
-    wrist = body.tpose[body.index["leftHand"]][0]
-    free = {
-        "face": smoothstep(1.530, 1.500, rise["face"]),  # what makes faces follows the head alone
-        "leftHand": smoothstep(wrist - 0.10, wrist - 0.04, out["leftHand"]),  # the forearm stays in its sleeve
-    }
-    found |= {name: ease(found[name], body, poses, share) for name, share in free.items()}
-    under_belt = smoothstep(0.999, 0.965, rise["trousers"])
-    found["trousers"] = ease(found["trousers"], body, legs, under_belt)
-    found["rightHand"] = mirror_part(found["leftHand"], "rightHand")
-    return list(found.values())
-
-
 def sculpt() -> Character:
-    """Model the character from nothing (a minute); `cospeech.export.mannequin.build` loads the kept result instead."""
-    parts = _ease_parts([*_face_parts(), *hands(), *clothes()])
+    """Model the character from nothing (some minutes); `cospeech.export.mannequin.build` loads the kept result instead."""
+    parts = ease_parts([*_face_parts(), *hands(), *clothes()])
     return Character(humanoid(), tuple(replace(p, morphs={k: v for k, v in p.morphs.items() if v.any()}) for p in parts))

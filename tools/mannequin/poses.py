@@ -1,6 +1,8 @@
-"""Poses for which the mannequin's weights are made: of the rules on the example speech, and of joints at their ends."""
+"""Poses for which the mannequin is eased: of the rules on the example speech, and of joints anywhere within their limits."""
 
 from __future__ import annotations
+
+from functools import lru_cache
 
 import numpy as np
 
@@ -8,95 +10,98 @@ import cospeech
 from cospeech.cli.demo import EXAMPLE, EXAMPLE_WORDS
 from cospeech.motion.rotations import Array, axis_angle_to_quat, quat_identity, quat_multiply
 from cospeech.motion.skeleton import humanoid
+from cospeech.rules import STYLES
 
-__all__ = ["GESTURING", "build_leg_poses", "build_poses"]
+__all__ = ["build_limit_poses", "build_speaking_poses"]
 
-GESTURING = 41  # the first pose of `build_poses` that is of a gesture
-_STYLES = {"natural": 8, "lively": 12, "seated": 6}  # frames of each; ours
-_TURNS = (  # of neck and head about x, then y, then z, radians; ours
-    (0.5, 0.0, 0.0),
-    (-0.45, 0.0, 0.0),
-    (0.0, 0.7, 0.0),
-    (0.0, -0.7, 0.0),
-    (0.0, 0.0, 0.4),
-    (0.0, 0.0, -0.4),
-    (0.3, 0.5, 0.2),
-    (0.3, -0.5, -0.2),
-)
-_FAN = {"Index": -0.2, "Ring": 0.3, "Little": 0.6}  # of spread fingers about y, radians; ours
-_BENT = 0.75  # of the bend of the outermost pose; ours
-_THUMB = ((0.5, 0, 0), (-0.5, 0, 0), (0, 0.6, 0), (0, -0.6, 0), (0, 0, 0.5), (0, 0, -0.5))  # of its root, radians; ours
-_WRIST = ((0.7, 0, 0), (-0.7, 0, 0), (0, 0.4, 0), (0, -0.4, 0), (0, 0, 0.8), (0, 0, -0.8))  # radians; ours
-_LEGS = (  # radians: hip bent forward, knee bent, leg spread, leg turned outward; sitting, squatting, steps; ours
-    (1.5, 1.5, 0.1, 0.0),
-    (1.5, 1.3, 0.3, 0.2),
-    (1.8, 2.0, 0.0, 0.0),
-    (1.0, 1.2, 0.1, 0.0),
-    (0.6, 0.9, 0.0, 0.0),
-    (2.0, 2.4, 0.1, 0.0),
-    (1.2, 0.4, 0.0, 0.0),
-    (0.2, 1.2, 0.0, 0.0),
-    (-0.3, 0.3, 0.0, 0.0),
-    (0.0, 0.0, 0.5, 0.0),
-    (1.5, 1.6, -0.25, 0.0),
-    (0.4, 0.4, -0.2, 0.4),
-    (0.4, 0.4, 0.2, -0.4),
-)
-_SITTING = 0.6  # of the spine's bend where both legs are bent, radians; ours
-_SPINE = ((0.6, 0, 0), (1.0, 0, 0), (-0.3, 0, 0), (0, 0.4, 0), (0, -0.4, 0), (0, 0, 0.3), (0, 0, -0.3))  # radians; ours
+_FRAMES = 40  # of each style; ours
+# Degrees about x, y and z of the left side, least and most: the half axes of the ellipsoid of a joint's turns. Ours: about
+# what people reach, and more where files bend one bone for several (the trunk) or twist a hand for its forearm.
+_LIMITS = {
+    "spine": ((-20, 60), (-30, 30), (-20, 20)),
+    "chest": ((-15, 25), (-20, 20), (-15, 15)),
+    "upperChest": ((-10, 20), (-15, 15), (-10, 10)),
+    "neck": ((-35, 40), (-45, 45), (-45, 45)),
+    "head": ((-70, 45), (-45, 45), (-25, 25)),
+    "Shoulder": ((-10, 10), (-20, 20), (-10, 30)),
+    "Hand": ((-110, 110), (-30, 30), (-75, 75)),
+    "UpperLeg": ((-125, 25), (-40, 40), (-25, 55)),
+    "LowerLeg": ((0, 150), (-10, 10), (-5, 5)),
+    "Foot": ((-35, 45), (-30, 30), (-20, 20)),
+    "Toes": ((-45, 20), (-5, 5), (-5, 5)),
+    "ThumbMetacarpal": ((-40, 50), (-40, 40), (-25, 25)),
+    "ThumbProximal": ((-40, 20), (-30, 50), (-8, 8)),
+    "ThumbDistal": ((-40, 20), (-15, 50), (-5, 5)),
+}
+_ARM = ((-85, 75), (-110, 35), (-80, 80))  # degrees: above the T-pose's arm, to the back, and twisted; ours
+_ELBOW, _CARRIED = 155.0, 60.0  # degrees: bent at most; its axis off the T-pose's, as files have it; ours
+_CURL = (85.0, 100.0, 60.0)  # degrees of a finger's joints in a fist; ours
+_BACK = 15.0  # degrees to which a knuckle bends back; ours
+_FAN = {"Index": -9.0, "Middle": 0.0, "Ring": 9.0, "Little": 18.0}  # degrees of spread fingers; ours
 
 
-def build_poses() -> Array:
-    """(P, J, 4) local rotations of the humanoid: `GESTURING` of joints at their ends, then gestures and their mirrors."""
+@lru_cache(1)
+def build_speaking_poses() -> Array:
+    """(P, J, 4) local rotations of the humanoid: the rules in all styles."""
     speech = cospeech.Speech.load(EXAMPLE, transcript=EXAMPLE_WORDS)
-    poses = _end_poses()
-    for style, count in _STYLES.items():
-        motion = cospeech.load("rules").generate(speech, style=style, seed=3)
-        for frame in np.linspace(0, len(motion) - 1, count).round().astype(int):
-            one = motion[frame : frame + 1]
-            poses += [one.rotations[0], one.mirror().rotations[0]]
-    return np.stack(poses).astype(float)
-
-
-def _end_poses() -> list[Array]:
-    """Heads turned and bent, fists, spread fingers, thumbs and wrists, on the T-pose."""
     found = []
-    for turn in _TURNS:
-        found += [_pose(neck=turn, head=turn), _pose(head=turn), _pose(head=tuple(2 * angle for angle in turn))]
-    fist = [(1.0, 1.2, 0.8), (0.6, 0.7, 0.5), (1.2, 0.3, 0.2)]
-    for bends in fist:
-        curls = {}
-        for side, sign in (("left", -1), ("right", 1)):
-            for finger in ("Index", "Middle", "Ring", "Little"):
-                for joint, bend in zip(("Proximal", "Intermediate", "Distal"), bends, strict=True):
-                    curls[f"{side}{finger}{joint}"] = (0, 0, sign * bend * _BENT)
-        found.append(_pose(**curls))
-    for wide in (0.6, 1.2):
-        spread = {}
-        for side, sign in (("left", 1), ("right", -1)):
-            spread |= {f"{side}{finger}Proximal": (0, sign * wide * turn, -sign * 0.4) for finger, turn in _FAN.items()}
-        found.append(_pose(**spread))
-    for x, y, z in _THUMB:
-        found.append(_pose(leftThumbMetacarpal=(x, y, z), rightThumbMetacarpal=(x, -y, -z)))
-    for x, y, z in _WRIST:
-        found.append(_pose(leftHand=(x, y, z), rightHand=(x, -y, -z)))
+    for style in STYLES:
+        motion = cospeech.load("rules").generate(speech, style=style, seed=3)
+        found.append(motion.rotations[np.linspace(0, len(motion) - 1, _FRAMES).round().astype(int)])
+    return np.concatenate(found).astype(float)
+
+
+def build_limit_poses(count: int, seed: int) -> Array:
+    """(count, J, 4) local rotations of the humanoid: joints anywhere within their limits, at random."""
+    rng, index = np.random.default_rng(seed), humanoid().index
+    found = np.tile(quat_identity(len(humanoid())), (count, 1, 1)).astype(float)
+    for pose in found:
+        for name, limits in _LIMITS.items():
+            for side in ("left", "right") if name[0].isupper() else ("",):
+                pose[index[side + name]] = _mirror(_draw_turn(rng, limits), side)
+        for side in ("left", "right"):
+            for name, turn in (_draw_arm(rng) | _draw_fingers(rng)).items():
+                pose[index[side + name]] = _mirror(turn, side)
     return found
 
 
-def build_leg_poses() -> Array:
-    """(P, J, 4) local rotations of the humanoid: one leg or both bent, spread and turned; the spine bent and turned."""
-    found = [_pose(spine=turn) for turn in _SPINE]
-    for hip, knee, wide, turned in _LEGS:
-        left = {"leftUpperLeg": (-hip, turned, wide), "leftLowerLeg": (knee, 0.0, 0.0)}
-        right = {"rightUpperLeg": (-hip, -turned, -wide), "rightLowerLeg": (knee, 0.0, 0.0)}
-        found += [_pose(**left), _pose(**right), _pose(**left, **right, spine=(_SITTING, 0.0, 0.0))]
-    return np.stack(found)
+def _mirror(turn: Array, side: str) -> Array:
+    return turn * [1, -1, -1, 1] if side == "right" else turn
 
 
-def _pose(**turns: tuple[float, float, float]) -> Array:
-    """(J, 4) of the T-pose with some joints turned about x, then y, then z, radians; the neck and head share their turn."""
-    index, local = humanoid().index, quat_identity(len(humanoid()))
-    for name, angles in turns.items():
-        for axis, angle in zip(np.eye(3), angles, strict=True):
-            local[index[name]] = quat_multiply(axis_angle_to_quat(axis, angle), local[index[name]])
-    return local
+def _turn(x: float, y: float, z: float) -> Array:
+    """Quaternion of a rotation vector in degrees."""
+    vector = np.radians([x, y, z])
+    return axis_angle_to_quat(vector / max(np.linalg.norm(vector), 1e-9), np.linalg.norm(vector))
+
+
+def _draw_turn(rng: np.random.Generator, limits: tuple[tuple[float, float], ...]) -> Array:
+    """A turn in the ellipsoid of a joint's limits."""
+    way = rng.normal(size=3)
+    way *= rng.random() ** 0.5 / np.linalg.norm(way)
+    return _turn(*(high * w if w > 0 else -low * w for w, (low, high) in zip(way, limits, strict=True)))
+
+
+def _draw_arm(rng: np.random.Generator) -> dict[str, Array]:
+    """Turns of upper arm and forearm."""
+    up, back, twist = (rng.uniform(*span) for span in _ARM)
+    back *= np.cos(np.radians(up))
+    upper = quat_multiply(_turn(0, back, 0), quat_multiply(_turn(0, 0, up), _turn(twist, 0, 0)))
+    bent, axis = rng.beta(1, 0.8) * _ELBOW, np.radians(rng.uniform(-_CARRIED, _CARRIED))
+    lower = quat_multiply(_turn(0, -bent * np.cos(axis), bent * np.sin(axis)), _turn(rng.uniform(-20, 20), 0, 0))
+    return {"UpperArm": upper, "LowerArm": lower}
+
+
+def _draw_fingers(rng: np.random.Generator) -> dict[str, Array]:
+    """Turns of the four fingers: they bend together, more or less, but one may be straight or bent alone."""
+    curl, fan, found = rng.beta(0.7, 0.7), rng.uniform(-0.5, 1), {}
+    for finger, wide in _FAN.items():
+        own = float(np.clip(curl + 0.22 * rng.normal(), 0, 1.05))
+        if rng.random() < 0.12:
+            own = float(rng.integers(2))
+        knuckle, middle, last = np.array(_CURL) * own * rng.uniform(0.6, 1, 3)
+        knuckle -= _BACK * (1 - own)
+        spread = wide * fan * (1 - 0.6 * own) + 3 * rng.normal()
+        found[finger + "Proximal"] = quat_multiply(_turn(0, 0, -knuckle), _turn(0, spread, 0))
+        found[finger + "Intermediate"], found[finger + "Distal"] = _turn(0, 0, -middle), _turn(0, 0, -last)
+    return found

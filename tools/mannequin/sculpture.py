@@ -18,7 +18,10 @@ from cospeech.motion.skeleton import humanoid
 
 from .net import Net
 
-__all__ = ["DARK", "HAIR", "SKIN", "joint", "make_part", "mirror_part", "sculpt_pose", "srgb", "unpose", "weights_of"]
+__all__ = [
+    "DARK", "HAIR", "SKIN", "joint", "make_part", "mirror_part", "pack_weights", "sculpt_pose", "srgb", "unpack_weights",
+    "unpose", "weights_of",
+]  # fmt: skip
 
 ARM_DOWN = 48.0  # degrees from the T-pose; ours: midway in gesturing, so that neither the T-pose nor hanging arms lose much
 ELBOW_BENT = 20.0  # degrees; ours: halfway to what a relaxed arm shows
@@ -76,6 +79,22 @@ def weights_of(count: int, **columns: Array | float) -> Array:
     return out / out.sum(1, keepdims=True)
 
 
+def pack_weights(weights: Array) -> tuple[Array, Array]:
+    """Joints (V, 4) int32 and their weights (V, 4) float32: the four largest of each row (V, J)."""
+    order = np.argsort(-weights, axis=1, kind="stable")[:, :4]
+    four = np.take_along_axis(weights, order, 1)
+    four = np.where(four < 0.004, 0, four)
+    four /= four.sum(1, keepdims=True)
+    return np.where(four > 0, order, 0).astype(np.int32), four.astype(np.float32)
+
+
+def unpack_weights(joints: Array, four: Array) -> Array:
+    """(V, J) weights of all joints of the humanoid."""
+    weights = np.zeros((len(joints), len(humanoid())))
+    np.add.at(weights, (np.arange(len(joints))[:, None], joints), four)
+    return weights
+
+
 def make_part(
     name: str,
     net: Net,
@@ -93,24 +112,17 @@ def make_part(
     triangles = renumber[net.triangles()]
     colour = np.asarray(colour, np.float32)
     colour = colour if colour.ndim == 1 else colour[used]
-    weights, normals = weights[used], normals[used]
-    order = np.argsort(-weights, axis=1, kind="stable")[:, :4]
-    four = np.take_along_axis(weights, order, 1)
-    four = np.where(four < 0.004, 0, four)
-    four /= four.sum(1, keepdims=True)
-    order = np.where(four > 0, order, 0)
-    points = net.points[used]
+    joints, four = pack_weights(weights[used])
+    points, normals = net.points[used], normals[used]
     if posed:
-        kept = np.zeros_like(weights)
-        np.add.at(kept, (np.arange(len(kept))[:, None], order), four)
-        points, normals = unpose(points, normals, kept)
+        points, normals = unpose(points, normals, unpack_weights(joints, four))
     return Part(
         name,
         points.astype(np.float32),
         normals.astype(np.float32),
         triangles,
-        order.astype(np.int32),
-        four.astype(np.float32),
+        joints,
+        four,
         colour,
         roughness,
         {k: v[used].astype(np.float32) for k, v in (morphs or {}).items()},

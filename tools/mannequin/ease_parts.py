@@ -1,0 +1,202 @@
+"""What of each part may give way when it is eased: bare skin a little, cloth more, seams and what is sewn on with the cloth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from cospeech.export.mannequin.character import Part
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import Array, quat_to_matrix
+from cospeech.motion.skeleton import humanoid
+from cospeech.motion.skeletons.humanoid import MIRROR
+
+from .ease import Cloth, Poses, ease, place
+from .net import smoothstep, vertex_normals
+from .poses import build_limit_poses, build_speaking_poses
+from .sculpture import mirror_part, pack_weights, sculpt_pose, unpack_weights
+
+__all__ = ["ease_parts"]
+
+SPEAKING, LIMITS = (0.22, 30.0), (0.26, 1.5)  # stretch that costs nothing in poses of the rules and at limits, price; ours
+RANDOM = 600  # poses at limits; ours
+SKIN_GIVES, SLEEVES_GIVE, SHIRT_GIVES, TROUSERS_GIVE = 0.002, 0.007, 0.005, 0.0055  # metres, along each axis; ours
+STITCH = 0.018  # metres around a point that is sewn on from which it takes its weights; ours
+SLEEVE = 0.20  # metres from the middle, where the sleeves begin
+BELT = 0.9995  # height of the belt's lower edge, metres
+TUCKED = 1.040  # height up to which the shirt is tucked in, metres
+MIDDLE = 0.06  # metres on the other side of the middle to which a limb's weights reach; ours
+
+
+def ease_parts(parts: list[Part]) -> list[Part]:
+    """The parts with bare skin and the clothes, with weights and places that stretch them less."""
+    found = {part.name: part for part in parts}
+    found["face"] = _ease_neck(found["face"])
+    found["leftHand"] = _ease_hand(found["leftHand"])
+    found["rightHand"] = mirror_part(found["leftHand"], "rightHand")
+    clothes = ("shirt", "pocket", "trousers")
+    found |= dict(zip(clothes, _ease_clothes([found[name] for name in clothes]), strict=True))
+    return list(found.values())
+
+
+def _ease_neck(face: Part) -> Part:
+    """What makes faces follows the head alone, so only the neck's weights change."""
+    joints = _indices(lambda name: name in ("upperChest", "neck", "head"))
+    free = smoothstep(1.530, 1.500, face.vertices[:, 1])
+    (eased,) = _ease([face], joints, _poses(joints, 0), free, np.zeros(len(free)))
+    return eased
+
+
+def _ease_hand(hand: Part) -> Part:
+    """The left hand; the forearm stays in its sleeve."""
+    fingers = ("Hand", "Thumb", "Index", "Middle", "Ring", "Little")
+    joints = _indices(lambda name: name == "leftLowerArm" or name.startswith(tuple("left" + part for part in fingers)))
+    out = hand.vertices[:, 0] - humanoid().tpose[humanoid().index["leftHand"], 0]
+    free = smoothstep(-0.12, -0.06, out)
+    (eased,) = _ease([hand], joints, _poses(joints, 1, both=True), free, SKIN_GIVES * free)
+    return eased
+
+
+def _ease_clothes(parts: list[Part]) -> list[Part]:
+    """Shirt, pocket and trousers as one cloth: the shirt's tucked rows follow the belt."""
+    joints = np.flatnonzero(sum(unpack_weights(p.joints, p.weights).any(0) for p in parts))
+    points, rest = _as_sculpted(parts), np.concatenate([p.vertices for p in parts]).astype(float)
+    shirt = np.arange(len(points)) < len(parts[0].vertices)
+    trousers = np.arange(len(points)) >= len(points) - len(parts[2].vertices)
+    pieces = _pieces(parts)
+    cloth, legs = (pieces == np.bincount(pieces[of]).argmax() for of in (shirt, trousers))
+    tucked = cloth & (points[:, 1] < TUCKED) & (np.abs(points[:, 0]) < SLEEVE)
+    belt, open_ = legs & (rest[:, 1] > BELT), cloth & ~tucked
+    sewn = [(tucked, belt), (~cloth & ~trousers, open_), (trousers & ~legs, legs)]
+    leads = open_ | legs
+    follow = _follow(points, leads, sewn)
+    x, y, front = np.abs(points[:, 0]), points[:, 1], points[:, 2] > 0.04
+    free = smoothstep(0.55, 0.52, np.abs(rest[:, 0])) * np.where(trousers, smoothstep(0.12, 0.20, y), 1)  # cuffs stay
+    plain = smoothstep(1.05, 1.08, y) * smoothstep(0.03, 0.06, x) * np.where(x < SLEEVE, smoothstep(1.40, 1.36, y), 1)
+    plain *= np.where(front, 1 - 0.7 * smoothstep(0.13, 0.10, x), 1)  # the chest less: pocket and placket lie on it
+    give = np.where(
+        trousers, TROUSERS_GIVE * smoothstep(0.99, 0.96, y), np.where(x > SLEEVE, SLEEVES_GIVE, SHIRT_GIVES) * plain
+    )
+    side = np.array([{"l": 1, "r": -1}.get(humanoid().names[j][0], 0) for j in joints])
+    barred = points[:, :1] * side < -MIDDLE
+    twins = _twins(points, leads), np.searchsorted(joints, _mirror_joints()[joints])
+    return _ease(parts, joints, _poses(joints, 2), free * leads, give * free * leads, barred, follow, twins)
+
+
+def _indices(chosen: Callable[[str], bool]) -> Array:
+    return np.array([k for k, name in enumerate(humanoid().names) if chosen(name)])
+
+
+def _mirror_joints() -> Array:
+    """(J,) the joint on the other side."""
+    index = humanoid().index
+    return np.array([index[MIRROR.get(name, name)] for name in humanoid().names])
+
+
+def _poses(joints: Array, seed: int, both: bool = False) -> Poses:
+    """Of the rules, mirrored too if ``both``, and at limits; only the joints (J',) move."""
+    speaking = build_speaking_poses()
+    if both:
+        motion = Motion(30.0, speaking, np.tile(humanoid().offsets[0], (len(speaking), 1)))
+        speaking = np.concatenate([speaking, motion.mirror().rotations])
+    local = np.concatenate([speaking, build_limit_poses(RANDOM, seed)])
+    still = np.ones(len(humanoid()), bool)
+    still[joints[1:]] = False  # the chain's first joint carries it all
+    local[:, still] = [0, 0, 0, 1]
+    allowed, price = (np.repeat(pair, (len(speaking), RANDOM)) for pair in zip(SPEAKING, LIMITS, strict=True))
+    positions, world = humanoid().forward(local, np.tile(humanoid().offsets[0], (len(local), 1)))
+    return Poses(_moves(positions, quat_to_matrix(world))[:, joints], allowed, price)
+
+
+def _moves(positions: Array, turns: Array) -> Array:
+    """(..., J, 3, 4) transforms from the T-pose of joints at positions (..., J, 3) with rotation matrices (..., J, 3, 3)."""
+    shift = positions - np.einsum("...jab,jb->...ja", turns, humanoid().tpose)
+    return np.concatenate([turns, shift[..., None]], -1)
+
+
+def _sculpted() -> Array:
+    return _moves(sculpt_pose().positions, sculpt_pose().turns)
+
+
+def _as_sculpted(parts: list[Part]) -> Array:
+    """(V, 3) points of all parts in the pose of sculpting."""
+    blend = np.concatenate([np.einsum("vj,jab->vab", unpack_weights(p.joints, p.weights), _sculpted()) for p in parts])
+    rest = np.concatenate([p.vertices for p in parts])
+    return np.einsum("vab,vb->va", blend[..., :3], rest) + blend[..., 3]
+
+
+def _triangles(parts: list[Part]) -> Array:
+    starts = np.cumsum([0, *(len(p.vertices) for p in parts)])
+    return np.concatenate([p.triangles + start for p, start in zip(parts, starts, strict=False)])
+
+
+def _pieces(parts: list[Part]) -> Array:
+    """(V,) the number of the connected piece of each point."""
+    triangles, count = _triangles(parts), sum(len(p.vertices) for p in parts)
+    pairs = np.concatenate([triangles[:, :2], triangles[:, 1:]])
+    return connected_components(csr_matrix((np.ones(len(pairs)), pairs.T), (count, count)))[1]
+
+
+def _follow(points: Array, leads: Array, sewn: list[tuple[Array, Array]]) -> csr_matrix:
+    """`Cloth.follow`: points that lead, and points (V,) bool that are sewn to others (V,) bool."""
+    own = np.flatnonzero(leads)
+    rows, columns, shares = [own], [own], [np.ones(len(own))]
+    for sewn_on, below in sewn:
+        distance, nearest = cKDTree(points[below]).query(points[sewn_on], 4)
+        share = np.exp(-((distance / STITCH) ** 2)) + 1e-9
+        rows.append(np.repeat(np.flatnonzero(sewn_on), 4))
+        columns.append(np.flatnonzero(below)[nearest].ravel())
+        shares.append((share / share.sum(1, keepdims=True)).ravel())
+    entries = np.concatenate(shares), (np.concatenate(rows), np.concatenate(columns))
+    return csr_matrix(entries, (len(points), len(points)))
+
+
+def _twins(points: Array, leads: Array) -> Array:
+    """(V,) the point that mirrors each; points that follow others are their own."""
+    own, twins = np.flatnonzero(leads), np.arange(len(points))
+    twins[own] = own[cKDTree(points[own]).query(points[own] * [-1, 1, 1])[1]]
+    return twins
+
+
+def _ease(
+    parts: list[Part],
+    joints: Array,
+    poses: Poses,
+    free: Array,
+    give: Array,
+    barred: Array | None = None,
+    follow: csr_matrix | None = None,
+    twins: tuple[Array, Array] | None = None,
+) -> list[Part]:
+    """The parts eased as one cloth, whose weights are all of the joints (J',)."""
+    points, sculpted = _as_sculpted(parts), _sculpted()
+    weights = np.concatenate([unpack_weights(p.joints, p.weights) for p in parts])
+    barred = np.zeros((len(points), len(joints)), bool) if barred is None else barred
+    cloth = Cloth(points, _triangles(parts), weights[:, joints], sculpted[joints], free, give, barred, follow, twins)
+    moved, own = ease(cloth, poses)
+    weights = np.zeros_like(weights)
+    weights[:, joints] = own
+    ends = np.cumsum([len(p.vertices) for p in parts])[:-1]
+    return [
+        _renew(part, *pieces)
+        for part, *pieces in zip(parts, *(np.split(a, ends) for a in (points, moved, weights)), strict=True)
+    ]
+
+
+def _renew(part: Part, old: Array, points: Array, weights: Array) -> Part:
+    """The part with other weights (V, J) and with points as sculpted that lay at ``old`` before."""
+    joints, four = pack_weights(weights)
+    sculpted, kept = _sculpted(), unpack_weights(joints, four)
+    before, now = (np.einsum("vj,jab->vab", w, sculpted[..., :3]) for w in (unpack_weights(part.joints, part.weights), kept))
+    normals = np.linalg.solve(before.transpose(0, 2, 1), part.normals[..., None])[..., 0]
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = normals + vertex_normals(points, part.triangles) - vertex_normals(old, part.triangles)
+    normals = np.einsum("vba,vb->va", now, normals)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    vertices = place(points, kept, sculpted)
+    return replace(part, vertices=vertices.astype(np.float32), normals=normals.astype(np.float32), joints=joints, weights=four)

@@ -37,7 +37,7 @@ __all__ = ["Pieces", "gaze_only", "realise"]
 
 _STABLE = 0.65  # share of the torso's motion that the head does not follow (gaze stabilisation)
 _RAISED = 2.2  # degrees by which a breath lifts the clavicles (ours: about 1 cm)
-_LIFTED, _REACHED, _DRAWN = 25.0, 17.0, 4.0
+_LIFTED, _REACHED, _DRAWN = 22.0, 14.0, 4.0
 """Degrees by which a clavicle rises with a raised arm, comes forward with one that reaches, is drawn back with one that hangs:
 the scapulohumeral rhythm, about a third of the arm's elevation (Inman, Saunders & Abbott 1944; shares ours)."""
 _ON_CHAIRS = 0.76  # of that on a chair, where shoulders would otherwise move with nothing but the hands (ours)

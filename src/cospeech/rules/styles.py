@@ -108,7 +108,13 @@ _FOLDED_ROWS = (  # hands that rest on each other in front of the belly neither 
 STYLES: Mapping[str, Style] = MappingProxyType(
     {
         "natural": Style(
-            "an even-tempered conversationalist; the default", rate=0.82, amplitude=1.15, head=1.06, both=0.78, symmetry=0.62
+            "an even-tempered conversationalist; the default",
+            rate=0.82,
+            amplitude=1.15,
+            head=1.06,
+            both=0.78,
+            symmetry=0.62,
+            torso=0.93,
         ),
         "lively": Style(
             "many wide and quick gestures with short rests: a show host",
@@ -182,7 +188,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             both=0.7,
             symmetry=0.8,
             tension=0.65,
-            torso=0.85,
+            torso=0.72,
             head=1.08,
             lean=2,
             averted=0.15,

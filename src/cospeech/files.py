@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import secrets
 import shutil
 import stat
 import tempfile
@@ -256,9 +257,9 @@ def workplace(parent: Path) -> Iterator[Path]:
     if not parent.name.startswith(PREFIX) and parent not in _swept:
         _swept.add(parent)
         sweep(parent)
-    place = Path(tempfile.mkdtemp(prefix=PREFIX, dir=parent))
-    lock = None
+    place, lock = parent / f"{PREFIX}{secrets.token_hex(8)}", None  # named before it is there: no signal comes in between
     try:
+        place.mkdir(0o700)
         lock = _claim(place)
         yield place
     finally:

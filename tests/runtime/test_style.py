@@ -382,7 +382,8 @@ def one_armed(hand: float) -> Motion:
     rotations = motion.rotations.copy()
     arm = [k for k, name in enumerate(humanoid().names) if name.startswith((f"{idle}Upper", f"{idle}Lower", f"{idle}Hand"))]
     arm = [k for k in arm if "Leg" not in humanoid().names[k]]
-    rotations[:, arm] = rotations[:1, arm]
+    hangs = int(wrists(motion)[:, 1 if idle == "right" else 0, 1].argmin())
+    rotations[:, arm] = rotations[hangs, arm]
     return replace(motion, rotations=rotations)
 
 

@@ -141,7 +141,7 @@ def _add_body_noise(b: Array, times: Array, style: Style, seed: int, size: float
     head, torso, sway = style.head * still, min(style.torso, 1.0) * still * (2.7 if style.seated else 1.0), style.sway * still
     moved = sway * (0.15 if style.seated else 1.0)
     scale = np.array(
-        [1.1 * torso, 1.0 * torso, 1.8 * torso, 1.6 * head, 1.5 * head, 2.1 * head, 0.015 * moved, 0.015 * moved]
+        [1.1 * torso, 1.0 * torso, 1.8 * torso, 1.6 * head, 1.5 * head, 2.1 * head, 0.012 * moved, 0.012 * moved]
         + [1.4 * sway, 0.9 * sway, 0.9 * sway]
     )
     b[:, _SWAYING] += n * scale

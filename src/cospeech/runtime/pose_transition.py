@@ -18,7 +18,7 @@ from ..motion.motion import Motion
 from ..motion.rotations import Array, quat_conjugate, quat_multiply, quat_to_rotvec, rotvec_to_quat
 from ..motion.skeleton import humanoid
 from ..motion.skeletons.arkit import ARKIT
-from .step_over import StepOver, decay, run_out
+from .step_over import RUN_OUT, StepOver, decay, run_out
 
 __all__ = ["LIPS", "PoseTransition"]
 
@@ -27,6 +27,9 @@ LIPS = 0.2
 _LIDS = 0.12  # s [ours]: lids close within about .1 s
 _ARMS, _TRUNK, _HEAD, _EYES = 0.6, 0.9, 0.5, 0.3  # s [ours: an unhurried retraction takes .5 to .8 s (`motion.md` §1)]
 _HIPS = 1.4  # s [ours]: while both feet step (`cospeech.runtime.step_over`)
+_BRAKES, _LONGEST = 0.14, 0.85
+"""Seconds, for each radian a second, in which a fast joint runs out, and the most [ours: so that no step from frame to frame,
+at 30 a second, differs from the one before by more than 3 degrees]."""
 _LENGTH = 2.0  # s until nothing is left [ours: the end of the steps]
 
 
@@ -60,6 +63,8 @@ class PoseTransition:
         old_q, new_q = shown.rotations.astype(float), new.rotations.astype(float)
         self._turns: Array = quat_to_rotvec(quat_multiply(old_q[-1], quat_conjugate(new_q[-1])))
         self._turning: Array = _speed(old_q, shown.fps) - _speed(new_q, new.fps)
+        fast = np.linalg.norm(self._turning, axis=-1, keepdims=True)
+        self._running: Array = np.clip(_BRAKES * fast, RUN_OUT, _LONGEST)
         self._way: Array = shown.root[-1].astype(float) - new.root[-1]
         moving = [(m.root[-1].astype(float) - m.root[-2]) * m.fps if len(m) > 1 else np.zeros(3) for m in (shown, new)]
         self._moving: Array = moving[0] - moving[1]
@@ -72,10 +77,12 @@ class PoseTransition:
         """The next frames of the new source, with what is left of the offset."""
         times = (self._frame + 1 + np.arange(len(motion)))[:, None, None] / motion.fps
         self._frame += len(motion)
-        rest, run = decay(times / _seconds()), run_out(times)
-        turns = rest * self._turns + run * self._turning
-        turned = quat_multiply(rotvec_to_quat(turns), motion.rotations.astype(float))
-        root = motion.root + decay(times[:, 0] / _HIPS) * self._way + run[:, 0] * self._moving
+        offsets = rotvec_to_quat(decay(times / _seconds()) * self._turns)
+        runs = rotvec_to_quat(
+            run_out(times, self._running) * self._turning
+        )  # first it goes on as it went, however far it is off
+        turned = quat_multiply(runs, quat_multiply(offsets, motion.rotations.astype(float)))
+        root = motion.root + decay(times[:, 0] / _HIPS) * self._way + run_out(times[:, 0]) * self._moving
         root = self._steps.apply(times[:, 0, 0], motion, turned, root)
         face = motion.face
         if face is not None and self._face is not None:

@@ -89,7 +89,7 @@ def decay(u: Array) -> Array:
     return 1 - u**3 * (10 - 15 * u + 6 * u * u)  # type: ignore[no-any-return]
 
 
-def run_out(times: Array) -> Array:
-    """Seconds of travel at the first speed: slope 1 at 0, back at 0 and at rest after `RUN_OUT` (Bollo 2018)."""
-    u = np.clip(times / RUN_OUT, 0, 1)
-    return RUN_OUT * u * (1 - u * u * (6 - 8 * u + 3 * u * u))  # type: ignore[no-any-return]
+def run_out(times: Array, seconds: Array | float = RUN_OUT) -> Array:
+    """Seconds of travel at the first speed: slope 1 at 0, back at 0 and at rest after ``seconds`` (Bollo 2018)."""
+    u = np.clip(times / seconds, 0, 1)
+    return seconds * u * (1 - u * u * (6 - 8 * u + 3 * u * u))  # type: ignore[no-any-return]

@@ -16,6 +16,7 @@ __all__ = ["SEAT", "STANCE", "TOE_OUT", "carry", "place_feet", "plant", "read_fe
 SEAT = 0.515  # metres from the floor to the hips' joint of a seated body (ours: a chair of 0.43 m)
 STANCE = 0.105  # metres from the middle to each ankle (ours: a little wider than the hips)
 TOE_OUT = 9.0  # degrees
+_ROLLS = np.radians(4.0)  # of tip, on both sides of a flat foot, within which toes begin to bend (ours)
 _LEANS = 0.5  # share of a seated torso's pitch that the pelvis takes (ours: CMU's seated takes have .5 to 1)
 _AHEAD = 0.42  # metres that the ankles of a seated body are in front of its hips (ours: shins upright)
 _SITTING, _STANDING = 0.62, 0.78  # hips' height in metres up to which a body sits, from which it stands (ours)
@@ -69,7 +70,7 @@ def stand(b: Array, seated: bool, rotations: Array | None) -> tuple[Array, Array
         root[:, 1] = _height(root, hips, ankles) - _sunk(b)
     if rotations is not None:
         rotations[:, _leg_joints()] = _legs(hips, root, ankles, feet[..., 2], tip)
-        rotations[:, _toes()] = _about_x(-np.maximum(tip, 0.0))
+        rotations[:, _toes()] = _about_x(-_bend_toes(tip))
     return hips, root
 
 
@@ -165,7 +166,7 @@ def carry(hips: Array, place: Array, b: Array) -> tuple[Array, Array, Array]:
     root[:, 1] = _height(place, hips, ankles) - _sunk(b)
     legs = _legs(hips, root, ankles, feet[..., 2], tip).reshape(-1, 6, 4)
     joints = np.concatenate([_leg_joints().ravel(), _toes()])
-    return joints, np.concatenate([legs, _about_x(-np.maximum(tip, 0.0))], 1), root[:, 1]
+    return joints, np.concatenate([legs, _about_x(-_bend_toes(tip))], 1), root[:, 1]
 
 
 def read_feet(rotations: Array, root: Array) -> Array:
@@ -208,7 +209,13 @@ def place_feet(hips: Array, place: Array, feet: Array, soft: Array) -> tuple[Arr
     place[:, 1] = -width * np.logaddexp(-place[:, 1] / width, -_height(place, hips, ankles) / width)
     legs = _legs(hips, place, ankles, feet[..., 2], tip).reshape(-1, 6, 4)
     joints = np.concatenate([_leg_joints().ravel(), _toes()])
-    return joints, np.concatenate([legs, _about_x(-np.maximum(tip, 0.0))], 1), place
+    return joints, np.concatenate([legs, _about_x(-_bend_toes(tip))], 1), place
+
+
+def _bend_toes(tip: Array) -> Array:
+    """Radians by which toes bend so that they lie flat while the heel is up; they begin gently: 1 degree under a flat foot."""
+    rolling = clip((tip + _ROLLS) / (2 * _ROLLS), 0.0, 1.0)
+    return _ROLLS * rolling * rolling + np.maximum(tip - _ROLLS, 0.0)  # type: ignore[no-any-return]
 
 
 def _about_x(angle: Array) -> Array:

@@ -30,6 +30,7 @@ from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, ma
 from cospeech.experiments.tables.controls import ORACLE
 from cospeech.experiments.tables.excerpts import AFTER, BEFORE, Excerpts
 from cospeech.experiments.tables.inputs import StoreInputs, find_context, generate_rows
+from cospeech.experiments.tables.likelihood import STILL
 from cospeech.experiments.tables.report import summary, to_markdown
 from cospeech.experiments.tables.runs import FEATURES, OMEGA, PlayableRun, small_scale
 from cospeech.experiments.tables.scores import generate_windows
@@ -313,10 +314,16 @@ def test_a_table_from_nothing_and_again_from_what_is_kept(table_runs, runs, tmp_
             assert len(cells[metric]["values"]) == 2
             assert np.isfinite(cells[metric]["mean"])
         assert 0 < cells["pck"]["mean"] < cells["pck_gfge"]["mean"] <= 1  # what was given is right
+        assert len(cells["nll"]["draws"]) == 200
+        assert np.isfinite([cells["nll"]["mean"], cells["hearing_gain"]["mean"]]).all()
+        assert "--raw" in cells["beat_align"]["why"]
     truth, noise = table["controls"]["ground truth"], table["controls"]["white noise"]
     assert truth["fgd"]["mean"] == pytest.approx(0, abs=1e-9)
     assert noise["fgd"]["mean"] > 1e-6  # of a network of two steps
     assert truth["pck"]["mean"] == 1
+    assert "mean" in table["controls"][STILL]["nll"]
+    assert "draws" not in table["controls"][STILL]["nll"]
+    assert "likelihood" in truth["nll"]["why"]
     assert "made up" in table["head"]
     assert any("step 2 of 2" in text for text in heard)
     assert {told["verdict"] for told in table["verdicts"]} <= {UNDECIDED, NOT_ASSAYED}  # two seeds

@@ -590,6 +590,21 @@ def test_a_plan_is_trained_scored_and_packed_and_then_there_is_nothing_left(plan
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["done"] * 4
 
 
+def test_tables_of_a_plan_can_be_chosen(plan, capsys):
+    tool = experiments()
+    text = plan.read_text()
+    plan.write_text(
+        text + text.partition("\n[[table]]")[2].join(["[[table]]", ""]).replace("flow-2", "flow-3").replace("rows", "#")
+    )
+    whole = tool.Plan.load(plan)
+    assert [entry["name"] for entry in whole.only([]).tables] == ["flow-2", "flow-3"]
+    assert [entry["name"] for entry in whole.only(["flow-3"]).tables] == ["flow-3"]
+    assert tool.main([str(plan), "--only", "flow-9", "--list"]) == 2
+    assert "flow-9" in capsys.readouterr().err
+    assert tool.main([str(plan), "--only", "flow-3", "--list"]) == 0
+    assert "flow-2" not in capsys.readouterr().out
+
+
 def test_all_rows_get_a_seed_before_the_next(plan):
     jobs = experiments().Plan.load(plan).jobs()
     assert [job.seed for job in jobs] == [0, 0, 1, 1]

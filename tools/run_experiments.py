@@ -2,6 +2,7 @@
 
     python tools/run_experiments.py PLAN.toml --list
     python tools/run_experiments.py PLAN.toml --budget 2h
+    python tools/run_experiments.py PLAN.toml --only flow-1 --only flow-2
     python tools/run_experiments.py PLAN.toml --jobs 12 --pack results.tar.gz
 
 A plan names tables, one ``[[table]]`` each, with the options of ``cospeech evaluate --table``:
@@ -34,7 +35,7 @@ import sys
 import tarfile
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -92,6 +93,18 @@ class Plan:
             if lacking := {"name", "store", "seeds"} - entry.keys():
                 raise InputError(f"a table in {str(path)!r} has no {min(lacking)!r}")
         return cls(path, path.parent / told["runs"], tuple(told["table"]))
+
+    def only(self, names: list[str]) -> Plan:
+        """The plan with these tables alone, or with all where none is named.
+
+        Raises:
+            InputError: no table of the plan has that name.
+        """
+        known = [entry["name"] for entry in self.tables]
+        for name in names:
+            if name not in known:
+                raise InputError(f"{name!r} is no table of {str(self.path)!r}", nearest(name, known))
+        return replace(self, tables=tuple(entry for entry in self.tables if not names or entry["name"] in names))
 
     def place(self, entry: dict[str, Any], key: str) -> Path | None:
         """A path of an entry, seen from the plan."""
@@ -173,7 +186,8 @@ def train_apart(plan: Plan, left: list[Job], jobs: int) -> None:
 
     def start() -> Iterator[None]:
         for job in waiting:
-            command = [sys.executable, __file__, str(plan.path), "--job", str(numbers[job])]
+            chosen = [word for entry in plan.tables for word in ("--only", entry["name"])]
+            command = [sys.executable, __file__, str(plan.path), *chosen, "--job", str(numbers[job])]
             busy[subprocess.Popen(command)] = job
             yield
 
@@ -225,12 +239,13 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("plan", type=Path)
     parser.add_argument("--budget", type=seconds, metavar="TIME", help="stop after so long: 90s, 30m, 2h")
     parser.add_argument("--jobs", type=int, default=1, metavar="NUMBER", help="processes that train at once")
+    parser.add_argument("--only", action="append", default=[], metavar="TABLE", help="this table of the plan; may be repeated")
     parser.add_argument("--list", action="store_true", help="print the runs and whether they are there, and do nothing")
     parser.add_argument("--pack", type=Path, metavar="FILE", help="pack tables, scores and logs into this .tar.gz at the end")
     parser.add_argument("--job", type=int, help=argparse.SUPPRESS)
     told = parser.parse_args(arguments)
     try:
-        plan = Plan.load(told.plan)
+        plan = Plan.load(told.plan).only(told.only)
         if told.list:
             for job in plan.jobs():
                 print(f"{'done' if plan.is_done(job) else 'left'}  {plan.tables[job.table]['name']}: {job}")

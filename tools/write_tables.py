@@ -20,11 +20,12 @@ from cospeech.experiments.tables.verdicts import Evidence, below, judge
 
 ROOT = Path(__file__).resolve().parents[1]
 KEPT, MEDIA, PAGE = ROOT / "benchmarks" / "tables", ROOT / "docs" / "media", ROOT / "docs" / "results.md"
+NUMBERS = re.compile(r"\[[-+.\deE,\s]+\]")  # a list of numbers alone: it is kept in one line
 BLOCK = re.compile(r"(<!-- results -->\n).*?(<!-- end of results -->)", re.S)
 
 
 def judge_again(table: dict[str, Any]) -> dict[str, Any]:
-    """Verdicts and note of a table that is kept, by the code of today; of figures with each seed: clips are not kept."""
+    """Verdicts and note of a table that is kept, by the code of today; of figures with each seed, and of draws of clips."""
     parts = [part for part in TABLES[table["table"]].parts if part.corpus == table["corpus"]]
     part = max(parts, key=lambda part: len({row.name for row in part.rows} & {*table["rows"]}))
     rows = {}
@@ -32,7 +33,12 @@ def judge_again(table: dict[str, Any]) -> dict[str, Any]:
         if row.get("cells"):
             cells = row["cells"].items()
             rows[name] = [
-                {metric: {"value": cell["values"][k]} if "values" in cell else {"why": cell["why"]} for metric, cell in cells}
+                {
+                    metric: {"value": cell["values"][k], "draws": cell.get("draws", ())}
+                    if "values" in cell
+                    else {"why": cell["why"]}
+                    for metric, cell in cells
+                }
                 for k in range(len(table["seeds"]))
             ]
     controls = {
@@ -63,8 +69,9 @@ def page() -> str:
 def main(files: list[Path]) -> None:
     KEPT.mkdir(exist_ok=True)
     for path in files:
-        json.loads(path.read_text("utf-8"))["rows"]  # it is a table
-        shutil.copyfile(path, KEPT / path.name)
+        text = path.read_text("utf-8")
+        json.loads(text)["rows"]  # it is a table
+        (KEPT / path.name).write_text(NUMBERS.sub(lambda found: " ".join(found[0].split()), text), "utf-8")
         picture = path.with_suffix(".png")
         if picture.is_file():
             shutil.copyfile(picture, MEDIA / picture.name)

@@ -30,6 +30,7 @@ from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, ma
 from cospeech.experiments.tables.controls import ORACLE
 from cospeech.experiments.tables.excerpts import AFTER, BEFORE, Excerpts
 from cospeech.experiments.tables.inputs import StoreInputs, find_context, generate_rows
+from cospeech.experiments.tables.likelihood import STILL
 from cospeech.experiments.tables.report import summary, to_markdown
 from cospeech.experiments.tables.runs import FEATURES, OMEGA, PlayableRun, small_scale
 from cospeech.experiments.tables.scores import generate_windows
@@ -313,10 +314,16 @@ def test_a_table_from_nothing_and_again_from_what_is_kept(table_runs, runs, tmp_
             assert len(cells[metric]["values"]) == 2
             assert np.isfinite(cells[metric]["mean"])
         assert 0 < cells["pck"]["mean"] < cells["pck_gfge"]["mean"] <= 1  # what was given is right
+        assert len(cells["nll"]["draws"]) == 200
+        assert np.isfinite([cells["nll"]["mean"], cells["hearing_gain"]["mean"]]).all()
+        assert "--raw" in cells["beat_align"]["why"]
     truth, noise = table["controls"]["ground truth"], table["controls"]["white noise"]
     assert truth["fgd"]["mean"] == pytest.approx(0, abs=1e-9)
     assert noise["fgd"]["mean"] > 1e-6  # of a network of two steps
     assert truth["pck"]["mean"] == 1
+    assert "mean" in table["controls"][STILL]["nll"]
+    assert "draws" not in table["controls"][STILL]["nll"]
+    assert "likelihood" in truth["nll"]["why"]
     assert "made up" in table["head"]
     assert any("step 2 of 2" in text for text in heard)
     assert {told["verdict"] for told in table["verdicts"]} <= {UNDECIDED, NOT_ASSAYED}  # two seeds
@@ -581,6 +588,21 @@ def test_a_plan_is_trained_scored_and_packed_and_then_there_is_nothing_left(plan
     assert not any(name.endswith(".safetensors") for name in names)
     assert tool.main([str(plan), "--list"]) == 0
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["done"] * 4
+
+
+def test_tables_of_a_plan_can_be_chosen(plan, capsys):
+    tool = experiments()
+    text = plan.read_text()
+    plan.write_text(
+        text + text.partition("\n[[table]]")[2].join(["[[table]]", ""]).replace("flow-2", "flow-3").replace("rows", "#")
+    )
+    whole = tool.Plan.load(plan)
+    assert [entry["name"] for entry in whole.only([]).tables] == ["flow-2", "flow-3"]
+    assert [entry["name"] for entry in whole.only(["flow-3"]).tables] == ["flow-3"]
+    assert tool.main([str(plan), "--only", "flow-9", "--list"]) == 2
+    assert "flow-9" in capsys.readouterr().err
+    assert tool.main([str(plan), "--only", "flow-3", "--list"]) == 0
+    assert "flow-2" not in capsys.readouterr().out
 
 
 def test_all_rows_get_a_seed_before_the_next(plan):

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import json
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from cospeech.experiments.tables import TABLES
 from cospeech.experiments.tables.paper_tables import Claim
+from cospeech.experiments.tables.report import summary
 from cospeech.experiments.tables.verdicts import (
     CONTRADICTED,
     HOLDS,
@@ -162,6 +168,94 @@ def test_systems_that_do_not_follow_the_speech_give_no_verdict():
     assert "theirs hardly follows" in told["because"]
     silent = {"ours": cells("fgd", 1 + NEAR, lift=None), "theirs": cells("fgd", 3 - NEAR, lift=None)}
     assert judge([CLAIM], evidence(silent))[0]["verdict"] == HOLDS  # a table without sound does not know it
+
+
+LIKELY = Claim("nll", "ours", "theirs", False, "table 0")
+
+
+def likely(nll, gain, *, lift: float = 0.0) -> list[dict]:
+    """A row with likelihoods: it hardly follows the beat, which is no matter to them."""
+    rows = zip(cells("nll", nll, lift=lift), cells("hearing_gain", gain, lift=None), strict=True)
+    return [one | other for one, other in rows]
+
+
+@pytest.mark.parametrize(
+    ("gain", "least", "expected", "why"),
+    [
+        (1 + NEAR, 10.0, HOLDS, "difference -2"),
+        (NEAR, 10.0, NOT_ASSAYED, "theirs does not hear: hearing gain"),
+        (-1 + NEAR, 10.0, NOT_ASSAYED, "theirs does not hear"),
+        (1 + NEAR, 2.9, NOT_ASSAYED, "theirs is not better than the control row 'still'"),
+    ],
+)
+def test_a_likelihood_counts_where_it_owes_something_to_the_speech(gain, least, expected, why):
+    heads = HEADS | {"nll": "NLL ↓", "hearing_gain": "hearing, nats ↑"}
+    rows = {"ours": likely(1 + NEAR, 1 + NEAR), "theirs": likely(3 - NEAR, gain)}
+    known = {name: {metric: {"value": value} for metric, value in row.items()} for name, row in CONTROLS.items()}
+    known["still"] = {"nll": {"value": least}, "hearing_gain": {"value": 0.0}}
+    (told,) = judge([LIKELY], Evidence(rows, known, heads, {}))
+    assert told["verdict"] == expected
+    assert why in told["because"]
+    lifted = Claim("fgd", "ours", "theirs", False, "table 0")
+    for row in rows.values():
+        for cell in row:
+            cell["fgd"] = {"value": 1.0}
+    assert "hardly follows" in judge([lifted], Evidence(rows, known, heads, {}))[0]["because"]  # all else wants the beat
+
+
+def test_a_hearing_gain_that_clips_do_not_bear_out_is_none():
+    heads = {"nll": "NLL ↓", "hearing_gain": "hearing, nats ↑"}
+    rng = np.random.default_rng(0)
+    ours = likely(1 + NEAR, 1 + NEAR)
+    unsure = [row | {"hearing_gain": {"value": 1.0, "draws": [*rng.normal(1, 2, 200)]}} for row in ours]
+    shared = unsure[0]["hearing_gain"]
+    rows = {"ours": ours, "theirs": [row | {"hearing_gain": shared} for row in unsure]}
+    (told,) = judge([LIKELY], Evidence(rows, {}, heads, {}))
+    assert "theirs does not hear" in told["because"]
+
+
+def test_a_table_that_is_kept_is_judged_as_it_was():
+    """By seeds and by draws of clips, which it keeps as their means over seeds."""
+    paper_table = TABLES["flow-2"]
+    (part,) = [part for part in paper_table.parts if part.corpus == "ted"]
+    rng, rows = np.random.default_rng(4), {}
+    clips = rng.normal(scale=0.2, size=200)
+    for place, row in enumerate(part.rows):
+        seeds = 1 + 0.4 * place + rng.normal(scale=0.05, size=6)
+        lively = {"nll": seeds, "hearing_gain": seeds, "fgd": seeds + 1, "diversity_gfge": 9 - seeds}
+        rows[row.name] = [
+            {name: {"value": values[k], "draws": [*(values[k] + clips + rng.normal(scale=0.3, size=200))]}
+             for name, values in lively.items()}
+            for k in range(6)
+        ]  # fmt: skip
+    evidence = Evidence(rows, {}, dict.fromkeys(("nll", "hearing_gain", "fgd", "diversity_gfge"), "x"), {})
+    table = {
+        "table": "flow-2", "corpus": "ted", "columns": evidence.heads, "faults": {}, "controls": {}, "seeds": [*range(6)],
+        "rows": {name: {"cells": {metric: summary(row, metric) for metric in evidence.heads}} for name, row in rows.items()},
+    }  # fmt: skip
+    expected = judge(part.claims, evidence)
+    assert {told["verdict"] for told in expected} == {HOLDS, UNDECIDED}
+    assert write_tables().judge_again(table)["verdicts"] == expected
+    for row in table["rows"].values():
+        for cell in row["cells"].values():
+            del cell["draws"]
+    assert write_tables().judge_again(table)["verdicts"] != expected  # as older tables are: over seeds alone
+
+
+def test_lists_of_numbers_are_kept_in_one_line(tmp_path):
+    tool, told = write_tables(), {"a": [1.5, -2e-07], "b": ["x", "1, 2"], "c": {"d": []}}
+    text = json.dumps(told, indent=1)
+    short = tool.NUMBERS.sub(lambda found: " ".join(found[0].split()), text)
+    assert json.loads(short) == told
+    assert '"a": [ 1.5, -2e-07 ]' in short
+
+
+def write_tables():
+    path = Path(__file__).resolve().parents[2] / "tools" / "write_tables.py"
+    spec = spec_from_file_location("write_tables", path)
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def test_what_was_not_run_is_left_out_and_what_has_no_figure_is_said():

@@ -3,12 +3,13 @@
     gain = loss of held-out windows with the speech of another window − their loss with their own speech
 
 Of a flow the loss is the negative log-likelihood, and the gain is exact, in its unit per frame. Of other networks each term of
-the loss has a gain. It needs no sampling. A network that does not hear has a gain of 0.
+the loss has a gain. It needs no sampling. A network that does not hear has a gain of 0. `measure_hearing` takes a run as it is;
+`measure_likelihood` gives the log-likelihoods of a flow frame by frame, of windows that the caller chooses (tables do).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -19,8 +20,9 @@ import numpy as np
 from ..corpora.store import Store
 from ..errors import InputError
 from ..metrics._scipy import scipy
+from ..motion.rotations import Array
 
-__all__ = ["HEARD", "Hearing", "describe_hearing", "measure_hearing"]
+__all__ = ["HEARD", "FrameLikelihoods", "Hearing", "describe_hearing", "measure_hearing", "measure_likelihood"]
 
 HEARD = ("audio", "text", "waveform")
 """Arrays that are speech: another window's are put in their place. Faces, emotions and speakers stay."""
@@ -43,6 +45,33 @@ class Hearing(NamedTuple):
     other: float
     gain: float
     half: float
+
+
+class FrameLikelihoods(NamedTuple):
+    """(N, F) exact log-likelihoods of frames, in nats, of standardised poses: with the own speech, and with that of another."""
+
+    own: Array
+    other: Array
+
+
+def measure_likelihood(net: Any, arrays: Mapping[str, Array], order: Array) -> FrameLikelihoods:
+    """How likely a flow finds recorded windows, each pose after the recorded poses before it.
+
+    Args:
+        net: a network with ``log_prob``.
+        arrays: name → (N, τ + F + l, …), as the network takes them.
+        order: (N,) the window whose speech is put in the place of each one's own.
+    """
+    from .playing import frame_likelihoods
+
+    taken = {name: arrays[name] for name in net.arrays}
+    swapped = _hear_another(taken, [name for name in HEARD if name in taken], order)
+    return FrameLikelihoods(frame_likelihoods(net, taken), frame_likelihoods(net, swapped))
+
+
+def _hear_another(arrays: Mapping[str, Any], heard: Sequence[str], order: Array) -> dict[str, Any]:
+    """The same windows, each with the speech of another."""
+    return {**arrays} | {name: arrays[name][order] for name in heard}
 
 
 def measure_hearing(
@@ -78,7 +107,7 @@ def measure_hearing(
     with torch.no_grad():
         for k in range(batches):
             arrays = {name: torch.from_numpy(array) for name, array in feed.at(rows, 0, k).items()}
-            swapped = arrays | {name: arrays[name].roll(rows // 2, 0) for name in heard}
+            swapped = _hear_another(arrays, heard, np.roll(np.arange(rows), rows // 2))
             own.append(_losses(net, arrays, k))
             other.append(_losses(net, swapped, k))
     return [found for term in own[0] if (found := _gain(term, own, other)) is not None]

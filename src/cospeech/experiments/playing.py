@@ -18,7 +18,7 @@ from ..models.chain_of_generation import ChainOfGeneration
 from ..models.nn.windowed import Windowed
 from ..motion.rotations import Array
 
-__all__ = ["codes", "context_of", "perform", "play", "play_inputs", "recognise", "styles_of", "threads"]
+__all__ = ["codes", "context_of", "frame_likelihoods", "perform", "play", "play_inputs", "recognise", "styles_of", "threads"]
 
 BATCH = 512  # windows at a time; ours
 LABELS = ("face", "emotion", "speaker")
@@ -108,6 +108,26 @@ def codes(net: Any, pose: Array, audio: Array) -> Array:
         found = torch.cat([net.latents(_tensor(pose[p], device), _tensor(audio[p], device)).cpu() for p in parts]).numpy()
     if not np.isfinite(found).all():
         raise InputError(f"{type(net).__name__} has latents that are not finite", "train it longer, or at a lower rate")
+    return found
+
+
+def frame_likelihoods(net: Any, arrays: Mapping[str, Array]) -> Array:
+    """(B, F) exact log-likelihood of each frame after the history, in nats, of standardised poses.
+
+    Args:
+        net: with ``log_prob``.
+        arrays: what it takes by name: ``pose`` and ``audio`` (B, τ + F + l, …), standardised.
+
+    Raises:
+        InputError: a likelihood is not finite.
+    """
+    device = next(net.parameters()).device
+    parts = [slice(k, k + BATCH) for k in range(0, len(arrays["pose"]), BATCH)]
+    with torch.no_grad():
+        told = [net.log_prob(**{name: _tensor(array[p], device) for name, array in arrays.items()}).cpu() for p in parts]
+    found = torch.cat(told).double().numpy()
+    if not np.isfinite(found).all():
+        raise InputError(f"{type(net).__name__} has likelihoods that are not finite", "train it longer, or at a lower rate")
     return found
 
 

@@ -15,6 +15,7 @@ from .controls import ORACLE, check_oracle, faults_of, oracle_key
 from .excerpts import AFTER, BEFORE, Excerpts
 from .figures import choose_excerpt, draw_latents, draw_poses
 from .inputs import generate_rows
+from .likelihood import COLUMNS, STILL, score_likelihood, score_still
 from .paper_tables import Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .runs import PlayableRun, Runs
 from .scores import cache_result, controls_of_latents, latents, score, score_columns, score_latents
@@ -27,7 +28,9 @@ class _Flows:
 
     def __init__(self, paper_table: PaperTable, part: TableSplit, runs: Runs, raw: str | PathLike[str] | None) -> None:
         self.paper_table, self.runs = paper_table, runs
-        self.columns, self.excerpts = tuple(paper_table.columns), Excerpts(runs.folder, raw)
+        self.columns = tuple(name for name in paper_table.columns if name not in COLUMNS)
+        self.likely = len(self.columns) < len(paper_table.columns)
+        self.excerpts = Excerpts(runs.folder, raw)
 
     @property
     def windows(self) -> str:
@@ -74,10 +77,15 @@ class Performances(_Flows):
         def work() -> Cells:
             return score(self.columns, player, self.excerpts, self.tools, seed=seed, threads=runs.threads)
 
-        return self._cache(self.features, [player.fingerprint, seed], work), player.summary
+        cells: Cells = self._cache(self.features, [player.fingerprint, seed], work)
+        if self.likely:
+            cells |= self._cache(
+                "likelihood", [player.fingerprint], lambda: score_likelihood(player, self.excerpts, threads=runs.threads)
+            )
+        return cells, player.summary
 
     def controls(self) -> dict[str, Cells]:
-        """As in all tables."""
+        """As in all tables; where rows have a likelihood, a predictor that knows nothing but the last pose as well."""
 
         def work() -> dict[str, Cells]:
             rows = {**self.excerpts.controls()}
@@ -90,10 +98,15 @@ class Performances(_Flows):
             }
 
         found: dict[str, Cells] = self._cache(self.features, ["controls", *oracle_key(self.runs.oracle)], work)
-        return found
+        if not self.likely:
+            return found
+        still = self._cache("likelihood", ["controls"], lambda: score_still(self.excerpts))
+        motionless = {name: {"why": "it foretells motion and makes none"} for name in self.columns}
+        unlikely = {name: {"why": "motion alone has no likelihood"} for name in COLUMNS}
+        return {name: cells | unlikely for name, cells in found.items()} | {STILL: motionless | still}
 
     def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
-        """Of all columns."""
+        """Of all columns but the likelihood."""
         return faults_of(controls, self.columns)
 
     def picture(self, table: Mapping[str, Any]) -> Pictures:

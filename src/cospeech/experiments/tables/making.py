@@ -151,7 +151,7 @@ def make_table(
         "table": name, "title": f"{name}: {paper_table.title} ({runs.store.corpus})", "columns": dict(paper_table.columns),
         "head": _head(runs, bench, seeds, only), "corpus": runs.store.corpus, "pose": runs.store.pose,
         "small": runs.small, "seeds": list(seeds), "note": part.note, "rows": rows,
-        "controls": {row: {metric: summary([cells], metric) for metric in paper_table.columns}
+        "controls": {row: {metric: summary([cells], metric, draws=False) for metric in paper_table.columns}
             for row, cells in controls.items()},
         "faults": faults, "headroom": {} if trained else headroom(evidence), "below": below(part.claims, evidence),
         "verdicts": judge(part.claims, evidence),

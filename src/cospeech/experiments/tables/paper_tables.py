@@ -14,7 +14,7 @@ from ...corpora.store import Store
 if TYPE_CHECKING:
     from .runs import Runs
 
-__all__ = ["COSTS", "Bench", "Cells", "Claim", "PaperTable", "Pictures", "TableSplit", "TableSystem"]
+__all__ = ["COSTS", "HEARING", "LIKELIHOOD", "Bench", "Cells", "Claim", "PaperTable", "Pictures", "TableSplit", "TableSystem"]
 
 Pictures = NDArray[np.uint8]
 Cells = dict[str, dict[str, Any]]
@@ -22,6 +22,9 @@ Cells = dict[str, dict[str, Any]]
 
 COSTS = {"fgd_cost": ("fgd", 1.0), "srgr_cost": ("srgr_beat", -1.0)}
 """Column → metric and sign: by how much it is worse than with all inputs, of one network; no metric of its own."""
+
+LIKELIHOOD, HEARING = "nll", "hearing_gain"
+"""Columns of networks that have an exact likelihood: no metrics of motion, see `likelihood`."""
 
 
 @dataclass(frozen=True)

@@ -30,13 +30,20 @@ def _half(values: Sequence[float]) -> float | None:
     return float(t * np.std(values, ddof=1) / sqrt(len(values)))
 
 
-def summary(runs: Sequence[Cells], metric: str) -> dict[str, Any]:
-    """One cell over seeds: ``mean``, ``half``, ``values``, ``note``; or ``why`` there is none."""
+def summary(runs: Sequence[Cells], metric: str, *, draws: bool = True) -> dict[str, Any]:
+    """One cell over seeds: ``mean``, ``half``, ``values``, ``note``; or ``why`` there is none.
+
+    With ``draws`` those of clips too, as their means over seeds: verdicts need no more of them.
+    """
     values = [cells[metric]["value"] for cells in runs if "value" in cells[metric]]
     if len(values) < len(runs) or not values:
         return {"why": next((cells[metric]["why"] for cells in runs if "why" in cells[metric]), "no run")}
     note = runs[0][metric].get("note", "")
-    return {"mean": float(np.mean(values)), "half": _half(values), "values": values, "note": note}
+    found = {"mean": float(np.mean(values)), "half": _half(values), "values": values, "note": note}
+    drawn = [cells[metric].get("draws") or () for cells in runs]
+    if not draws or not all(len(each) == len(drawn[0]) > 1 for each in drawn):
+        return found
+    return found | {"draws": [float(f"{draw:.6g}") for draw in np.mean(drawn, 0)]}
 
 
 def _number(cell: Mapping[str, Any]) -> str:
@@ -81,7 +88,10 @@ def _notes(table: Mapping[str, Any]) -> list[str]:
         for metric, cell in cells.items():
             if "why" in cell:
                 reasons.setdefault((metric, cell["why"]), []).append(name)
-    notes += [f"– {table['columns'][m]}: {why} ({', '.join(names)})" for (m, why), names in reasons.items()]
+    shared: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    for (metric, why), names in reasons.items():
+        shared.setdefault((why, tuple(names)), []).append(table["columns"][metric])
+    notes += [f"– {', '.join(heads)}: {why} ({', '.join(names)})" for (why, names), heads in shared.items()]
     notes += [f"headroom of {table['columns'][m]}: {told}" for m, told in table.get("headroom", {}).items()]
     faults = {m: told for m, told in table.get("faults", {}).items() if told}
     notes += [

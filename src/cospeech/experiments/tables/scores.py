@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...files import atomic
-from ...metrics import FeatureNet, Sample, Tools, load_metric
+from ...metrics import FeatureNet, Sample, Score, Tools, load_metric
 from ...motion.rotations import Array
 from .excerpts import Excerpts
 from .inputs import find_context, generate_rows
@@ -22,6 +22,7 @@ from .tsne import tsne
 
 __all__ = [
     "Recordings",
+    "as_cell",
     "cache_result",
     "cell",
     "controls_of_latents",
@@ -56,6 +57,11 @@ def cell(metric: str, generated: Sequence[Sample], truth: Sequence[Sample], tool
         score = load_metric(metric)(generated, truth, tools)
     except InputError as problem:
         return {"why": str(problem)}
+    return as_cell(score)
+
+
+def as_cell(score: Score) -> dict[str, Any]:
+    """A score as tables keep it."""
     found = {"value": score.value, "interval": score.interval, "note": score.note}
     return found | ({"draws": [float(f"{draw:.6g}") for draw in score.draws]} if score.draws else {})
 

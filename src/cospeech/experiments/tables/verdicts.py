@@ -22,7 +22,7 @@ from ...metrics import METRICS, load_metric
 from ...metrics._scipy import scipy
 from ...metrics.controls import CONTROLS
 from ...metrics.holm import correct
-from .paper_tables import COSTS, Cells, Claim
+from .paper_tables import COSTS, HEARING, LIKELIHOOD, Cells, Claim
 
 __all__ = [
     "CONTRADICTED", "HOLDS", "LEAST_SEEDS", "NOT_ASSAYED", "UNDECIDED", "WORDS", "Difference", "Evidence", "below",
@@ -176,6 +176,18 @@ def _whole(row: str, metric: str, evidence: Evidence) -> str:
     return whole if metric in COSTS and whole in evidence.rows else row
 
 
+def _deaf(row: str, evidence: Evidence) -> str | None:
+    """Why the likelihood of a row owes nothing to the speech; None: its hearing gain is above 0, over seeds and clips."""
+    gains = [cells.get(HEARING, {"why": ""}) for cells in evidence.rows[row]]
+    if any("value" not in gain for gain in gains):
+        return None
+    nothing = [{"value": 0.0, "draws": [0.0] * len(gain.get("draws", ()))} for gain in gains]
+    gain = compare(gains, nothing)
+    if gain.above(0.0) < LEVEL:
+        return None
+    return f"{row} does not hear: hearing gain {gain.mean:.3g} nats per frame, 95 % interval from {gain.interval[0]:+.3g}"
+
+
 def _gate(claim: Claim, evidence: Evidence) -> str | None:
     """Why the systems of a claim are no fair test of it; None: they are."""
     told = _lack_headroom(claim.metric, evidence)
@@ -186,6 +198,8 @@ def _gate(claim: Claim, evidence: Evidence) -> str | None:
         control = below_controls(claim.metric, claim.higher, row, evidence)
         if control is not None:
             return f"{row} is not better than the control row {control!r}"
+    if claim.metric == LIKELIHOOD:
+        return next((why for row in rows if (why := _deaf(row, evidence)) is not None), None)
     truth = evidence.controls.get(CONTROLS[0], {}).get(LIFT, {}).get("value")
     if truth is not None:
         for row in rows:

@@ -1,0 +1,88 @@
+"""Likelihood of the test windows: how well a flow foretells recorded motion, and how much of that it owes to the speech.
+
+    nll          = −1/(N F) Σ ln p(x_t | the recorded poses before it, its speech)
+    hearing gain = nll with the speech of another window of the same speaker − nll with the own speech
+
+Both are in nats per frame, exact, and need no sampling. p is the density of poses standardised by the *store*: where a run
+was standardised in another way, the logarithm of the determinant is added, so that rows can be compared. The difference to
+the last pose (``residual``) has the density of the pose, because a shift has the determinant 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from ...metrics.interval import mean_score
+from ...motion.rotations import Array
+from ...training.batch_loader import standard_pose
+from ..hearing import measure_likelihood
+from .excerpts import Excerpts
+from .paper_tables import HEARING, LIKELIHOOD, Cells
+from .runs import PlayableRun
+from .scores import as_cell
+
+__all__ = ["COLUMNS", "STILL", "order_within_speakers", "score_likelihood", "score_still"]
+
+COLUMNS = (LIKELIHOOD, HEARING)
+STILL = "the last pose, and a normal step"
+"""Control row: it knows how far a pose is from the last one, on average, and nothing else."""
+STEP_FLOOR = 1e-3
+"""Least deviation of a step, of the deviation of the poses; ours: a number that never moves would have no limit."""
+
+
+def order_within_speakers(speakers: Sequence[str]) -> Array:
+    """(N,) for each window another one of the same speaker, half of the speaker's windows away; half of all, where it has one.
+
+    So what differs is what is said and when, not the voice.
+    """
+    order, names = np.roll(np.arange(len(speakers)), len(speakers) // 2), np.array(speakers)
+    for name in dict.fromkeys(speakers):
+        own = np.flatnonzero(names == name)
+        if len(own) > 1:
+            order[own] = np.roll(own, len(own) // 2)
+    return order
+
+
+def score_likelihood(player: PlayableRun, excerpts: Excerpts, *, threads: int = 0) -> Cells:
+    """Both columns of a run; the same windows as those that systems make motion for."""
+    from ..playing import threads as limited
+
+    if not hasattr(player.net, "log_prob"):
+        return {name: {"why": "the network has no likelihood"} for name in COLUMNS}
+    before, after = player.context
+    excerpts.check_context(before, after)
+    frames, speakers = before + excerpts.protocol.made + after, excerpts.speakers()
+    arrays = excerpts.inputs.gather(player, excerpts.starts - before, frames, speakers)
+    try:
+        with limited(threads):
+            found = measure_likelihood(player.net, arrays, order_within_speakers(speakers))
+    except InputError as problem:
+        return {name: {"why": str(problem)} for name in COLUMNS}
+    ours, theirs = player.statistics["pose_std"], standard_pose(excerpts.store).std
+    determinant = float(np.log(np.asarray(ours, np.float64)).sum() - np.log(np.asarray(theirs, np.float64)).sum())
+    return {
+        LIKELIHOOD: _over_clips(determinant - found.own, excerpts),
+        HEARING: _over_clips(found.own - found.other, excerpts),
+    }
+
+
+def score_still(excerpts: Excerpts) -> Cells:
+    """Both columns of `STILL`: normal, each number for itself, with mean and deviation of the steps of the training split."""
+    store, standard = excerpts.store, standard_pose(excerpts.store)
+    poses = [standard(store.clip(clip)["pose"]).astype(np.float64) for clip in store.clips if clip.split == "train"]
+    steps = np.concatenate([np.diff(clip, axis=0) for clip in poses])
+    mean, std = steps.mean(0), np.maximum(steps.std(0), STEP_FLOOR)
+    z = (np.diff(standard(excerpts.rows("pose", 1, 0)).astype(np.float64), axis=1) - mean) / std
+    nll = (z**2 / 2 + np.log(std) + np.log(2 * np.pi) / 2).sum(-1)
+    return {LIKELIHOOD: _over_clips(nll, excerpts), HEARING: _over_clips(0 * nll, excerpts)}
+
+
+def _over_clips(values: Array, excerpts: Excerpts) -> dict[str, Any]:
+    """The mean of (N, F) values. Whole clips are drawn, not windows: windows of a clip overlap."""
+    _, place, counts = np.unique(excerpts.clips, return_inverse=True, return_counts=True)
+    means = np.bincount(place, values.mean(1)) / counts
+    return as_cell(mean_score([*means], [*counts], note=f"{len(counts)} clips, {len(values)} windows"))

@@ -16,21 +16,27 @@ from scipy.sparse import csr_matrix, diags, identity
 from cospeech.motion.rotations import Array
 
 from .net import vertex_normals
+from .sculpture import pack_weights, unpack_weights
 
-__all__ = ["Cloth", "Poses", "ease", "place"]
+__all__ = ["LEAST", "Cloth", "Poses", "ease", "place"]
 
 # All ours, by trial: what stretches least without a joint that loses its volume or cloth that looks crumpled.
 _POWER, _STEEP = 3, 100.0  # of the price of stretch beyond what is allowed: the worst edges weigh most
 _PRESSED, _PUSH = 0.5, 0.05  # length, of that at rest, below which an edge counts as pressed, and the price of its square
 _STIFF = 1e-3  # price of weights that change unevenly
 _SLID, _RAISED = 0.01, 0.35  # prices of points that are displaced unevenly, in any way and out of the surface: folds are seen
+_BENT, _RIPPLED = 0.4, 150.0  # prices of points displaced otherwise than around them, in any way and out of the surface
+_HIGH = 3e4  # 1/m²: price of height above or below the surface as sculpted: what is seen of a body that stands is its outline
 _SCALE = 1e-3  # price of rows of weights that do not sum to 1 before they are divided by their sum
 _NEAR = 100.0  # 1/m²: price of change itself, of that of uneven change
 _START, _MORE = 40, 24  # poses looked at in the first round, and added in each later one
-_ROUNDS, _STEPS = 7, 100  # rounds, and steps of the descent in each
+_ROUNDS, _STEPS = 7, 160  # rounds, and steps of the descent in each
 _FOUR = 2  # round from which a point has four joints
 _RINGS = 12  # edges from a point to those whose joints it may follow
 _LEVER = 0.02  # metres added to how far a joint carries a point from its place: the unit of its weight
+LEAST = (
+    1e-4  # of weights that are kept: joints far away, whose small weights still move a point by millimetres, may not drop out
+)
 _SHORT = 1e-4  # metres: shorter edges are creases that do not count
 
 
@@ -64,6 +70,7 @@ class Cloth:
         follow: (V, V), rows sum to 1: of whose weights and displacements each point's are made; those points' own rows are
             of the identity. None for the identity.
         twins: the mirror image of each point (V,) and joint (J,), if the surface is to stay symmetric.
+        smooth: factor of the prices of an outline that is not that of the sculpture.
     """
 
     points: Array
@@ -75,6 +82,7 @@ class Cloth:
     barred: Array
     follow: csr_matrix | None = None
     twins: tuple[Array, Array] | None = None
+    smooth: float = 1.0
 
 
 def place(points: Array, weights: Array, sculpted: Array) -> Array:
@@ -88,14 +96,16 @@ def ease(cloth: Cloth, poses: Poses) -> tuple[Array, Array]:
     descent = _Descent(cloth, poses)
     points, weights = cloth.points, descent.share(cloth.weights)
     chosen: list[int] = []
+    best, least = (points, weights), np.inf
     for k in range(_ROUNDS):
-        ratios = descent.ratios(points, weights, poses.moves)
-        over = np.maximum(ratios - 1 - poses.allowed[:, None], 0)
+        over = descent.over(points, weights)
         chosen = _choose(over, [c for c in chosen if over[c].any()], _MORE if k else _START)
         if k == _FOUR:
             weights = descent.keep_four(weights)
         points, weights = descent.run(points, weights, np.array(chosen))
-    return points, weights
+        if k >= _FOUR and (price := descent.price_all(points, weights)) < least:  # a round may leave others worse than before
+            best, least = (points, weights), price
+    return best
 
 
 def _choose(over: Array, chosen: list[int], more: int) -> list[int]:
@@ -128,12 +138,24 @@ class _Descent:
         self.hold = np.where(leads, 1 / np.maximum(cloth.free, 1e-3) - 1, 0)
         self.may = self._reach() & (leads & (cloth.free > 0))[:, None]
         self.unit = self._units(rest)
+        ripple = self._ripple(leads)
+        self.bend = (ripple.T @ ripple).tocsr()
         self.out = vertex_normals(cloth.points, cloth.triangles)
         self.loose = np.flatnonzero(leads & (cloth.give > 0))
 
     def share(self, own: Array) -> Array:
         """Weights or displacements of all points from those of the points that follow none."""
         return self.follow @ own
+
+    def _ripple(self, leads: Array) -> csr_matrix:
+        """(V, V) by how much points are displaced otherwise than their neighbours' mean, per metre of the edges to these."""
+        own = leads[self.pairs].all(1)
+        ends = abs(self.ends)[own]
+        near = (ends.T @ ends).tolil()
+        near.setdiag(0)
+        count = np.maximum(np.asarray(near.sum(1)).ravel(), 1)
+        length = np.maximum(ends.T @ self.lengths[own] / count, _SHORT)
+        return (diags(1 / length) @ (diags(leads.astype(float)) - diags(1 / count) @ near)).tocsr()
 
     def _reach(self) -> Array:
         """(V, J) joints that a point may follow: those of the points around it."""
@@ -170,6 +192,15 @@ class _Descent:
             apart = posed[self.pairs[:, 0]] - posed[self.pairs[:, 1]]
             found.append(np.sqrt(np.einsum("epa,epa->ep", apart, apart)).T / lengths)
         return np.concatenate(found)
+
+    def over(self, points: Array, weights: Array) -> Array:
+        """(P, E) stretch beyond what is allowed, in all poses."""
+        return np.maximum(self.ratios(points, weights, self.poses.moves) - 1 - self.poses.allowed[:, None], 0)
+
+    def price_all(self, points: Array, weights: Array) -> float:
+        """Of the worst that each edge has to bear in any pose, with the weights as a file keeps them."""
+        weights = unpack_weights(*pack_weights(weights, LEAST), weights.shape[1])
+        return float((self.poses.price[:, None] * self.over(points, weights) ** _POWER).max(0).sum())
 
     def keep_four(self, weights: Array) -> Array:
         """Let each point follow its four joints of most weight alone from now on."""
@@ -210,11 +241,11 @@ class _Descent:
         back = self.uneven @ change + _NEAR * self.hold[:, None] * change
         price += _STIFF * float((change * back).sum())
         by_weight = self.follow.T @ (by_weight + 2 * _STIFF * back * self.unit)
-        for cost, part in ((_SLID, moved), (_RAISED, (moved * self.out).sum(1, keepdims=True) * self.out)):
-            back = self.uneven @ part + _NEAR * part
-            price += cost * float((part * back).sum())
-            back = back if part is moved else (back * self.out).sum(1, keepdims=True) * self.out
-            by_point = by_point + 2 * cost * back
+        smooth, raised = self.cloth.smooth, (moved * self.out).sum(1, keepdims=True)
+        back = _SLID * (self.uneven @ moved + _NEAR * moved) + smooth * _BENT * (self.bend @ moved)
+        price, by_point = price + float((moved * back).sum()), by_point + 2 * back
+        back = _RAISED * (self.uneven @ raised + _NEAR * raised) + smooth * (_RIPPLED * (self.bend @ raised) + _HIGH * raised)
+        price, by_point = price + float((raised * back).sum()), by_point + 2 * back * self.out
         by_point = self.follow.T @ by_point
         by_weight = (by_weight - (by_weight * own).sum(1, keepdims=True)) / total[:, None]
         price += _SCALE * float(((total - 1) ** 2).sum())

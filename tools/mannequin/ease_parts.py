@@ -16,20 +16,22 @@ from cospeech.motion.rotations import Array, quat_to_matrix
 from cospeech.motion.skeleton import humanoid
 from cospeech.motion.skeletons.humanoid import MIRROR
 
-from .ease import Cloth, Poses, ease, place
+from .ease import LEAST, Cloth, Poses, ease, place
 from .net import smoothstep, vertex_normals
 from .poses import build_limit_poses, build_speaking_poses
 from .sculpture import mirror_part, pack_weights, sculpt_pose, unpack_weights
 
 __all__ = ["ease_parts"]
 
-SPEAKING, LIMITS = (0.22, 30.0), (0.26, 1.5)  # stretch that costs nothing in poses of the rules and at limits, price; ours
+# Stretch that costs nothing, and the price of more, in poses of the rules and at limits; ours.
+SKIN_PAYS, CLOTH_PAYS = ((0.22, 30.0), (0.26, 6.0)), ((0.19, 90.0), (0.26, 4.0))
 RANDOM = 600  # poses at limits; ours
 SKIN_GIVES, SLEEVES_GIVE, SHIRT_GIVES, TROUSERS_GIVE = 0.002, 0.007, 0.005, 0.0055  # metres, along each axis; ours
 STITCH = 0.018  # metres around a point that is sewn on from which it takes its weights; ours
 SLEEVE = 0.20  # metres from the middle, where the sleeves begin
 BELT = 0.9995  # height of the belt's lower edge, metres
 TUCKED = 1.040  # height up to which the shirt is tucked in, metres
+KNEES_REACH = 0.80  # height to which the weights of lower legs reach, metres; ours
 MIDDLE = 0.06  # metres on the other side of the middle to which a limb's weights reach; ours
 
 
@@ -48,7 +50,7 @@ def _ease_neck(face: Part) -> Part:
     """What makes faces follows the head alone, so only the neck's weights change."""
     joints = _indices(lambda name: name in ("upperChest", "neck", "head"))
     free = smoothstep(1.530, 1.500, face.vertices[:, 1])
-    (eased,) = _ease([face], joints, _poses(joints, 0), free, np.zeros(len(free)))
+    (eased,) = _ease([face], joints, _poses(joints, 0, SKIN_PAYS), free, np.zeros(len(free)))
     return eased
 
 
@@ -58,7 +60,7 @@ def _ease_hand(hand: Part) -> Part:
     joints = _indices(lambda name: name == "leftLowerArm" or name.startswith(tuple("left" + part for part in fingers)))
     out = hand.vertices[:, 0] - humanoid().tpose[humanoid().index["leftHand"], 0]
     free = smoothstep(-0.12, -0.06, out)
-    (eased,) = _ease([hand], joints, _poses(joints, 1, both=True), free, SKIN_GIVES * free)
+    (eased,) = _ease([hand], joints, _poses(joints, 1, SKIN_PAYS, both=True), free, SKIN_GIVES * free)
     return eased
 
 
@@ -78,14 +80,15 @@ def _ease_clothes(parts: list[Part]) -> list[Part]:
     x, y, front = np.abs(points[:, 0]), points[:, 1], points[:, 2] > 0.04
     free = smoothstep(0.55, 0.52, np.abs(rest[:, 0])) * np.where(trousers, smoothstep(0.12, 0.20, y), 1)  # cuffs stay
     plain = smoothstep(1.05, 1.08, y) * smoothstep(0.03, 0.06, x) * np.where(x < SLEEVE, smoothstep(1.40, 1.36, y), 1)
-    plain *= np.where(front, 1 - 0.7 * smoothstep(0.13, 0.10, x), 1)  # the chest less: pocket and placket lie on it
+    plain *= np.where(front, 1 - 0.85 * smoothstep(0.16, 0.13, x), 1)  # the chest less: pocket and placket lie on it
     give = np.where(
         trousers, TROUSERS_GIVE * smoothstep(0.99, 0.96, y), np.where(x > SLEEVE, SLEEVES_GIVE, SHIRT_GIVES) * plain
     )
     side = np.array([{"l": 1, "r": -1}.get(humanoid().names[j][0], 0) for j in joints])
     barred = points[:, :1] * side < -MIDDLE
+    barred |= (y > KNEES_REACH)[:, None] & np.array(["LowerLeg" in humanoid().names[j] for j in joints])
     twins = _twins(points, leads), np.searchsorted(joints, _mirror_joints()[joints])
-    return _ease(parts, joints, _poses(joints, 2), free * leads, give * free * leads, barred, follow, twins)
+    return _ease(parts, joints, _poses(joints, 2, CLOTH_PAYS), free * leads, give * free * leads, barred, follow, twins)
 
 
 def _indices(chosen: Callable[[str], bool]) -> Array:
@@ -98,7 +101,7 @@ def _mirror_joints() -> Array:
     return np.array([index[MIRROR.get(name, name)] for name in humanoid().names])
 
 
-def _poses(joints: Array, seed: int, both: bool = False) -> Poses:
+def _poses(joints: Array, seed: int, pays: tuple[tuple[float, float], ...], both: bool = False) -> Poses:
     """Of the rules, mirrored too if ``both``, and at limits; only the joints (J',) move."""
     speaking = build_speaking_poses()
     if both:
@@ -108,7 +111,7 @@ def _poses(joints: Array, seed: int, both: bool = False) -> Poses:
     still = np.ones(len(humanoid()), bool)
     still[joints[1:]] = False  # the chain's first joint carries it all
     local[:, still] = [0, 0, 0, 1]
-    allowed, price = (np.repeat(pair, (len(speaking), RANDOM)) for pair in zip(SPEAKING, LIMITS, strict=True))
+    allowed, price = (np.repeat(pair, (len(speaking), RANDOM)) for pair in zip(*pays, strict=True))
     positions, world = humanoid().forward(local, np.tile(humanoid().offsets[0], (len(local), 1)))
     return Poses(_moves(positions, quat_to_matrix(world))[:, joints], allowed, price)
 
@@ -177,26 +180,69 @@ def _ease(
     points, sculpted = _as_sculpted(parts), _sculpted()
     weights = np.concatenate([unpack_weights(p.joints, p.weights) for p in parts])
     barred = np.zeros((len(points), len(joints)), bool) if barred is None else barred
-    cloth = Cloth(points, _triangles(parts), weights[:, joints], sculpted[joints], free, give, barred, follow, twins)
+    smooth = float(follow is not None)  # cloth; skin gives so little that it is not seen
+    triangles, used = _triangles(parts), weights[:, joints]
+    cloth = Cloth(points, triangles, used, sculpted[joints], free, give, barred, follow, twins, smooth)
     moved, own = ease(cloth, poses)
     weights = np.zeros_like(weights)
     weights[:, joints] = own
+    slides = np.ones(len(points), bool) if follow is None else follow.diagonal() == 1  # what is sewn on is carried along
+    weights = _keep_four(weights, _pieces(parts), slides)
     ends = np.cumsum([len(p.vertices) for p in parts])[:-1]
     return [
         _renew(part, *pieces)
-        for part, *pieces in zip(parts, *(np.split(a, ends) for a in (points, moved, weights)), strict=True)
+        for part, *pieces in zip(parts, *(np.split(a, ends) for a in (points, moved, weights, slides)), strict=True)
     ]
 
 
-def _renew(part: Part, old: Array, points: Array, weights: Array) -> Part:
-    """The part with other weights (V, J) and with points as sculpted that lay at ``old`` before."""
-    joints, four = pack_weights(weights)
+def _keep_four(weights: Array, pieces: Array, slides: Array) -> Array:
+    """Weights (V, J) of which those of each piece that is sewn on are of the same four joints: its edges are short."""
+    weights = weights.copy()
+    for piece in np.setdiff1d(pieces, pieces[slides]):
+        own = pieces == piece
+        few = np.argsort(-weights[own].sum(0), kind="stable")[4:]
+        weights[np.ix_(own, few)] = 0
+    return weights / weights.sum(1, keepdims=True)
+
+
+def _renew(part: Part, old: Array, points: Array, weights: Array, slides: Array) -> Part:
+    """The part with other weights (V, J) and with points as sculpted that lay at ``old``; ``slides``: which slid along it."""
+    joints, four = pack_weights(weights, LEAST)
     sculpted, kept = _sculpted(), unpack_weights(joints, four)
     before, now = (np.einsum("vj,jab->vab", w, sculpted[..., :3]) for w in (unpack_weights(part.joints, part.weights), kept))
     normals = np.linalg.solve(before.transpose(0, 2, 1), part.normals[..., None])[..., 0]
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    normals = normals + vertex_normals(points, part.triangles) - vertex_normals(old, part.triangles)
-    normals = np.einsum("vba,vb->va", now, normals)
+    turned = normals + vertex_normals(points, part.triangles) - vertex_normals(old, part.triangles)
+    turned = np.where(slides[:, None], _slide_normals(part.triangles, old, normals, points), turned)
+    normals = np.einsum("vba,vb->va", now, turned)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     vertices = place(points, kept, sculpted)
     return replace(part, vertices=vertices.astype(np.float32), normals=normals.astype(np.float32), joints=joints, weights=four)
+
+
+def _slide_normals(triangles: Array, old: Array, normals: Array, points: Array) -> Array:
+    """(V, 3) normals of points that slid along a surface, where they lie on it now, turned as it was where points rose.
+
+    Those of the triangles between the points would show them: they are uneven once they slid.
+    """
+    out = vertex_normals(old, triangles)
+    moved = points - old
+    raised = (moved * out).sum(1, keepdims=True) * out
+    normals = normals + vertex_normals(old + raised, triangles) - out
+    corner = csr_matrix((np.ones(triangles.size), (triangles.ravel(), np.repeat(np.arange(len(triangles)), 3))))
+    corner.resize(len(old), len(triangles))
+    around = (corner @ corner.T @ corner).tocsr()
+    found = normals.copy()
+    for k in np.flatnonzero(np.abs(moved).max(1) > 1e-6):
+        near = triangles[around.indices[around.indptr[k] : around.indptr[k + 1]]]
+        a, b, c = (old[near[:, m]] for m in range(3))
+        u, v, w = b - a, c - a, points[k] - raised[k] - a
+        uu, uv, vv, uw, vw = ((f * g).sum(1) for f, g in ((u, u), (u, v), (v, v), (u, w), (v, w)))
+        area = np.maximum(uu * vv - uv * uv, 1e-18)
+        share = np.stack([vv * uw - uv * vw, uu * vw - uv * uw], 1) / area[:, None]
+        share = np.maximum(np.column_stack([1 - share.sum(1), share]), 0)
+        share /= share.sum(1, keepdims=True)
+        away = np.linalg.norm(np.einsum("fk,fka->fa", share, old[near]) - points[k] + raised[k], axis=1)
+        best = int(away.argmin())
+        found[k] = share[best] @ normals[near[best]]
+    return found

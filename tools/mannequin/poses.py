@@ -14,7 +14,8 @@ from cospeech.rules import STYLES
 
 __all__ = ["build_limit_poses", "build_speaking_poses"]
 
-_FRAMES = 40  # of each style; ours
+_FRAMES = 60  # of each performance; ours
+_TAKES = ((3, EXAMPLE_WORDS), (4, None), (5, None))  # seeds and transcripts of the performances in each style; ours
 # Degrees about x, y and z of the left side, least and most: the half axes of the ellipsoid of a joint's turns. Ours: about
 # what people reach, and more where files bend one bone for several (the trunk) or twist a hand for its forearm.
 _LIMITS = {
@@ -43,11 +44,12 @@ _FAN = {"Index": -9.0, "Middle": 0.0, "Ring": 9.0, "Little": 18.0}  # degrees of
 @lru_cache(1)
 def build_speaking_poses() -> Array:
     """(P, J, 4) local rotations of the humanoid: the rules in all styles."""
-    speech = cospeech.Speech.load(EXAMPLE, transcript=EXAMPLE_WORDS)
     found = []
-    for style in STYLES:
-        motion = cospeech.load("rules").generate(speech, style=style, seed=3)
-        found.append(motion.rotations[np.linspace(0, len(motion) - 1, _FRAMES).round().astype(int)])
+    for seed, transcript in _TAKES:
+        speech = cospeech.Speech.load(EXAMPLE, transcript=transcript)
+        for style in STYLES:
+            motion = cospeech.load("rules").generate(speech, style=style, seed=seed)
+            found.append(motion.rotations[np.linspace(0, len(motion) - 1, _FRAMES).round().astype(int)])
     return np.concatenate(found).astype(float)
 
 

@@ -79,18 +79,18 @@ def weights_of(count: int, **columns: Array | float) -> Array:
     return out / out.sum(1, keepdims=True)
 
 
-def pack_weights(weights: Array) -> tuple[Array, Array]:
-    """Joints (V, 4) int32 and their weights (V, 4) float32: the four largest of each row (V, J)."""
+def pack_weights(weights: Array, least: float = 0.004) -> tuple[Array, Array]:
+    """Joints (V, 4) int32 and their weights (V, 4) float32: the four largest of each row (V, J), none below ``least``."""
     order = np.argsort(-weights, axis=1, kind="stable")[:, :4]
     four = np.take_along_axis(weights, order, 1)
-    four = np.where(four < 0.004, 0, four)
+    four = np.where(four < least, 0, four)
     four /= four.sum(1, keepdims=True)
     return np.where(four > 0, order, 0).astype(np.int32), four.astype(np.float32)
 
 
-def unpack_weights(joints: Array, four: Array) -> Array:
-    """(V, J) weights of all joints of the humanoid."""
-    weights = np.zeros((len(joints), len(humanoid())))
+def unpack_weights(joints: Array, four: Array, count: int | None = None) -> Array:
+    """(V, J) weights of all joints: of the humanoid, or ``count``."""
+    weights = np.zeros((len(joints), count or len(humanoid())))
     np.add.at(weights, (np.arange(len(joints))[:, None], joints), four)
     return weights
 

@@ -47,7 +47,7 @@ _HURRIED = 0.6  # share of the usual length of a stroke at least, where a plan l
 _STIRS, _STIRRED = 0.35, 0.65  # how often a hand beats on an accent without a gesture, in a bout; and how large (ours)
 _BEATS = 0.35  # how often a raised hand beats in place of a new gesture (ours)
 _DROPS = 0.8  # how often a hand hangs after the last gesture before a pause (ours)
-_LEAST_TIME = 0.36  # share of an unhurried preparation below which a gesture is left out (ours: its hand would be thrown)
+_LEAST = (0.36, 0.25)  # share of an unhurried preparation that a gesture needs: without a word, with one (ours)
 _AGAIN, _WEARY = 2.2, 4.0  # seconds after a stroke in which another follows in place; after a gesture in which hands beat
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
 
@@ -216,7 +216,7 @@ class Planner:
         ready = max(earliest, max(self.hands[h].busy for h in hands))
         wanted = reach_time(leader.track.target, poses[0], tempo)
         available = onset - ready
-        if (onset - earliest if asked else available) < max(0.2, 0.0 if asked else _LEAST_TIME * min(wanted, 0.9)):
+        if (onset - earliest if asked else available) < max(0.2, 0.0 if asked else _LEAST[word is not None] * min(wanted, 0.9)):
             return False
         prepare, wind_up = self._preparation(at, onset, wanted, max(available, 0.2))
         prepare = max(onset - max(asked.start, earliest), 0.2) if asked else prepare

@@ -18,7 +18,7 @@ from ..motion.motion import Motion
 from ..motion.rotations import Array, quat_conjugate, quat_multiply, quat_to_rotvec, rotvec_to_quat
 from ..motion.skeleton import humanoid
 from ..motion.skeletons.arkit import ARKIT
-from .step_over import RUN_OUT, StepOver, decay, run_out
+from .step_over import StepOver, decay, run_out
 
 __all__ = ["LIPS", "PoseTransition"]
 
@@ -27,9 +27,9 @@ LIPS = 0.2
 _LIDS = 0.12  # s [ours]: lids close within about .1 s
 _ARMS, _TRUNK, _HEAD, _EYES = 0.6, 0.9, 0.5, 0.3  # s [ours: an unhurried retraction takes .5 to .8 s (`motion.md` §1)]
 _HIPS = 1.4  # s [ours]: while both feet step (`cospeech.runtime.step_over`)
-_BRAKES, _LONGEST = 0.14, 0.85
-"""Seconds, for each radian a second, in which a fast joint runs out, and the most [ours: so that no step from frame to frame,
-at 30 a second, differs from the one before by more than 3 degrees]."""
+_BRAKES, _BRAKE = 0.05, (0.2, 0.45)
+"""Seconds, for each radian a second, in which a joint stops, the least and the most [ours: so that no step from frame to
+frame, at 30 a second, differs from the one before by more than 3 degrees]."""
 _LENGTH = 2.0  # s until nothing is left [ours: the end of the steps]
 
 
@@ -64,7 +64,7 @@ class PoseTransition:
         self._turns: Array = quat_to_rotvec(quat_multiply(old_q[-1], quat_conjugate(new_q[-1])))
         self._turning: Array = _speed(old_q, shown.fps) - _speed(new_q, new.fps)
         fast = np.linalg.norm(self._turning, axis=-1, keepdims=True)
-        self._running: Array = np.clip(_BRAKES * fast, RUN_OUT, _LONGEST)
+        self._braking: Array = np.clip(_BRAKES * fast, *_BRAKE)
         self._way: Array = shown.root[-1].astype(float) - new.root[-1]
         moving = [(m.root[-1].astype(float) - m.root[-2]) * m.fps if len(m) > 1 else np.zeros(3) for m in (shown, new)]
         self._moving: Array = moving[0] - moving[1]
@@ -77,17 +77,15 @@ class PoseTransition:
         """The next frames of the new source, with what is left of the offset."""
         times = (self._frame + 1 + np.arange(len(motion)))[:, None, None] / motion.fps
         self._frame += len(motion)
-        offsets = rotvec_to_quat(decay(times / _seconds()) * self._turns)
-        runs = rotvec_to_quat(
-            run_out(times, self._running) * self._turning
-        )  # first it goes on as it went, however far it is off
-        turned = quat_multiply(runs, quat_multiply(offsets, motion.rotations.astype(float)))
+        left = decay(times / _seconds())
+        runs = rotvec_to_quat(left * _brake(times, self._braking) * self._turning)  # first it goes on as it went
+        turned = quat_multiply(runs, quat_multiply(rotvec_to_quat(left * self._turns), motion.rotations.astype(float)))
         root = motion.root + decay(times[:, 0] / _HIPS) * self._way + run_out(times[:, 0]) * self._moving
         root = self._steps.apply(times[:, 0, 0], motion, turned, root)
         face = motion.face
         if face is not None and self._face is not None:
-            left = smoothstep(np.clip(1 - times[:, 0] / _face_seconds(), 0, 1))
-            face = np.clip(face + left * self._face, 0, 1).astype(face.dtype)
+            shown = smoothstep(np.clip(1 - times[:, 0] / _face_seconds(), 0, 1))
+            face = np.clip(face + shown * self._face, 0, 1).astype(face.dtype)
         rotations = turned.astype(motion.rotations.dtype)
         return replace(motion, rotations=rotations, root=root.astype(motion.root.dtype), face=face)
 
@@ -98,6 +96,12 @@ class PoseTransition:
     def is_over(self, fps: float) -> bool:
         """Whether nothing is left of it."""
         return self._frame >= _LENGTH * fps
+
+
+def _brake(times: Array, seconds: Array) -> Array:
+    """Seconds of travel at the first speed, of what stops within ``seconds``: the speed falls along a smoothstep."""
+    u = np.clip(times / seconds, 0, 1)
+    return seconds * u * (1 - u * u * (1 - u / 2))  # type: ignore[no-any-return]
 
 
 def _speed(rotations: Array, fps: float) -> Array:

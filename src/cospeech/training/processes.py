@@ -57,6 +57,7 @@ def join(device: str) -> Iterator[Team]:
         dist.init_process_group("nccl" if place.type == "cuda" else "gloo")
         try:
             yield Team(dist.get_rank(), dist.get_world_size(), place)
+            dist.barrier()  # who ends while another still talks can be aborted by gloo's threads
         finally:
             dist.destroy_process_group()
     else:

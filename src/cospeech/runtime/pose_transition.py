@@ -1,8 +1,9 @@
 """One source of motion takes over from another, without a jump: the difference between the two fades out.
 
 This is inertialisation (Bollo, "Inertialization: High-Performance Animation Transitions in Gears of War", GDC 2018). The new
-source is played at once. On top of it lies what is missing to the pose that was shown last. The offset and its speed die away
-along a polynomial of degree five, so that place and speed of every joint go on as they were. Feet step from stance to stance.
+source is played at once. On top of it lies what is missing to the pose that was shown last. The offset dies away along a
+polynomial of degree five. A joint brakes from the speed that it had, so that place and speed go on as they were. Feet step
+from stance to stance.
 """
 
 from __future__ import annotations
@@ -84,8 +85,8 @@ class PoseTransition:
         root = self._steps.apply(times[:, 0, 0], motion, turned, root)
         face = motion.face
         if face is not None and self._face is not None:
-            shown = smoothstep(np.clip(1 - times[:, 0] / _face_seconds(), 0, 1))
-            face = np.clip(face + shown * self._face, 0, 1).astype(face.dtype)
+            share = smoothstep(1 - times[:, 0] / _face_seconds())
+            face = np.clip(face + share * self._face, 0, 1).astype(face.dtype)
         rotations = turned.astype(motion.rotations.dtype)
         return replace(motion, rotations=rotations, root=root.astype(motion.root.dtype), face=face)
 

@@ -22,7 +22,7 @@ _SINK = 0.015  # m that the hips sink while the feet go [ours: soft knees]
 _STILL = 1e-3  # m, m/s: less is rounding [ours]
 _LAND = 0.35  # s in which a foot that was in the air comes down where it was [ours]
 _OVER = (1.4, 2.0)  # s in which the legs become those of the new stance, to the bit [ours: both feet stand there by then]
-RUN_OUT = 0.35  # s in which the speed that a joint has dies away [ours: about a stroke]
+_RUN_OUT = 0.35  # s in which the speed of hips and feet dies away [ours: about a stroke]
 
 
 class StepOver:
@@ -89,7 +89,7 @@ def decay(u: Array) -> Array:
     return 1 - u**3 * (10 - 15 * u + 6 * u * u)  # type: ignore[no-any-return]
 
 
-def run_out(times: Array, seconds: Array | float = RUN_OUT) -> Array:
-    """Seconds of travel at the first speed: slope 1 at 0, back at 0 and at rest after ``seconds`` (Bollo 2018)."""
-    u = np.clip(times / seconds, 0, 1)
-    return seconds * u * (1 - u * u * (6 - 8 * u + 3 * u * u))  # type: ignore[no-any-return]
+def run_out(times: Array) -> Array:
+    """Seconds of travel at the first speed: slope 1 at 0, back at 0 and at rest after `_RUN_OUT` (Bollo 2018)."""
+    u = np.clip(times / _RUN_OUT, 0, 1)
+    return _RUN_OUT * u * (1 - u * u * (6 - 8 * u + 3 * u * u))  # type: ignore[no-any-return]

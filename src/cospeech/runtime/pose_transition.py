@@ -28,9 +28,11 @@ LIPS = 0.2
 _LIDS = 0.12  # s [ours]: lids close within about .1 s
 _ARMS, _TRUNK, _HEAD, _EYES = 0.6, 0.9, 0.5, 0.3  # s [ours: an unhurried retraction takes .5 to .8 s (`motion.md` §1)]
 _HIPS = 1.4  # s [ours]: while both feet step (`cospeech.runtime.step_over`)
-_BRAKES, _BRAKE = 0.05, (0.2, 0.45)
-"""Seconds, for each radian a second, in which a joint stops, the least and the most [ours: so that no step from frame to
-frame, at 30 a second, differs from the one before by more than 3 degrees]."""
+_TURN, _EASE = 36.0, 22.0
+"""Rad/s² at most with which the speed that a joint had dies away, and with which the offset does [ours: so that no step from
+frame to frame, at 30 a second, differs from the one before by more than 3 degrees]."""
+_SOONEST = 0.25  # s in which a slow joint turns back [ours]
+_PEAK = 10 / 3**0.5  # the largest acceleration of a minimum-jerk reach of 1 in 1 s (Flash & Hogan 1985)
 _LENGTH = 2.0  # s until nothing is left [ours: the end of the steps]
 
 
@@ -65,7 +67,9 @@ class PoseTransition:
         self._turns: Array = quat_to_rotvec(quat_multiply(old_q[-1], quat_conjugate(new_q[-1])))
         self._turning: Array = _speed(old_q, shown.fps) - _speed(new_q, new.fps)
         fast = np.linalg.norm(self._turning, axis=-1, keepdims=True)
-        self._braking: Array = np.clip(_BRAKES * fast, *_BRAKE)
+        self._running: Array = np.clip(4 * fast / _TURN, _SOONEST, _LENGTH)
+        far = np.linalg.norm(self._turns, axis=-1, keepdims=True)
+        self._seconds: Array = np.maximum(_seconds(), np.sqrt(_PEAK / _EASE * far))
         self._way: Array = shown.root[-1].astype(float) - new.root[-1]
         moving = [(m.root[-1].astype(float) - m.root[-2]) * m.fps if len(m) > 1 else np.zeros(3) for m in (shown, new)]
         self._moving: Array = moving[0] - moving[1]
@@ -78,8 +82,8 @@ class PoseTransition:
         """The next frames of the new source, with what is left of the offset."""
         times = (self._frame + 1 + np.arange(len(motion)))[:, None, None] / motion.fps
         self._frame += len(motion)
-        left = decay(times / _seconds())
-        runs = rotvec_to_quat(left * _brake(times, self._braking) * self._turning)  # first it goes on as it went
+        left = decay(times / self._seconds)
+        runs = rotvec_to_quat(_turn_back(times, self._running) * self._turning)  # first it goes on as it went
         turned = quat_multiply(runs, quat_multiply(rotvec_to_quat(left * self._turns), motion.rotations.astype(float)))
         root = motion.root + decay(times[:, 0] / _HIPS) * self._way + run_out(times[:, 0]) * self._moving
         root = self._steps.apply(times[:, 0, 0], motion, turned, root)
@@ -99,10 +103,10 @@ class PoseTransition:
         return self._frame >= _LENGTH * fps
 
 
-def _brake(times: Array, seconds: Array) -> Array:
-    """Seconds of travel at the first speed, of what stops within ``seconds``: the speed falls along a smoothstep."""
+def _turn_back(times: Array, seconds: Array) -> Array:
+    """Seconds of travel at the first speed: slope 1 at 0, back and at rest after ``seconds``; it brakes hardest at once."""
     u = np.clip(times / seconds, 0, 1)
-    return seconds * u * (1 - u * u * (1 - u / 2))  # type: ignore[no-any-return]
+    return seconds * u * (1 - u) ** 2  # type: ignore[no-any-return]
 
 
 def _speed(rotations: Array, fps: float) -> Array:

@@ -11,16 +11,15 @@ from ..motion.rotations import Array, quat_slerp
 
 __all__ = ["StepOver", "decay", "run_out"]
 
-_SWINGS = (
-    0.2,
-    0.75,
-)  # s at which the first and the second foot leave the floor [ours, as the steps of `cospeech.rules.stance`]
-_SWING = 0.45  # s that a foot is in the air [ours, as there]
+_SWINGS = (0.2, 0.75)
+"""Seconds at which the first and the second foot leave the floor [ours, as the steps of `cospeech.rules.stance`]."""
+_SWING = 0.5  # s that a foot is in the air [ours, as there]
 _OFF = 0.15  # share of the swing in which the foot leaves the floor, and in which it comes down [ours]
 _LIFT, _SHUFFLE, _NEAR = 0.035, 0.008, 0.015  # m of lift, and of a foot that goes less than the last [ours]
-_SINK = 0.015  # m that the hips sink while the feet go [ours: soft knees]
+_SINK = 0.03  # m that the hips sink while the feet go [ours: soft knees, which bend gently when a foot leaves the floor]
 _STILL = 1e-3  # m, m/s: less is rounding [ours]
 _LAND = 0.35  # s in which a foot that was in the air comes down where it was [ours]
+_ROLL = 0.2  # s at least in which a foot that rolls comes to be flat [ours]
 _OVER = (1.4, 2.0)  # s in which the legs become those of the new stance, to the bit [ours: both feet stand there by then]
 _RUN_OUT = 0.35  # s in which the speed of hips and feet dies away [ours: about a stroke]
 
@@ -61,9 +60,8 @@ class StepOver:
         share = (1 - decay((u - _OFF) / (1 - 2 * _OFF)))[..., None]  # it travels while it is off the floor
         feet = old + share * (new - old)
         feet[..., 3] += self._height * _hump(u)  # gently off the floor: a straight knee bends at once
-        sunk = np.clip(times / _OVER[0], 0, 1)
-        root = root - np.array([0.0, _SINK, 0.0]) * _hump(sunk)[:, None]
-        joints, legs, place = place_feet(rotations[:, 0], root, feet, 1 - decay(times / _LAND))
+        sink = _SINK * _hump(np.clip(times / _OVER[0], 0, 1))
+        joints, legs, place = place_feet(rotations[:, 0], root, feet, 1 - decay(times / _LAND), sink)
         left = smoothstep(np.clip((times - _OVER[0]) / (_OVER[1] - _OVER[0]), 0, 1))[:, None]
         rotations[:, joints] = quat_slerp(legs, motion.rotations[:, joints].astype(float), left)
         return place + left * (root - place)
@@ -71,9 +69,9 @@ class StepOver:
     def _land(self, times: Array) -> Array:
         """(n, 2, 2) lift and tip of feet that were in the air: they come down where they were, and never below the floor."""
         lift, speed = self._feet[:, 3:], self._moving[:, 3:]
-        falls = (speed[:, :1] < -_STILL) & (lift[:, :1] > _STILL)
-        soonest = 3 * lift[:, :1] / np.where(falls, -speed[:, :1], 1.0)  # a longer cubic would go below 0
-        seconds = np.where(falls, np.clip(soonest, 1e-3, _LAND), _LAND)
+        falls = (speed * np.sign(lift) < -_STILL) & (abs(lift) > _STILL)
+        soonest = 3 * abs(lift) / np.where(falls, abs(speed), 1.0)  # a longer cubic would pass 0
+        seconds = np.where(falls, np.clip(soonest, (1e-3, _ROLL), _LAND), _LAND)
         u = np.clip(times[:, None, None] / seconds, 0, 1)
         return lift * (1 - u * u * (3 - 2 * u)) + speed * seconds * u * (1 - u) ** 2  # type: ignore[no-any-return]
 

@@ -23,6 +23,10 @@ _SITTING, _STANDING = 0.62, 0.78  # hips' height in metres up to which a body si
 _STRAIGHT = 0.9994  # most of the leg's length that is used: knees never lock (ours; ≈ 4° of flexion)
 _TILT = 92.0  # degrees of pelvic roll per metre of sideways shift: the free side sinks (contrapposto; size ours, by eye)
 _BALL, _HEEL = 0.125, -0.03  # metres in front of the ankle about which a foot rolls (ours: the mannequin's shoe)
+_SPREAD = (_BALL - _HEEL) / 2  # metres
+_TURNS_OVER = 3.0
+"""Radians for each metre of lift: how gently a foot in the air goes from ball to heel (ours, or the knee jerks by 4° a frame).
+Its sole comes down by a quarter of the lift at most."""
 _SOFT = 0.004  # metres: how the lower of both legs' limits is rounded
 _FOLDED = 0.99999  # ours: cosine of the least angle of the thigh with the way to the ankle, so that no bone's way is lost
 _BENT = 0.0008  # metres over which a knee begins to bend (ours)
@@ -92,9 +96,11 @@ def _ankles(feet: Array, lift: Array, tip: Array) -> Array:
         lift, tip: (N, 2) metres, radians.
     """
     flat = _leg()[3]
-    turn, pivot = np.radians(feet[..., 2]), np.where(tip > 0, _BALL, _HEEL)
-    ahead = pivot + flat[1] * np.sin(tip) - pivot * np.cos(tip)
-    height = flat[1] * np.cos(tip) + pivot * np.sin(tip) + lift
+    turn, pivot, edge = np.radians(feet[..., 2]), np.where(tip > 0, _BALL, _HEEL), np.sin(tip)
+    ahead = pivot + flat[1] * edge - pivot * np.cos(tip)
+    soft = _TURNS_OVER * np.maximum(lift, 0.0)
+    rise = (_BALL + _HEEL) / 2 * edge + _SPREAD * (np.sqrt(edge * edge + soft * soft) - soft)
+    height = flat[1] * np.cos(tip) + rise + lift
     return np.stack([feet[..., 0] + np.sin(turn) * ahead, height, feet[..., 1] + flat[2] + np.cos(turn) * ahead], -1)
 
 
@@ -188,16 +194,25 @@ def read_feet(rotations: Array, root: Array) -> Array:
     turn, tip = np.arctan2(toes[..., 0], toes[..., 2]), -np.arcsin(clip(toes[..., 1], -1.0, 1.0))
     away = _ankles(np.stack([0 * turn, 0 * turn, np.degrees(turn)], -1), 0 * tip, tip)
     flat = ankle - away
-    return np.stack([flat[..., 0], flat[..., 2], np.degrees(turn), flat[..., 1], tip], -1)
+    return np.stack([flat[..., 0], flat[..., 2], np.degrees(turn), _read_lift(flat[..., 1], np.sin(tip)), tip], -1)
 
 
-def place_feet(hips: Array, place: Array, feet: Array, soft: Array) -> tuple[Array, Array, Array]:
+def _read_lift(height: Array, edge: Array) -> Array:
+    """Metres of lift of feet whose ankles are ``height`` above where they are on the floor: the inverse of `_ankles`."""
+    share, over = _SPREAD * _TURNS_OVER, height + _SPREAD * abs(edge)
+    a, b, c = 1 - 2 * share, over * (1 - share), over * over - (_SPREAD * edge) ** 2
+    lift = (b - np.sqrt(np.maximum(b * b - a * c, 0.0))) / a
+    return np.where(height > 0, lift, height)  # type: ignore[no-any-return]
+
+
+def place_feet(hips: Array, place: Array, feet: Array, soft: Array, sink: Array) -> tuple[Array, Array, Array]:
     """Legs for hips and feet that somebody else moved.
 
     Args:
         hips, place: (N, 4) rotations and (N, 3) places of the hips, metres; lowered where a leg would not reach its foot.
         feet: (N, 2, 5) as of `read_feet`.
         soft: (N,) 0 … 1: how far hips begin to sink before a leg is stretched, so that no knee snaps.
+        sink: (N,) metres by which the hips are then lower, so that a knee is bent before its foot leaves the floor.
 
     Returns:
         The eight joints, their local rotations (N, 8, 4), and the place (N, 3).
@@ -206,7 +221,7 @@ def place_feet(hips: Array, place: Array, feet: Array, soft: Array) -> tuple[Arr
     ankles = _ankles(feet[..., :3], lift, tip)
     place = place.copy()
     width = np.maximum(_SOFT * soft, 1e-9)
-    place[:, 1] = -width * np.logaddexp(-place[:, 1] / width, -_height(place, hips, ankles) / width)
+    place[:, 1] = -width * np.logaddexp(-place[:, 1] / width, -_height(place, hips, ankles) / width) - sink
     legs = _legs(hips, place, ankles, feet[..., 2], tip).reshape(-1, 6, 4)
     joints = np.concatenate([_leg_joints().ravel(), _toes()])
     return joints, np.concatenate([legs, _about_x(-_bend_toes(tip))], 1), place

@@ -159,6 +159,30 @@ def test_who_pushes_ahead_says_what_is_shown():
         live.interrupt(at=99)
 
 
+@pytest.mark.parametrize("name", ["rules", pytest.param("mix-stage", marks=pytest.mark.slow)])
+def test_a_new_utterance_takes_over_without_a_jump_of_speed(name):
+    """A sentence that comes at once begins in the middle of a preparation."""
+    live = session(name, fps=60)
+    made = [*speak(live, 0, 3), *live.idle(0.5)]
+    begun = [sum(map(len, made))]
+    made += [*speak(live, 0.5, 3.5), *live.idle(2.0)]
+    begun.append(sum(map(len, made)))
+    made += [*speak(live, 4, 7), *live.finish()]
+    hands = whole(made, live).positions()[:, HANDS]
+    change = np.linalg.norm(np.diff(hands, 2, axis=0), axis=-1).max(1) * 60  # m/s from frame to frame
+    for first in begun:
+        assert change[first - 4 : first + 4].max() < 0.7
+
+
+def test_a_session_is_interrupted_before_anything_was_shown():
+    live = session()
+    assert sum(map(len, speak(live, 0, 4))) > 30
+    live.interrupt(at=0.0)
+    assert live.time == 0
+    motion = whole([*speak(live, 3, 6), *live.finish()], live)
+    assert len(motion) == 90
+
+
 @pytest.mark.slow
 def test_what_was_not_taken_is_dropped_by_an_interruption():
     live = session()
@@ -307,6 +331,8 @@ def test_parts_that_are_off_come_to_rest_and_back():
         ("set_emotion", "joy", "no emotion"),
         ("set_intensity", 3, "out of range"),
         ("set_parts", "feet", "no part"),
+        ("set_parts", None, "parts None"),
+        ("set_emotion", None, "an emotion that is None"),
     ],
 )
 def test_a_wrong_control_changes_nothing(control, value, problem):

@@ -137,7 +137,10 @@ def emotion_track(emotion: object) -> Moods | None:
         return None
     if isinstance(emotion, str) and emotion in EMOTIONS:
         return EmotionTrack.constant(emotion)
-    raise InputError(f"no emotion is called {str(emotion)[:60]!r}", nearest(str(emotion)[:60], ("auto", *EMOTIONS)))
+    known = ("auto", *EMOTIONS)
+    if not isinstance(emotion, str):
+        raise InputError(f"an emotion that is {emotion!r:.60}", f"one of {', '.join(known)}, or a track")
+    raise InputError(f"no emotion is called {emotion[:60]!r}", nearest(emotion[:60], known))
 
 
 def read_emotion_track(path: str | PathLike[str]) -> EmotionTrack:

@@ -396,5 +396,5 @@ def _check_samples(block: NDArray[np.float32], name: str, before: int, rate: int
         return
     row, column = np.argwhere(~(np.abs(block) <= LOUDEST))[0]
     value = float(block[row, column])
-    hint = "full scale is ±1" if np.isfinite(value) else "the file is damaged or was written wrongly"
+    hint = "full scale is ±1" if np.isfinite(value) else "what wrote them is at fault, or the file is damaged"
     raise InputError(f"a sample of {name!r} at {(before + row) / rate:.2f} s is {value:g}", hint)

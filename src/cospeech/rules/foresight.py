@@ -121,7 +121,7 @@ def foresee(seconds: float | None, *, least: float = LEAST_LOOK_AHEAD) -> Foresi
     if seconds is None:
         return USUAL
     if not isinstance(seconds, Real) or isinstance(seconds, bool) or not least - 1e-9 <= seconds <= inf:
-        raise InputError(f"look_ahead is {str(seconds)[:60]!r}", f"seconds, {least:g} … {LOOK_AHEAD:g} or more")
+        raise InputError(f"look_ahead is {seconds!r:.60}", f"seconds: {least:g} or more; above {LOOK_AHEAD:g} nothing changes")
     if seconds >= LOOK_AHEAD:
         return USUAL
     tick = TICK if seconds >= LEAST_LOOK_AHEAD else _FACE_TICK

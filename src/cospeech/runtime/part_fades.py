@@ -36,8 +36,10 @@ class PartFades:
         """The parts that are on from the next frame on.
 
         Raises:
-            InputError: one that the motion does not have.
+            InputError: one that the motion does not have, or no names.
         """
+        if not isinstance(parts, Iterable):
+            raise InputError(f"parts {parts!r:.60}", f"some of {','.join(PARTS)}")
         wanted = tuple(parts.split(",") if isinstance(parts, str) else parts)
         for part in wanted:
             if part not in PARTS:

@@ -59,10 +59,19 @@ class PoseTransition:
 
     Args:
         shown: the last two frames that were shown, or the last one.
-        new: the frames of the new source at the same times; or its first frame alone, where it begins there.
+        new: the frames of the new source at the same times; or its first frame alone, where it begins there: how fast it
+            moves is then known at its second frame, and the first one goes on as what was shown.
     """
 
     def __init__(self, shown: Motion, new: Motion) -> None:
+        self._frame = 0
+        self._shown: Motion | None = shown[-1:] if len(new) == 1 else None
+        self._first: tuple[Motion, Motion] | None = None  # of a source that begins here: its frame, and what was made of it
+        self._extra = len(new) == 1
+        self._start(shown, new)
+
+    def _start(self, shown: Motion, new: Motion) -> None:
+        self._began = self._frame
         old_q, new_q = shown.rotations.astype(float), new.rotations.astype(float)
         self._turns: Array = quat_to_rotvec(quat_multiply(old_q[-1], quat_conjugate(new_q[-1])))
         self._turning: Array = _speed(old_q, shown.fps) - _speed(new_q, new.fps)
@@ -76,11 +85,22 @@ class PoseTransition:
         faces = shown.face is not None and new.face is not None
         self._face: Array | None = shown.face[-1].astype(float) - new.face[-1] if faces else None  # type: ignore[index]
         self._steps = StepOver(shown)
-        self._frame = 0
 
     def apply(self, motion: Motion) -> Motion:
         """The next frames of the new source, with what is left of the offset."""
-        times = (self._frame + 1 + np.arange(len(motion)))[:, None, None] / motion.fps
+        if self._shown is None or not len(motion):
+            return self._apply(motion)
+        if self._first is None:
+            made = self._apply(motion[:1])
+            self._first = motion[:1], made
+            return made if len(motion) == 1 else Motion.concatenate([made, self.apply(motion[1:])])
+        first, made = self._first
+        self._start(Motion.concatenate([self._shown, made]), Motion.concatenate([_extrapolate_back(first, motion), first]))
+        self._shown = None
+        return self._apply(motion)
+
+    def _apply(self, motion: Motion) -> Motion:
+        times = (self._frame - self._began + 1 + np.arange(len(motion)))[:, None, None] / motion.fps
         self._frame += len(motion)
         left = decay(times / self._seconds)
         runs = rotvec_to_quat(_turn_back(times, self._running) * self._turning)  # first it goes on as it went
@@ -96,17 +116,25 @@ class PoseTransition:
 
     def remaining_frames(self, fps: float) -> int:
         """How many frames it still changes, at most."""
-        return max(ceil(_LENGTH * fps) - self._frame, 0)
+        return max(ceil(_LENGTH * fps) + self._extra - self._frame, 0)
 
     def is_over(self, fps: float) -> bool:
         """Whether nothing is left of it."""
-        return self._frame >= _LENGTH * fps
+        return self._frame - self._extra >= _LENGTH * fps
 
 
 def _turn_back(times: Array, seconds: Array) -> Array:
     """Seconds of travel at the first speed: slope 1 at 0, back and at rest after ``seconds``; it brakes hardest at once."""
     u = np.clip(times / seconds, 0, 1)
     return seconds * u * (1 - u) ** 2  # type: ignore[no-any-return]
+
+
+def _extrapolate_back(first: Motion, second: Motion) -> Motion:
+    """The frame before the first of two, if it moved as from the first to the second."""
+    q, after = first.rotations.astype(float), second.rotations[:1].astype(float)
+    back = quat_multiply(quat_conjugate(quat_multiply(after, quat_conjugate(q))), q)
+    root = 2 * first.root.astype(float) - second.root[:1]
+    return replace(first, rotations=back, root=root)
 
 
 def _speed(rotations: Array, fps: float) -> Array:

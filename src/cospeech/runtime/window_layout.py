@@ -64,7 +64,7 @@ def check_look_ahead(seconds: object) -> None:
     """
     number = isinstance(seconds, int | float | np.number) and not isinstance(seconds, bool)
     if seconds is not None and not (number and seconds >= 0):  # type: ignore[operator]  # NaN fails, too
-        raise InputError(f"look_ahead is {str(seconds)[:60]!r}", "seconds, 0 … inf")
+        raise InputError(f"look_ahead is {seconds!r:.60}", "seconds, 0 … inf")
 
 
 class Sliding:

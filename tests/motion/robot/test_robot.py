@@ -152,7 +152,8 @@ def test_pieces_give_the_commands_of_the_whole(robot, sizes):
 
 def test_a_robot_goes_from_where_it_is_to_the_motion():
     joints, motion = find_robot("nao"), random_arms(200, 4)
-    here = {"HeadYaw": 1.0, "LShoulderPitch": -1.5, "LElbowRoll": 3.0}  # the last: beyond its limit
+    beyond = next(joint.upper for joint in joints if joint.name == "LElbowRoll") + 0.03  # as a sensor may say
+    here = {"HeadYaw": 1.0, "LShoulderPitch": -1.5, "LElbowRoll": beyond}
     made = RobotStream(joints, fps=FPS, start=here).push(motion)
     usual = RobotStream(joints, fps=FPS).push(motion)
     names = [joint.name for joint in joints]
@@ -164,7 +165,7 @@ def test_a_robot_goes_from_where_it_is_to_the_motion():
     np.testing.assert_allclose(made[-50:], usual[-50:], atol=1e-6)
     with pytest.raises(InputError, match="a start of joint 'Head'"):
         RobotStream(joints, fps=FPS, start={"Head": 0.0})
-    for wrong in ("a", None, float("nan")):
+    for wrong in ("a", None, float("nan"), 23.0):  # the last: degrees
         with pytest.raises(InputError, match="start of joint 'HeadYaw'"):
             RobotStream(joints, fps=FPS, start={"HeadYaw": wrong})
 

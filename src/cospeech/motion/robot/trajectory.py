@@ -21,6 +21,7 @@ from .robots import RobotJoint
 __all__ = ["RobotStream", "check_trajectory_file", "robot_trajectory", "save_trajectory"]
 
 _SUFFIXES = (".csv", ".json")
+_MEASURED = 0.05  # rad [ours]: a joint that is measured may lie so far beyond a limit
 
 
 class RobotStream:
@@ -33,7 +34,8 @@ class RobotStream:
             that is not named begins where the motion begins.
 
     Raises:
-        InputError: no joints, a start of a joint that the robot does not have, or one that is no number.
+        InputError: no joints, a start of a joint that the robot does not have, one that is no number, or one that is not within
+            the joint's limits.
 
     >>> from cospeech.motion.robot import find_robot
     >>> RobotStream(find_robot("nao"), fps=50, start={"HeadYaw": 0.4}).names[0]
@@ -51,6 +53,10 @@ class RobotStream:
                 raise InputError(f"a start of joint {name!r}", nearest(name, self.names))
             if not isinstance(start[name], Real) or not np.isfinite(start[name]):
                 raise InputError(f"a start of joint {name!r} at {start[name]!r}", "radians")
+            joint = joints[self.names.index(name)]
+            if not joint.lower - _MEASURED <= start[name] <= joint.upper + _MEASURED:
+                ends = f"its limits are {joint.lower:.2f} … {joint.upper:.2f} radians"
+                raise InputError(f"a start of joint {name!r} at {start[name]:g} radians", ends)
         first = np.array([start.get(name, np.nan) for name in self.names], float)
         self._limiter = JointLimiter(*(np.array(values) for values in limits), fps=fps, start=first)
 

@@ -262,6 +262,17 @@ def test_a_pattern_that_the_shell_left_is_looked_up(cli, place):
     assert "no file is called 'rec/*.mp3'" in err
 
 
+def test_two_sounds_of_one_name_in_a_folder_are_refused(cli, place):
+    soundfile.write("rec/me/a.flac", *soundfile.read("rec/me/a.wav"))
+    for given in ("rec/me", "rec/me/*"):
+        code, _, err = cli("generate", given, "-o", "out/")
+        assert code == 2
+        assert "'rec/me/a.wav'" in err
+        assert "'rec/me/a.flac'" in err
+        assert "are both called 'a'" in err
+    assert not Path("out").exists()
+
+
 def test_plans_of_several_speeches(cli, place):
     assert cli("generate", "rec/me", "-o", "{name}.bvh", "--plan-out", "{name}.json", "-q") == (0, "", "")
     assert {path.name for path in place.glob("*.json")} == {"a.json", "b.json"}

@@ -291,6 +291,9 @@ def test_edits_of_the_command_line(cli, place):
     assert Path("a.bvh").read_bytes() == Path("b.bvh").read_bytes()
     assert cli("generate", "talk.wav", "-o", "c.bvh", "--keep", "0:0.5", "a.bvh", "--seed", "3", "-q") == (0, "", "")
     assert cli("generate", "talk.wav", "-o", "d.bvh", "--stretch", "0.2:0.6:style=lively", "--reseed", "0.7:0.9", "-q")[0] == 0
+    code, _, err = cli("generate", "talk.wav", "-o", "x.bvh", "--gesture", "huge@9", "--plan-out", "x.json")
+    assert code == 2
+    assert "--gesture huge@9: 9 is after the end of the speech (1 s)" in err
     for wrong in (["--remove", "g9"], ["--gesture", "qqq@1"], ["--keep", "0:9", "a.bvh"], ["--plan", "a.bvh"], ["--lock", "x"]):
         code, _, err = cli("generate", "talk.wav", "-o", "x.bvh", *wrong)
         assert code == 2

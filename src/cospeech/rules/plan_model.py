@@ -15,7 +15,7 @@ from ..audio.emotions import EMOTIONS
 from ..audio.speech import Word
 from ..errors import InputError, nearest
 from ..limits import PLAUSIBLE_SECONDS
-from .gesture import RUN_UP
+from .gesture import CROWDED, RUN_UP
 from .lexicon import LEXICON
 from .options import INTENSITY_RANGE, SEEDS, TEMPERATURE_RANGE
 from .repertoire import FORMS, LEXICAL_FORMS
@@ -128,12 +128,9 @@ class PlannedGesture(_Part):
 
     def crowds(self, other: PlannedGesture) -> bool:
         """Whether both need one hand at nearly the same time."""
-        return abs(self.stroke - other.stroke) < _CROWDED and self.shares_hand(other)
+        return abs(self.stroke - other.stroke) < CROWDED and self.shares_hand(other)
 
 
-_CROWDED = 0.6
-"""Seconds between two strokes of a hand below which one takes the place of the other. [ours] A gesture with its preparation
-takes about so long."""
 _LEAD_IN = 0.8  # seconds from the beginning of a preparation to the stroke, where nothing is asked ([ours]: a usual one)
 
 

@@ -77,6 +77,30 @@ def test_a_plan_that_is_written_and_read_back_gives_the_same_bytes(tmp_path, opt
     assert same(model.generate(speech(), plan=tmp_path / "plan.json"), model.generate(speech(), **options))
 
 
+def test_a_plan_that_is_written_names_its_style_and_one_that_names_none_plays():
+    assert plan().style == "natural"
+    GenerationOptions(plan=plan(), style="natural")
+    older = plan().model_copy(update={"style": None})
+    with pytest.raises(InputError, match="style 'lively' beside a plan that has no style, so the default one"):
+        GenerationOptions(plan=older, style="lively")
+    assert same(play(older), usual())
+
+
+def test_a_plan_of_another_speech_is_told_and_what_is_written_can_be_played(tmp_path):
+    part, late = speech().window(0, 7.1), [each.id for each in plan().gestures if each.stroke > 8.1]
+    assert late
+    with pytest.warns(CospeechWarning, match="the plan is of a speech of 12 s, and this one has 7.1 s; gestures after") as told:
+        made = RuleBasedModel().plan(part, plan=plan())
+    assert str(told[0].message).endswith(f"the end of the speech are left out: {', '.join(late)}")
+    made.save(tmp_path / "plan.json")
+    assert Plan.load(tmp_path / "plan.json") == made
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", CospeechWarning)
+        RuleBasedModel().plan(part, plan=made)
+    with pytest.warns(CospeechWarning, match="^gestures after the end of the speech are left out: a1$"):
+        RuleBasedModel().plan(part, plan=Plan().add("huge", at=9.0))
+
+
 def test_an_open_plan_is_what_is_generated_without_one():
     assert same(play(Plan()), usual())
 

@@ -116,6 +116,7 @@ BAD = [
     ("convert talk.csv x.bvh", "holds face only, .bvh files hold body and hands"),
     ("convert talk.bvh x.glb --skeleton mixamo", "would not be seen"),
     ("render talk.csv x.png --camera hands", "holds a face only"),
+    ("render talk.csv x.png --camera fac", "no camera called 'fac'"),
     ("convert rec x.bvh", "it is a folder"),
     ("convert - x.bvh", "standard input"),
     ("evaluate rules --corpus x --small", "--small without --table"),
@@ -163,6 +164,7 @@ def test_without_an_output_only_what_moves_is_written(cli, place):
 def test_a_face_alone_is_shown_near(cli, place):
     assert cli("generate", "talk.wav", "-o", "talk.csv", "-q")[0] == 0
     assert cli("render", "talk.csv", "near.png") == cli("render", "talk.csv", "near.png", "--camera", "face")
+    assert cli("render", "talk.csv", "near.png")[1] == "near.png  (any picture viewer: a strip of frames)\n"
     assert cli("convert", "talk.csv", "same.png", "-q")[0] == 0
     assert Path("near.png").read_bytes() == Path("same.png").read_bytes()
 

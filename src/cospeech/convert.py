@@ -9,6 +9,7 @@ from pathlib import Path
 from .errors import CospeechWarning, InputError
 from .export import check_parts, format_of, load
 from .export.checks import File, check_avatar, check_files, check_skeleton
+from .export.render.camera import find_view
 from .export.target_skeleton import rig_files
 from .motion import edit
 from .motion.bone_mapping import load_map
@@ -97,6 +98,8 @@ def convert_file(
     check_files(source, [Path(target)], inputs, None)
     if fps is not None:
         check_range("fps", fps, FPS_RANGE)
+    if camera is not None:
+        find_view(camera)
     goal = None if skeleton is None else check_skeleton(skeleton, {Path(target).suffix.lower()})
     motion = edits.apply(load(source))
     holds = {*format_of(source).holds} | ({"face"} if edits.face is not None else set())

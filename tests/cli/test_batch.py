@@ -116,6 +116,7 @@ BAD = [
     ("convert talk.csv x.bvh", "holds face only, .bvh files hold body and hands"),
     ("convert talk.bvh x.glb --skeleton mixamo", "would not be seen"),
     ("render talk.csv x.png --camera hands", "holds a face only"),
+    ("render talk.csv x.png --camera fac", "no camera called 'fac'"),
     ("convert rec x.bvh", "it is a folder"),
     ("convert - x.bvh", "standard input"),
     ("evaluate rules --corpus x --small", "--small without --table"),
@@ -163,6 +164,7 @@ def test_without_an_output_only_what_moves_is_written(cli, place):
 def test_a_face_alone_is_shown_near(cli, place):
     assert cli("generate", "talk.wav", "-o", "talk.csv", "-q")[0] == 0
     assert cli("render", "talk.csv", "near.png") == cli("render", "talk.csv", "near.png", "--camera", "face")
+    assert cli("render", "talk.csv", "near.png")[1] == "near.png  (any picture viewer: a strip of frames)\n"
     assert cli("convert", "talk.csv", "same.png", "-q")[0] == 0
     assert Path("near.png").read_bytes() == Path("same.png").read_bytes()
 
@@ -262,6 +264,17 @@ def test_a_pattern_that_the_shell_left_is_looked_up(cli, place):
     assert "no file is called 'rec/*.mp3'" in err
 
 
+def test_two_sounds_of_one_name_in_a_folder_are_refused(cli, place):
+    soundfile.write("rec/me/a.flac", *soundfile.read("rec/me/a.wav"))
+    for given in ("rec/me", "rec/me/*"):
+        code, _, err = cli("generate", given, "-o", "out/")
+        assert code == 2
+        assert "'rec/me/a.wav'" in err
+        assert "'rec/me/a.flac'" in err
+        assert "are both called 'a'" in err
+    assert not Path("out").exists()
+
+
 def test_plans_of_several_speeches(cli, place):
     assert cli("generate", "rec/me", "-o", "{name}.bvh", "--plan-out", "{name}.json", "-q") == (0, "", "")
     assert {path.name for path in place.glob("*.json")} == {"a.json", "b.json"}
@@ -280,6 +293,9 @@ def test_edits_of_the_command_line(cli, place):
     assert Path("a.bvh").read_bytes() == Path("b.bvh").read_bytes()
     assert cli("generate", "talk.wav", "-o", "c.bvh", "--keep", "0:0.5", "a.bvh", "--seed", "3", "-q") == (0, "", "")
     assert cli("generate", "talk.wav", "-o", "d.bvh", "--stretch", "0.2:0.6:style=lively", "--reseed", "0.7:0.9", "-q")[0] == 0
+    code, _, err = cli("generate", "talk.wav", "-o", "x.bvh", "--gesture", "huge@9", "--plan-out", "x.json")
+    assert code == 2
+    assert "--gesture huge@9: 9 is after the end of the speech (1 s)" in err
     for wrong in (["--remove", "g9"], ["--gesture", "qqq@1"], ["--keep", "0:9", "a.bvh"], ["--plan", "a.bvh"], ["--lock", "x"]):
         code, _, err = cli("generate", "talk.wav", "-o", "x.bvh", *wrong)
         assert code == 2

@@ -77,6 +77,30 @@ def test_a_plan_that_is_written_and_read_back_gives_the_same_bytes(tmp_path, opt
     assert same(model.generate(speech(), plan=tmp_path / "plan.json"), model.generate(speech(), **options))
 
 
+def test_a_plan_that_is_written_names_its_style_and_one_that_names_none_plays():
+    assert plan().style == "natural"
+    GenerationOptions(plan=plan(), style="natural")
+    older = plan().model_copy(update={"style": None})
+    with pytest.raises(InputError, match="style 'lively' beside a plan that has no style, so the default one"):
+        GenerationOptions(plan=older, style="lively")
+    assert same(play(older), usual())
+
+
+def test_a_plan_of_another_speech_is_told_and_what_is_written_can_be_played(tmp_path):
+    part, late = speech().window(0, 7.1), [each.id for each in plan().gestures if each.stroke > 8.1]
+    assert late
+    with pytest.warns(CospeechWarning, match="the plan is of a speech of 12 s, and this one has 7.1 s; gestures after") as told:
+        made = RuleBasedModel().plan(part, plan=plan())
+    assert str(told[0].message).endswith(f"the end of the speech are left out: {', '.join(late)}")
+    made.save(tmp_path / "plan.json")
+    assert Plan.load(tmp_path / "plan.json") == made
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", CospeechWarning)
+        RuleBasedModel().plan(part, plan=made)
+    with pytest.warns(CospeechWarning, match="^gestures after the end of the speech are left out: a1$"):
+        RuleBasedModel().plan(part, plan=Plan().add("huge", at=9.0))
+
+
 def test_an_open_plan_is_what_is_generated_without_one():
     assert same(play(Plan()), usual())
 
@@ -275,6 +299,47 @@ def test_commands_are_edits():
 def test_commands_that_cannot_be_understood_are_told(commands):
     with pytest.raises(InputError):
         PlanCommands(**commands).apply(plan())
+
+
+@pytest.mark.parametrize(
+    ("commands", "said"),
+    [
+        ({"gesture": ["huge@30"]}, r"--gesture huge@30: 30 is after the end of the speech \(12 s\)"),
+        ({"gesture": ["huge@-1"]}, r"--gesture huge@-1: -1 is before the speech"),
+        ({"move": ["g1@30"]}, r"--move g1@30: 30 is after the end"),
+        ({"move": ["g1@-2"]}, r"--move g1@-2: -2 is before the speech"),
+        ({"reseed": ["20:30"]}, r"--reseed 20:30: 20 is after the end"),
+        ({"stretch": ["20:30:style=lively"]}, r"--stretch 20:30:style=lively: 20 is after the end"),
+        ({"lock": ["20:30"]}, r"--lock 20:30: 20 is after the end"),
+        ({"remove": ["g99"]}, r"--remove g99: no gesture of the plan is called 'g99'"),
+        ({"gesture": ["huge@word:tiny:2"]}, r"there is no word 'tiny:2': 'tiny' is said once \(tiny\)"),
+        ({"gesture": ["huge@word:i:9"]}, r"there is no word 'i:9': 'i' is said 3 times \(i:1 … i:3\)"),
+    ],
+)
+def test_a_command_that_cannot_be_done_names_its_option(commands, said):
+    with pytest.raises(InputError, match=said):
+        PlanCommands(**commands).apply(plan())
+
+
+def test_the_length_of_the_sound_counts_before_that_of_the_plan():
+    with pytest.raises(InputError, match=r"--gesture huge@9: 9 is after the end of the speech \(7.1 s\)"):
+        PlanCommands(gesture=["huge@9"]).apply(plan(), 7.1)
+
+
+@pytest.mark.parametrize(
+    ("commands", "said"),
+    [
+        (
+            {"gesture": ["huge@6", "huge@6.3"]},
+            "--gesture huge@6 is left out: --gesture huge@6.3 needs the same hand less than 0.6 s away",
+        ),
+        ({"move": ["g1@6"], "reseed": ["5:7"]}, "--move g1@6 is left out: --reseed 5:7 plans this stretch anew"),
+    ],
+)
+def test_a_command_that_a_later_one_undoes_is_told(commands, said):
+    with pytest.warns(CospeechWarning) as told:
+        PlanCommands(**commands).apply(Plan(seconds=SECONDS).add("stop", at=2.0).change("a1", id="g1"))
+    assert [str(each.message) for each in told] == [said]
 
 
 @pytest.mark.parametrize("option", [{"seed": 4}, {"style": "lively"}, {"intensity": 0.5}, {"takes": 2}])

@@ -86,6 +86,10 @@ def test_a_plan_without_a_stretch_is_what_is_generated_without_one():
     assert not changed(model().generate(speech(), plan=Plan()), takes()[0]).any()
 
 
+def test_a_plan_that_was_played_names_its_style():
+    assert model().session(plan=Plan()).plan.style == model().default_style
+
+
 def test_a_trained_model_plays_no_listed_gestures():
     with pytest.raises(InputError, match=r"gestures\[0\]: a trained model"):
         model().session(plan=Plan().add("big", at=2.0))

@@ -166,7 +166,7 @@ def _find_files(given: Sequence[str | PathLike[str]]) -> Iterator[dict[str, Path
         for name, path in _files(Path(speech)):
             if name in found:
                 both = f"{str(found[name])!r} and {str(path)!r}"
-                raise InputError(f"{both} are both called {name!r}", "generate them one after the other")
+                raise InputError(f"{both} are both called {name!r}", "name one of them, or rename it")
             found[name] = path
     yield found
 

@@ -40,9 +40,9 @@ def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
 
 
 def sounds(root: Path) -> Iterator[tuple[str, Path]]:
-    """Name → sound file of everything that `read` would read, in its order; nothing is opened."""
+    """Name and file of every sound, in the order of `read`; two sounds may have one name. Nothing is opened."""
     for name, files in _groups(root, []):
-        yield name, next(files[suffix] for suffix in SOUND if suffix in files)
+        yield from ((name, files[suffix]) for suffix in SOUND if suffix in files)
 
 
 def _groups(root: Path, failed: list[OSError]) -> Iterator[tuple[str, dict[str, Path]]]:

@@ -78,7 +78,7 @@ _OURS = {
     ),
     ".gif": Format("cospeech.export.gif", "animated preview picture", "any web browser", wears_avatar=True, picture=True),
     ".png": Format(
-        "cospeech.export.png", "strip of frames with the waveform", "any picture viewer: a strip of frames over the waveform",
+        "cospeech.export.png", "strip of frames with the waveform", "any picture viewer: a strip of frames",
         wears_avatar=True, picture=True, sound="drawn", words=True,
     ),
     ".html": Format(

@@ -9,11 +9,14 @@ import numpy as np
 
 from ..motion.rotations import Array
 
-__all__ = ["CHAINED", "LEFT", "RIGHT", "RUN_UP", "Gesture", "GestureOverride"]
+__all__ = ["CHAINED", "CROWDED", "LEFT", "RIGHT", "RUN_UP", "Gesture", "GestureOverride"]
 
 LEFT, RIGHT = 0, 1
 RUN_UP = 0.45
 """Seconds before the first frame in which a gesture for the first word may already have begun. [ours]"""
+CROWDED = 0.6
+"""Seconds between two strokes of a hand below which one takes the place of the other. [ours] A gesture with its preparation
+takes about so long."""
 _SLOWEST, _FASTEST = 3.0, 0.6  # factors on the length of a stroke that a plan may ask for [ours: slower ones are poses]
 
 

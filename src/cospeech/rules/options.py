@@ -109,12 +109,17 @@ class GenerationOptions:
         plan = self.plan if isinstance(self.plan, Plan) else Plan.load(self.plan)
         object.__setattr__(self, "plan", plan)
         if self.takes != 1:
-            raise InputError(f"{self.takes} takes of one plan", "a plan is of one take; generate(seed=…) gives others")
+            raise InputError(f"{self.takes} takes of one plan", "a plan is of one take; generate others with other seeds")
         usual = {field.name: field.default for field in fields(self)}
         for name, value in plan.options().items():
             own = getattr(self, name)
             if own != usual[name] and own != value and not (name == "emotion" and isinstance(value, Moods)):
-                raise InputError(f"{name} {str(own)[:40]!r} beside a plan with {str(value)[:40]!r}", f"edit the plan's {name}")
+                held = (
+                    f"a plan with {str(value)[:40]!r}"
+                    if value is not None
+                    else f"a plan that has no {name}, so the default one"
+                )
+                raise InputError(f"{name} {str(own)[:40]!r} beside {held}", f"edit the plan's {name}")
             object.__setattr__(self, name, value)
 
     @property

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from math import isfinite
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from ..audio.speech import open_speech
-from ..errors import InputError, nearest
+from ..errors import CospeechWarning, InputError, nearest
 from ..motion.named_numbers import read_number
+from .gesture import CROWDED
 from .options import GenerationOptions
 
 if TYPE_CHECKING:
@@ -46,29 +49,28 @@ class PlanCommands:
         """Whether an edit names a word of the transcript."""
         return any("@word:" in text for text in self.gesture)
 
-    def apply(self, plan: Plan) -> Plan:
-        """The plan with all edits.
+    def apply(self, plan: Plan, seconds: float | None = None) -> Plan:
+        """The plan with all edits. A note says which gesture that was asked for gives way to a later edit.
+
+        Args:
+            plan: what is edited.
+            seconds: length of the speech, where it is known; else the plan may know it.
 
         Raises:
-            InputError: one of them cannot be understood or done.
+            InputError: one of them cannot be understood or done; the message names the option.
         """
-        for text in self.lock:
-            plan = plan.lock(*read_stretch(text)[:2])
-        for text in self.remove:
-            plan = plan.remove(text)
-        for text in self.move:
-            name, time = _halves(text, "g3@2.6")
-            plan = plan.move(name, _time(time))
-        for text in self.stretch:
-            low, high, rest = read_stretch(text)
-            plan = plan.set(low, high, **_values(rest, text))
-        for text in self.reseed:
-            low, high, rest = read_stretch(text)
-            plan = plan.reseed(low, high, None if not rest else _whole(rest))
-        for text in self.gesture:
-            form, time = _halves(text, "huge@2.4, or point_left@word:there")
-            at = {"word": time[5:]} if time.startswith("word:") else {"at": _time(time)}
-            plan = plan.add(form, **at)  # type: ignore[arg-type]
+        seconds = plan.seconds if seconds is None else seconds
+        asked: dict[str, str] = {}
+        for name, edit in _EDITS.items():
+            for text in getattr(self, name):
+                option = f"--{name} {text[:40]}"
+                with _naming(option):
+                    changed, gesture = edit(plan, text, seconds)
+                left = {each.id for each in changed.gestures}
+                for gone in [each for each in asked if each not in left]:
+                    warnings.warn(f"{asked.pop(gone)} is left out: {option} {_WHY[name]}", CospeechWarning, stacklevel=2)
+                asked |= {gesture: option} if gesture else {}
+                plan = changed
         return plan
 
 
@@ -96,10 +98,12 @@ def with_plan(
     from .plan_edits import Plan
 
     played = plan if isinstance(plan, Plan) else Plan.of(options) if plan is None else Plan.load(plan)
-    if edits.needs_words and not played.words:
-        with open_speech(audio, transcript=transcript) as source:
-            played = played.with_words(source.words or ())
-    return replace(options, plan=edits.apply(played))
+    if edits.any:
+        read = transcript if edits.needs_words and not played.words else None
+        with open_speech(audio, transcript=read) as source:
+            played = played if read is None else played.with_words(source.words or ())
+            played = edits.apply(played, source.expected_seconds)
+    return replace(options, plan=played)
 
 
 def read_stretch(text: str) -> tuple[float, float, str]:
@@ -119,6 +123,57 @@ def read_stretch(text: str) -> tuple[float, float, str]:
     return *times, more
 
 
+@contextmanager
+def _naming(option: str) -> Iterator[None]:
+    """An error names the option."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{option}: {error.problem}", error.hint) from None
+
+
+def _lock(plan: Plan, text: str, seconds: float | None) -> tuple[Plan, str]:
+    low, high, _ = _stretch(text, seconds)
+    return plan.lock(low, high), ""
+
+
+def _remove(plan: Plan, text: str, seconds: float | None) -> tuple[Plan, str]:
+    return plan.remove(text), ""
+
+
+def _move(plan: Plan, text: str, seconds: float | None) -> tuple[Plan, str]:
+    name, time = _halves(text, "g3@2.6")
+    gesture = plan.find(name).id
+    return plan.move(gesture, _moment(time, seconds)), gesture
+
+
+def _set(plan: Plan, text: str, seconds: float | None) -> tuple[Plan, str]:
+    low, high, rest = _stretch(text, seconds)
+    return plan.set(low, high, **_values(rest, text)), ""
+
+
+def _reseed(plan: Plan, text: str, seconds: float | None) -> tuple[Plan, str]:
+    low, high, rest = _stretch(text, seconds)
+    return plan.reseed(low, high, None if not rest else _whole(rest)), ""
+
+
+def _add(plan: Plan, text: str, seconds: float | None) -> tuple[Plan, str]:
+    form, time = _halves(text, "huge@2.4, or point_left@word:there")
+    at = {"word": time[5:]} if time.startswith("word:") else {"at": _moment(time, seconds)}
+    added = plan.add(form, **at)  # type: ignore[arg-type]
+    before = {each.id for each in plan.gestures}
+    return added, next(each.id for each in added.gestures if each.id not in before)
+
+
+_EDITS = {"lock": _lock, "remove": _remove, "move": _move, "stretch": _set, "reseed": _reseed, "gesture": _add}
+"""Option → what does it, from a plan, a text and the length of the speech to the next plan, and the gesture that was asked for.
+
+They are done in this order."""
+_ANEW = "plans this stretch anew"
+_WHY = {"stretch": _ANEW, "reseed": _ANEW, "gesture": f"needs the same hand less than {CROWDED:g} s away"}
+"""Option → why a gesture gives way to it."""
+
+
 def _halves(text: str, hint: str) -> tuple[str, str]:
     name, at, time = text.rpartition("@")
     if not at or not name or not time:
@@ -128,6 +183,24 @@ def _halves(text: str, hint: str) -> tuple[str, str]:
 
 def _time(text: str) -> float:
     return read_number(text, f"{text[:40]!r} is no time", "seconds: 2.4")
+
+
+def _moment(text: str, seconds: float | None) -> float:
+    """A time within the speech."""
+    time = _time(text)
+    if time < 0:
+        raise InputError(f"{time:g} is before the speech", "seconds, from 0 on")
+    if seconds is not None and time > seconds:
+        raise InputError(f"{time:g} is after the end of the speech", f"{seconds:g} s")
+    return time
+
+
+def _stretch(text: str, seconds: float | None) -> tuple[float, float, str]:
+    """As `read_stretch`; a part of it, at least, is in the speech."""
+    low, high, rest = read_stretch(text)
+    if seconds is not None and low >= seconds:
+        raise InputError(f"{low:g} is after the end of the speech", f"{seconds:g} s")
+    return low, high, rest
 
 
 def _whole(text: str) -> int:

@@ -330,11 +330,14 @@ class Plan(PlanData):
         count = 1 if not number else int(_number(number, "which of them"))
         if not self.words:
             raise InputError(f"no words are known, so none is {text[:40]!r}", "give a transcript with times")
-        if not 1 <= count <= len(found):
-            times = f"is there {len(found)} times" if found else "is not there"
+        if not found:
             raise InputError(
-                f"the word {asked[:40]!r} {times}", nearest(wanted[:40], dict.fromkeys(w.text for w in self.words))
+                f"the word {text[:40]!r} is not there", nearest(wanted[:40], dict.fromkeys(w.text for w in self.words))
             )
+        if not 1 <= count <= len(found):
+            times = "once" if len(found) == 1 else f"{len(found)} times"
+            hint = text[:40] + (f":1 … {text[:40]}:{len(found)}" if len(found) > 1 else "")
+            raise InputError(f"there is no word {asked[:40]!r}: {text[:40]!r} is said {times}", hint)
         word = found[count - 1]
         return word.text, round(word.start + 0.4 * (word.end - word.start), 4)  # as `Planner` strokes on words
 

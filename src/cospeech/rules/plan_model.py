@@ -15,13 +15,13 @@ from ..audio.emotions import EMOTIONS
 from ..audio.speech import Word
 from ..errors import InputError, nearest
 from ..limits import PLAUSIBLE_SECONDS
-from .gesture import RUN_UP
+from .gesture import CROWDED, RUN_UP
 from .lexicon import LEXICON
 from .options import INTENSITY_RANGE, SEEDS, TEMPERATURE_RANGE
 from .repertoire import FORMS, LEXICAL_FORMS
 
 __all__ = [
-    "NEAREST", "SUPERIMPOSED", "VERSION", "GazeShift", "HeardAccent", "HeardPhrase", "HeardWord",
+    "AFTER_END", "NEAREST", "SUPERIMPOSED", "VERSION", "GazeShift", "HeardAccent", "HeardPhrase", "HeardWord",
     "EmotionMoment", "PlanData",
     "PlannedGesture", "Stretch", "find_form", "words_of", "parse_plan",
 ]  # fmt: skip
@@ -29,6 +29,8 @@ __all__ = [
 VERSION = 1
 SUPERIMPOSED = "superimposed-beat"
 """Name of a beat where the hand already is (McNeill 1992: beats are superimposed on gestures that are held)."""
+AFTER_END = 1.0
+"""Seconds after the end of a speech in which a gesture may stroke. [ours] The planner's own may stroke after the last word."""
 NEAREST = 0.1
 """Seconds from one stroke of a hand to the next, at least; ours: the planner's own are further apart."""
 _LONGEST_TEXT = 200
@@ -128,12 +130,9 @@ class PlannedGesture(_Part):
 
     def crowds(self, other: PlannedGesture) -> bool:
         """Whether both need one hand at nearly the same time."""
-        return abs(self.stroke - other.stroke) < _CROWDED and self.shares_hand(other)
+        return abs(self.stroke - other.stroke) < CROWDED and self.shares_hand(other)
 
 
-_CROWDED = 0.6
-"""Seconds between two strokes of a hand below which one takes the place of the other. [ours] A gesture with its preparation
-takes about so long."""
 _LEAD_IN = 0.8  # seconds from the beginning of a preparation to the stroke, where nothing is asked ([ours]: a usual one)
 
 
@@ -262,7 +261,7 @@ def _check_gesture(gesture: PlannedGesture, place: str, seconds: float | None) -
         raise ValueError(f"{place}.stroke: {gesture.stroke:g} is not after the start at {gesture.start:g}|seconds")
     if gesture.end is not None and gesture.end <= gesture.stroke:
         raise ValueError(f"{place}.end: {gesture.end:g} is not after the stroke at {gesture.stroke:g}|seconds")
-    if seconds is not None and gesture.stroke > seconds + 1:  # the planner's own may stroke after the last word
+    if seconds is not None and gesture.stroke > seconds + AFTER_END:
         raise ValueError(f"{place}.stroke: {gesture.stroke:g} is after the end of the speech|{seconds:g} s")
 
 

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import deque
+from collections.abc import Sequence
 from itertools import islice
 from typing import Any
 
 from ..audio.emotions import Moods
 from ..audio.event_detection import EventDetector
 from ..audio.speech import Word
-from ..errors import InputError
+from ..errors import CospeechWarning, InputError
 from .arousal import arouse
 from .emotion_modifiers import EmotionModifier, blend_modifiers
 from .mood import Mood
 from .plan_edits import Plan, Setting
-from .plan_model import HeardAccent, HeardPhrase, words_of
+from .plan_model import AFTER_END, HeardAccent, HeardPhrase, PlannedGesture, words_of
 from .plan_player import PlanPlayer
-from .styles import Style, find_style
+from .styles import STYLES, Style, find_style
 
 __all__ = ["PlanRecord"]
 
 _DIGITS = 4
+_SAME_LENGTH = 0.1  # seconds by which a speech may be longer or shorter in another file [ours: what MP3 adds]
 
 
 class PlanRecord:
@@ -72,8 +75,23 @@ class PlanRecord:
         for phrase in _latest(detector.phrases):
             self._phrases[phrase.start] = phrase.end
 
+    def finish(self, seconds: float) -> None:
+        """The speech is over: a note says if the plan is of another one, and what of it was not played.
+
+        Args:
+            seconds: length of the speech.
+        """
+        known = self.player.plan()
+        left = ", ".join(each.id for each in _split_at_end(known.gestures, seconds)[1])
+        told = f"gestures after the end of the speech are left out: {left}" if left else ""
+        if known.seconds is not None and abs(known.seconds - seconds) > _SAME_LENGTH:
+            other = f"the plan is of a speech of {known.seconds:.4g} s, and this one has {seconds:.4g} s"
+            told = f"{other}; {told}" if told else other
+        if told:
+            warnings.warn(told, CospeechWarning, stacklevel=2)
+
     def plan(self, seconds: float) -> Plan:
-        """The plan as it was played so far.
+        """The plan as it was played so far; what is after the end of the speech is left out.
 
         Args:
             seconds: length of the speech.
@@ -81,10 +99,18 @@ class PlanRecord:
         phrases = [
             HeardPhrase(start=round(max(start, 0.0), _DIGITS), end=round(end, _DIGITS)) for start, end in self._phrases.items()
         ]
-        return self.player.plan().model_copy(update={
+        played = self.player.plan()
+        return played.model_copy(update={
+            "style": played.style or next(iter(STYLES)), "gestures": tuple(_split_at_end(played.gestures, seconds)[0]),
             "seconds": round(seconds, _DIGITS), "words": words_of(self.words), "phrases": tuple(phrases),
             "accents": tuple(self._accents.values()),
         })  # fmt: skip
+
+
+def _split_at_end(gestures: Sequence[PlannedGesture], seconds: float) -> tuple[list[PlannedGesture], list[PlannedGesture]]:
+    """Gestures that a plan of so long a speech may have, and those after its end."""
+    within = [each for each in gestures if each.stroke <= seconds + AFTER_END]
+    return within, [each for each in gestures if each.stroke > seconds + AFTER_END]
 
 
 def _latest(events: Any) -> list[Any]:

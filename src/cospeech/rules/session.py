@@ -141,13 +141,8 @@ class Session(SessionControls):
             return np.zeros(len(times))
         return self.mood.arousal.at(times - AROUSAL_DELAY) * self.mood.voice_share(times)
 
-    @property
-    def speaker(self) -> None:
-        """Rules do not tell speakers apart."""
-
-    @property
-    def style_mixture(self) -> None:
-        """Styles of rules are numbers of their own, and no mixtures of speakers."""
+    speaker = property(lambda self: None, doc="Rules do not tell speakers apart.")
+    style_mixture = property(lambda self: None, doc="Styles of rules are numbers of their own, and no mixtures of speakers.")
 
     @property
     def latency(self) -> float:
@@ -240,6 +235,8 @@ class Session(SessionControls):
         self.detector.finish()
         if self.mouth is not None:
             self.mouth.finish()
+        if self._played is not None:
+            self._played.finish(float(self._sound.duration))
         while self._frame < total:
             end = min((self._ticks + 20) * self.foresight.tick, (total + 0.5) / self.fps)
             while self.planned_until < end:

@@ -106,7 +106,8 @@ class TrainedModel:
         if options.plan is not None:
             from .stretched_session import StretchedSession
 
-            return StretchedSession(self.session, options)  # type: ignore[return-value]  # it does all that this one does
+            named = options.plan.model_copy(update={"style": options.plan.style or self.default_style or None})
+            return StretchedSession(self.session, replace(options, plan=named))  # type: ignore[return-value]  # it does all that this one does
         if not options.calibrated:
             return self._bare.session(replace(options, calibrated=True))
         if options.takes > _MOST_TAKES:

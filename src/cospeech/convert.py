@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .errors import CospeechWarning, InputError
 from .export import check_parts, format_of, load
 from .export.checks import File, check_avatar, check_files, check_skeleton
 from .export.render.camera import find_view
-from .export.target_skeleton import rig_files
+from .export.target_skeleton import find_tpose, names_joints, rig_files
 from .motion import edit
 from .motion.bone_mapping import load_map
 from .motion.motion import Motion
@@ -84,7 +84,7 @@ def convert_file(
         source, target: motion files; the suffixes pick the formats.
         skeleton: retarget to this one first: a name, or a rig to take it from (``my_rig.bvh``, ``.glb``, ``.vrm``).
         fps: resample to this rate first.
-        names: a TOML file that says which joint of ``source`` is which of ours.
+        names: a TOML file that says which joint of ``source``, or else of the rig, is which of ours.
         audio: the speech, for pictures.
         camera: for pictures, the name of a view: ``body``, ``full``, ``face`` or ``hands``.
         avatar: a VRM or GLB character for ``.glb`` and for pictures, in place of our mannequin.
@@ -100,7 +100,8 @@ def convert_file(
         check_range("fps", fps, FPS_RANGE)
     if camera is not None:
         find_view(camera)
-    goal = None if skeleton is None else check_skeleton(skeleton, {Path(target).suffix.lower()})
+    bones = load_map(names) if names else None
+    goal = None if skeleton is None else check_skeleton(skeleton, {Path(target).suffix.lower()}, bones)
     motion = edits.apply(load(source))
     holds = {*format_of(source).holds} | ({"face"} if edits.face is not None else set())
     shown = [part for part in PARTS if part in holds and (part != "face" or motion.face is not None)]
@@ -118,8 +119,10 @@ def convert_file(
     if edits.face is not None and "face" not in written.holds:
         problem = f"the face changes nothing: a {Path(target).suffix.lower()} holds none"
         warnings.warn(problem, CospeechWarning, stacklevel=2)
-    if goal is not None or names is not None:
-        motion = motion.retarget(goal or "humanoid", bone_map=load_map(names) if names else None)
+    if bones is not None and "body" in shown and names_joints(bones, motion.skeleton):
+        motion = replace(motion, skeleton=find_tpose(motion.skeleton, bones))
+    if goal is not None or bones is not None:
+        motion = motion.retarget(goal or "humanoid", bone_map=bones)
     if fps is not None:
         motion = motion.resample(fps)
     if audio is not None:

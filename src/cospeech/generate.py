@@ -32,6 +32,7 @@ from .export.target_skeleton import rig_files
 from .files import all_or_none
 from .models import DEFAULT, PARTS, GenerationSession, Model, PlannedSession
 from .models import load as load_model
+from .motion.bone_mapping import load_map
 from .motion.motion import Motion
 from .motion.rotations import Array
 from .motion.skeleton import Skeleton
@@ -59,8 +60,9 @@ def generate_files(
     transcribe: bool = False, seed: int = 0, takes: int = 1, temperature: float = 1.0, intensity: float = 1.0,
     parts: Iterable[str] = PARTS, face_gain: FaceGain = 1.0, face: MotionLike = None, continue_from: MotionLike = None,
     plan: File | Plan | None = None, plan_out: File | None = None, plan_edits: PlanCommands = NO_EDITS, keep: str = "",
-    keep_from: MotionLike = None, skeleton: File | Skeleton = "humanoid", fps: float = 30.0, avatar: File | None = None,
-    report: File | None = None, special: Mapping[str, Mapping[str, object]] | None = None,
+    keep_from: MotionLike = None, skeleton: File | Skeleton = "humanoid", bone_map: File | None = None,
+    fps: float = 30.0, avatar: File | None = None, report: File | None = None,
+    special: Mapping[str, Mapping[str, object]] | None = None,
     progress: Progress | None = None, loaded: Model | None = None,
 ) -> Report:  # fmt: skip
     """Generate motion for a sound file, and write it.
@@ -90,6 +92,7 @@ def generate_files(
         keep: stretches of ``keep_from`` that the files have in the place of new motion: ``0:3.2,5:7``, seconds.
         keep_from: a motion, or a file of one.
         skeleton: of the BVH files: a name, or a rig to take it from (``my_rig.bvh``, ``.glb``, ``.vrm``).
+        bone_map: a TOML file that gives the joints of such a rig our names, if they are not recognised.
         fps: frames per second; every file has exactly ceil(duration × fps) frames.
         avatar: a VRM or GLB character to show in the place of ours.
         report: write the `Report` as JSON here too.
@@ -109,9 +112,10 @@ def generate_files(
         parts=tuple(parts), face_gain=face_gain, face=face, continue_from=continue_from)  # fmt: skip
     options = with_plan(options, plan, plan_edits, audio, transcript, wanted=plan_out is not None)
     old = keep_stretches(keep, keep_from, options.fps)
-    target = _check_files(options, skeleton, avatar, files)
+    bones = None if bone_map is None else load_map(bone_map)
+    target = _check_files(options, skeleton, bones, avatar, files)
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
-    given = (transcript, avatar, track, face, continue_from, plan, keep_from)
+    given = (transcript, avatar, track, bone_map, face, continue_from, plan, keep_from)
     read = [path for path in (*given, *rig_files(skeleton), *example_files(options.style)) if path]
     check_files(audio, names, [path for path in read if isinstance(path, str | PathLike)], report)
     if plan_out is not None:
@@ -127,7 +131,7 @@ def generate_files(
             staged = [[place(take_path(path, take + 1, takes)) for path in files] for take in group]
             made = old.over(_play_takes(performance, source)) if old else _play_takes(performance, source)
             moving = _with_progress(made, progress, group.start, takes, source.expected_seconds)
-            counts |= _write_all(moving, staged, target, options.fps, keywords)
+            counts |= _write_all(moving, staged, target, bones, options.fps, keywords)
         seconds, wanted = source.seconds or 0.0, source.frames(options.fps)
         if counts != {wanted}:
             raise RuntimeError(f"{model} made {sorted(counts)} frames of {seconds} s, {wanted} were due")
@@ -293,6 +297,7 @@ def _write_all(
     moving: Iterator[list[Motion]],
     takes: list[list[Path]],
     target: Skeleton | None,
+    bones: Mapping[str, str] | None,
     fps: float,
     keywords: Mapping[str, Mapping[str, object]],
 ) -> set[int]:
@@ -302,7 +307,7 @@ def _write_all(
     any_skeleton = {path: format_of(path).any_skeleton for path in paths}
     with ExitStack() as stack:
         for pieces in moving:
-            others = pieces if target is None else [piece.retarget(target) for piece in pieces]
+            others = pieces if target is None else [piece.retarget(target, bone_map=bones) for piece in pieces]
             kept = [
                 other if any_skeleton[path] else piece
                 for piece, other, files in zip(pieces, others, takes, strict=True)
@@ -366,14 +371,20 @@ def _check_rivals(style: StyleLike, speaker: str | None, transcript: File | None
 
 
 def _check_files(
-    options: GenerationOptions, skeleton: File | Skeleton, avatar: File | None, files: Sequence[Path]
+    options: GenerationOptions,
+    skeleton: File | Skeleton,
+    bones: Mapping[str, str] | None,
+    avatar: File | None,
+    files: Sequence[Path],
 ) -> Skeleton | None:
     """What is asked for can be seen in the files; the skeleton to retarget to, None for our own."""
     known = [path for path in files if path.suffix.lower() in FORMATS]  # the others are told of by `check_files`
     suffixes = {path.suffix.lower() for path in known}
     for path in known:
         check_parts(path, options.parts, "the parts that were asked for are")
-    target = None if skeleton == "humanoid" else check_skeleton(skeleton, suffixes)
+    target = None if skeleton == "humanoid" else check_skeleton(skeleton, suffixes, bones)
+    if bones and target is None:
+        warnings.warn("the map changes nothing: it is for the rig of --skeleton", CospeechWarning, stacklevel=3)
     if avatar is not None:
         check_avatar(avatar, suffixes)
     shown = {part for suffix in suffixes for part in FORMATS[suffix].holds} & {*options.parts}

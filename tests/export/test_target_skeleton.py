@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cospeech.audio.speech import example
 from cospeech.convert import convert_file
-from cospeech.errors import InputError
+from cospeech.errors import CospeechWarning, InputError
 from cospeech.export import load, save
 from cospeech.export.target_skeleton import find_target, rig_files
-from cospeech.motion.bone_mapping import recognise
+from cospeech.generate import generate_files
+from cospeech.motion.bone_mapping import load_map, recognise
 from cospeech.motion.skeleton import Skeleton, find_skeleton, humanoid
 from tests.support.motions import gesturing
 
@@ -74,3 +76,39 @@ def test_a_rig_is_not_overwritten(rig, tmp_path):
     save(gesturing(5), tmp_path / "a.bvh")
     with pytest.raises(InputError, match="overwrite"):
         convert_file(tmp_path / "a.bvh", rig, skeleton=rig)
+
+
+@pytest.fixture
+def odd(tmp_path):
+    """A BVH in which nothing is recognised, with legs and arms that nobody has, and a map of it."""
+    body, names = humanoid(), {name: f"node_{k:02}" for k, name in enumerate(humanoid().names)}
+    limbs = [f"limb_{leg}_{k}" for leg in range(4) for k in range(4)]
+    above = [len(body) + k - 1 if k % 4 else 0 for k in range(len(limbs))]
+    offsets = np.array([(0.2 * (-1) ** (k // 4), 0.3, 0.1 * (k // 8)) for k in range(len(limbs))])  # wings, two on each side
+    ends = {**{names[n]: end for n, end in body.ends.items()}, **{f"limb_{leg}_3": (0.0, 0.0, 0.2) for leg in range(4)}}
+    skeleton = Skeleton((*names.values(), *limbs), (*body.parents, *above), np.concatenate([body.offsets, offsets]), ends=ends)
+    motion = gesturing(10)
+    still = np.tile((0.0, 0.0, 0.0, 1.0), (10, len(limbs), 1))
+    save(replace(motion, skeleton=skeleton, rotations=np.concatenate([motion.rotations, still], 1)), tmp_path / "odd.bvh")
+    table = "\n".join(f'{ours} = "{theirs}"' for ours, theirs in names.items() if "Thumb" not in ours)
+    (tmp_path / "odd.toml").write_text(f"[bones]\n{table}\n")
+    return tmp_path / "odd.bvh", tmp_path / "odd.toml"
+
+
+def test_a_map_gives_the_joints_of_a_rig_our_names(odd, tmp_path):
+    rig, names = odd
+    save(gesturing(10), tmp_path / "a.bvh")
+    with pytest.raises(InputError, match="cannot find"):
+        convert_file(tmp_path / "a.bvh", tmp_path / "b.bvh", skeleton=rig)
+    there = convert_file(tmp_path / "a.bvh", tmp_path / "b.bvh", skeleton=rig, names=names)
+    arms = []
+    for motion, names_there in ((gesturing(10), {}), (there, load_map(names))):
+        hand, arm = (motion.skeleton.index[names_there.get(name, name)] for name in ("leftHand", "leftUpperArm"))
+        arms.append(motion.positions()[:, hand] - motion.positions()[:, arm])
+    assert np.allclose(*arms, atol=1e-3)
+    sound, words = example()
+    report = generate_files(sound, [tmp_path / "c.bvh"], transcript=words, skeleton=rig, bone_map=names)
+    assert load(tmp_path / "c.bvh").skeleton.names[:2] == ("node_00", "node_01")
+    assert len(load(tmp_path / "c.bvh")) == report.frames
+    with pytest.warns(CospeechWarning, match="the map changes nothing"):
+        generate_files(sound, [tmp_path / "d.bvh"], bone_map=names)

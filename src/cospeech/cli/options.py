@@ -13,8 +13,9 @@ from ..export.registry import FORMATS
 
 __all__ = [
     "Audio", "Avatar", "Continue", "Debug", "Drawn", "Emotion", "Face", "FaceGain", "Folder", "Fps", "Intensity", "Jobs",
-    "Json", "Map", "Model", "Motion", "NewFps", "Output", "Parts", "Picture", "Port", "Quiet", "ReportFile", "Retarget", "Seed",
-    "Skeleton", "Speaker", "Style", "Takes", "Temperature", "Transcribe", "Transcript", "View", "number", "option", "whole",
+    "Json", "Map", "Model", "Motion", "NewFps", "Output", "Parts", "Picture", "Port", "Quiet", "ReportFile", "Retarget",
+    "RigMap", "Seed", "Skeleton", "Speaker", "Style", "Takes", "Temperature", "Transcribe", "Transcript", "View", "number",
+    "option", "whole",
 ]  # fmt: skip
 
 
@@ -148,7 +149,19 @@ Skeleton = Annotated[str, option("--skeleton", metavar="NAME|FILE", help=f"Skele
 Retarget = Annotated[str | None, option("--skeleton", metavar="NAME|FILE", help=f"Retarget to this skeleton: {_RIG}")]
 Map = Annotated[
     Path | None,
-    option("--map", metavar="FILE", help="TOML file that gives the joints of MOTION our names, if they are not recognised."),
+    option(
+        "--map",
+        metavar="FILE",
+        help="TOML file that gives the joints of MOTION, or of the rig of --skeleton, our names, if they are not recognised.",
+    ),
+]
+RigMap = Annotated[
+    Path | None,
+    option(
+        "--map",
+        metavar="FILE",
+        help="TOML file that gives the joints of --skeleton's rig our names, if they are not recognised.",
+    ),
 ]
 Fps = Annotated[float, option("--fps", metavar="NUMBER", parser=number, help="Frames per second, 1 … 240.")]
 NewFps = Annotated[

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 
@@ -16,9 +17,9 @@ __all__ = ["File", "check_apart", "check_avatar", "check_files", "check_skeleton
 File = str | PathLike[str]
 
 
-def check_skeleton(skeleton: File | Skeleton, written: set[str]) -> Skeleton:
-    """The skeleton of that name or of that rig, which one of the files, if any, can hold."""
-    found = find_target(skeleton)
+def check_skeleton(skeleton: File | Skeleton, written: set[str], bones: Mapping[str, str] | None = None) -> Skeleton:
+    """The skeleton of that name or of that rig, which one of the files, if any, can hold; ``bones`` are of `find_target`."""
+    found = find_target(skeleton, bones)
     if written and not any(FORMATS[suffix].any_skeleton for suffix in written):
         raise InputError(
             f"skeleton {str(skeleton)!r} would not be seen in {' '.join(sorted(written))}",

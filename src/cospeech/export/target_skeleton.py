@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 
@@ -9,20 +10,21 @@ from ..errors import InputError, nearest
 from ..motion.bone_mapping import recognise
 from ..motion.skeleton import Skeleton, find_skeleton
 from ..motion.skeletons import SKELETONS
-from ..motion.tpose import on_floor
+from ..motion.tpose import on_floor, with_tpose
 
-__all__ = ["RIGS", "rig_files", "find_target"]
+__all__ = ["RIGS", "find_target", "find_tpose", "names_joints", "rig_files"]
 
 RIGS = (".bvh", ".glb", ".gltf", ".vrm")
 """Suffixes of files whose skeleton can be taken."""
 
 
-def find_target(name: str | PathLike[str] | Skeleton) -> Skeleton:
+def find_target(name: str | PathLike[str] | Skeleton, bones: Mapping[str, str] | None = None) -> Skeleton:
     """A skeleton to retarget to.
 
     Args:
         name: one of `cospeech.motion.skeletons.SKELETONS`, or a rig: a file with one of the suffixes `RIGS`. A BVH gives its
             skeleton, whatever its frames are; its T-pose stands on the floor at height 0.
+        bones: our name → name of a joint of the BVH, where it is not recognised; a map of other names changes nothing.
 
     Raises:
         InputError: no skeleton and no file has that name, or the file has no skeleton that is recognised.
@@ -46,10 +48,26 @@ def find_target(name: str | PathLike[str] | Skeleton) -> Skeleton:
 
     skeleton = load(path).skeleton
     try:
+        if bones and names_joints(bones, skeleton):
+            return find_tpose(skeleton, bones)
         names = recognise(skeleton)
     except InputError as error:
         raise InputError(f"{path.name!r}: {error.problem}", error.hint) from None
     return on_floor(skeleton, skeleton.index[names["hips"]])
+
+
+def names_joints(bones: Mapping[str, str], skeleton: Skeleton) -> bool:
+    """Whether a map is of the joints of this skeleton."""
+    return all(theirs in ("", *skeleton.names) for theirs in bones.values())
+
+
+def find_tpose(skeleton: Skeleton, bones: Mapping[str, str]) -> Skeleton:
+    """A skeleton that a map names, with its T-pose as ``rest``: a reader finds it only where it recognises the joints.
+
+    Raises:
+        InputError: the map has unknown names, or joints are missing.
+    """
+    return with_tpose(skeleton, recognise(skeleton, bones))
 
 
 def rig_files(skeleton: str | PathLike[str] | Skeleton | None) -> tuple[Path, ...]:

@@ -5,8 +5,11 @@ from random import Random
 import numpy as np
 import pytest
 
+import cospeech
 from cospeech.audio.prosodic_events import Accent, Phrase
+from cospeech.audio.speech import Speech, example
 from cospeech.motion.kinematics.hands import CHANNELS
+from cospeech.motion.skeleton import humanoid
 from cospeech.rules import STYLES
 from cospeech.rules.emotion_modifiers import EmotionModifier
 from cospeech.rules.plan import Planner
@@ -62,3 +65,16 @@ def test_two_styles_with_one_seed_plan_different_gestures():
     assert one == same
     alike = {(time, form) for time, form, _ in one} & {(time, form) for time, form, _ in other}
     assert len(alike) < 0.3 * len(one)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 4, 5, 6])
+def test_a_raised_hand_does_not_hide_the_face(seed):
+    """Large gestures of an angry speaker pass beside or below the face; a fingertip may brush by."""
+    s, speech = humanoid(), Speech.load(example()[0])
+    motion = cospeech.load("rules").generate(speech, style="lively", emotion="anger", seed=seed, parts=("body", "hands"))
+    points = motion.positions()
+    tips = [s.index[f"{side}{part}"] for side in ("left", "right") for part in ("Hand", "MiddleDistal", "IndexDistal")]
+    away = points[:, tips] - points[:, [s.index["head"]]]
+    hidden = (abs(away[..., 0]) < 0.06) & (away[..., 1] > 0) & (away[..., 1] < 0.2) & (away[..., 2] > 0.03)
+    assert not hidden.any()

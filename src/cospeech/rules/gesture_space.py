@@ -26,6 +26,9 @@ _LAP = -0.46
 """Arm lengths above the shoulder at which the strokes of a seated body end, at the lowest. Ours: palms touch the mannequin's
 thighs at -.60, and a beat from there needs room."""
 _BOX = np.array([(-0.30, -0.80, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
+_BESIDE = np.array([(-0.10, -0.30), (0.12, 0.14)])
+"""Arm lengths above and outward of the shoulder: how far inward a hand may go at what height. Ours: a hand that is as high as the
+mouth is beside it, or it hides what is said."""
 
 _FASTEST = 2.0  # m/s; no single move peaks above it (ours: 99 % of wrist speeds of people are below 2.8, motion.md §1)
 _HAND_VARIETY = (11.0, 12.0, 7.0)
@@ -88,6 +91,7 @@ class GesturePlacement:
             pose = self._shape_pose(t, turn, effort, modifier, free)
             pose[:3] = centre + (t[:3] - middle) * scale * _ROOM
             pose[:3] = np.minimum(np.maximum(pose[:3], _BOX[0]), _BOX[1])
+            _keep_beside_face(pose)
             in_front = 0.06 + 0.42 * min(max(float(pose[1]) + 0.75, 0.0), 1.0)  # raised hands stay in front of the shoulder
             pose[2] = max(pose[2], in_front)
             out.append(pose)
@@ -147,6 +151,7 @@ class GesturePlacement:
             own[:3] += (rest[:3] - own[:3]) * drop + off + [self._random.gauss(0, 0.02 + 0.05 * loose) for _ in range(3)]
             own[4:7] += [self._random.gauss(0, size) for size in (12, 10, 6)]
             own[0] = max(own[0], _OWN_SIDE)
+            _keep_beside_face(own)
             own[7:19] += (soft - own[7:19]) * slack
             out.append(own)
         return out
@@ -157,6 +162,11 @@ def stroke_time(a: Array, b: Array, tempo: float, modifier: EmotionModifier) -> 
     way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
     usual = (0.36 + 0.56 * way) / tempo * (1 - 0.26 * modifier.abrupt)
     return max(0.26, usual, PEAK * way / _FASTEST)
+
+
+def _keep_beside_face(pose: Array) -> None:
+    """Move a hand that is high outward, where it is in front of the face."""
+    pose[0] = max(pose[0], float(np.interp(pose[1], *_BESIDE.T)))
 
 
 def reach_time(a: Array, b: Array, tempo: float) -> float:

@@ -14,6 +14,7 @@ import pytest
 
 from cospeech.audio.live_sources import (
     PIECE,
+    SLACK,
     decode_pcm,
     pace_pieces,
     read_microphone,
@@ -22,7 +23,9 @@ from cospeech.audio.live_sources import (
     wait_for_each,
 )
 from cospeech.audio.speech import Speech
+from cospeech.audio.waiting_sound import WaitingSound
 from cospeech.errors import InputError
+from cospeech.export.live.pacing import MARGIN
 
 RATE = 8_000
 
@@ -71,6 +74,50 @@ def test_silence_comes_where_nobody_speaks():
     assert quiet[1:4] == [True] * 3  # they came although the speech did not
     assert sum(not q for q in quiet) == 2
     assert [p.start for p in heard] == pytest.approx([k * PIECE for k in range(len(heard))])
+
+
+class Script(WaitingSound):
+    """Sound that comes at given times of a clock that is set by hand."""
+
+    def __init__(self, arrivals: list[tuple[float, np.ndarray]], end: float) -> None:
+        super().__init__(RATE)
+        self.arrivals, self.end_at, self.now = arrivals, end, 0.0
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+    def end(self, error: Exception | None = None) -> None:
+        """Not with the blocks of the thread, which are none."""
+
+    @property
+    def is_over(self) -> bool:
+        return self.now >= self.end_at
+
+    def take(self, timeout: float | None) -> np.ndarray | None:
+        assert timeout is not None
+        until = self.now + timeout
+        if self.arrivals and self.arrivals[0][0] <= until:
+            at, block = self.arrivals.pop(0)
+            self.now = max(self.now, at)
+            self.taken += len(block)
+            return block
+        self.now = until
+        return None
+
+
+def test_the_silence_of_a_pause_is_on_time():
+    arrivals = [(k * PIECE, ramp(160, 1)) for k in range(1, 6)]
+    arrivals += [(0.205 + k * PIECE, ramp(160, 1)) for k in range(1, 6)]  # sound again, within a piece
+    script = Script(arrivals, end=0.6)
+    late, quiet = [], []
+    for piece in pace_pieces([], RATE, slack=0.03, waiting=script, clock=lambda: script.now, sleep=script.sleep):
+        late.append(script.now - piece.start - PIECE)
+        quiet.append(not piece.samples.any())
+    assert quiet[:17] == [False] * 5 + [True] * 6 + [False] * 5 + [True]
+    assert late[5] == pytest.approx(0.03)  # sound might have come
+    assert max(late[7:16]) < 1e-9
+    assert max(late) <= 0.03 + 1e-9  # which the margin of the pacing covers
+    assert SLACK <= MARGIN / 2
 
 
 def test_an_error_of_the_source_reaches_who_listens():

@@ -6,11 +6,15 @@ import json
 import signal
 import subprocess
 import sys
+import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cospeech.audio.speech import Speech, example
+from cospeech.cli.stream import _shut_mouth as shut_mouth
+from cospeech.export.live.pacing import FramePacer
 from cospeech.generate import open_live_session
 from tests.support.command_line import heed
 
@@ -116,3 +120,23 @@ def test_stopped_while_nothing_comes_it_ends_at_once(number, code):
         process.send_signal(number)
         assert process.wait(10) == code
         assert "Fatal" not in process.stderr.read()
+
+
+@pytest.mark.slow
+def test_a_stream_whose_frames_have_all_left_is_closed_within_half_a_second():
+    fps, seen = 10, []
+    session = open_live_session("rules", fps=fps)
+    pacer = FramePacer([SimpleNamespace(send=seen.append)], 0.0, paced=False)
+    pacer.begin()
+    for chunk in Speech.load(example()[0]).window(0, 3).chunks(0.02):
+        for motion in session.push(chunk):
+            pacer.push(motion)
+    made = session.time * fps - session.latency * fps
+    until = time.monotonic() + 10
+    while len(seen) < int(made) and time.monotonic() < until:
+        time.sleep(0.01)
+    before = len(seen)
+    assert shut_mouth(session, pacer)
+    pacer.close()
+    assert len(seen) - before == 5
+    assert [round(frame.start * fps) for frame in seen] == list(range(len(seen)))

@@ -197,10 +197,10 @@ def _open_outlets(
 
 def _shut_mouth(session: LiveSession, pacer: FramePacer) -> bool:
     """What has not left is replaced by frames that end the speech; whether there are any."""
-    if not pacer.is_started:
+    if (first := pacer.take_back()) is None:
         return False
     try:
-        session.interrupt(at=pacer.take_back())
+        session.interrupt(at=first)
         for motion in session.idle(_CLOSING):
             pacer.push(motion)
     except Exception:  # Ctrl-C can come in the middle of a push
@@ -225,7 +225,7 @@ def _play_to_the_end(
     try:
         _play(session, pieces, steer, pacer)
         over = True
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Exception):  # an exception: of a microphone that is pulled out, say
         over = pacer.paced and _shut_mouth(session, pacer)
         raise
     finally:

@@ -340,8 +340,47 @@ def test_frames_that_have_not_left_are_taken_back():
     time.sleep(0.2)
     first = pacer.take_back()
     assert first is not None
-    assert pacer.take_back() is None
+    assert pacer.take_back() == first
     left = MOTION[round(first * MOTION.fps) :]
     pacer.push(left)
     pacer.close()
     assert len(sent) == 20  # each once
+
+
+def wait_for(pacer, count: int) -> None:
+    """Until so many frames have left."""
+    until = time.monotonic() + 10
+    while pacer.pace.frames < count:
+        assert time.monotonic() < until
+        time.sleep(0.005)
+
+
+def test_where_all_frames_have_left_the_next_one_is_told():
+    pacer = FramePacer([Sent(time.monotonic)], delay=0.0, paced=False)
+    assert pacer.take_back() is None  # nobody has seen a frame
+    pacer.begin()
+    pacer.push(MOTION)
+    wait_for(pacer, 20)
+    assert pacer.take_back() == pytest.approx(20 / 30)
+    pacer.close()
+
+
+class Broken:
+    """An outlet whose second frame is one too many."""
+
+    count = 0
+
+    def send(self, frame) -> None:
+        self.count += 1
+        if self.count == 2:
+            raise ValueError("too much")
+
+
+def test_an_outlet_that_fails_is_told_to_who_pushes_and_who_closes():
+    pacer = FramePacer([Broken()], delay=0.0, paced=False)
+    pacer.begin()
+    pacer.push(MOTION)
+    pacer._thread.join(10)
+    for call in (lambda: pacer.push(MOTION), pacer.close):
+        with pytest.raises(ValueError, match="too much"):
+            call()

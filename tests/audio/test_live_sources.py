@@ -159,8 +159,13 @@ def test_raw_samples_of_a_pipe_that_cuts_them(kind):
     heard = np.concatenate(list(read_pcm(Drip(data, [1, 2, 3, 7, 1, 1]), RATE, kind)))
     np.testing.assert_allclose(heard, values, atol=4e-5)
     assert heard.dtype == np.float32
-    with pytest.raises(InputError, match="within a sample"):
-        list(read_pcm(Drip(data + b"x", []), RATE, kind))
+
+
+def test_a_pipe_that_ends_within_a_sample_is_heard_to_there_and_told():
+    told: list[str] = []
+    heard = list(read_pcm(io.BytesIO(np.full(9, 8192, "<i2").tobytes() + b"x"), RATE, "s16", note=told.append))
+    np.testing.assert_array_equal(np.concatenate(heard), np.full(9, 0.25, np.float32))
+    assert told == ["the sound ends within a sample; 1 byte left out (samples are s16, little-endian)"]
 
 
 def test_numbers_that_are_none_are_silence():
@@ -171,8 +176,25 @@ def test_numbers_that_are_none_are_silence():
 def test_messages_of_a_websocket():
     heard = list(read_websocket([b"", "a text", np.array([16384], "<i2").tobytes()]))
     assert [block.tolist() for block in heard] == [[0.5]]
-    with pytest.raises(InputError, match="3 bytes"):
-        list(read_websocket([b"abc"]))
+
+
+def test_a_message_that_ends_within_a_sample_is_told_once_and_the_sound_goes_on():
+    told: list[str] = []
+    whole = np.full(4, 8192, "<i2").tobytes()
+    heard = list(read_websocket([whole, whole + b"x", b"y", whole + b"z", whole], note=told.append))
+    np.testing.assert_array_equal(np.concatenate(heard), np.full(16, 0.25, np.float32))
+    assert len(told) == 1
+    assert told[0].startswith("a message of 9 bytes ends within a sample; 1 byte left out")
+
+
+def test_samples_that_are_no_numbers_are_told_once():
+    told: list[str] = []
+    data = np.full(4000, np.nan, "<f4").tobytes()
+    list(read_pcm(io.BytesIO(data), RATE, "f32", note=told.append))
+    assert told == ["samples that are NaN or infinite are heard as silence (samples are f32, little-endian)"]
+    list(read_websocket([data, data, data[:-1]], "f32", note=told.append))
+    assert len(told) == 3
+    assert "3 bytes left out" in told[2]
 
 
 def test_a_microphone_that_is_not_there_is_told(monkeypatch):

@@ -57,6 +57,25 @@ def test_raw_samples_on_standard_input_end_the_stream():
     assert b"sent, 0 dropped" in done.stderr
 
 
+@pytest.mark.slow
+def test_standard_input_that_ends_within_a_sample_is_played_to_its_end():
+    samples = (np.sin(np.arange(4000) / 20) * 8000).astype("<i2").tobytes() + b"x"
+    done = subprocess.run(
+        [*COMMAND, "-i", "-", "--rate", "8000", "--to", "-", "--fps", "25"], input=samples, capture_output=True
+    )
+    _, frames, end = lines(done.stdout)
+    assert done.returncode == 0
+    assert len(frames) == end["frames"] >= 13
+    assert b"note: the sound ends within a sample; 1 byte left out" in done.stderr
+
+
+@pytest.mark.slow
+def test_standard_input_without_sound_is_told():
+    done = subprocess.run([*COMMAND, "-i", "-", "--to", "-", "--quiet"], input=b"", capture_output=True)
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert done.stderr == b"error: the input ended without sound (send samples to it before you end it)\n"
+
+
 @pytest.mark.parametrize(
     ("arguments", "what"),
     [

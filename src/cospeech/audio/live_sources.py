@@ -105,21 +105,21 @@ def _collect(blocks: Iterable[Samples], waiting: WaitingSound) -> None:
         waiting.end(error)
 
 
-def read_pcm(file: IO[bytes], rate: int, kind: str = "s16") -> Iterator[Samples]:
-    """Raw samples of a pipe, as they come.
-
-    Raises:
-        InputError: the pipe ends within a sample.
-    """
+def read_pcm(
+    file: IO[bytes], rate: int, kind: str = "s16", *, note: Callable[[str], object] = lambda text: None
+) -> Iterator[Samples]:
+    """Raw samples of a pipe, as they come; ``note`` is told once of each fault that they have."""
     read = getattr(file, "read1", file.read)  # what there is, without waiting for more
     dtype, rest = FORMATS[kind], b""
+    check = _fault_finder(kind, note)
     while data := read(max(1, round(PIECE * rate)) * dtype.itemsize):
         data = rest + data
         whole = len(data) - len(data) % dtype.itemsize
+        check(data[:whole])
         yield decode_pcm(data[:whole], kind)
         rest = data[whole:]
     if rest:
-        raise InputError(f"the sound ends within a sample: {len(rest)} bytes more", f"samples are {kind}, little-endian")
+        note(f"the sound ends within a sample; {_bytes(len(rest))} left out (samples are {kind}, little-endian)")
 
 
 def read_lines(number: int = 0) -> Iterator[bytes]:
@@ -138,23 +138,50 @@ def decode_pcm(data: bytes, kind: str) -> Samples:
 
 
 def read_websocket(
-    connection: Iterable[str | bytes], kind: str = "s16", on_text: Callable[[str], object] | None = None
+    connection: Iterable[str | bytes],
+    kind: str = "s16",
+    on_text: Callable[[str], object] | None = None,
+    *,
+    note: Callable[[str], object] = lambda text: None,
 ) -> Iterator[Samples]:
     """The binary messages of a WebSocket, each a whole number of samples; texts are given to ``on_text``.
 
-    Raises:
-        InputError: a message ends within a sample.
+    Bytes after the last whole sample of a message are left out. ``note`` is told once of each fault that messages have.
     """
+    check = _fault_finder(kind, note)
     for message in connection:
         if isinstance(message, str):
             if on_text is not None:
                 on_text(message)
             continue
-        if not message:
-            continue
-        if len(message) % FORMATS[kind].itemsize:
-            raise InputError(f"a message of {len(message)} bytes ends within a sample", f"samples are {kind}, little-endian")
-        yield decode_pcm(message, kind)
+        check(message)
+        if whole := len(message) - len(message) % FORMATS[kind].itemsize:
+            yield decode_pcm(message[:whole], kind)
+
+
+def _fault_finder(kind: str, note: Callable[[str], object]) -> Callable[[bytes], None]:
+    """A function that looks at raw samples, and tells of each kind of fault the first time."""
+    told: set[str] = set()
+
+    def tell(fault: str, text: str) -> None:
+        if fault not in told:
+            told.add(fault)
+            note(text)
+
+    def check(data: bytes) -> None:
+        size = FORMATS[kind].itemsize
+        if odd := len(data) % size:
+            end = f"a message of {_bytes(len(data))} ends within a sample; {_bytes(odd)} left out"
+            tell("odd", f"{end}, also of messages to come (samples are {kind}, little-endian)")
+        values = np.frombuffer(data, FORMATS[kind], len(data) // size)
+        if kind == "f32" and not np.isfinite(values).all():
+            tell("number", f"samples that are NaN or infinite are heard as silence (samples are {kind}, little-endian)")
+
+    return check
+
+
+def _bytes(count: int) -> str:
+    return f"{count} byte" if count == 1 else f"{count} bytes"
 
 
 def read_microphone(rate: int) -> Iterator[Samples]:

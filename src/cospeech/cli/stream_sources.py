@@ -13,6 +13,7 @@ from .stream_controls import Controls
 
 if TYPE_CHECKING:
     from ..audio.speech import Speech
+    from ..audio.waiting_sound import WaitingSound
 
 __all__ = ["check_sources", "is_live", "open_control", "open_pieces"]
 
@@ -52,7 +53,7 @@ def open_pieces(
     Args:
         slack: seconds that live sound may be late.
         unpaced: read a file as fast as it can be played.
-        tell: told what is wrong with a message.
+        tell: told what is wrong with a message or with raw samples.
 
     Raises:
         InputError: the source cannot be opened.
@@ -64,29 +65,41 @@ def open_pieces(
     controls = Controls(waiting, tell)
     if not is_live(source):
         return _pieces_of_file(stack, source, transcript, unpaced), controls
-    blocks = _open_blocks(stack, source, rate, kind, controls)
-    return pace_pieces(blocks, rate, slack=slack, waiting=waiting), controls
+    blocks = _open_blocks(stack, source, rate, kind, controls, tell)
+    return _see_that_sound_comes(pace_pieces(blocks, rate, slack=slack, waiting=waiting), waiting), controls
 
 
-def _open_blocks(stack: ExitStack, source: str, rate: int, kind: str, controls: Controls) -> Iterator[Any]:
+def _see_that_sound_comes(pieces: Iterator[Speech], waiting: WaitingSound) -> Iterator[Speech]:
+    """The pieces; an error at their end if no sample came."""
+    yield from pieces
+    if not waiting.received:
+        raise InputError("the input ended without sound", "send samples to it before you end it")
+
+
+def _open_blocks(
+    stack: ExitStack, source: str, rate: int, kind: str, controls: Controls, tell: Callable[[str], None]
+) -> Iterator[Any]:
     """Samples as they come; texts of a WebSocket are messages that steer."""
     from ..audio.live_sources import read_microphone, read_websocket
+
+    def note(text: str) -> None:
+        tell(f"note: {text}")
 
     if source == "mic":
         return read_microphone(rate)
     if source == "-":
-        return _read_stdin(rate, kind)
+        return _read_stdin(rate, kind, note)
     from ..export.live.websocket import open_receiver
 
-    return read_websocket(stack.enter_context(open_receiver(source)), kind, controls.put)
+    return read_websocket(stack.enter_context(open_receiver(source)), kind, controls.put, note=note)
 
 
-def _read_stdin(rate: int, kind: str) -> Iterator[Any]:
+def _read_stdin(rate: int, kind: str, note: Callable[[str], None]) -> Iterator[Any]:
     """Samples of standard input, without its buffer, whose lock would abort the program if it ends while nothing comes."""
     from ..audio.live_sources import read_pcm
 
     with open(sys.stdin.fileno(), "rb", buffering=0, closefd=False) as file:  # a descriptor
-        yield from read_pcm(file, rate, kind)
+        yield from read_pcm(file, rate, kind, note=note)
 
 
 def _pieces_of_file(stack: ExitStack, path: str, transcript: str | None, unpaced: bool) -> Iterator[Speech]:

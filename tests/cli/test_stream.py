@@ -87,6 +87,13 @@ def test_standard_input_without_sound_is_told():
         (["-i", "-", "--fps", "0"], "fps 0"),
         (["-i", "-", "--model", "nobody"], "nobody"),
         (["-i", "ws://127.0.0.1:9"], "nobody answers"),
+        (["-i", "http://x"], "cannot hear sound from 'http://x' (known: mic, a sound file, -, ws://HOST:PORT"),
+        (["-i", "vmc://127.0.0.1:1"], "cannot hear sound from 'vmc://127.0.0.1:1'"),
+        (["-i", "WS://127.0.0.1:9"], "nobody answers"),
+        (["-i", "-", "--control", "foo"], "cannot hear messages from 'foo' (known: -, ws://HOST:PORT, wss://HOST:PORT, listen"),
+        (["-i", "-", "--control", "http://x"], "cannot hear messages from 'http://x'"),
+        (["-i", "-", "--control", "vmc://"], "cannot hear messages from 'vmc://'"),
+        (["-i", "-", "--to", "vmc://"], "write vmc://127.0.0.1:39539"),
     ],
 )
 def test_what_cannot_be_streamed_is_one_line(cli, arguments, what):

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 __all__ = ["check_sources", "is_live", "open_control", "open_pieces"]
 
 _RATES = (8_000, 192_000)  # samples per second of raw sound that can be said
-_WEBSOCKETS = ("ws://", "wss://", "listen://")
 
 
 def check_sources(source: str, control: str | None, transcript: str | None, rate: int, samples: str) -> None:
@@ -28,7 +27,13 @@ def check_sources(source: str, control: str | None, transcript: str | None, rate
         InputError: it does not.
     """
     from ..audio.live_sources import FORMATS
+    from ..export.live.addresses import SOURCES, scheme_of
 
+    addresses = ", ".join(f"{scheme}://HOST:PORT" for scheme in SOURCES)
+    if scheme_of(source) and not is_live(source):
+        raise InputError(f"cannot hear sound from {source!r}", f"known: mic, a sound file, -, {addresses}")
+    if control is not None and control != "-" and scheme_of(control) not in SOURCES:
+        raise InputError(f"cannot hear messages from {control!r}", f"known: -, {addresses}")
     if samples not in FORMATS:
         raise InputError(f"samples of kind {samples!r}", f"known: {', '.join(FORMATS)}")
     if control == source:
@@ -41,7 +46,9 @@ def check_sources(source: str, control: str | None, transcript: str | None, rate
 
 def is_live(source: str) -> bool:
     """Whether somebody speaks now; else it is a sound file."""
-    return source in ("mic", "-") or source.startswith(_WEBSOCKETS)
+    from ..export.live.addresses import SOURCES, scheme_of
+
+    return source in ("mic", "-") or scheme_of(source) in SOURCES
 
 
 def open_pieces(
@@ -89,7 +96,7 @@ def _open_blocks(
         return read_microphone(rate)
     if source == "-":
         return _read_stdin(rate, kind, note)
-    from ..export.live.websocket import open_receiver
+    from ..export.live.receiver import open_receiver
 
     return read_websocket(stack.enter_context(open_receiver(source)), kind, controls.put, note=note)
 
@@ -124,7 +131,7 @@ def open_control(stack: ExitStack, address: str, controls: Controls) -> None:
 
         messages = read_lines(sys.stdin.fileno())
     else:
-        from ..export.live.websocket import open_receiver
+        from ..export.live.receiver import open_receiver
 
         messages = stack.enter_context(open_receiver(address))
     threading.Thread(target=_collect, args=(messages, controls), name="cospeech control", daemon=True).start()

@@ -82,7 +82,7 @@ class WaitingSound:
                 self._count -= len(block)
             self._changed.notify_all()
 
-    def silence_dropped(self, piece: Speech) -> Speech:
+    def mute_piece(self, piece: Speech) -> Speech:
         """The piece that is heard now, with silence in the place of samples that were dropped."""
         many = self.dropped - self.piece
         if many <= 0:

@@ -50,5 +50,5 @@ class Controls:
                 continue
             if "interrupt" in json.loads(message):
                 self._sound.drop(place)
-                piece = self._sound.silence_dropped(piece)
+                piece = self._sound.mute_piece(piece)
         return piece

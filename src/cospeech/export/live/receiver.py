@@ -44,10 +44,10 @@ def open_receiver(address: str) -> Iterator[Iterator[str | bytes]]:
             connection = stack.enter_context(connect(address, **CLIENT))
         except (OSError, WebSocketException) as error:
             raise InputError(f"nobody answers at {address!r}: {error}"[:200], "is the server running?") from None
-        yield _until_closed(connection)
+        yield _hear_to_the_end(connection)
 
 
-def _until_closed(connection: Any) -> Iterator[str | bytes]:
+def _hear_to_the_end(connection: Any) -> Iterator[str | bytes]:
     """Messages to the end, also where the other side goes without a word."""
     from websockets.exceptions import ConnectionClosed
 
@@ -65,7 +65,7 @@ def _listening(address: str) -> Iterator[Iterator[str | bytes]]:
 
     def hear(connection: Any) -> None:
         with one:  # one voice at a time
-            for message in _until_closed(connection):
+            for message in _hear_to_the_end(connection):
                 arrived.put(message)
 
     server = serve_here(serve, hear, host, port)

@@ -13,9 +13,12 @@ import numpy as np
 import pytest
 
 from cospeech.audio.speech import Speech, example
+from cospeech.cli.stream import _play_to_the_end as play_to_the_end
 from cospeech.cli.stream import _shut_mouth as shut_mouth
+from cospeech.errors import InputError
 from cospeech.export.live.pacing import FramePacer
 from cospeech.generate import open_live_session
+from cospeech.motion.skeletons.arkit import ARKIT_INDEX
 from tests.support.command_line import heed
 
 COMMAND = [sys.executable, "-m", "cospeech", "stream"]
@@ -166,3 +169,26 @@ def test_a_stream_whose_frames_have_all_left_is_closed_within_half_a_second():
     pacer.close()
     assert len(seen) - before == 5
     assert [round(frame.start * fps) for frame in seen] == list(range(len(seen)))
+
+
+@pytest.mark.slow
+def test_a_source_that_fails_shuts_the_mouth():
+    fps, seen, told, now = 30, [], [], [0.0]
+    session = open_live_session("rules", fps=fps)
+    pacer = FramePacer([SimpleNamespace(send=seen.append)], 0.0, clock=lambda: now[0])
+
+    def pieces():
+        for piece in Speech.load(example()[0]).window(0, 3).chunks(0.02):
+            yield piece
+            now[0] = 1000.0  # all frames are late: none is waited for
+        until = time.monotonic() + 10
+        while not seen and time.monotonic() < until:
+            time.sleep(0.01)
+        raise InputError("the cable was pulled", "put it back")
+
+    with pytest.raises(InputError, match="cable"):
+        play_to_the_end(session, pieces(), lambda piece: piece, pacer, told.append)
+    assert [round(frame.start * fps) for frame in seen] == list(range(len(seen)))
+    assert len(seen) >= 15
+    assert seen[-1].face[0, ARKIT_INDEX["jawOpen"]] < 0.05
+    assert told[0].startswith(f"{len(seen)} frames")

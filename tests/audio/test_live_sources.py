@@ -14,6 +14,7 @@ import pytest
 
 from cospeech.audio.live_sources import (
     PIECE,
+    SLACK,
     decode_pcm,
     pace_pieces,
     read_microphone,
@@ -22,7 +23,9 @@ from cospeech.audio.live_sources import (
     wait_for_each,
 )
 from cospeech.audio.speech import Speech
+from cospeech.audio.waiting_sound import WaitingSound
 from cospeech.errors import InputError
+from cospeech.export.live.pacing import MARGIN
 
 RATE = 8_000
 
@@ -73,6 +76,50 @@ def test_silence_comes_where_nobody_speaks():
     assert [p.start for p in heard] == pytest.approx([k * PIECE for k in range(len(heard))])
 
 
+class Script(WaitingSound):
+    """Sound that comes at given times of a clock that is set by hand."""
+
+    def __init__(self, arrivals: list[tuple[float, np.ndarray]], end: float) -> None:
+        super().__init__(RATE)
+        self.arrivals, self.end_at, self.now = arrivals, end, 0.0
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+    def end(self, error: Exception | None = None) -> None:
+        """Not with the blocks of the thread, which are none."""
+
+    @property
+    def is_over(self) -> bool:
+        return self.now >= self.end_at
+
+    def take(self, timeout: float | None) -> np.ndarray | None:
+        assert timeout is not None
+        until = self.now + timeout
+        if self.arrivals and self.arrivals[0][0] <= until:
+            at, block = self.arrivals.pop(0)
+            self.now = max(self.now, at)
+            self.taken += len(block)
+            return block
+        self.now = until
+        return None
+
+
+def test_the_silence_of_a_pause_is_on_time():
+    arrivals = [(k * PIECE, ramp(160, 1)) for k in range(1, 6)]
+    arrivals += [(0.205 + k * PIECE, ramp(160, 1)) for k in range(1, 6)]  # sound again, within a piece
+    script = Script(arrivals, end=0.6)
+    late, quiet = [], []
+    for piece in pace_pieces([], RATE, slack=0.03, waiting=script, clock=lambda: script.now, sleep=script.sleep):
+        late.append(script.now - piece.start - PIECE)
+        quiet.append(not piece.samples.any())
+    assert quiet[:17] == [False] * 5 + [True] * 6 + [False] * 5 + [True]
+    assert late[5] == pytest.approx(0.03)  # sound might have come
+    assert max(late[7:16]) < 1e-9
+    assert max(late) <= 0.03 + 1e-9  # which the margin of the pacing covers
+    assert SLACK <= MARGIN / 2
+
+
 def test_an_error_of_the_source_reaches_who_listens():
     def broken():
         yield ramp(400)
@@ -112,8 +159,13 @@ def test_raw_samples_of_a_pipe_that_cuts_them(kind):
     heard = np.concatenate(list(read_pcm(Drip(data, [1, 2, 3, 7, 1, 1]), RATE, kind)))
     np.testing.assert_allclose(heard, values, atol=4e-5)
     assert heard.dtype == np.float32
-    with pytest.raises(InputError, match="within a sample"):
-        list(read_pcm(Drip(data + b"x", []), RATE, kind))
+
+
+def test_a_pipe_that_ends_within_a_sample_is_heard_to_there_and_told():
+    told: list[str] = []
+    heard = list(read_pcm(io.BytesIO(np.full(9, 8192, "<i2").tobytes() + b"x"), RATE, "s16", note=told.append))
+    np.testing.assert_array_equal(np.concatenate(heard), np.full(9, 0.25, np.float32))
+    assert told == ["the sound ends within a sample; 1 byte left out (samples are s16, little-endian)"]
 
 
 def test_numbers_that_are_none_are_silence():
@@ -124,8 +176,25 @@ def test_numbers_that_are_none_are_silence():
 def test_messages_of_a_websocket():
     heard = list(read_websocket([b"", "a text", np.array([16384], "<i2").tobytes()]))
     assert [block.tolist() for block in heard] == [[0.5]]
-    with pytest.raises(InputError, match="3 bytes"):
-        list(read_websocket([b"abc"]))
+
+
+def test_a_message_that_ends_within_a_sample_is_told_once_and_the_sound_goes_on():
+    told: list[str] = []
+    whole = np.full(4, 8192, "<i2").tobytes()
+    heard = list(read_websocket([whole, whole + b"x", b"y", whole + b"z", whole], note=told.append))
+    np.testing.assert_array_equal(np.concatenate(heard), np.full(16, 0.25, np.float32))
+    assert len(told) == 1
+    assert told[0].startswith("a message of 9 bytes ends within a sample; 1 byte left out")
+
+
+def test_samples_that_are_no_numbers_are_told_once():
+    told: list[str] = []
+    data = np.full(4000, np.nan, "<f4").tobytes()
+    list(read_pcm(io.BytesIO(data), RATE, "f32", note=told.append))
+    assert told == ["samples that are NaN or infinite are heard as silence (samples are f32, little-endian)"]
+    list(read_websocket([data, data, data[:-1]], "f32", note=told.append))
+    assert len(told) == 3
+    assert "3 bytes left out" in told[2]
 
 
 def test_a_microphone_that_is_not_there_is_told(monkeypatch):

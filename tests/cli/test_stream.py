@@ -6,12 +6,19 @@ import json
 import signal
 import subprocess
 import sys
+import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cospeech.audio.speech import Speech, example
+from cospeech.cli.stream import _play_to_the_end as play_to_the_end
+from cospeech.cli.stream import _shut_mouth as shut_mouth
+from cospeech.errors import InputError
+from cospeech.export.live.pacing import FramePacer
 from cospeech.generate import open_live_session
+from cospeech.motion.skeletons.arkit import ARKIT_INDEX
 from tests.support.command_line import heed
 
 COMMAND = [sys.executable, "-m", "cospeech", "stream"]
@@ -53,6 +60,25 @@ def test_raw_samples_on_standard_input_end_the_stream():
     assert b"sent, 0 dropped" in done.stderr
 
 
+@pytest.mark.slow
+def test_standard_input_that_ends_within_a_sample_is_played_to_its_end():
+    samples = (np.sin(np.arange(4000) / 20) * 8000).astype("<i2").tobytes() + b"x"
+    done = subprocess.run(
+        [*COMMAND, "-i", "-", "--rate", "8000", "--to", "-", "--fps", "25"], input=samples, capture_output=True
+    )
+    _, frames, end = lines(done.stdout)
+    assert done.returncode == 0
+    assert len(frames) == end["frames"] >= 13
+    assert b"note: the sound ends within a sample; 1 byte left out" in done.stderr
+
+
+@pytest.mark.slow
+def test_standard_input_without_sound_is_told():
+    done = subprocess.run([*COMMAND, "-i", "-", "--to", "-", "--quiet"], input=b"", capture_output=True)
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert done.stderr == b"error: the input ended without sound (send samples to it before you end it)\n"
+
+
 @pytest.mark.parametrize(
     ("arguments", "what"),
     [
@@ -64,6 +90,13 @@ def test_raw_samples_on_standard_input_end_the_stream():
         (["-i", "-", "--fps", "0"], "fps 0"),
         (["-i", "-", "--model", "nobody"], "nobody"),
         (["-i", "ws://127.0.0.1:9"], "nobody answers"),
+        (["-i", "http://x"], "cannot hear sound from 'http://x' (known: mic, a sound file, -, ws://HOST:PORT"),
+        (["-i", "vmc://127.0.0.1:1"], "cannot hear sound from 'vmc://127.0.0.1:1'"),
+        (["-i", "WS://127.0.0.1:9"], "nobody answers"),
+        (["-i", "-", "--control", "foo"], "cannot hear messages from 'foo' (known: -, ws://HOST:PORT, wss://HOST:PORT, listen"),
+        (["-i", "-", "--control", "http://x"], "cannot hear messages from 'http://x'"),
+        (["-i", "-", "--control", "vmc://"], "cannot hear messages from 'vmc://'"),
+        (["-i", "-", "--to", "vmc://"], "write vmc://127.0.0.1:39539"),
     ],
 )
 def test_what_cannot_be_streamed_is_one_line(cli, arguments, what):
@@ -116,3 +149,46 @@ def test_stopped_while_nothing_comes_it_ends_at_once(number, code):
         process.send_signal(number)
         assert process.wait(10) == code
         assert "Fatal" not in process.stderr.read()
+
+
+@pytest.mark.slow
+def test_a_stream_whose_frames_have_all_left_is_closed_within_half_a_second():
+    fps, seen = 10, []
+    session = open_live_session("rules", fps=fps)
+    pacer = FramePacer([SimpleNamespace(send=seen.append)], 0.0, paced=False)
+    pacer.begin()
+    for chunk in Speech.load(example()[0]).window(0, 3).chunks(0.02):
+        for motion in session.push(chunk):
+            pacer.push(motion)
+    made = session.time * fps - session.latency * fps
+    until = time.monotonic() + 10
+    while len(seen) < int(made) and time.monotonic() < until:
+        time.sleep(0.01)
+    before = len(seen)
+    assert shut_mouth(session, pacer)
+    pacer.close()
+    assert len(seen) - before == 5
+    assert [round(frame.start * fps) for frame in seen] == list(range(len(seen)))
+
+
+@pytest.mark.slow
+def test_a_source_that_fails_shuts_the_mouth():
+    fps, seen, told, now = 30, [], [], [0.0]
+    session = open_live_session("rules", fps=fps)
+    pacer = FramePacer([SimpleNamespace(send=seen.append)], 0.0, clock=lambda: now[0])
+
+    def pieces():
+        for piece in Speech.load(example()[0]).window(0, 3).chunks(0.02):
+            yield piece
+            now[0] = 1000.0  # all frames are late: none is waited for
+        until = time.monotonic() + 10
+        while not seen and time.monotonic() < until:
+            time.sleep(0.01)
+        raise InputError("the cable was pulled", "put it back")
+
+    with pytest.raises(InputError, match="cable"):
+        play_to_the_end(session, pieces(), lambda piece: piece, pacer, told.append)
+    assert [round(frame.start * fps) for frame in seen] == list(range(len(seen)))
+    assert len(seen) >= 15
+    assert seen[-1].face[0, ARKIT_INDEX["jawOpen"]] < 0.05
+    assert told[0].startswith(f"{len(seen)} frames")

@@ -6,7 +6,6 @@ nothing comes. So the clock of the sound and the clock on the wall stay together
 
 from __future__ import annotations
 
-import queue
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -18,18 +17,19 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from .speech import Speech
+from .waiting_sound import WaitingSound
 
 __all__ = [
-    "FORMATS", "PIECE", "decode_pcm", "pace_pieces", "read_lines", "read_microphone", "read_pcm", "read_websocket",
-    "wait_for_each",
+    "BEHIND", "FORMATS", "PIECE", "SLACK", "decode_pcm", "pace_pieces", "read_lines", "read_microphone", "read_pcm",
+    "read_websocket", "wait_for_each",
 ]  # fmt: skip
 
 PIECE = 0.02  # seconds of a piece: what telephones and browsers send (ours)
 FORMATS: dict[str, np.dtype[Any]] = {"s16": np.dtype("<i2"), "f32": np.dtype("<f4")}
 """Raw samples: whole numbers of 16 bits, floats of 32 bits; little-endian, one channel."""
-_SLACK = 0.1  # seconds that sound may be late before silence takes its place (ours: more than a network's jitter)
+SLACK = 0.03  # seconds that sound may be late before silence takes its place (ours: half of the pacing's margin)
 _LINE = 1 << 16  # bytes of a line (ours)
-_BEHIND = 30.0  # seconds of blocks that may wait: who sends more than that ahead is made to wait (ours)
+BEHIND = 300.0  # seconds of sound that may wait: who sends more is made to wait (ours: longer than an answer)
 
 Samples = NDArray[np.float32]
 
@@ -39,6 +39,8 @@ def pace_pieces(
     rate: int,
     *,
     idle: bool = True,
+    slack: float = SLACK,
+    waiting: WaitingSound | None = None,
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
 ) -> Iterator[Speech]:
@@ -48,28 +50,28 @@ def pace_pieces(
         blocks: (n,) samples; they may come in bursts, early or late. Their end is the end of the speech.
         rate: samples per second.
         idle: put silence where no sound has come in time; else the pieces wait for it.
+        slack: seconds that sound may be late. A piece leaves so late where sound ceases; the silence after it is on time.
+        waiting: where the blocks wait, for who wants to drop them.
 
     Yields:
         Speech without a gap; the first piece begins at 0.
     """
     size = max(1, round(PIECE * rate))
-    arrived: queue.Queue[Samples | BaseException | None] = queue.Queue(max(1, round(_BEHIND / PIECE)))
-    threading.Thread(target=_collect, args=(blocks, arrived, size), name="cospeech sound", daemon=True).start()
-    began, heard, rest, over = clock(), 0, np.zeros(0, np.float32), False
-    while not over or len(rest):
+    sound = WaitingSound(round(BEHIND * rate)) if waiting is None else waiting
+    threading.Thread(target=_collect, args=(blocks, sound), name="cospeech sound", daemon=True).start()
+    began, heard, rest, quiet = clock(), 0, np.zeros(0, np.float32), False
+    while True:
+        rest = rest[max(sound.dropped - (sound.taken - len(rest)), 0) :]
         due = began + (heard + size) / rate
-        while len(rest) < size and not over:
-            try:
-                block = arrived.get(timeout=max(due + _SLACK - clock(), 0.001) if idle else None)
-            except queue.Empty:
-                rest = np.concatenate([rest, np.zeros(size - len(rest), np.float32)])
-                break
-            if isinstance(block, BaseException):
-                raise block
+        while len(rest) < size and not sound.is_over:
+            late = 0.0 if quiet and not len(rest) else slack
+            block = sound.take(max(due + late - clock(), 0.0) if idle else None)
             if block is None:
-                over = True
-            else:
-                rest = np.concatenate([rest, block])
+                break
+            rest = np.concatenate([rest, block])
+        sound.piece, quiet = sound.taken - len(rest), not len(rest)
+        if len(rest) < size and not sound.is_over:
+            rest = np.concatenate([rest, np.zeros(size - len(rest), np.float32)])
         piece, rest = rest[:size], rest[size:]
         if not len(piece):
             return
@@ -93,32 +95,31 @@ def wait_for_each(
         yield piece
 
 
-def _collect(blocks: Iterable[Samples], arrived: queue.Queue[Any], size: int) -> None:
-    """In a thread: what comes, cut into pieces, then None; or the error that ended it."""
+def _collect(blocks: Iterable[Samples], waiting: WaitingSound) -> None:
+    """In a thread: what comes, to its end or to the error that ends it."""
     try:
         for block in blocks:
-            for first in range(0, len(block), size):
-                arrived.put(block[first : first + size])
-        arrived.put(None)
+            waiting.put(block)
+        waiting.end()
     except Exception as error:  # it is raised again where the pieces are taken
-        arrived.put(error)
+        waiting.end(error)
 
 
-def read_pcm(file: IO[bytes], rate: int, kind: str = "s16") -> Iterator[Samples]:
-    """Raw samples of a pipe, as they come.
-
-    Raises:
-        InputError: the pipe ends within a sample.
-    """
+def read_pcm(
+    file: IO[bytes], rate: int, kind: str = "s16", *, note: Callable[[str], object] = lambda text: None
+) -> Iterator[Samples]:
+    """Raw samples of a pipe, as they come; ``note`` is told once of each fault that they have."""
     read = getattr(file, "read1", file.read)  # what there is, without waiting for more
     dtype, rest = FORMATS[kind], b""
+    check = _fault_finder(kind, note)
     while data := read(max(1, round(PIECE * rate)) * dtype.itemsize):
         data = rest + data
         whole = len(data) - len(data) % dtype.itemsize
+        check(data[:whole])
         yield decode_pcm(data[:whole], kind)
         rest = data[whole:]
     if rest:
-        raise InputError(f"the sound ends within a sample: {len(rest)} bytes more", f"samples are {kind}, little-endian")
+        note(f"the sound ends within a sample; {_bytes(len(rest))} left out (samples are {kind}, little-endian)")
 
 
 def read_lines(number: int = 0) -> Iterator[bytes]:
@@ -137,23 +138,50 @@ def decode_pcm(data: bytes, kind: str) -> Samples:
 
 
 def read_websocket(
-    connection: Iterable[str | bytes], kind: str = "s16", on_text: Callable[[str], object] | None = None
+    connection: Iterable[str | bytes],
+    kind: str = "s16",
+    on_text: Callable[[str], object] | None = None,
+    *,
+    note: Callable[[str], object] = lambda text: None,
 ) -> Iterator[Samples]:
     """The binary messages of a WebSocket, each a whole number of samples; texts are given to ``on_text``.
 
-    Raises:
-        InputError: a message ends within a sample.
+    Bytes after the last whole sample of a message are left out. ``note`` is told once of each fault that messages have.
     """
+    check = _fault_finder(kind, note)
     for message in connection:
         if isinstance(message, str):
             if on_text is not None:
                 on_text(message)
             continue
-        if not message:
-            continue
-        if len(message) % FORMATS[kind].itemsize:
-            raise InputError(f"a message of {len(message)} bytes ends within a sample", f"samples are {kind}, little-endian")
-        yield decode_pcm(message, kind)
+        check(message)
+        if whole := len(message) - len(message) % FORMATS[kind].itemsize:
+            yield decode_pcm(message[:whole], kind)
+
+
+def _fault_finder(kind: str, note: Callable[[str], object]) -> Callable[[bytes], None]:
+    """A function that looks at raw samples, and tells of each kind of fault the first time."""
+    told: set[str] = set()
+
+    def tell(fault: str, text: str) -> None:
+        if fault not in told:
+            told.add(fault)
+            note(text)
+
+    def check(data: bytes) -> None:
+        size = FORMATS[kind].itemsize
+        if odd := len(data) % size:
+            end = f"a message of {_bytes(len(data))} ends within a sample; {_bytes(odd)} left out"
+            tell("odd", f"{end}, also of messages to come (samples are {kind}, little-endian)")
+        values = np.frombuffer(data, FORMATS[kind], len(data) // size)
+        if kind == "f32" and not np.isfinite(values).all():
+            tell("number", f"samples that are NaN or infinite are heard as silence (samples are {kind}, little-endian)")
+
+    return check
+
+
+def _bytes(count: int) -> str:
+    return f"{count} byte" if count == 1 else f"{count} bytes"
 
 
 def read_microphone(rate: int) -> Iterator[Samples]:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import sys
-import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
-from queue import SimpleQueue
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..errors import InputError, InternalError
+from ..errors import InternalError
 from ..models import DEFAULT, PARTS
 from .options import (
     Debug,
@@ -30,6 +28,7 @@ from .options import (
     option,
     whole,
 )
+from .stream_sources import check_sources, is_live, open_control, open_pieces
 
 if TYPE_CHECKING:
     from ..audio.speech import Speech
@@ -41,7 +40,6 @@ if TYPE_CHECKING:
 __all__ = ["register"]
 
 _ALL = ",".join(PARTS)
-_RATES = (8_000, 192_000)  # samples per second of raw sound that can be said
 _CLOSING = 0.5  # seconds in which a character that is stopped shuts its mouth and lowers its hands [ours]
 _SILENCE = 3.0  # seconds of live silence after which the rules idle [ours: longer than a pause between sentences]
 Avatar = Annotated[
@@ -151,34 +149,29 @@ def stream(
     from ..export.live.targets import StreamSettings
     from ..generate import open_live_session
 
-    _check_sources(source, control, rate, samples)
+    check_sources(source, control, transcript, rate, samples)
     tell = _say_nothing if quiet else _tell
     wanted = tuple(part.strip() for part in parts.split(","))
     session = open_live_session(
         model, style=style, emotion=emotion, seed=seed, temperature=temperature, intensity=intensity, parts=wanted,
         face_gain=face_gain, fps=fps, look_ahead=look_ahead,
-        idle_after=_idle_after(source) if idle_after is None else idle_after,
+        idle_after=_SILENCE if idle_after is None and is_live(source) else idle_after,
     )  # fmt: skip
     if not unpaced:
         session.warm_up()
-    delay = session.latency + PIECE + (MARGIN if look_ahead is None else SHORT_MARGIN)
+    margin = MARGIN if look_ahead is None else SHORT_MARGIN
+    delay = session.latency + PIECE + margin
     settings = StreamSettings(fps, delay, wanted, None if avatar is None else Path(avatar))
     with ExitStack() as stack:
-        controls = _open_control(stack, control)
-        pieces = _pieces(stack, source, transcript, rate, samples, unpaced, controls)
+        pieces, controls = open_pieces(
+            stack, source, transcript, rate=rate, kind=samples, slack=margin / 2, unpaced=unpaced, tell=tell
+        )
+        if control is not None:
+            open_control(stack, control, controls)
         outlets = _open_outlets(stack, to, settings, tell)
         pacer = FramePacer(outlets, delay, paced=not unpaced)
         tell(f"listening to {source}; frames leave {delay:.2f} s after their sound (Ctrl-C ends)")
-        over = False
-        try:
-            _play(session, pieces, controls, pacer, tell)
-            over = True
-        except KeyboardInterrupt:
-            over = not unpaced and _shut_mouth(session, pacer)
-            raise
-        finally:
-            pace = pacer.close(drop=not over)
-            tell(f"{pace.frames} frames, {pace.late} late (the latest by {pace.worst * 1e3:.0f} ms)")
+        _play_to_the_end(session, pieces, partial(controls.steer, session), pacer, tell)
     if any(outlet.dropped for outlet in outlets) and not any(outlet.sent for outlet in outlets):
         raise InternalError("no receiver got a frame", "are the addresses right, and do the receivers run?")
 
@@ -204,10 +197,10 @@ def _open_outlets(
 
 def _shut_mouth(session: LiveSession, pacer: FramePacer) -> bool:
     """What has not left is replaced by frames that end the speech; whether there are any."""
-    if not pacer.is_started:
+    if (first := pacer.take_back()) is None:
         return False
     try:
-        session.interrupt(at=pacer.take_back())
+        session.interrupt(at=first)
         for motion in session.idle(_CLOSING):
             pacer.push(motion)
     except Exception:  # Ctrl-C can come in the middle of a push
@@ -223,108 +216,29 @@ def _say_nothing(text: str) -> None:
     """With --quiet."""
 
 
-def _check_sources(source: str, control: str | None, rate: int, samples: str) -> None:
-    from ..audio.live_sources import FORMATS
-
-    if samples not in FORMATS:
-        raise InputError(f"samples of kind {samples!r}", f"known: {', '.join(FORMATS)}")
-    if control == source:
-        raise InputError(f"--control and --input are both {control!r}", "a WebSocket that sends sound may send messages, too")
-    if not _RATES[0] <= rate <= _RATES[1]:
-        raise InputError(f"{rate} samples per second", f"{_RATES[0]} … {_RATES[1]}")
-
-
-def _play(
-    session: LiveSession, pieces: Iterable[Speech], controls: SimpleQueue[str | bytes], pacer: FramePacer,
+def _play_to_the_end(
+    session: LiveSession, pieces: Iterable[Speech], steer: Callable[[Speech], Speech], pacer: FramePacer,
     tell: Callable[[str], None],
 ) -> None:  # fmt: skip
+    """Play until the sound is over or somebody stops the program, and tell how evenly the frames left."""
+    over = False
+    try:
+        _play(session, pieces, steer, pacer)
+        over = True
+    except (KeyboardInterrupt, Exception):  # an exception: of a microphone that is pulled out, say
+        over = pacer.paced and _shut_mouth(session, pacer)
+        raise
+    finally:
+        pace = pacer.close(drop=not over)
+        tell(f"{pace.frames} frames, {pace.late} late (the latest by {pace.worst * 1e3:.0f} ms)")
+
+
+def _play(session: LiveSession, pieces: Iterable[Speech], steer: Callable[[Speech], Speech], pacer: FramePacer) -> None:
     """From the first piece of sound to the last frame."""
     for piece in pieces:
         if not pacer.is_started:
             pacer.begin(float(piece.duration))
-        _steer(session, controls, tell)
-        for motion in session.push(piece):
+        for motion in session.push(steer(piece)):
             pacer.push(motion)
     for motion in session.finish():
         pacer.push(motion)
-
-
-def _idle_after(source: str) -> float | None:
-    live = source in ("mic", "-") or source.startswith(("ws://", "wss://", "listen://"))
-    return _SILENCE if live else None
-
-
-def _open_control(stack: ExitStack, control: str | None) -> SimpleQueue[str | bytes]:
-    """Messages that steer, as they come: those of ``--control``; the input adds its own."""
-    controls: SimpleQueue[str | bytes] = SimpleQueue()
-    if control is None:
-        return controls
-    messages: Iterable[str | bytes]
-    if control == "-":
-        from ..audio.live_sources import read_lines
-
-        messages = read_lines(sys.stdin.fileno())
-    else:
-        from ..export.live.websocket import open_receiver
-
-        messages = stack.enter_context(open_receiver(control))
-    threading.Thread(target=_collect, args=(messages, controls), name="cospeech control", daemon=True).start()
-    return controls
-
-
-def _collect(messages: Iterable[str | bytes], controls: SimpleQueue[str | bytes]) -> None:
-    """In a thread."""
-    for message in messages:
-        controls.put(message)
-
-
-def _steer(session: LiveSession, controls: SimpleQueue[str | bytes], tell: Callable[[str], None]) -> None:
-    """Do what the messages say that have come; one that says nothing sensible is told, and the stream goes on."""
-    from ..runtime.live_control import apply_control
-
-    while not controls.empty():
-        try:
-            apply_control(session, controls.get())
-        except InputError as error:
-            tell(f"control: {error}")
-
-
-def _read_stdin(rate: int, kind: str) -> Iterator[Any]:
-    """Samples of standard input, without its buffer, whose lock would abort the program if it ends while nothing comes."""
-    from ..audio.live_sources import read_pcm
-
-    with open(sys.stdin.fileno(), "rb", buffering=0, closefd=False) as file:  # a descriptor
-        yield from read_pcm(file, rate, kind)
-
-
-def _pieces(
-    stack: ExitStack, source: str, transcript: str | None, rate: int, kind: str, unpaced: bool,
-    controls: SimpleQueue[str | bytes],
-) -> Iterator[Speech]:  # fmt: skip
-    """The speech of a source, piece by piece; what it opens is closed with ``stack``. Texts of a WebSocket are controls."""
-    from ..audio.live_sources import pace_pieces, read_microphone, read_websocket
-
-    live: dict[str, Callable[[], Any]] = {
-        "mic": lambda: read_microphone(rate),
-        "-": lambda: _read_stdin(rate, kind),
-    }
-    if source.startswith(("ws://", "wss://", "listen://")):
-        from ..export.live.websocket import open_receiver
-
-        receiver = stack.enter_context(open_receiver(source))
-        return pace_pieces(read_websocket(receiver, kind, controls.put), rate)
-    if transcript is not None and source in live:
-        raise InputError("a transcript of live speech", "leave out --transcript, or give a sound file")
-    if source in live:
-        return pace_pieces(live[source](), rate)
-    return _pieces_of_file(stack, source, transcript, unpaced)
-
-
-def _pieces_of_file(stack: ExitStack, path: str, transcript: str | None, unpaced: bool) -> Iterator[Speech]:
-    from ..audio.live_sources import PIECE, wait_for_each
-    from ..audio.speech import open_speech
-    from ..generate import speech_chunks
-
-    opened = stack.enter_context(open_speech(path, transcript=transcript))
-    pieces = (piece for block in speech_chunks(opened) for piece in block.chunks(PIECE))
-    return pieces if unpaced else wait_for_each(pieces)

@@ -15,9 +15,11 @@ from websockets.sync.client import connect
 from websockets.sync.server import serve
 
 from cospeech.errors import InputError
+from cospeech.export.live.addresses import split_address
 from cospeech.export.live.json_frames import JsonEncoder
-from cospeech.export.live.outlets import Outlet, UdpWire, split_address
+from cospeech.export.live.outlets import Outlet, UdpWire
 from cospeech.export.live.pacing import FramePacer
+from cospeech.export.live.receiver import open_receiver
 from cospeech.export.live.targets import SCHEMES, StreamSettings, open_outlet
 from cospeech.export.live.websocket import WebSocketServer, WebSocketWire
 from cospeech.motion.skeleton import humanoid
@@ -250,15 +252,17 @@ def test_a_server_of_theirs_is_reached_again_after_it_went():
     [
         ("osc://127.0.0.1:1", "cannot send to"),
         ("vmc", "cannot send to"),
-        ("vmc://", "has no host"),
+        ("vmc://", "has no host (write vmc://127.0.0.1:39539)"),
+        ("livelink://", "has no host (write livelink://127.0.0.1:11111)"),
         ("vmc://127.0.0.1:x", "is no address"),
         ("vmc://127.0.0.1:99999", "is no address"),
         ("vmc://127.0.0.1?face=vrm7", "face='vrm7'"),
         ("vmc://127.0.0.1?packet=9", "packet='9'"),
         ("vmc://127.0.0.1?colour=red", "unknown option 'colour'"),
         ("livelink://127.0.0.1?subject=", "subject=''"),
-        ("listen://127.0.0.1", "has no port"),
-        ("ws://", "has no host"),
+        ("listen://127.0.0.1", "has no port (write listen://127.0.0.1:8765)"),
+        ("ws://", "has no host (write ws://127.0.0.1:8765)"),
+        ("ws://127.0.0.1:x", "is no address (write ws://127.0.0.1:8765)"),
     ],
 )
 def test_addresses_that_cannot_be_used(address, what):
@@ -340,8 +344,63 @@ def test_frames_that_have_not_left_are_taken_back():
     time.sleep(0.2)
     first = pacer.take_back()
     assert first is not None
-    assert pacer.take_back() is None
+    assert pacer.take_back() == first
     left = MOTION[round(first * MOTION.fps) :]
     pacer.push(left)
     pacer.close()
     assert len(sent) == 20  # each once
+
+
+def wait_for(pacer, count: int) -> None:
+    """Until so many frames have left."""
+    until = time.monotonic() + 10
+    while pacer.pace.frames < count:
+        assert time.monotonic() < until
+        time.sleep(0.005)
+
+
+def test_where_all_frames_have_left_the_next_one_is_told():
+    pacer = FramePacer([Sent(time.monotonic)], delay=0.0, paced=False)
+    assert pacer.take_back() is None  # nobody has seen a frame
+    pacer.begin()
+    pacer.push(MOTION)
+    wait_for(pacer, 20)
+    assert pacer.take_back() == pytest.approx(20 / 30)
+    pacer.close()
+
+
+class Broken:
+    """An outlet whose second frame is one too many."""
+
+    count = 0
+
+    def send(self, frame) -> None:
+        self.count += 1
+        if self.count == 2:
+            raise ValueError("too much")
+
+
+def test_an_outlet_that_fails_is_told_to_who_pushes_and_who_closes():
+    pacer = FramePacer([Broken()], delay=0.0, paced=False)
+    pacer.begin()
+    pacer.push(MOTION)
+    pacer._thread.join(10)
+    for call in (lambda: pacer.push(MOTION), pacer.close):
+        with pytest.raises(ValueError, match="too much"):
+            call()
+
+
+def test_a_server_of_sound_that_goes_without_a_word_ends_the_sound():
+    def hear(connection) -> None:
+        connection.send(b"one")
+        connection.socket.shutdown(socket.SHUT_RDWR)
+
+    with serve(hear, "127.0.0.1", 0) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        with open_receiver(f"ws://127.0.0.1:{server.socket.getsockname()[1]}") as messages:
+            assert list(messages) == [b"one"]
+
+
+def test_a_source_of_another_scheme_is_told():
+    with pytest.raises(InputError, match="known: ws://, wss://, listen://"), open_receiver("http://127.0.0.1:1"):
+        pass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
 
 import numpy as np
@@ -184,3 +185,13 @@ def test_json_without_a_face():
     body = type(motion)(motion.fps, motion.rotations, motion.root, None, motion.skeleton)
     (text,) = next(iter(JsonEncoder(30, 1, body.skeleton, face=False).frames(body)))
     assert "face" not in json.loads(text)
+
+
+def test_json_numbers_have_five_digits():
+    motion = gesturing(4)
+    encoder = JsonEncoder(motion.fps, 1.5, motion.skeleton, face=True)
+    texts = [encoder.begin(), *(text for frame in encoder.frames(motion) for text in frame)]
+    found = [number for text in texts for number in re.findall(rb'(?<!"time":)(?<![\d.e-])-?\d+\.\d+(?:e-?\d+)?', text)]
+    assert len(found) > 1000
+    assert max(len(number.partition(b".")[2]) for number in found) == 5
+    assert b"-0.0" not in found

@@ -15,6 +15,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ...motion.motion import Motion
 from ...motion.skeleton import Skeleton
@@ -41,7 +45,7 @@ class JsonEncoder:
         self._start = {
             "type": "start", "version": VERSION, "fps": fps, "latency": round(latency, _DIGITS),
             "joints": list(skeleton.names), "parents": list(skeleton.parents),
-            "offsets": skeleton.offsets.round(_DIGITS).tolist(), "face": list(ARKIT) if face else [],
+            "offsets": _short(skeleton.offsets), "face": list(ARKIT) if face else [],
         }  # fmt: skip
 
     def begin(self) -> bytes:
@@ -50,8 +54,8 @@ class JsonEncoder:
 
     def frames(self, motion: Motion) -> Iterator[list[bytes]]:
         """The text of each frame."""
-        face = None if motion.face is None else motion.face.round(_DIGITS).tolist()
-        root, rotations = motion.root.round(_DIGITS).tolist(), motion.rotations.round(_DIGITS).tolist()
+        face = None if motion.face is None else _short(motion.face)
+        root, rotations = _short(motion.root), _short(motion.rotations)
         for k in range(len(motion)):
             time = round(motion.start + k / motion.fps, 6)
             frame = {
@@ -67,6 +71,11 @@ class JsonEncoder:
     def end(self) -> bytes:
         """The last text."""
         return _text({"type": "end", "frames": self._frames})
+
+
+def _short(values: NDArray[Any]) -> Any:
+    """Nested lists of numbers with few digits; rounded as doubles, because a float32 is written with all digits of a double."""
+    return (np.round(values.astype(np.float64), _DIGITS) + 0.0).tolist()  # + 0.0: no negative zeros
 
 
 def _text(value: dict[str, object]) -> bytes:

@@ -9,12 +9,10 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import IO, Protocol
-from urllib.parse import parse_qs, urlsplit
 
-from ...errors import InputError
 from ...motion.motion import Motion
 
-__all__ = ["Encoder", "LineWire", "Outlet", "UdpWire", "Wire", "split_address"]
+__all__ = ["Encoder", "LineWire", "Outlet", "UdpWire", "Wire"]
 
 WAITING = 2.0  # seconds of frames that a slow receiver may be behind; then the oldest are dropped (ours)
 _RETRY = (0.25, 4.0)  # seconds between two attempts to connect: the first, and the longest (ours)
@@ -172,27 +170,3 @@ class Outlet:
         if connected and (last := self._encoder.end()):
             with suppress(OSError):
                 self._wire.send(last)
-
-
-def split_address(url: str, port: int | None, *, query: tuple[str, ...] = ()) -> tuple[str, int, dict[str, str]]:
-    """``scheme://host:port?key=value`` → host, port and options.
-
-    Args:
-        port: where the address has none; None: it must have one.
-        query: options that there are.
-
-    Raises:
-        InputError: no host, no port, or an option that there is not.
-    """
-    try:
-        parts = urlsplit(url)
-        found = parts.port or port
-    except ValueError:
-        raise InputError(f"{url!r} is no address", "write vmc://127.0.0.1:39539") from None
-    options = {key: values[-1] for key, values in parse_qs(parts.query, keep_blank_values=True).items()}
-    if not parts.hostname or found is None:
-        raise InputError(f"{url!r} has no {'port' if parts.hostname else 'host'}", f"write {parts.scheme}://127.0.0.1:8765")
-    for key in options:
-        if key not in query:
-            raise InputError(f"{url!r} has an unknown option {key!r}", f"known: {', '.join(query) or 'none'}")
-    return parts.hostname, found, options

@@ -50,6 +50,8 @@ class FramePacer:
         self._waiting: deque[Motion] = deque()
         self._changed, self._over = threading.Condition(), False
         self._start: float | None = None
+        self._end: float | None = None  # of the last frame that left or waits
+        self._error: Exception | None = None
         self._thread = threading.Thread(target=self._work, name="cospeech pacing", daemon=True)
         self._thread.start()
 
@@ -63,29 +65,52 @@ class FramePacer:
         self._start = self.clock() - heard
 
     def push(self, motion: Motion) -> None:
-        """Frames that were made."""
+        """Frames that were made.
+
+        Raises:
+            Exception: what an outlet raised; no frame leaves any more.
+        """
         with self._changed:
-            self._waiting.extend(motion[k : k + 1] for k in range(len(motion)))
+            if self._error is not None:
+                raise self._error
+            if len(motion):
+                self._waiting.extend(motion[k : k + 1] for k in range(len(motion)))
+                self._end = motion.start + len(motion) / motion.fps
             self._changed.notify()
 
     def take_back(self) -> float | None:
-        """Forget the frames that have not left; the time of the first of them, None where all have."""
+        """Forget the frames that have not left; the time of the first frame to leave next, None where none has left."""
         with self._changed:
-            first = self._waiting[0].start if self._waiting else None
+            self._end = self._waiting[0].start if self._waiting else self._end
             self._waiting.clear()
-        return first
+            return self._end if self.pace.frames else None
 
     def close(self, *, drop: bool = False) -> Pace:
-        """Wait until all frames have left; with ``drop``, forget those that have not."""
+        """Wait until all frames have left; with ``drop``, forget those that have not.
+
+        Raises:
+            Exception: what an outlet raised; the frames after it have not left.
+        """
         with self._changed:
             if drop:
                 self.take_back()
             self._over = True
             self._changed.notify()
         self._thread.join()
+        if self._error is not None:
+            raise self._error
         return self.pace
 
     def _work(self) -> None:
+        """In a thread."""
+        try:
+            self._send_all()
+        except Exception as error:  # it is raised again where frames are pushed
+            with self._changed:
+                self._error = error
+                self._waiting.clear()
+
+    def _send_all(self) -> None:
         while (frame := self._next()) is not None:
             if self.paced and self._start is not None:
                 due = self._start + frame.start + self.delay

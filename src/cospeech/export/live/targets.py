@@ -10,9 +10,10 @@ from ...errors import InputError
 from ...motion.skeleton import humanoid
 from ..avatar import load_avatar
 from . import live_link, vmc
+from .addresses import scheme_of, split_address, unknown_address
 from .json_frames import JsonEncoder
 from .live_link import LiveLinkEncoder
-from .outlets import Encoder, LineWire, Outlet, UdpWire, Wire, split_address
+from .outlets import Encoder, LineWire, Outlet, UdpWire, Wire
 from .vmc import VmcEncoder, avatar_offsets
 from .websocket import WebSocketServer, WebSocketWire
 
@@ -39,9 +40,9 @@ def open_outlet(address: str, settings: StreamSettings, note: Callable[[str], No
     Raises:
         InputError: no such scheme, a part of the address that is missing or unknown, or a port that is taken.
     """
-    scheme = "-" if address == "-" else address.partition("://")[0].lower()
-    if scheme not in SCHEMES or (scheme != "-" and "://" not in address):
-        raise InputError(f"cannot send to {address!r}", f"known: {', '.join(s if s == '-' else s + '://' for s in SCHEMES)}")
+    scheme = "-" if address == "-" else scheme_of(address)
+    if scheme not in SCHEMES:
+        raise unknown_address(f"cannot send to {address!r}", SCHEMES)
     encoder, wire = SCHEMES[scheme](address, settings)
     return Outlet(address, encoder, wire, fps=settings.fps, note=note)
 
@@ -70,7 +71,7 @@ def _json(settings: StreamSettings) -> JsonEncoder:
 
 
 def _websocket(address: str, settings: StreamSettings) -> tuple[Encoder, Wire]:
-    split_address(address.split("?")[0], 443 if address.lower().startswith("wss:") else 80)
+    split_address(address.split("?")[0], 443 if scheme_of(address) == "wss" else 80)
     return _json(settings), WebSocketWire(address)
 
 

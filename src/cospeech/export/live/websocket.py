@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import queue
 import re
 import threading
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, suppress
 from typing import Any
 
 from ...errors import InputError
-from .outlets import split_address
 
-__all__ = ["WebSocketServer", "WebSocketWire", "import_websockets", "open_receiver"]
+__all__ = ["CLIENT", "WebSocketServer", "WebSocketWire", "import_websockets", "serve_here"]
 
 MESSAGE = 1 << 20  # bytes of a message that is received, at most
 _PATIENCE = 2.0  # seconds until an attempt to connect is given up (ours)
-_CLIENT: dict[str, Any] = {"open_timeout": _PATIENCE, "close_timeout": _PATIENCE, "max_size": MESSAGE}
-_MESSAGES = 1500  # that may wait to be heard: half a minute of pieces (ours)
+CLIENT: dict[str, Any] = {"open_timeout": _PATIENCE, "close_timeout": _PATIENCE, "max_size": MESSAGE}
 _LOCAL = re.compile(r"(null|https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?)")
 """Pages that may connect: those of this machine, and files. Programs send no origin."""
 
@@ -34,57 +30,7 @@ def import_websockets() -> None:
         raise InputError("WebSockets need the package websockets", "pip install 'cospeech[live]'") from None
 
 
-@contextmanager
-def open_receiver(address: str) -> Iterator[Iterator[str | bytes]]:
-    """Messages that come in, until the other side closes.
-
-    Args:
-        address: ``ws://`` or ``wss://`` of a server; or ``listen://HOST:PORT``, where the first client that comes is heard,
-            and after it the next one.
-
-    Raises:
-        InputError: nobody answers at the address, or it cannot be listened on.
-    """
-    import_websockets()
-    if address.startswith("listen://"):
-        with _listening(address) as messages:
-            yield messages
-        return
-    from websockets.exceptions import WebSocketException
-    from websockets.sync.client import connect
-
-    split_address(address.split("?")[0], 443 if address.startswith("wss://") else 80)
-    with ExitStack() as stack:
-        try:
-            connection = stack.enter_context(connect(address, **_CLIENT))
-        except (OSError, WebSocketException) as error:
-            raise InputError(f"nobody answers at {address!r}: {error}"[:200], "is the server running?") from None
-        yield iter(connection)
-
-
-@contextmanager
-def _listening(address: str) -> Iterator[Iterator[str | bytes]]:
-    from websockets.exceptions import WebSocketException
-    from websockets.sync.server import serve
-
-    host, port, _ = split_address(address, None)
-    arrived: queue.Queue[str | bytes] = queue.Queue(_MESSAGES)
-    one = threading.Lock()
-
-    def hear(connection: Any) -> None:
-        with one, suppress(WebSocketException):  # one voice at a time
-            for message in connection:
-                arrived.put(message)
-
-    server = _serve(serve, hear, host, port)
-    threading.Thread(target=server.serve_forever, name="cospeech sound server", daemon=True).start()
-    try:
-        yield iter(arrived.get, None)
-    finally:
-        server.shutdown()
-
-
-def _serve(serve: Any, handler: Any, host: str, port: int) -> Any:
+def serve_here(serve: Any, handler: Any, host: str, port: int) -> Any:
     """A server for programs and for pages of this machine."""
     try:
         return serve(handler, host, port, origins=[None, _LOCAL], max_size=MESSAGE, close_timeout=_PATIENCE)
@@ -109,7 +55,7 @@ class WebSocketWire:
 
         self.close()
         try:
-            self._connection = self._stack.enter_context(connect(self._url, **_CLIENT))
+            self._connection = self._stack.enter_context(connect(self._url, **CLIENT))
         except WebSocketException as error:
             raise ConnectionError(str(error)) from None
 
@@ -150,7 +96,7 @@ class WebSocketServer:
         self._first, self._most = b"", most
         self._clients: dict[int, list[bytes]] = {}
         self._changed, self._over = threading.Condition(), False
-        self._server = _serve(serve, self._serve, host, port)
+        self._server = serve_here(serve, self._serve, host, port)
         self.port: int = self._server.socket.getsockname()[1]
         threading.Thread(target=self._server.serve_forever, name="cospeech websocket server", daemon=True).start()
 

@@ -1,0 +1,92 @@
+"""Sound that has come and was not heard yet. One thread puts it there, another one takes it, and it can be dropped."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .speech import Speech
+
+__all__ = ["WaitingSound"]
+
+Samples = NDArray[np.float32]
+
+
+class WaitingSound:
+    """Blocks of samples in a queue. Places in the sound are counted in samples, from the first one that came.
+
+    Args:
+        most: samples that may wait; who puts more is made to wait.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most, self._count = most, 0
+        self._blocks: deque[tuple[int, Samples]] = deque()  # each with the place of its end
+        self._changed, self._ended = threading.Condition(), False
+        self._error: Exception | None = None
+        self.received, self.taken, self.dropped = 0, 0, 0
+        """Places: the end of what came, the end of what was taken, and the end of what was dropped."""
+        self.piece = 0
+        """Place of the first sample of the piece that is heard now; who makes pieces sets it."""
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all was taken, no more comes, and no error is to be raised."""
+        with self._changed:
+            return self._ended and not self._blocks and self._error is None
+
+    def put(self, block: Samples) -> None:
+        """Add a block, as soon as there is room. It is forgotten if it is dropped before."""
+        with self._changed:
+            self.received += len(block)
+            end = self.received
+            self._changed.wait_for(lambda: self._count < self._most or self.dropped >= end)
+            if self.dropped < end:
+                self._blocks.append((end, block))
+                self._count += len(block)
+                self._changed.notify_all()
+
+    def end(self, error: Exception | None = None) -> None:
+        """No more comes, because of this error or because the sound is over."""
+        with self._changed:
+            self._ended, self._error = True, error
+            self._changed.notify_all()
+
+    def take(self, timeout: float | None) -> Samples | None:
+        """The next block; None where none comes within ``timeout`` seconds, or ever.
+
+        Raises:
+            Exception: the error that ended the sound, after its last block.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._blocks or self._ended, timeout)
+            if not self._blocks:
+                if self._error is not None:
+                    raise self._error
+                return None
+            self.taken, block = self._blocks.popleft()
+            self._count -= len(block)
+            self._changed.notify_all()
+        return block
+
+    def drop(self, before: int) -> None:
+        """Forget all blocks that end at this place or before it."""
+        with self._changed:
+            self.dropped = max(self.dropped, before)
+            while self._blocks and self._blocks[0][0] <= before:
+                self.taken, block = self._blocks.popleft()
+                self._count -= len(block)
+            self._changed.notify_all()
+
+    def mute_piece(self, piece: Speech) -> Speech:
+        """The piece that is heard now, with silence in the place of samples that were dropped."""
+        many = self.dropped - self.piece
+        if many <= 0:
+            return piece
+        samples = piece.samples.copy()
+        samples[:many] = 0
+        return replace(piece, samples=samples)

@@ -1,0 +1,54 @@
+"""Messages that steer `cospeech stream`: each waits for a piece of sound, and an interruption drops the sound before it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from queue import SimpleQueue
+from typing import TYPE_CHECKING
+
+from ..errors import InputError
+
+if TYPE_CHECKING:
+    from ..audio.speech import Speech
+    from ..audio.waiting_sound import WaitingSound
+    from ..runtime.live_session import LiveSession
+
+__all__ = ["Controls"]
+
+
+class Controls:
+    """Messages in the order in which they came, each with the place in the sound at which it came.
+
+    Args:
+        sound: what waits to be heard; an interruption drops it.
+        tell: told of messages that say nothing sensible.
+    """
+
+    def __init__(self, sound: WaitingSound, tell: Callable[[str], None]) -> None:
+        self._sound, self._tell = sound, tell
+        self._messages: SimpleQueue[tuple[str | bytes, int]] = SimpleQueue()
+
+    def put(self, message: str | bytes) -> None:
+        """Add a message; any thread may."""
+        self._messages.put((message, self._sound.received))
+
+    def steer(self, session: LiveSession, piece: Speech) -> Speech:
+        """Do what the messages say that have come; the stream goes on after one that says nothing sensible.
+
+        Returns:
+            The piece that is heard now, silent where an interruption dropped it.
+        """
+        from ..runtime.live_control import apply_control
+
+        while not self._messages.empty():
+            message, place = self._messages.get()
+            try:
+                apply_control(session, message)
+            except InputError as error:
+                self._tell(f"control: {error}")
+                continue
+            if "interrupt" in json.loads(message):
+                self._sound.drop(place)
+                piece = self._sound.mute_piece(piece)
+        return piece

@@ -1,0 +1,59 @@
+"""Addresses of receivers and of sources: ``scheme://host:port?key=value``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from urllib.parse import parse_qs, urlsplit
+
+from ...errors import InputError
+
+__all__ = ["SOURCES", "scheme_of", "split_address", "unknown_address"]
+
+SOURCES = ("ws", "wss", "listen")
+"""Schemes of addresses that sound and messages can come from."""
+_PORT = 8765  # of WebSockets, in hints [ours: the port of the websockets library's own examples]
+
+
+def scheme_of(address: str) -> str:
+    """What stands before ``://``, in small letters; nothing where there is none.
+
+    >>> scheme_of("WS://127.0.0.1:80"), scheme_of("talk.wav")
+    ('ws', '')
+    """
+    scheme, found, _ = address.partition("://")
+    return scheme.lower() if found else ""
+
+
+def unknown_address(what: str, known: Iterable[str]) -> InputError:
+    """The error of an address whose scheme cannot be used.
+
+    >>> str(unknown_address("cannot send to 'x://y'", ["-", "ws"]))
+    "cannot send to 'x://y' (known: -, ws://)"
+    """
+    return InputError(what, f"known: {', '.join(each if each == '-' else f'{each}://' for each in known)}")
+
+
+def split_address(url: str, port: int | None, *, query: tuple[str, ...] = ()) -> tuple[str, int, dict[str, str]]:
+    """``scheme://host:port?key=value`` → host, port and options.
+
+    Args:
+        port: where the address has none; None: it must have one.
+        query: options that there are.
+
+    Raises:
+        InputError: no host, no port, or an option that there is not.
+    """
+    scheme = scheme_of(url)
+    hint = f"write {scheme}://127.0.0.1:{_PORT if scheme in SOURCES else port}"
+    try:
+        parts = urlsplit(url)
+        found = parts.port or port
+    except ValueError:
+        raise InputError(f"{url!r} is no address", hint) from None
+    options = {key: values[-1] for key, values in parse_qs(parts.query, keep_blank_values=True).items()}
+    if not parts.hostname or found is None:
+        raise InputError(f"{url!r} has no {'port' if parts.hostname else 'host'}", hint)
+    for key in options:
+        if key not in query:
+            raise InputError(f"{url!r} has an unknown option {key!r}", f"known: {', '.join(query) or 'none'}")
+    return parts.hostname, found, options

@@ -1,0 +1,76 @@
+"""Sound and messages that come over WebSockets (the extra ``live``): from a server, or from clients that connect to us."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from typing import Any
+
+from ...errors import InputError
+from .addresses import SOURCES, scheme_of, split_address, unknown_address
+from .websocket import CLIENT, import_websockets, serve_here
+
+__all__ = ["open_receiver"]
+
+_MESSAGES = 1500  # that may wait to be heard: half a minute of pieces (ours)
+
+
+@contextmanager
+def open_receiver(address: str) -> Iterator[Iterator[str | bytes]]:
+    """Messages that come in, until the other side closes.
+
+    Args:
+        address: ``ws://`` or ``wss://`` of a server; or ``listen://HOST:PORT``, where the first client that comes is heard,
+            and after it the next one.
+
+    Raises:
+        InputError: another scheme, nobody answers at the address, or it cannot be listened on.
+    """
+    if (scheme := scheme_of(address)) not in SOURCES:
+        raise unknown_address(f"cannot hear from {address!r}", SOURCES)
+    import_websockets()
+    if scheme == "listen":
+        with _listening(address) as messages:
+            yield messages
+        return
+    from websockets.exceptions import WebSocketException
+    from websockets.sync.client import connect
+
+    split_address(address.split("?")[0], 443 if scheme == "wss" else 80)
+    with ExitStack() as stack:
+        try:
+            connection = stack.enter_context(connect(address, **CLIENT))
+        except (OSError, WebSocketException) as error:
+            raise InputError(f"nobody answers at {address!r}: {error}"[:200], "is the server running?") from None
+        yield _hear_to_the_end(connection)
+
+
+def _hear_to_the_end(connection: Any) -> Iterator[str | bytes]:
+    """Messages to the end, also where the other side goes without a word."""
+    from websockets.exceptions import ConnectionClosed
+
+    with suppress(ConnectionClosed):
+        yield from connection
+
+
+@contextmanager
+def _listening(address: str) -> Iterator[Iterator[str | bytes]]:
+    from websockets.sync.server import serve
+
+    host, port, _ = split_address(address, None)
+    arrived: queue.Queue[str | bytes] = queue.Queue(_MESSAGES)
+    one = threading.Lock()
+
+    def hear(connection: Any) -> None:
+        with one:  # one voice at a time
+            for message in _hear_to_the_end(connection):
+                arrived.put(message)
+
+    server = serve_here(serve, hear, host, port)
+    threading.Thread(target=server.serve_forever, name="cospeech sound server", daemon=True).start()
+    try:
+        yield iter(arrived.get, None)
+    finally:
+        server.shutdown()

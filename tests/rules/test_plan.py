@@ -259,7 +259,7 @@ def test_locked_stretches_stay():
 
 def test_a_gesture_that_reaches_into_a_lock_is_locked():
     first = plan().find(a_gesture())
-    for low, high in ((first.begins - 0.2, first.begins + 0.05), (first.over - 0.05, first.over + 0.1)):
+    for low, high in ((first.begins - 0.2, first.begins + 0.05), (first.end - 0.05, first.end + 0.1)):
         locked = plan().lock(max(low, 0), high)
         said = rf"gesture '{first.id}', .* reaches into a locked stretch, .* \(the lock is the entry locked\[0\] of the plan"
         for edit in (lambda p: p.remove(first.id), lambda p: p.move(first.id, 11.0), lambda p: p.change(first.id, size=1.5)):
@@ -276,6 +276,15 @@ def test_a_gesture_with_a_locked_beat_on_it_is_locked():
     with pytest.raises(InputError, match=r"gesture 'g', 1.4 to 4.2 s, reaches into a locked stretch, 4 to 6 s"):
         locked.remove("g")
     assert Plan(gestures=[host, beat], open=False).remove("g").gestures == ()
+
+
+def test_a_gesture_that_takes_the_hands_ends_a_hold():
+    before = {"id": "g", "form": "push", "stroke": 2.0, "start": 1.4, "end": 2.3, "hold": 3.0, "hands": "left"}
+    after = {"id": "h", "form": "push", "stroke": 3.5, "start": 3.0, "end": 3.8, "hold": 0.5, "hands": "both"}
+    locked = Plan(gestures=[before, after], open=False).lock(3.0, 4.3)
+    assert locked.remove("g").gestures == locked.gestures[1:]
+    with pytest.raises(InputError, match="locked"):
+        Plan(gestures=[before, {**after, "hands": "right"}], open=False).lock(3.0, 4.3).remove("g")
 
 
 def test_an_added_gesture_keeps_out_of_a_lock():

@@ -53,5 +53,13 @@ def start_after_lock(gesture: PlannedGesture, locked: Sequence[Stretch]) -> Plan
 
 
 def _over(gesture: PlannedGesture, gestures: Iterable[PlannedGesture]) -> float:
-    """Seconds at which the last of its hold and of the beats on it ends."""
-    return max(each.over for each in (gesture, *beats_on(gesture, gestures)))
+    """Seconds at which the last of its hold and of the beats on it ends; a gesture that takes all its hands ends the hold."""
+    around = list(gestures)
+    takes = [
+        each.begins
+        for each in around
+        if each.stroke > gesture.stroke and each.form != SUPERIMPOSED and each.hands in (gesture.hands, "both")
+    ]
+    stroked = gesture.over - (gesture.hold or 0.0)
+    own = max(stroked, min([gesture.over, *takes]))
+    return max([own, *(each.over for each in beats_on(gesture, around))])

@@ -257,6 +257,62 @@ def test_locked_stretches_stay():
     assert locked.unlock().remove(inside.id)
 
 
+def test_a_gesture_that_reaches_into_a_lock_is_locked():
+    first = plan().find(a_gesture())
+    for low, high in ((first.begins - 0.2, first.begins + 0.05), (first.end - 0.05, first.end + 0.1)):
+        locked = plan().lock(max(low, 0), high)
+        said = rf"gesture '{first.id}', .* reaches into a locked stretch, .* \(the lock is the entry locked\[0\] of the plan"
+        for edit in (lambda p: p.remove(first.id), lambda p: p.move(first.id, 11.0), lambda p: p.change(first.id, size=1.5)):
+            with pytest.raises(InputError, match=said):
+                edit(locked)
+        assert first in locked.reseed(0, 12).gestures
+
+
+def test_a_gesture_with_a_locked_beat_on_it_is_locked():
+    beat = {"id": "b", "form": "superimposed-beat", "stroke": 4.0, "start": 3.7, "end": 4.2, "hands": "left"}
+    host = {"id": "g", "form": "push", "stroke": 2.0, "start": 1.4, "end": 2.3, "hold": 0.4, "hands": "both"}
+    locked = Plan(gestures=[host, beat], open=False).lock(4, 6)
+    assert {each.id for each in locked.reseed(0, 9).gestures} == {"g", "b"}
+    with pytest.raises(InputError, match=r"gesture 'g', 1.4 to 4.2 s, reaches into a locked stretch, 4 to 6 s"):
+        locked.remove("g")
+    assert Plan(gestures=[host, beat], open=False).remove("g").gestures == ()
+
+
+def test_a_gesture_that_takes_the_hands_ends_a_hold():
+    before = {"id": "g", "form": "push", "stroke": 2.0, "start": 1.4, "end": 2.3, "hold": 3.0, "hands": "left"}
+    after = {"id": "h", "form": "push", "stroke": 3.5, "start": 3.0, "end": 3.8, "hold": 0.5, "hands": "both"}
+    locked = Plan(gestures=[before, after], open=False).lock(3.0, 4.3)
+    assert locked.remove("g").gestures == locked.gestures[1:]
+    with pytest.raises(InputError, match="locked"):
+        Plan(gestures=[before, {**after, "hands": "right"}], open=False).lock(3.0, 4.3).remove("g")
+
+
+def test_an_added_gesture_keeps_out_of_a_lock():
+    locked = Plan().lock(2, 4)
+    assert locked.add("big", at=4.6).gestures[0].start == 4
+    assert locked.add("big", at=5.5).gestures[0].start is None
+    for time in (1.9, 3.0, 4.2):
+        with pytest.raises(InputError, match=r"gesture 'a1', .* reaches into a locked stretch, 2 to 4 s"):
+            locked.add("big", at=time)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("listed", [True, False])
+def test_what_is_planned_anew_keeps_out_of_a_lock(listed):
+    low, high = 4.0, 8.0
+    edited = (plan() if listed else Plan()).lock(low, high).reseed(0, 12)
+    made = RuleBasedModel().plan(speech(), plan=edited)
+
+    def inside(known: Plan) -> list[str]:
+        return [each.id for each in known.gestures if each.begins < high and each.over > low]
+
+    assert inside(made) == inside(plan())
+    assert any("-" in each.id for each in made.gestures)
+    assert same(play(made), play(edited))
+    border = slice(at(high - 1), at(high))
+    assert moved(play(edited))[border].max() < 0.02
+
+
 @pytest.mark.slow
 def test_what_is_played_becomes_a_plan_that_plays_the_same():
     for edited in (Plan().add("big", at=4.0), plan().reseed(5, 8), plan().remove(a_gesture()).add("stop_right", at=9.0)):
@@ -278,7 +334,7 @@ def test_edits_leave_the_plan_as_it_was():
 
 def test_commands_are_edits():
     edits = PlanCommands(
-        lock=["0:1"], remove=[a_gesture()], move=["@1.8@2.0"], stretch=["8:9:style=calm:0.5,lively:0.5,intensity=1.2"],
+        lock=["0:0.9"], remove=[a_gesture()], move=["@1.8@2.0"], stretch=["8:9:style=calm:0.5,lively:0.5,intensity=1.2"],
         reseed=["9:10:4"], gesture=["huge@6", "point_left@word:tiny"],
     )  # fmt: skip
     edited = edits.apply(plan())

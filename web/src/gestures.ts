@@ -28,8 +28,10 @@ function shownSpanOf(gesture: PlannedGesture, all: PlannedGesture[]): Span {
 
 const sides = (gesture: PlannedGesture): string => gesture.hands ?? "both";
 
-export function isLocked(plan: Plan, time: number): boolean {
-  return (plan.locked ?? []).some((stretch) => stretch.from <= time && time < stretch.to);
+/** Whether a part of a gesture lies in a stretch that is locked. */
+export function isLocked(plan: Plan, gesture: PlannedGesture): boolean {
+  const { from, to } = shownSpanOf(gesture, plan.gestures ?? []);
+  return (plan.locked ?? []).some((stretch) => stretch.from < to && from < stretch.to);
 }
 
 function describe(gesture: PlannedGesture, locked: boolean): string {
@@ -67,7 +69,7 @@ export class GestureTrack {
 
   private button(plan: Plan, gesture: PlannedGesture): HTMLElement {
     const { from, to } = shownSpanOf(gesture, plan.gestures ?? []);
-    const locked = isLocked(plan, gesture.stroke);
+    const locked = isLocked(plan, gesture);
     const beat = gesture.form === BEAT;
     const button = make("button", {
       type: "button", class: `gesture ${gesture.hands ?? "both"}${beat ? " beat" : ""}${locked ? " locked" : ""}`,
@@ -105,9 +107,9 @@ export class GestureTrack {
   lock(gesture: PlannedGesture): void {
     const plan = this.store.take.plan;
     if (plan === null) return;
-    if (isLocked(plan, gesture.stroke)) void this.takes.edit({ kind: "unlock" });
+    if (isLocked(plan, gesture)) void this.takes.edit({ kind: "unlock" });
     else {
-      const { from, to } = spanOf(gesture);
+      const { from, to } = shownSpanOf(gesture, plan.gestures ?? []);
       void this.takes.edit({ kind: "lock", start: from, end: to });
     }
   }

@@ -50,7 +50,10 @@ SetStretch = Annotated[
     ),
 ]
 Lock = Annotated[
-    list[str] | None, option("--lock", metavar="FROM:TO", help="Refuse edits of a stretch, which --reseed leaves as it is.")
+    list[str] | None,
+    option(
+        "--lock", metavar="FROM:TO", help="Protect the gestures of a stretch: no edit changes them, and --reseed keeps them."
+    ),
 ]
 Keep = Annotated[
     tuple[str, Path] | None,

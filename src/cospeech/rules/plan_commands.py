@@ -27,7 +27,7 @@ class PlanCommands:
     """Edits of a plan, done in this order; each is text, as on the command line."""
 
     lock: Sequence[str] = ()
-    """``0:3.2``: stretches that no other edit changes."""
+    """``0:3.2``: stretches whose gestures no other edit changes."""
     remove: Sequence[str] = ()
     """``g3``, or ``@2.4``: the gesture whose stroke is the nearest to 2.4 s."""
     move: Sequence[str] = ()

@@ -17,6 +17,7 @@ from ..limits import PLAN_BYTES, PLAN_VALUES
 from ..motion.named_numbers import read_number
 from .gesture import RUN_UP
 from .options import SEEDS, GenerationOptions
+from .plan_locks import beats_on, check_free, find_lock, start_after_lock
 from .plan_model import SUPERIMPOSED, EmotionMoment, PlanData, PlannedGesture, Stretch, find_form, parse_plan, words_of
 from .repertoire import FORMS, LEXICAL_FORMS
 
@@ -173,31 +174,22 @@ class Plan(PlanData):
         known = FORMS.get(name) or LEXICAL_FORMS.get(name)
         score = known.score if known else 0.1
         entry = {"id": f"a{number}", "form": name, "stroke": stroke, "hands": hands or side, "word": spoken, "score": score}
-        added = self._with_fields(gestures=[entry | fields]).gestures[0]
-        self._check_free(added.stroke)
-        near = {
-            each.id for each in self.gestures
-            if each.crowds(added) and not self._is_locked(each.stroke)
-        } if name != SUPERIMPOSED else set()  # fmt: skip
-        return self._with([*(each for each in self.gestures if each.id not in near), added])
+        added = start_after_lock(self._with_fields(gestures=[entry | fields]).gestures[0], self.locked)
+        near = [each for each in self.gestures if each.crowds(added)] if name != SUPERIMPOSED else []
+        for each in (added, *near):
+            check_free(each, self.locked, () if each is added else self.gestures)
+        return self._with([*(each for each in self.gestures if each not in near), added])
 
     def remove(self, gesture: str) -> Plan:
-        """Without a gesture; for names see `find`. Beats that were superimposed on it go, too, unless they are locked.
+        """Without a gesture; for names see `find`. Beats that were superimposed on it go, too.
 
         Raises:
             InputError: there is no such gesture, or it is locked.
         """
-        gone = self.find(gesture)
-        self._check_free(gone.stroke)
-        rest = sorted((each for each in self.gestures if each.id != gone.id), key=lambda each: each.stroke)
-        kept, on_it = list[PlannedGesture](), gone.form != SUPERIMPOSED
-        for each in rest:
-            if each.stroke > gone.stroke and each.form != SUPERIMPOSED and each.shares_hand(gone):
-                on_it = False
-            superimposed = each.form == SUPERIMPOSED and each.stroke > gone.stroke and each.shares_hand(gone)
-            if not (on_it and superimposed and not self._is_locked(each.stroke)):
-                kept.append(each)
-        return self._with(kept)
+        old = self.find(gesture)
+        check_free(old, self.locked, self.gestures)
+        gone = [old, *(beats_on(old, self.gestures) if old.form != SUPERIMPOSED else [])]
+        return self._with(each for each in self.gestures if each not in gone)
 
     def move(self, gesture: str, to: float) -> Plan:
         """A gesture whose stroke is at another time in seconds; it keeps its length.
@@ -218,14 +210,15 @@ class Plan(PlanData):
             InputError: there is no such gesture or field, a value is out of range, or a time is locked.
         """
         old = self.find(gesture)
-        self._check_free(old.stroke)
+        check_free(old, self.locked, self.gestures)
         if "form" in fields:
             form, side = find_form(str(fields["form"]))
             usual = {"start": None, "place": None, "end": None, "hold": None} if form != old.form else {}
             fields = {**usual, **fields, "form": form} | ({"hands": side} if side else {})
         data = [each.model_dump() | (fields if each.id == old.id else {}) for each in self.gestures]
         changed = self._with_fields(gestures=data)
-        self._check_free(next(each for each in changed.gestures if each.id == fields.get("id", old.id)).stroke)
+        new = next(each for each in changed.gestures if each.id == fields.get("id", old.id))
+        check_free(new, self.locked, changed.gestures)
         return self._with(changed.gestures)
 
     # ------------------------------------------------------------------------------------------------ stretches
@@ -260,7 +253,11 @@ class Plan(PlanData):
 
         return self._with_fields(
             stretches=[each.model_dump() for each in stretches],
-            gestures=[each.model_dump() for each in self.gestures if not is_planned_anew(each.stroke)],
+            gestures=[
+                each.model_dump()
+                for each in self.gestures
+                if not is_planned_anew(each.stroke) or find_lock(each, self.locked, self.gestures)
+            ],
             gaze=[each.model_dump() for each in self.gaze if not is_planned_anew(each.time)],
         )
 
@@ -284,7 +281,10 @@ class Plan(PlanData):
         return self._with_fields(stretches=[each.model_dump() for each in stretches if not each.is_empty])
 
     def lock(self, start: float, end: float) -> Plan:
-        """Edits of the gestures from ``start`` to ``end`` seconds are refused, and `reseed` leaves them.
+        """Edits of gestures from ``start`` to ``end`` seconds are refused, and `reseed` leaves them.
+
+        A gesture is locked if any part of it lies there, from its preparation to the end of its hold or of the last beat on it.
+        No new one reaches into the stretch.
 
         Raises:
             InputError: no stretch of time.
@@ -314,13 +314,6 @@ class Plan(PlanData):
         if not free:
             raise InputError(f"{start:g} to {end:g} s is locked", "unlock it, or choose another stretch")
         return free
-
-    def _is_locked(self, time: float) -> bool:
-        return any(each.holds(time) for each in self.locked)
-
-    def _check_free(self, time: float) -> None:
-        if self._is_locked(time):
-            raise InputError(f"{time:g} s is in a stretch that is locked", "plan.unlock(), or edit another gesture")
 
     def _word(self, asked: str) -> tuple[str, float]:
         """A word and the time of a stroke on it."""

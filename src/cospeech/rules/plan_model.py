@@ -120,6 +120,11 @@ class PlannedGesture(_Part):
         """Seconds at which the preparation begins."""
         return max(self.stroke - _LEAD_IN, -RUN_UP) if self.start is None else self.start
 
+    @property
+    def over(self) -> float:
+        """Seconds at which its hold ends."""
+        return (self.stroke + CROWDED if self.end is None else self.end) + (self.hold or 0.0)
+
     def same_motion(self, other: PlannedGesture) -> bool:
         """Whether it is performed as the other is: words and scores may differ."""
         return self.model_copy(update={"word": other.word, "score": other.score}) == other

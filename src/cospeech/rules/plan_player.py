@@ -25,6 +25,7 @@ from .gesture import Gesture, GestureOverride
 from .hand_state import HandState
 from .plan import LEAD, SLACK, Planner
 from .plan_edits import Plan
+from .plan_locks import find_lock
 from .plan_model import SUPERIMPOSED, GazeShift, PlannedGesture, Stretch
 from .styles import Style, find_style
 
@@ -224,7 +225,7 @@ class PlanPlayer(Planner):
         self.posture.decide(now, phrases=phrases, modifier=modifier, speaking=speaking)
         for each in (self._base, *(other for _, other in self._stretches)):
             for decision in each.decisions:
-                if each is self._source_at(decision.time):
+                if self._belongs(decision, each):
                     self._follow(decision)
         self._perform_due(now)
         self._set(source.before_letting_go)
@@ -263,6 +264,26 @@ class PlanPlayer(Planner):
         stretch = next((each for each, _ in self._stretches if each.holds(time)), None)
         return self._plan.open if stretch is None else stretch.open
 
+    def _ruling(self, decision: _Decision) -> float:
+        """The time whose stretch rules a decision: of a gesture that reaches into a lock, one in the lock."""
+        lock = None if decision.gesture is None else find_lock(decision.gesture, self._plan.locked)
+        return decision.time if lock is None else max(min(decision.time, lock.end - 1e-9), lock.start)
+
+    def _lists(self, planned: PlannedGesture | None) -> bool:
+        """Whether the plan lists it, unchanged, and it was not performed yet."""
+        listed = None if planned is None else self._waiting.get(planned.id)
+        return planned is not None and listed is not None and listed.same_motion(planned)
+
+    def _belongs(self, decision: _Decision, source: _Source) -> bool:
+        """Whether it is this source that decides it."""
+        return self._lists(decision.gesture) or source is self._source_at(self._ruling(decision))
+
+    def _is_in_the_way(self, planned: PlannedGesture) -> bool:
+        """Whether it would meet a listed gesture, or, outside of a lock, one that stays because of the lock."""
+        locked = self._plan.locked
+        stays = [] if find_lock(planned, locked) else [each for each in self._made if find_lock(each, locked)]
+        return any(_meet(planned, each) for each in (*self._plan.gestures, *stays))
+
     def _set(self, states: _States) -> None:
         self._random.setstate(states.hands)
         self.posture.random.setstate(states.posture)
@@ -271,10 +292,9 @@ class PlanPlayer(Planner):
         """Perform what a source decided, if it is a part of the plan."""
         planned = decision.gesture
         if planned is not None:
-            listed = self._waiting.get(planned.id)
-            if listed is not None and listed.same_motion(planned):
+            if self._lists(planned):
                 del self._waiting[planned.id]
-            elif not self._is_open(planned.stroke) or any(_meet(planned, each) for each in self._plan.gestures):
+            elif not self._is_open(self._ruling(decision)) or self._is_in_the_way(planned):
                 return
             else:
                 self._made.append(planned)

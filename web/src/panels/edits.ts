@@ -84,7 +84,7 @@ export class EditPanel {
     find<HTMLButtonElement>("remove-gesture").disabled = chosen === undefined;
     const lock = find<HTMLButtonElement>("lock");
     lock.disabled = chosen === undefined;
-    lock.textContent = chosen && take.plan && isLocked(take.plan, chosen.stroke) ? "Unlock all" : "Lock";
+    lock.textContent = chosen && take.plan && isLocked(take.plan, chosen) ? "Unlock all" : "Lock";
     find("stretch-tools").hidden = selection === null || take.plan === null;
     if (selection !== null) find("stretch-time").textContent = `${formatTime(selection[0])} – ${formatTime(selection[1])}`;
     const styles = stretchStyles(model, take.plan);

@@ -27,7 +27,7 @@ _LAP = -0.46
 thighs at -.60, and a beat from there needs room."""
 _BOX = np.array([(-0.30, -0.80, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
 _BESIDE = np.array([(-0.10, -0.30), (0.12, 0.14)])
-"""Arm lengths above and outward of the shoulder: how far inward a hand may go at what height. Ours: a hand that is as high as the
+"""Arm lengths above and outward of the shoulder: how far inward a hand may go at what height. Ours: a hand as high as the
 mouth is beside it, or it hides what is said."""
 
 _FASTEST = 2.0  # m/s; no single move peaks above it (ours: 99 % of wrist speeds of people are below 2.8, motion.md §1)

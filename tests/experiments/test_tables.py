@@ -449,6 +449,9 @@ def test_on_the_command_line(store, recipes, runs, tmp_path):
         (["--table", "flow-2", "--rows", "basement"], "baseline"),
         (["rules", "--table", "flow-2"], "rules"),
         (["--table", "flow-2", "--recipes", "nowhere"], "--recipes"),
+        (["--table", "flow-2", "--set", "fgd_ted:train.stps=3", "--seeds", "7"], "stps"),
+        (["--table", "flow-2", "--set", "camn_beat:train.steps=3", "--seeds", "7"], "no row of this table has the recipe"),
+        (["--table", "flow-2", "--set", "train.stps=3", "--headroom"], "stps"),
         (["--table", "flow-2", "--set", "model.widht=3", "--seeds", "7"], "widht"),
     ],
 )

@@ -421,6 +421,14 @@ def test_what_does_not_fit_is_told(store, tmp_path, sections, says):
     assert says in str(caught.value)
 
 
+def test_a_figure_of_a_later_stage_says_what_is_best_from_then_on(store, tmp_path):
+    done = run(plan("tiny-cascade", best="heard", steps=20, validate_every=5), store, tmp_path / "run")
+    assert done.best["name"] == "heard"
+    assert done.best["step"] > 10
+    early = run(plan("tiny-cascade", best="codes", steps=20, validate_every=5), store, tmp_path / "early")
+    assert early.best["step"] <= 10
+
+
 def test_needs_that_the_model_does_not_take(store, tmp_path):
     run(plan("tiny-cascade", steps=1), store, tmp_path / "part")
     with pytest.raises(InputError, match=r"unexpected keyword argument 'omega'"):

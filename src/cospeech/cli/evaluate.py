@@ -171,10 +171,10 @@ def _check_options(context: typer.Context, table: str | None, systems: list[str]
 
 def _show(data: str, text: str, out: Path | None, as_json: bool) -> None:
     """Print a table, and write it where that is wanted."""
+    typer.echo(data if as_json else text)  # first: a file that cannot be written does not lose it
     if out is not None:
         with atomic(out) as path:
             path.write_text(data + "\n", "utf-8")
-    typer.echo(data if as_json else text)
 
 
 def register(app: typer.Typer) -> None:

@@ -76,6 +76,15 @@ class Table:
         half = "" if score.interval is None else f" ± {(score.interval[1] - score.interval[0]) / 2:.2g}"
         return f"{score.value:.3g}{half}"
 
+    def _reasons(self) -> dict[str, list[str]]:
+        """Why a metric has no score in any row → metrics."""
+        found: dict[str, list[str]] = {}
+        for name in self.columns:
+            told = [self.why.get(row, {}).get(name, "") for row in self.rows if self.cells[row].get(name) is None]
+            if len(told) == len(self.rows) and (why := next(filter(None, told), "")):
+                found.setdefault(why.replace(name, "it"), []).append(name)
+        return found
+
     def to_text(self, *, width: int = 120) -> str:
         """Aligned columns, in blocks that fit into ``width`` characters; the faults of metrics below."""
         arrows = {"higher": "↑", "lower": "↓", "reference": "→"}
@@ -98,4 +107,5 @@ class Table:
             "! the control rows are in the wrong order; ~ they are too near to each other to tell, on so few clips",
         ]
         lines += [f"{_mark(found)} {name}: {'; '.join(found)}" for name, found in self.faults.items() if found]
+        lines += [f"– {', '.join(names)}: {why}" for why, names in self._reasons().items()]
         return "\n".join(lines)

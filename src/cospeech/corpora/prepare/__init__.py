@@ -356,7 +356,7 @@ def _assemble(
         seconds = piece.entry.frames / plan.fps
         splits[piece.entry.split] = splits.get(piece.entry.split, 0.0) + seconds
         speakers[piece.entry.speaker] = speakers.get(piece.entry.speaker, 0.0) + seconds
-    origins = Counter(origin for *_, origin in made)
+    origins = Counter(origin for _, meta, origin in made if meta["why"] is None)
     report = PrepareReport(
         plan.corpus, plan.pose, plan.fps, origins["read"], origins["augmented"], sum(splits.values()), splits, speakers,
         reasons, tuple(dropped), origins["derived"], speaker_attributes(Store(target), find_pose(plan.pose).decode),

@@ -162,6 +162,8 @@ def _audio(clip: Clip, frames: int, plan: PreparationPlan) -> Array | None:
 
 def _source(clip: Clip, pose: Pose, fps: float) -> Any:
     """The motion or the key points at the rate of the store, on the skeleton of the representation."""
+    if clip.motion is None and clip.points is None:
+        raise InputError(f"{clip.name!r} has no motion", "a sound needs a file of motion beside it")
     if pose.source == "points":
         if clip.points is None:
             raise InputError(f"{clip.name!r} has no key points", f"{pose.name} takes key points; choose another --pose")

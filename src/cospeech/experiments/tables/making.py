@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import count
 from os import PathLike
 from pathlib import Path
@@ -20,7 +20,7 @@ from .flow import FLOW
 from .mix import MIX
 from .paper_tables import Bench, Cells, PaperTable, TableSplit, TableSystem
 from .report import summary, to_markdown
-from .runs import Runs, make_folder
+from .runs import SHARED, Runs, make_folder
 from .verdicts import Evidence, below, headroom, judge
 
 __all__ = ["TABLES", "choose_rows", "draw_table", "make_table", "part_of", "write_table"]
@@ -87,6 +87,26 @@ def choose_rows(rows: Sequence[TableSystem], only: Sequence[str]) -> set[str]:
     return {row.name for row in rows if not only or any(text in row.name for text in only)}
 
 
+def _check_changes(runs: Runs, rows: Sequence[TableSystem], chosen: Collection[str]) -> None:
+    """Every change is of something that the table trains, before anything is trained.
+
+    Raises:
+        InputError: it is of another recipe, or its recipe cannot be changed so.
+    """
+    there = [row for row in rows if row.recipe and (Path(runs.recipes) / f"{row.recipe}.toml").is_file()]
+    shared = [path.stem for path in Path(runs.recipes).glob(f"*_{runs.store.corpus}.toml") if path.stem.startswith(SHARED)]
+    known = [row.recipe for row in there if row.recipe] + shared
+    for text in runs.overrides:
+        recipe, colon, _ = text.partition("=")[0].rpartition(":")
+        if colon and recipe not in known:
+            raise InputError(f"{text!r}: no row of this table has the recipe {recipe!r}", nearest(recipe, known))
+        if recipe in shared:
+            runs.recipe(recipe)
+    for row in there:
+        if row.recipe and (not chosen or row.name in chosen):
+            runs.recipe(row.recipe, 0, row.overrides)
+
+
 def _head(runs: Runs, bench: Bench, seeds: Sequence[int], only: Sequence[str]) -> str:
     """Of what and with what the table was made, in a line."""
     store = runs.store
@@ -132,6 +152,7 @@ def make_table(
     if not seeds or min(seeds) < 0 or len(set(seeds)) < len(seeds):
         raise InputError(f"seeds {', '.join(map(str, seeds))}", "whole numbers, each once")
     chosen = choose_rows(part.rows, only) if trained else set()
+    _check_changes(runs, part.rows, chosen)
     bench = paper_table.bench(paper_table, part, runs, raw)
     tell("control rows")
     controls = bench.controls()

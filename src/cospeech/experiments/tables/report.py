@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...metrics.controls import WRONG
 from .paper_tables import Cells
 
 __all__ = ["summary", "to_markdown", "to_text"]
@@ -94,9 +95,12 @@ def _notes(table: Mapping[str, Any]) -> list[str]:
     notes += [f"– {', '.join(heads)}: {why} ({', '.join(names)})" for (why, names), heads in shared.items()]
     notes += [f"headroom of {table['columns'][m]}: {told}" for m, told in table.get("headroom", {}).items()]
     faults = {m: told for m, told in table.get("faults", {}).items() if told}
-    notes += [
-        f"! {table['columns'][m]} puts the control rows in the wrong order: {'; '.join(told)}" for m, told in faults.items()
-    ]
+    for m, told in faults.items():
+        wrong, unsure = ([each for each in told if (WRONG in each) is sure] for sure in (True, False))
+        if wrong:
+            notes.append(f"! {table['columns'][m]} puts the control rows in the wrong order: {'; '.join(wrong)}")
+        if unsure:
+            notes.append(f"~ {table['columns'][m]}: too few clips to tell control rows apart: {'; '.join(unsure)}")
     return notes
 
 

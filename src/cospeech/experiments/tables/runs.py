@@ -236,7 +236,7 @@ class Runs:
         return recipe
 
     def _overrides_of(self, name: str) -> Iterator[str]:
-        """What is changed in a recipe: nothing in those that all rows share.
+        """What is changed in a recipe; in those that all rows share, only what is asked of them by name.
 
         Raises:
             InputError: a change of a recipe that is not there.
@@ -247,7 +247,7 @@ class Runs:
                 raise InputError(
                     f"{text!r} is of no recipe", nearest(recipe, [path.stem for path in Path(self.recipes).glob("*.toml")])
                 )
-            if not name.startswith(SHARED) and recipe in ("", name):
+            if recipe == name or (not recipe and not name.startswith(SHARED)):
                 yield text.removeprefix(f"{recipe}:")
 
     def run(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> Path:

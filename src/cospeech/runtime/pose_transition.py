@@ -28,7 +28,7 @@ LIPS = 0.2
 _LIDS = 0.12  # s [ours]: lids close within about .1 s
 _ARMS, _TRUNK, _HEAD, _EYES = 0.6, 0.9, 0.5, 0.3  # s [ours: an unhurried retraction takes .5 to .8 s (`motion.md` §1)]
 _HIPS = 1.4  # s [ours]: while both feet step (`cospeech.runtime.step_over`)
-_TURN, _EASE = 36.0, 22.0
+_TURN, _EASE = 34.0, 21.0
 """Rad/s² at most with which the speed that a joint had dies away, and with which the offset does [ours: so that no step from
 frame to frame, at 30 a second, differs from the one before by more than 3 degrees]."""
 _SOONEST = 0.25  # s in which a slow joint turns back [ours]

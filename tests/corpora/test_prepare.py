@@ -336,8 +336,11 @@ def test_audio_features_are_those_of_the_frames_own_time():
 def test_what_is_missing_is_absent():
     clip = Clip("a", "s", "beat", motion=moving("beat", 2, 30))
     assert set(encode(clip, PreparationPlan("beat", "euler", 15.0))) == {"pose"}
-    with pytest.raises(InputError, match="no joint rotations"):
+    with pytest.raises(InputError, match="no motion"):
         encode(replace(clip, motion=None), PreparationPlan("beat", "euler", 15.0))
+    points = Points(15.0, np.zeros((30, 52, 2)), "pats")
+    with pytest.raises(InputError, match="no joint rotations"):
+        encode(replace(clip, motion=None, points=points), PreparationPlan("beat", "euler", 15.0))
 
 
 def test_every_corpus_has_a_default_pose():

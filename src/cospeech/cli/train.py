@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -63,6 +65,14 @@ def register(app: typer.Typer) -> None:
     _add_bundle(app)
 
 
+def _leave_team() -> None:
+    """End a process that `torchrun` started: gloo's threads can abort one that ends as others do, when all is done."""
+    if "TORCHELASTIC_RUN_ID" in os.environ:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(0)
+
+
 def _add_train(app: typer.Typer) -> None:
     @app.command()
     def train(
@@ -93,11 +103,11 @@ def _add_train(app: typer.Typer) -> None:
             from ..training.train import train as run
         with show_progress("training", quiet) as tell:
             report = run(plan, data, folder, resume=resume, progress=tell, notice=lambda text: typer.echo(text, err=True))
-        if quiet or report.rank:
-            return
-        typer.echo(f"{report.folder}  {report.step} steps, {report.parameters:,} parameters, {report.seconds:.0f} s")
-        if report.best:
-            typer.echo(f"  best: {report.best['name']} {report.best['value']:.5g} at step {report.best['step']}")
+        if not (quiet or report.rank):
+            typer.echo(f"{report.folder}  {report.step} steps, {report.parameters:,} parameters, {report.seconds:.0f} s")
+            if report.best:
+                typer.echo(f"  best: {report.best['name']} {report.best['value']:.5g} at step {report.best['step']}")
+        _leave_team()
 
 
 def _store(named: Path | None, recipe: str, corpus: str) -> Path:

@@ -22,7 +22,7 @@ from cospeech.evaluation import evaluate_clips, evaluate_store
 from cospeech.metrics import METRICS, Score, Tools, load_metric
 from cospeech.metrics.controls import CONTROLS, UNSURE, WRONG, control_rows, faults_of_order
 from cospeech.metrics.metric import About
-from cospeech.metrics.table import DEFAULT
+from cospeech.metrics.table import DEFAULT, Table
 from cospeech.motion.motion import Motion
 from cospeech.motion.points import Points
 from cospeech.motion.rotations import quat_angle
@@ -420,3 +420,9 @@ def test_the_public_call_takes_a_model_and_a_store(corpus):
     assert by_object.rows[0] == "RuleBasedModel"
     assert by_name.cells["rules"]["w1_speed"].value == by_object.cells["RuleBasedModel"]["w1_speed"].value
     assert alone.rows == tuple(CONTROLS)
+
+
+def test_a_table_says_why_a_metric_is_empty():
+    why = {"a": {"ape": "ape needs another shape", "pck": "pck needs another shape"}}
+    table = Table(("a",), ("ape", "pck"), {"a": {"ape": None, "pck": None}}, why)
+    assert table.to_text().endswith("– ape, pck: needs another shape")

@@ -82,7 +82,7 @@ class Table:
         for name in self.columns:
             told = [self.why.get(row, {}).get(name, "") for row in self.rows if self.cells[row].get(name) is None]
             if len(told) == len(self.rows) and (why := next(filter(None, told), "")):
-                found.setdefault(why.replace(name, "it"), []).append(name)
+                found.setdefault(why.removeprefix(f"{name} "), []).append(name)
         return found
 
     def to_text(self, *, width: int = 120) -> str:

@@ -10,9 +10,9 @@ from .errors import CospeechWarning, InputError
 from .export import check_parts, format_of, load
 from .export.checks import File, check_avatar, check_files, check_skeleton
 from .export.render.camera import find_view
-from .export.target_skeleton import find_tpose, names_joints, rig_files
+from .export.target_skeleton import find_tpose, rig_files
 from .motion import edit
-from .motion.bone_mapping import load_map
+from .motion.bone_mapping import load_map, names_joints
 from .motion.motion import Motion
 from .motion.parts import PARTS
 from .motion.skeleton import Skeleton

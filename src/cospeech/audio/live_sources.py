@@ -111,7 +111,7 @@ def read_pcm(
     """Raw samples of a pipe, as they come; ``note`` is told once of each fault that they have."""
     read = getattr(file, "read1", file.read)  # what there is, without waiting for more
     dtype, rest = FORMATS[kind], b""
-    check = _fault_finder(kind, note)
+    check = _make_check(kind, note)
     while data := read(max(1, round(PIECE * rate)) * dtype.itemsize):
         data = rest + data
         whole = len(data) - len(data) % dtype.itemsize
@@ -148,7 +148,7 @@ def read_websocket(
 
     Bytes after the last whole sample of a message are left out. ``note`` is told once of each fault that messages have.
     """
-    check = _fault_finder(kind, note)
+    check = _make_check(kind, note)
     for message in connection:
         if isinstance(message, str):
             if on_text is not None:
@@ -159,7 +159,7 @@ def read_websocket(
             yield decode_pcm(message[:whole], kind)
 
 
-def _fault_finder(kind: str, note: Callable[[str], object]) -> Callable[[bytes], None]:
+def _make_check(kind: str, note: Callable[[str], object]) -> Callable[[bytes], None]:
     """A function that looks at raw samples, and tells of each kind of fault the first time."""
     told: set[str] = set()
 

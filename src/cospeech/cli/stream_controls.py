@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from queue import SimpleQueue
 from typing import TYPE_CHECKING
@@ -44,11 +43,11 @@ class Controls:
         while not self._messages.empty():
             message, place = self._messages.get()
             try:
-                apply_control(session, message)
+                done = apply_control(session, message)
             except InputError as error:
                 self._tell(f"control: {error}")
                 continue
-            if "interrupt" in json.loads(message):
+            if "interrupt" in done:
                 self._sound.drop(place)
                 piece = self._sound.mute_piece(piece)
         return piece

@@ -7,12 +7,12 @@ from os import PathLike
 from pathlib import Path
 
 from ..errors import InputError, nearest
-from ..motion.bone_mapping import recognise
+from ..motion.bone_mapping import names_joints, recognise
 from ..motion.skeleton import Skeleton, find_skeleton
 from ..motion.skeletons import SKELETONS
 from ..motion.tpose import on_floor, with_tpose
 
-__all__ = ["RIGS", "find_target", "find_tpose", "names_joints", "rig_files"]
+__all__ = ["RIGS", "find_target", "find_tpose", "rig_files"]
 
 RIGS = (".bvh", ".glb", ".gltf", ".vrm")
 """Suffixes of files whose skeleton can be taken."""
@@ -54,11 +54,6 @@ def find_target(name: str | PathLike[str] | Skeleton, bones: Mapping[str, str] |
     except InputError as error:
         raise InputError(f"{path.name!r}: {error.problem}", error.hint) from None
     return on_floor(skeleton, skeleton.index[names["hips"]])
-
-
-def names_joints(bones: Mapping[str, str], skeleton: Skeleton) -> bool:
-    """Whether a map is of the joints of this skeleton."""
-    return all(theirs in ("", *skeleton.names) for theirs in bones.values())
 
 
 def find_tpose(skeleton: Skeleton, bones: Mapping[str, str]) -> Skeleton:

@@ -20,7 +20,7 @@ from .bone_mapping_by_shape import by_shape
 from .skeleton import Skeleton, humanoid
 from .skeletons import SKELETONS
 
-__all__ = ["REQUIRED", "by_names", "load_map", "recognise"]
+__all__ = ["REQUIRED", "by_names", "load_map", "names_joints", "recognise"]
 
 REQUIRED = (
     "hips", "head",
@@ -171,6 +171,11 @@ def _check_map(bone_map: Mapping[str, str], skeleton: Skeleton) -> dict[str, str
                 hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(filter(None, known[:6]))}, …"
                 raise InputError(f"bone map: {name!r} is none of {what} joints", hint)
     return dict(bone_map)
+
+
+def names_joints(bone_map: Mapping[str, str], skeleton: Skeleton) -> bool:
+    """Whether a map is of the joints of this skeleton."""
+    return all(theirs in ("", *skeleton.names) for theirs in bone_map.values())
 
 
 def load_map(path: str | PathLike[str]) -> dict[str, str]:

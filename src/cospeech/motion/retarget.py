@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..errors import InputError
-from .bone_mapping import load_map, recognise
+from .bone_mapping import load_map, names_joints, recognise
 from .motion import Motion
 from .rotations import (
     Array,
@@ -69,7 +69,7 @@ def retarget(
     if goal == motion.skeleton:
         return motion
     source_map, goal_map = bone_map, None
-    if bone_map and not all(name in ("", *motion.skeleton.names) for name in bone_map.values()):
+    if bone_map and not names_joints(bone_map, motion.skeleton):
         source_map, goal_map = None, bone_map
     plan = _plan(_Key(motion.skeleton, source_map), _Key(goal, goal_map))
     rotations, root = plan.apply(np.asarray(motion.rotations, float), np.asarray(motion.root, float), scale_root)

@@ -64,7 +64,7 @@ class PlanCommands:
         for name, edit in _EDITS.items():
             for text in getattr(self, name):
                 option = f"--{name} {text[:40]}"
-                with _naming(option):
+                with _name_in_errors(option):
                     changed, gesture = edit(plan, text, seconds)
                 left = {each.id for each in changed.gestures}
                 for gone in [each for each in asked if each not in left]:
@@ -124,8 +124,8 @@ def read_stretch(text: str) -> tuple[float, float, str]:
 
 
 @contextmanager
-def _naming(option: str) -> Iterator[None]:
-    """An error names the option."""
+def _name_in_errors(option: str) -> Iterator[None]:
+    """Put the option before the text of an error."""
     try:
         yield
     except InputError as error:

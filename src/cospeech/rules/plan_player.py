@@ -264,7 +264,7 @@ class PlanPlayer(Planner):
         stretch = next((each for each, _ in self._stretches if each.holds(time)), None)
         return self._plan.open if stretch is None else stretch.open
 
-    def _ruling(self, decision: _Decision) -> float:
+    def _time_of(self, decision: _Decision) -> float:
         """The time whose stretch rules a decision: of a gesture that reaches into a lock, one in the lock."""
         lock = None if decision.gesture is None else find_lock(decision.gesture, self._plan.locked)
         return decision.time if lock is None else max(min(decision.time, lock.end - 1e-9), lock.start)
@@ -276,7 +276,7 @@ class PlanPlayer(Planner):
 
     def _belongs(self, decision: _Decision, source: _Source) -> bool:
         """Whether it is this source that decides it."""
-        return self._lists(decision.gesture) or source is self._source_at(self._ruling(decision))
+        return self._lists(decision.gesture) or source is self._source_at(self._time_of(decision))
 
     def _is_in_the_way(self, planned: PlannedGesture) -> bool:
         """Whether it would meet a listed gesture, or, outside of a lock, one that stays because of the lock."""
@@ -294,7 +294,7 @@ class PlanPlayer(Planner):
         if planned is not None:
             if self._lists(planned):
                 del self._waiting[planned.id]
-            elif not self._is_open(self._ruling(decision)) or self._is_in_the_way(planned):
+            elif not self._is_open(self._time_of(decision)) or self._is_in_the_way(planned):
                 return
             else:
                 self._made.append(planned)

@@ -141,8 +141,13 @@ class Session(SessionControls):
             return np.zeros(len(times))
         return self.mood.arousal.at(times - AROUSAL_DELAY) * self.mood.voice_share(times)
 
-    speaker = property(lambda self: None, doc="Rules do not tell speakers apart.")
-    style_mixture = property(lambda self: None, doc="Styles of rules are numbers of their own, and no mixtures of speakers.")
+    @property
+    def speaker(self) -> None:
+        """Rules do not tell speakers apart."""
+
+    @property
+    def style_mixture(self) -> None:
+        """Styles of rules are numbers of their own, and no mixtures of speakers."""
 
     @property
     def latency(self) -> float:
@@ -391,6 +396,5 @@ def _resting(parts: tuple[str, ...]) -> list[int]:
     """Joints that stay neutral: those of parts that were not asked for."""
     s = humanoid()
     fingers = [*s.left_hand, *s.right_hand]
-    eyes = [s.index["leftEye"], s.index["rightEye"]] if "face" in parts else []
-    body = [k for k in range(len(s)) if k not in fingers and k not in eyes]
+    body = [k for k in range(len(s)) if k not in fingers and not (k in _EYES and "face" in parts)]
     return (fingers if "hands" not in parts else []) + (body if "body" not in parts else [])

@@ -28,8 +28,11 @@ CONTROLS: dict[str, Callable[[LiveSession, Any], None]] = {
 _LONGEST = 10_000  # bytes of a message [ours: the longest that says something has some hundred]
 
 
-def apply_control(session: LiveSession, text: str | bytes) -> None:
+def apply_control(session: LiveSession, text: str | bytes) -> set[str]:
     """Do what a message says.
+
+    Returns:
+        The keys of `CONTROLS` that it had.
 
     Raises:
         InputError: it is no message of this kind; what comes before the wrong value is done.
@@ -47,6 +50,7 @@ def apply_control(session: LiveSession, text: str | bytes) -> None:
     for key, control in CONTROLS.items():
         if key in message:
             control(session, message[key])
+    return {*message}
 
 
 def _check(message: dict[str, Any]) -> None:

@@ -376,8 +376,8 @@ class LiveSession:
 
     def _frame_at(self, at: float) -> int:
         """The first frame that is not before this time."""
-        oldest = self._start_of(self._past[0]) if self._past else 0
-        oldest += oldest > 0  # one frame has to be left of those before, unless there were none
+        kept = self._start_of(self._past[0]) if self._past else 0
+        oldest = kept + 1 if kept else 0  # one frame has to be left of those before, unless there were none
         if not isinstance(at, Real) or not isfinite(at) or not oldest <= (k := round(at * self._options.fps)) <= self._given:
             fps = self._options.fps
             given = f"the frames that can be taken back are those of {oldest / fps:.2f} … {self._given / fps:.2f} s"

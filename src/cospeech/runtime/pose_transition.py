@@ -64,14 +64,12 @@ class PoseTransition:
     """
 
     def __init__(self, shown: Motion, new: Motion) -> None:
-        self._frame = 0
-        self._shown: Motion | None = shown[-1:] if len(new) == 1 else None
-        self._first: tuple[Motion, Motion] | None = None  # of a source that begins here: its frame, and what was made of it
-        self._extra = len(new) == 1
+        self._shown: Motion | None = shown[-1:] if len(new) == 1 else None  # until it is known how fast the new source moves
+        self._first: tuple[Motion, Motion] | None = None  # the first frame of such a source, and what was made of it
         self._start(shown, new)
 
     def _start(self, shown: Motion, new: Motion) -> None:
-        self._began = self._frame
+        self._frame = 0  # frames since then
         old_q, new_q = shown.rotations.astype(float), new.rotations.astype(float)
         self._turns: Array = quat_to_rotvec(quat_multiply(old_q[-1], quat_conjugate(new_q[-1])))
         self._turning: Array = _speed(old_q, shown.fps) - _speed(new_q, new.fps)
@@ -92,7 +90,7 @@ class PoseTransition:
             return self._apply(motion)
         if self._first is None:
             made = self._apply(motion[:1])
-            self._first = motion[:1], made
+            self._first, self._frame = (motion[:1], made), 0
             return made if len(motion) == 1 else Motion.concatenate([made, self.apply(motion[1:])])
         first, made = self._first
         self._start(Motion.concatenate([self._shown, made]), Motion.concatenate([_extrapolate_back(first, motion), first]))
@@ -100,7 +98,7 @@ class PoseTransition:
         return self._apply(motion)
 
     def _apply(self, motion: Motion) -> Motion:
-        times = (self._frame - self._began + 1 + np.arange(len(motion)))[:, None, None] / motion.fps
+        times = (self._frame + 1 + np.arange(len(motion)))[:, None, None] / motion.fps
         self._frame += len(motion)
         left = decay(times / self._seconds)
         runs = rotvec_to_quat(_turn_back(times, self._running) * self._turning)  # first it goes on as it went
@@ -116,11 +114,12 @@ class PoseTransition:
 
     def remaining_frames(self, fps: float) -> int:
         """How many frames it still changes, at most."""
-        return max(ceil(_LENGTH * fps) + self._extra - self._frame, 0)
+        more = self._shown is not None and self._first is None
+        return max(ceil(_LENGTH * fps) + more - self._frame, 0)
 
     def is_over(self, fps: float) -> bool:
         """Whether nothing is left of it."""
-        return self._frame - self._extra >= _LENGTH * fps
+        return self._frame >= _LENGTH * fps
 
 
 def _turn_back(times: Array, seconds: Array) -> Array:

@@ -12,8 +12,8 @@ from ..motion.rotations import Array, quat_slerp
 __all__ = ["StepOver", "decay", "run_out"]
 
 _SWINGS = (0.2, 0.8)
-"""Seconds at which the first and the second foot leave the floor [ours, as the steps of `cospeech.rules.stance`]."""
-_SWING = 0.55  # s that a foot is in the air [ours, as there]
+"""Seconds at which the first and the second foot leave the floor [ours: one after the other]."""
+_SWING = 0.55  # s that a foot is in the air [ours: a little longer than in `cospeech.rules.stance`, or the knee jerks]
 _OFF = 0.15  # share of the swing in which the foot leaves the floor, and in which it comes down [ours]
 _LIFT, _SHUFFLE, _NEAR = 0.035, 0.008, 0.015  # m of lift, and of a foot that goes less than the last [ours]
 _SINK = 0.03  # m that the hips sink while the feet go [ours: soft knees, which bend gently when a foot leaves the floor]

@@ -194,10 +194,10 @@ class _Run:
             means = mean_values([total / count for total in sums.values()], self.team)
             figures = dict(zip(sums, means, strict=True))
             name = self.settings.best or next(iter(figures))
-            waits = any(part.name == name.partition(".")[0] and not part.active(self.done - 1) for part in self.parts)
-            if name not in figures and waits:
-                return figures  # its stage has not begun, or is over
             if name not in figures:
+                stage = name.partition(".")[0]
+                if any(part.name == stage and not part.active(self.done - 1) for part in self.parts):
+                    return figures  # it has not begun, or is over
                 raise InputError(f"train.best is {name!r}", nearest(name, figures))
             self._finite(figures[name], f"the validation figure {name!r}", self.done)
             if self.best is None or self.best["name"] != name or figures[name] < self.best["value"]:

@@ -45,7 +45,7 @@ class JsonEncoder:
         self._start = {
             "type": "start", "version": VERSION, "fps": fps, "latency": round(latency, _DIGITS),
             "joints": list(skeleton.names), "parents": list(skeleton.parents),
-            "offsets": _short(skeleton.offsets), "face": list(ARKIT) if face else [],
+            "offsets": _shorten(skeleton.offsets), "face": list(ARKIT) if face else [],
         }  # fmt: skip
 
     def begin(self) -> bytes:
@@ -54,8 +54,8 @@ class JsonEncoder:
 
     def frames(self, motion: Motion) -> Iterator[list[bytes]]:
         """The text of each frame."""
-        face = None if motion.face is None else _short(motion.face)
-        root, rotations = _short(motion.root), _short(motion.rotations)
+        face = None if motion.face is None else _shorten(motion.face)
+        root, rotations = _shorten(motion.root), _shorten(motion.rotations)
         for k in range(len(motion)):
             time = round(motion.start + k / motion.fps, 6)
             frame = {
@@ -73,7 +73,7 @@ class JsonEncoder:
         return _text({"type": "end", "frames": self._frames})
 
 
-def _short(values: NDArray[Any]) -> Any:
+def _shorten(values: NDArray[Any]) -> Any:
     """Nested lists of numbers with few digits; rounded as doubles, because a float32 is written with all digits of a double."""
     return (np.round(values.astype(np.float64), _DIGITS) + 0.0).tolist()  # + 0.0: no negative zeros
 

@@ -52,12 +52,19 @@ _COMPARED: Mapping[str, dict[str, float]] = {
 
 _EXPECTED = {"+face": "holds", "+rhythm": "holds"}
 """Ours, of 2026-11-22, before the first run: where brows and head go with the strokes, a face and the rhythm loss tell more."""
+_EXPECTED_1 = {MULTI: "holds", CAMN: "holds", CHAIN: "contradicted"}
+"""Ours, of 2026-11-25, before the first run with five seeds: CaMN sees the recorded face and the labels, the chain does not."""
 
 
-def _worse_to_better(names: tuple[str, ...], source: str, metrics: tuple[str, ...] = (FGD, SRGR, BA)) -> tuple[Claim, ...]:
-    """That each is better than the one before it."""
+def _worse_to_better(
+    names: tuple[str, ...],
+    source: str,
+    metrics: tuple[str, ...] = (FGD, SRGR, BA),
+    expected: Mapping[str, str] = _EXPECTED,
+) -> tuple[Claim, ...]:
+    """That each is better than the one before it; ``expected`` has the words of the better ones, for all but beat alignment."""
     return tuple(
-        Claim(m, better, worse, m != FGD, source, expected=_EXPECTED.get(better, "") if m != BA else "")
+        Claim(m, better, worse, m != FGD, source, expected=expected.get(better, "") if m != BA else "")
         for worse, better in pairwise(names)
         for m in metrics
     )
@@ -70,7 +77,7 @@ _TABLE_1 = TableSplit(
         for name, figures in _COMPARED.items()
     ),
     (
-        *_worse_to_better((S2G, MULTI, CAMN, CHAIN), "table 1"),
+        *_worse_to_better((S2G, MULTI, CAMN, CHAIN), "table 1", expected=_EXPECTED_1),
         *_worse_to_better((CAMN, TALKSHOW, CHAIN), "table 1", (FGD, BA)),
     ),
     OWN + " The row of GestureDiffuCLIP is a network of ours after that paper: its code was never published.",

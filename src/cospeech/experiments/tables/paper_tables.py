@@ -37,7 +37,7 @@ class TableSystem:
         published: metric → the paper's figure.
         overrides: ``"model.modes=4"``, what is changed in the recipe.
         runs: speakers of each run that the row is made of; ``((),)``: one run of all.
-        judged: speakers whose mean the figures are; (): all of its runs.
+        scored_speakers: speakers whose mean the figures are; (): all of its runs.
         lacks: inputs that it is played without.
     """
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from .errors import CospeechWarning, InputError
 from .export import check_parts, format_of, load
 from .export.checks import File, check_avatar, check_files, check_skeleton
 from .export.render.camera import find_view
-from .export.target_skeleton import find_tpose, rig_files
+from .export.target_skeleton import rig_files
 from .motion import edit
-from .motion.bone_mapping import load_map, names_joints
+from .motion.bone_mapping import load_map
 from .motion.motion import Motion
 from .motion.parts import PARTS
 from .motion.skeleton import Skeleton
@@ -102,7 +102,7 @@ def convert_file(
         find_view(camera)
     bones = load_map(names) if names else None
     goal = None if skeleton is None else check_skeleton(skeleton, {Path(target).suffix.lower()}, bones)
-    motion = edits.apply(load(source))
+    motion = edits.apply(load(source, **({"bone_map": bones} if bones and format_of(source).any_skeleton else {})))
     holds = {*format_of(source).holds} | ({"face"} if edits.face is not None else set())
     shown = [part for part in PARTS if part in holds and (part != "face" or motion.face is not None)]
     check_parts(target, shown, f"{str(source)!r} holds")
@@ -119,8 +119,6 @@ def convert_file(
     if edits.face is not None and "face" not in written.holds:
         problem = f"the face changes nothing: a {Path(target).suffix.lower()} holds none"
         warnings.warn(problem, CospeechWarning, stacklevel=2)
-    if bones is not None and "body" in shown and names_joints(bones, motion.skeleton):
-        motion = replace(motion, skeleton=find_tpose(motion.skeleton, bones))
     if goal is not None or bones is not None:
         motion = motion.retarget(goal or "humanoid", bone_map=bones)
     if fps is not None:

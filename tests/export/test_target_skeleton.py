@@ -14,6 +14,7 @@ from cospeech.export import load, save
 from cospeech.export.target_skeleton import find_target, rig_files
 from cospeech.generate import generate_files
 from cospeech.motion.bone_mapping import load_map, recognise
+from cospeech.motion.rotations import axis_angle_to_quat, quat_rotate
 from cospeech.motion.skeleton import Skeleton, find_skeleton, humanoid
 from tests.support.motions import gesturing
 
@@ -112,3 +113,26 @@ def test_a_map_gives_the_joints_of_a_rig_our_names(odd, tmp_path):
     assert len(load(tmp_path / "c.bvh")) == report.frames
     with pytest.warns(CospeechWarning, match="the map changes nothing"):
         generate_files(sound, [tmp_path / "d.bvh"], bone_map=names)
+
+
+def test_a_map_tells_the_reader_unit_and_t_pose(odd, tmp_path):
+    """A rig in metres whose zero pose has hanging arms: without a map it is a doll of centimetres that stands in that pose."""
+    rig, names = odd
+    table, plain = load_map(names), load(rig)
+    offsets, above = 0.01 * plain.skeleton.offsets, plain.skeleton.parents  # a writer's numbers are centimetres
+    for side, sign in (("left", -1), ("right", 1)):
+        arm = {plain.skeleton.index[table[f"{side}UpperArm"]]}
+        for joint in range(len(offsets)):
+            if above[joint] in arm:
+                arm.add(joint)
+                offsets[joint] = quat_rotate(axis_angle_to_quat((0, 0, 1), sign * 1.2), offsets[joint])
+    doll = Skeleton(plain.skeleton.names, above, offsets, ends={k: (0, 0, 0.001) for k in plain.skeleton.ends})
+    save(replace(plain, skeleton=doll), tmp_path / "m.bvh")
+    assert load(tmp_path / "m.bvh").skeleton.tpose[:, 1].max() < 0.1
+    found = load(tmp_path / "m.bvh", bone_map=table).skeleton
+    assert found.tpose[:, 1].max() > 1.4
+    arm, hand = (found.tpose[found.index[table[name]]] for name in ("leftUpperArm", "leftHand"))
+    assert abs(hand[1] - arm[1]) < 0.02
+    assert hand[0] > arm[0] + 0.3
+    with pytest.raises(InputError, match="cannot find head"):
+        load(tmp_path / "m.bvh", bone_map={"hips": "node_00"})

@@ -6,7 +6,8 @@ A BVH says none of: its unit, which way is up, what its zero pose is. The rules 
   (MakeHuman), 48 units of Carnegie Mellon's database, 80 inches or 500 centimetres, else it is said in millimetres. Skeletons
   that are not recognised are in centimetres. ``units=`` overrides.
 * **Up**: +Y, unless hips and head of the frames stand along +Z. ``up=`` overrides.
-* **Rest**: `cospeech.motion.tpose.with_tpose`, for skeletons that `cospeech.motion.bone_mapping` knows; else the zero pose.
+* **Rest**: `cospeech.motion.tpose.with_tpose`, for skeletons that `cospeech.motion.bone_mapping` knows or a map names; else the
+  zero pose.
 * **Positions** of joints other than the root: most exporters write the offset itself, some what is to be added to it. The one
   that fits the whole file better is taken; the mean over the frames becomes the offset, bones that stretch do not.
 """
@@ -15,7 +16,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -23,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..motion.bone_mapping import recognise
+from ..motion.bone_mapping import names_joints, recognise
 from ..motion.motion import Motion
 from ..motion.rest_calibration import calibrate_rest, on_motions_floor
 from ..motion.rotations import (
@@ -52,7 +53,14 @@ _Z_TO_Y = axis_angle_to_quat((1.0, 0, 0), -np.pi / 2)
 _SAMPLE = 64  # ours: frames that are looked at to tell which way is up
 
 
-def load(path: str | PathLike[str], *, units: str | None = None, up: str | None = None, fps: float | None = None) -> Motion:
+def load(
+    path: str | PathLike[str],
+    *,
+    units: str | None = None,
+    up: str | None = None,
+    fps: float | None = None,
+    bone_map: Mapping[str, str] | None = None,
+) -> Motion:
     """Read a BVH of any exporter.
 
     Args:
@@ -60,12 +68,13 @@ def load(path: str | PathLike[str], *, units: str | None = None, up: str | None 
         units: of the file, one of `UNITS`; told from the height of the character where not given.
         up: ``"y"`` or ``"z"``; told from the motion where not given.
         fps: instead of the file's ``Frame Time``.
+        bone_map: our name → name of a joint, where the joints are not recognised; a map of other joints changes nothing.
 
     Returns:
         Motion in metres, Y up; rotations float64. Its skeleton's ``rest`` brings the file's zero pose into a T-pose.
 
     Raises:
-        InputError: not a BVH, or damaged; the line is named.
+        InputError: not a BVH, or damaged; the line is named. Or the map lacks joints without which there is no T-pose.
     """
     if units is not None and units not in UNITS:
         raise InputError(f"unknown unit {units!r}", f"known: {', '.join(UNITS)}")
@@ -81,7 +90,11 @@ def load(path: str | PathLike[str], *, units: str | None = None, up: str | None 
     names = file_names(header.names)
     ends = {names[joint]: end for joint, end in header.ends.items()}
     skeleton, order = _in_table_order(Skeleton(names, header.parents, offsets, ends=ends))  # type: ignore[arg-type]
-    return _as_motion(skeleton, rotations[:, order], root, rate, units, up)
+    try:
+        joints = _find_joints(skeleton, bone_map)
+    except InputError as error:
+        raise InputError(f"{str(Path(path).name)!r}: {error.problem}", error.hint) from None
+    return _as_motion(skeleton, joints, rotations[:, order], root, rate, units, up)
 
 
 def _in_table_order(skeleton: Skeleton) -> tuple[Skeleton, list[int]]:
@@ -156,12 +169,20 @@ def _move_offsets(offsets: Array, moving: list[tuple[int, int, int]], means: Arr
     return offsets
 
 
-def _as_motion(skeleton: Skeleton, rotations: Array, root: Array, rate: float, units: str | None, up: str | None) -> Motion:
-    """Tell axes, T-pose and unit, and convert."""
+def _find_joints(skeleton: Skeleton, bone_map: Mapping[str, str] | None) -> dict[str, str]:
+    """Our name → their name; empty for a skeleton that is not recognised and that no map names."""
+    if bone_map and names_joints(bone_map, skeleton):
+        return recognise(skeleton, bone_map)
     try:
-        names = recognise(skeleton)
+        return recognise(skeleton)
     except InputError:
-        names = {}
+        return {}
+
+
+def _as_motion(
+    skeleton: Skeleton, names: dict[str, str], rotations: Array, root: Array, rate: float, units: str | None, up: str | None
+) -> Motion:
+    """Tell axes, T-pose and unit, and convert; ``names`` are of `_find_joints`."""
     sample = np.unique(np.linspace(0, len(root) - 1, _SAMPLE).astype(int))
     points = skeleton.forward(rotations[sample], root[sample])[0]
     if (up or _up(skeleton, names, points)) == "z":

@@ -31,7 +31,7 @@ class Format:
     holds: tuple[str, ...] = PARTS
     """Parts of a character."""
     any_skeleton: bool = False
-    """Whether a file holds any skeleton as it is; the other formats prescribe theirs."""
+    """Whether a file holds any skeleton as it is; the other formats prescribe theirs. ``load`` then has ``bone_map``."""
     wears_avatar: bool = False
     """Whether somebody's character can take the place of ours: the Writer has the keyword ``avatar``."""
     picture: bool = False

@@ -10,9 +10,9 @@ from ..errors import InputError, nearest
 from ..motion.bone_mapping import names_joints, recognise
 from ..motion.skeleton import Skeleton, find_skeleton
 from ..motion.skeletons import SKELETONS
-from ..motion.tpose import on_floor, with_tpose
+from ..motion.tpose import on_floor
 
-__all__ = ["RIGS", "find_target", "find_tpose", "rig_files"]
+__all__ = ["RIGS", "find_target", "rig_files"]
 
 RIGS = (".bvh", ".glb", ".gltf", ".vrm")
 """Suffixes of files whose skeleton can be taken."""
@@ -46,23 +46,12 @@ def find_target(name: str | PathLike[str] | Skeleton, bones: Mapping[str, str] |
         return load_avatar(path).skeleton
     from .bvh_reader import load
 
-    skeleton = load(path).skeleton
+    skeleton = load(path, bone_map=bones).skeleton
     try:
-        if bones and names_joints(bones, skeleton):
-            return find_tpose(skeleton, bones)
-        names = recognise(skeleton)
+        names = recognise(skeleton, bones if bones and names_joints(bones, skeleton) else None)
     except InputError as error:
         raise InputError(f"{path.name!r}: {error.problem}", error.hint) from None
     return on_floor(skeleton, skeleton.index[names["hips"]])
-
-
-def find_tpose(skeleton: Skeleton, bones: Mapping[str, str]) -> Skeleton:
-    """A skeleton that a map names, with its T-pose as ``rest``: a reader finds it only where it recognises the joints.
-
-    Raises:
-        InputError: the map has unknown names, or joints are missing.
-    """
-    return with_tpose(skeleton, recognise(skeleton, bones))
 
 
 def rig_files(skeleton: str | PathLike[str] | Skeleton | None) -> tuple[Path, ...]:

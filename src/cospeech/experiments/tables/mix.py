@@ -227,7 +227,9 @@ def _make_table_5(speaker_set: SpeakerSet) -> TableSplit:
     for name in speaker_set.eight:
         label = f"{_size(8)}: {name}"
         rows_compared = f"{MIX_STAGE}, {label}", f"{S2G}, {label}"
-        claims.append(Claim(F1, *rows_compared, True, "supplement, table 5", expected="undecided"))  # 2026-11-25: few windows each
+        claims.append(
+            Claim(F1, *rows_compared, True, "supplement, table 5", expected="undecided")
+        )  # 2026-11-25: few windows each
     return TableSplit("pats", tuple(rows), tuple(claims), "Means as in table 1.", speaker_set.eight)
 
 

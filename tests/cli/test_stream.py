@@ -108,7 +108,8 @@ def test_what_cannot_be_streamed_is_one_line(cli, arguments, what):
 
 
 @pytest.mark.slow
-def test_stopped_in_mid_word_it_shuts_the_mouth_and_tells_the_counts():
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_stopped_in_mid_word_it_shuts_the_mouth_and_tells_the_counts(number, code):
     command = [*COMMAND, "-i", str(example()[0]), "--to", "-", "--fps", "30"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     with subprocess.Popen(command, preexec_fn=heed(signal.SIGINT), **pipes) as process:
@@ -116,10 +117,10 @@ def test_stopped_in_mid_word_it_shuts_the_mouth_and_tells_the_counts():
         jaw = seen[0]["face"].index("jawOpen")
         while seen[-1]["face"][jaw] < 0.1:
             seen.append(json.loads(process.stdout.readline()))
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         rest, said = process.communicate(timeout=20)
     *frames, end = [*seen[1:], *(json.loads(line) for line in rest.splitlines())]
-    assert process.returncode == 130
+    assert process.returncode == code
     assert [frame["frame"] for frame in frames] == list(range(len(frames)))
     assert end == {"type": "end", "frames": len(frames)}
     assert 15 <= len(frames) + 1 - len(seen) <= 40  # half a second, and what had left before the signal was heard

@@ -224,17 +224,19 @@ def test_folder(tmp_path):
     (root / "Ana" / "day 2" / "c.json").write_text('[{"word": "well", "start": 0.1, "end": 0.3}]')
     sound(root / "Ben" / "d.wav")
     sound(root / "Ben" / "d.flac")
+    sound(root / "Ben" / "d.WAV")
     gesturing(30).save(root / "Ben" / "d.vrma")
     (root / "Ben" / "d.srt").write_text("1\n00:00:00,100 --> 00:00:00,300\nwell\n")
     sound(root / "Ben" / "e.wav")
     (root / "Ben" / "e.txt").write_text("Well, don't relax.")
     (root / "Ben" / "alone.bvh").write_text("no sound, not looked at")
     (root / "Ben" / "._d.wav").write_text("what macOS leaves on a stick")
-    names = ["a", "Ana/b", "Ana/day 2/c", "Ben/d.flac", "Ben/d", "Ben/e"]
+    names = ["a", "Ana/b", "Ana/day 2/c", "Ben/d.wav", "Ben/d.flac", "Ben/d", "Ben/e"]
     items = list(folder.read(root))
     assert [item.name for item in items] == names
     got, reasons = sort_out(items, names)
-    assert "'d.wav' is the sound of this name already" in reasons["Ben/d.flac"]
+    assert "'d.WAV' is the sound of this name already" in reasons["Ben/d.flac"]
+    assert "'d.WAV' is the sound of this name already" in reasons["Ben/d.wav"]
     assert {n: c.speaker for n, c in got.items()} == {
         "a": "mine",
         "Ana/b": "Ana",

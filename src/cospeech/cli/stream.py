@@ -225,7 +225,7 @@ def _play_to_the_end(
     try:
         _play(session, pieces, steer, pacer)
         over = True
-    except (KeyboardInterrupt, Exception):  # an exception: of a microphone that is pulled out, say
+    except (KeyboardInterrupt, SystemExit, Exception):  # SystemExit: SIGTERM; an exception: of a microphone that is pulled out
         over = pacer.paced and _shut_mouth(session, pacer)
         raise
     finally:

@@ -42,21 +42,28 @@ def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
 def sounds(root: Path) -> Iterator[tuple[str, Path]]:
     """Name and file of every sound, in the order of `read`; two sounds may have one name. Nothing is opened."""
     for name, files in _groups(root, []):
-        yield from ((name, files[suffix]) for suffix in SOUND if suffix in files)
+        yield from ((name, path) for path in _sounds_among(files))
 
 
-def _groups(root: Path, failed: list[OSError]) -> Iterator[tuple[str, dict[str, Path]]]:
+def _sounds_among(files: dict[str, list[Path]]) -> list[Path]:
+    """The sounds of one name, in the order of `SOUND`."""
+    return [path for suffix in SOUND for path in files.get(suffix, ())]
+
+
+def _groups(root: Path, failed: list[OSError]) -> Iterator[tuple[str, dict[str, list[Path]]]]:
     """Name → its files by suffix, for every sound, folder by folder; links to folders are not followed.
+
+    A suffix has several files where they differ in small and capital letters: ``a.wav`` and ``a.WAV``.
 
     Folders that cannot be listed are added to ``failed``.
     """
     for place, folders, names in os.walk(root, onerror=failed.append):
         folders.sort()
-        groups: dict[str, dict[str, Path]] = {}
+        groups: dict[str, dict[str, list[Path]]] = {}
         for name in sorted(names):
             path = Path(place, name)
             if not name.startswith("."):
-                groups.setdefault(path.stem, {}).setdefault(path.suffix.lower(), path)
+                groups.setdefault(path.stem, {}).setdefault(path.suffix.lower(), []).append(path)
         for stem, files in groups.items():
             if any(suffix in SOUND for suffix in files):
                 yield Path(place, stem).relative_to(root).as_posix(), files
@@ -65,12 +72,13 @@ def _groups(root: Path, failed: list[OSError]) -> Iterator[tuple[str, dict[str, 
 def _read(root: Path) -> Iterator[Clip | Dropped]:
     failed: list[OSError] = []
     for name, files in _groups(root, failed):
-        first, *others = (files[suffix] for suffix in SOUND if suffix in files)
+        first, *others = _sounds_among(files)
         for other in others:
             yield Dropped(f"{name}{other.suffix}", f"{first.name!r} is the sound of this name already")
         parts = name.split("/")
         speaker = parts[0] if len(parts) > 1 else root.resolve().name or "speaker"
-        yield from read_each([name], lambda name, f=files, s=speaker, sound=first: _clip(name, s, sound, f))  # type: ignore[misc]
+        one = {suffix: paths[0] for suffix, paths in files.items()}
+        yield from read_each([name], lambda name, f=one, s=speaker, sound=first: _clip(name, s, sound, f))  # type: ignore[misc]
     for error in failed:
         yield Dropped(os.path.relpath(str(error.filename), root), f"cannot list it: {describe_os_error(error)}")
 

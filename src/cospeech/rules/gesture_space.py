@@ -15,18 +15,18 @@ from .repertoire import FORMS, Form, HandPose
 from .rest_poses import RESTS
 from .styles import Style
 
-__all__ = ["SHAPES", "GesturePlacement", "reach_time", "stroke_time"]
+__all__ = ["SHAPES", "GesturePlacement", "keep_beside_face", "reach_time", "stroke_time"]
 
 _WORDED = 0.5  # semantic score from which the hand shape of a form is part of what it says (ours)
 _LEFT = 0  # row of `RESTS`
-_SPACE = np.array([0.09, 0.02, -0.11])  # arm lengths from the table's places to where speakers gesture most (motion.md §1)
+_SPACE = np.array([0.09, 0.07, -0.13])  # arm lengths from the table's places to where speakers gesture most (motion.md §1)
 _ROOM = np.array([0.95, 1.5, 1.1])  # strokes of speakers are higher than those of the table (motion.md: SD of height)
 _OWN_SIDE = -0.18  # arm lengths outward of its shoulder: the other hand comes no further inward, to the leader's side (ours)
 _LAP = -0.46
 """Arm lengths above the shoulder at which the strokes of a seated body end, at the lowest. Ours: palms touch the mannequin's
 thighs at -.60, and a beat from there needs room."""
 _BOX = np.array([(-0.30, -0.80, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
-_BESIDE = np.array([(-0.10, -0.30), (0.12, 0.14)])
+_BESIDE = np.array([(-0.16, -0.30), (0.06, 0.16)])
 """Arm lengths above and outward of the shoulder: how far inward a hand may go at what height. Ours: a hand as high as the
 mouth is beside it, or it hides what is said."""
 
@@ -91,7 +91,7 @@ class GesturePlacement:
             pose = self._shape_pose(t, turn, effort, modifier, free)
             pose[:3] = centre + (t[:3] - middle) * scale * _ROOM
             pose[:3] = np.minimum(np.maximum(pose[:3], _BOX[0]), _BOX[1])
-            _keep_beside_face(pose)
+            keep_beside_face(pose)
             in_front = 0.06 + 0.42 * min(max(float(pose[1]) + 0.75, 0.0), 1.0)  # raised hands stay in front of the shoulder
             pose[2] = max(pose[2], in_front)
             out.append(pose)
@@ -151,7 +151,7 @@ class GesturePlacement:
             own[:3] += (rest[:3] - own[:3]) * drop + off + [self._random.gauss(0, 0.02 + 0.05 * loose) for _ in range(3)]
             own[4:7] += [self._random.gauss(0, size) for size in (12, 10, 6)]
             own[0] = max(own[0], _OWN_SIDE)
-            _keep_beside_face(own)
+            keep_beside_face(own)
             own[7:19] += (soft - own[7:19]) * slack
             out.append(own)
         return out
@@ -164,7 +164,7 @@ def stroke_time(a: Array, b: Array, tempo: float, modifier: EmotionModifier) -> 
     return max(0.26, usual, PEAK * way / _FASTEST)
 
 
-def _keep_beside_face(pose: Array) -> None:
+def keep_beside_face(pose: Array) -> None:
     """Move a hand that is high outward, where it is in front of the face."""
     pose[0] = max(pose[0], float(np.interp(pose[1], *_BESIDE.T)))
 

@@ -22,7 +22,7 @@ from ..motion.rotations import Array
 from .bouts import Bouts
 from .emotion_modifiers import EmotionModifier
 from .gesture import CHAINED, LEFT, RIGHT, RUN_UP, Gesture, GestureOverride
-from .gesture_space import SHAPES, GesturePlacement, reach_time, stroke_time
+from .gesture_space import SHAPES, GesturePlacement, keep_beside_face, reach_time, stroke_time
 from .hand_state import HandState, effort_of
 from .lexicon import form_for
 from .minimum_jerk import MinimumJerkTrack, peak_share, skew_for
@@ -317,6 +317,10 @@ class Planner:
         for state in held:
             jitter = self._random.uniform(0, 0.03)
             up, down = draw_beat(self._random, size)
+            top = (state.track.target if state.pose is None else state.pose) + up
+            aside = top[0]
+            keep_beside_face(top)
+            up[0] += top[0] - aside
             state.track.add(onset - lift + jitter, lift * 1.2, up, arc=draw_twist(self._random, up, 0.25))
             state.track.add(onset + jitter, stroke, down, skew=skew, arc=draw_twist(self._random, down, 0.22))
             back = recoil(up + down, state.track.target) if state.place == "up" else -(up + down)
@@ -362,7 +366,7 @@ class Planner:
             draw = Random(self._random.random())  # each hand has its own numbers, whatever the other one does
             tired = now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold and not state.keeps)
             if state.place == "up" and now > state.busy and tired:
-                place = "idle" if draw.random() < (_DROPS if quiet else 0.6 - 0.5 * self.style.hold) else "rest"
+                place = "idle" if draw.random() < (_DROPS if quiet else 0.9 - 0.5 * self.style.hold) else "rest"
                 self._retract(now, hand, state, place, modifier, draw)
             elif state.place == "rest" and quiet and now > last + 1.1 + 1.2 * self.style.hold and now > state.busy:
                 self._retract(now, hand, state, "idle", modifier, draw)

@@ -99,7 +99,7 @@ class Posture:
     def _sit(self, now: float) -> None:
         """Another way to sit for a while: bent forward, upright, or sunk back, and to a side."""
         kind, bent = self._random.random(), self._random.uniform(6.0, 15.0)
-        pitch = bent if kind < 0.4 else 0.3 * (bent - 10.5) if kind < 0.7 else -0.6 * bent
+        pitch = 0.8 * bent if kind < 0.4 else 0.3 * (bent - 10.5) if kind < 0.7 else -0.45 * bent
         size = self.style.torso * self.size * max(self.style.sway, 0.3) ** 0.5 / 1.4
         self._seat = np.array([pitch, self._gauss(3.0), self._gauss(5.0)]) * size
         self._next["seat"] = now + self._random.uniform(3.5, 9.0)
@@ -180,7 +180,7 @@ class Posture:
         part[Body.HEAD_YAW] = 0.65 * part[Body.YAW] + self._gauss(4.3 * head)
         part[Body.HEAD_PITCH] = 0.65 * part[Body.PITCH] + self._gauss(4.0 * head)
         part[Body.HEAD_ROLL] = 0.5 * part[Body.ROLL] + self._gauss(3.0 * head)
-        part[Body.HIPS_YAW] = 0.45 * part[Body.YAW]
+        part[Body.HIPS_YAW] = 0.8 * part[Body.YAW]
         if self.style.seated:  # on a chair the head goes along, and the trunk hardly
             part[turned] *= 0.3
         else:

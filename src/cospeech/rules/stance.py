@@ -114,7 +114,7 @@ class Stance:
             self._breathe(now, now + 0.02, self._random.uniform(0.9, 1.3), self._random.uniform(1.5, 2.4))
         if now >= self._next["turn"]:
             self._turn(now)
-            self._next["turn"] = now + self._random.uniform(1.3, 3.6) * calm
+            self._next["turn"] = now + self._random.uniform(1.0, 2.8) * calm
         if now >= self._next["shift"]:
             self._shift(now)
             self._next["shift"] = now + self._random.uniform(2.2, 6.0) * calm / max(self.amounts.sway, 0.4) ** 0.5
@@ -158,8 +158,8 @@ class Stance:
     def _turn(self, now: float) -> None:
         """The pelvis turns and tilts a little."""
         sway = self.amounts.sway * (0.8 if self.amounts.seated else 1.0)
-        goal = (self._gauss(6.4 * sway), self._gauss(2.2 * sway))
-        length = self._random.uniform(0.9, 1.8)
+        goal = (self._gauss(7.0 * sway), self._gauss(2.2 * sway))
+        length = self._random.uniform(0.7, 1.4)
         self.track.move(now + 0.02, length, np.array(goal), [Body.HIPS_YAW, Body.HIPS_PITCH], skew=self._gauss(0.25))
         steps = not self.amounts.seated and self.amounts.steps > 0
         if steps and abs(goal[0]) > 8.0 and self._random.random() < 0.25:  # turned far: the feet come after
@@ -173,7 +173,7 @@ class Stance:
         left, right = self._feet()
         sway = min(self.amounts.sway, 1.35)
         kind = self._random.random()
-        depth = self._random.uniform(0.62, 0.95) if kind < 0.55 else self._random.uniform(0.2, 0.5) if kind < 0.85 else 0.05
+        depth = self._random.uniform(0.55, 0.9) if kind < 0.55 else self._random.uniform(0.2, 0.5) if kind < 0.85 else 0.05
         self._left = not self._left if self._random.random() < 0.75 else self._left
         side = 1.0 if self._left else -1.0
         width = min((left[0] - right[0]) / 2, 0.135)
@@ -181,7 +181,7 @@ class Stance:
             [
                 (left[0] + right[0]) / 2 + side * width * depth * min(0.35 + 0.65 * sway, 1.1),
                 (left[1] + right[1]) / 2 + self._gauss(0.017 * sway),
-                self._random.uniform(0.0, 0.003) + (1 - depth) * self._random.uniform(0.0, 0.023) * sway,
+                self._random.uniform(0.0, 0.003) + (1 - depth) * self._random.uniform(0.0, 0.030) * sway,
                 -side * self._random.uniform(0.0, 1.5) * sway,
             ]
         )

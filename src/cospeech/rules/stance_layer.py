@@ -50,7 +50,7 @@ _FOLLOWS = np.radians([36.0, 10.8, 28.8])
 """Pitch, roll and yaw of the chest per arm length that the hands are ahead, aside, and one before the other (ours)."""
 _BENDS = np.radians(28.8)
 """Pitch of the chest per arm length that the hands come down (ours): strokes are mostly beats downward."""
-_KNEES, _HIPS = 0.1, 0.4  # metres that knees give way per radian of bend; share of the yaw that the pelvis takes (ours)
+_KNEES, _HIPS = 0.1, 0.7  # metres that knees give way per radian of bend; share of the yaw that the pelvis takes (ours)
 _TRUNK = 0.45  # share of its own bend that a motion's trunk keeps (ours: the rest is what follows the hands)
 _USUAL, _HEIGHT = np.array([0.3, 0.0, 0.0]), -0.6
 """Arm lengths ahead, aside, apart, and above the shoulder at which hands turn and bend nobody (ours: medians of people)."""
@@ -214,7 +214,7 @@ class StanceLayer:
         noise = smooth_noise(self._seed + 21, 5, times, 0.42, octaves=3, gain=0.55) * self._amount
         still = 0.15 if self._stance.amounts.seated else 1.0
         columns = [Body.HIPS_X, Body.HIPS_Z, Body.HIPS_YAW, Body.HIPS_PITCH, Body.HIPS_ROLL]
-        b[:, columns] += noise * [0.009 * still, 0.009 * still, 1.4, 0.9, 0.9]
+        b[:, columns] += noise * [0.009 * still, 0.009 * still, 1.8, 0.9, 0.9]
         return b
 
     def _move_arms(self, q: Array, breath: Array, times: Array) -> None:

@@ -61,7 +61,7 @@ class Style:
     """Body turned away from the camera, degrees to the character's left."""
     lean: float = 0.0
     """Torso bent forward, degrees."""
-    rest: str = "low"
+    rest: str = "waist"
     """Where hands go between gestures: a name of `repertoire.RESTS`."""
     idle: str = "hang"
     """Where they go in long pauses."""
@@ -92,6 +92,7 @@ _SEATED_ROWS = (
     "foot moving (> 0.1 m/s)",
     "steps per min (peaks > 0.3 m/s)",
     "share of time: wrist below hip",
+    "height over shoulders / arm, 5 %",  # hands lie on the thighs
 )
 
 _FOLDED_ROWS = (  # hands that rest on each other in front of the belly neither hang nor spread
@@ -167,7 +168,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             both=0.6,
             symmetry=0.7,
             tension=0.7,
-            torso=0.9,
+            torso=1.0,
             steps=5,
             sway=1.05,
             rest="steeple",
@@ -186,7 +187,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             hold=0.95,
             hand=0.75,
             both=0.7,
-            symmetry=0.8,
+            symmetry=0.7,
             tension=0.65,
             torso=0.72,
             head=1.08,

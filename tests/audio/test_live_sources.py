@@ -178,13 +178,33 @@ def test_messages_of_a_websocket():
     assert [block.tolist() for block in heard] == [[0.5]]
 
 
-def test_a_message_that_ends_within_a_sample_is_told_once_and_the_sound_goes_on():
+def test_a_message_may_end_within_a_sample():
+    told: list[str] = []
+    values = np.linspace(-0.9, 0.9, 200)
+    data = (values * 32768).astype("<i2").tobytes()
+    messages = [data[k : k + 7] for k in range(0, len(data), 7)]
+    np.testing.assert_allclose(np.concatenate(list(read_websocket(messages, note=told.append))), values, atol=4e-5)
+    assert not told
+
+
+@pytest.mark.parametrize("border", [b"", "interrupt"])
+def test_a_new_voice_begins_with_a_whole_sample(border):
     told: list[str] = []
     whole = np.full(4, 8192, "<i2").tobytes()
-    heard = list(read_websocket([whole, whole + b"x", b"y", whole + b"z", whole], note=told.append))
+    messages = [whole + b"x", border, whole, whole + b"z", border, whole]
+    heard = list(read_websocket(messages, on_text=lambda text: text == "interrupt", note=told.append))
     np.testing.assert_array_equal(np.concatenate(heard), np.full(16, 0.25, np.float32))
-    assert len(told) == 1
-    assert told[0].startswith("a message of 9 bytes ends within a sample; 1 byte left out")
+    assert told == ["the sound ends within a sample; 1 byte left out (samples are s16, little-endian)"]
+
+
+@pytest.mark.parametrize(("head", "name"), [(b"RIFF", "a WAV"), (b"fLaC", "a FLAC"), (b"OggS", "an Ogg"), (b"ID3", "an MP3")])
+def test_a_sound_file_is_not_taken_for_raw_samples(head, name):
+    data = head + bytes(2000)
+    with pytest.raises(InputError, match=f"this is {name} file, not raw samples"):
+        list(read_pcm(io.BytesIO(data), RATE))
+    with pytest.raises(InputError, match=f"this is {name} file, not raw samples"):
+        list(read_websocket([data]))
+    assert len(np.concatenate(list(read_pcm(io.BytesIO(bytes(100) + data), RATE)))) > 1000  # in mid-sound it is sound
 
 
 def test_samples_that_are_no_numbers_are_told_once():

@@ -18,6 +18,7 @@ from cospeech.cli.stream import _shut_mouth as shut_mouth
 from cospeech.errors import InputError
 from cospeech.export.live.pacing import FramePacer
 from cospeech.generate import open_live_session
+from cospeech.motion.skeleton import humanoid
 from cospeech.motion.skeletons.arkit import ARKIT_INDEX
 from tests.support.command_line import heed
 
@@ -130,6 +131,22 @@ def test_stopped_in_mid_word_it_shuts_the_mouth_and_tells_the_counts(number, cod
     assert steps[len(seen) - 3 :].max() < 20  # no jump: 600 degrees per second, a fast wrist
     assert f"{len(frames)} frames".encode() in said
     assert f"-: {len(frames)} sent, 0 dropped".encode() in said
+
+
+@pytest.mark.slow
+def test_when_the_sound_is_over_the_hands_come_to_rest(tmp_path):
+    import soundfile
+
+    speech = Speech.load(example()[0]).window(0, 3)
+    soundfile.write(tmp_path / "talk.wav", speech.samples, speech.rate)
+    command = [*COMMAND, "-i", "talk.wav", "--to", "-", "--fps", "30", "--quiet"]
+    _, frames, end = lines(subprocess.run(command, cwd=tmp_path, capture_output=True, check=True, timeout=60).stdout)
+    assert end == {"type": "end", "frames": 135}  # 3 s of sound, and 1.5 s
+    turned, root = np.array([frame["rotations"] for frame in frames]), np.array([frame["root"] for frame in frames])
+    hands = humanoid().forward(turned, root)[0][:, [humanoid().index[side + "Hand"] for side in ("left", "right")], 1]
+    assert hands[:90].max() > 1.05
+    assert hands[-1].max() < 0.95
+    assert max(frame["face"][ARKIT_INDEX["jawOpen"]] for frame in frames[-30:]) < 0.05
 
 
 @pytest.mark.slow

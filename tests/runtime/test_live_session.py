@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+import threading
+import time
 from functools import cache
 
 import numpy as np
@@ -348,3 +351,29 @@ def test_one_take_and_something_to_finish():
         session(takes=2)
     with pytest.raises(InputError, match="there is no speech"):
         session().finish()
+
+
+@pytest.mark.slow
+def test_another_thread_may_steer_while_sound_is_pushed():
+    session, seen, over = cospeech.open_live_session("rules", fps=30), [], threading.Event()
+
+    def steer() -> None:
+        for k in itertools.count():
+            if over.is_set():
+                return
+            session.set_emotion(("happiness", "anger", "neutral")[k % 3])
+            session.set_intensity(0.8 + 0.1 * (k % 4))
+            time.sleep(0.002)
+
+    other = threading.Thread(target=steer)
+    other.start()
+    try:
+        for piece in Speech.load(example()[0]).window(0, 8).chunks(0.02):
+            seen += list(session.push(piece))
+        seen += list(session.finish())
+    finally:
+        over.set()
+        other.join()
+    starts = np.cumsum([0, *(len(motion) for motion in seen)])
+    assert [round(motion.start * 30) for motion in seen] == starts[:-1].tolist()
+    assert starts[-1] == 240

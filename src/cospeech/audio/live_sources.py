@@ -28,6 +28,8 @@ PIECE = 0.02  # seconds of a piece: what telephones and browsers send (ours)
 FORMATS: dict[str, np.dtype[Any]] = {"s16": np.dtype("<i2"), "f32": np.dtype("<f4")}
 """Raw samples: whole numbers of 16 bits, floats of 32 bits; little-endian, one channel."""
 SLACK = 0.03  # seconds that sound may be late before silence takes its place (ours: half of the pacing's margin)
+_HEADS = {b"RIFF": "a WAV", b"fLaC": "a FLAC", b"OggS": "an Ogg", b"ID3": "an MP3"}
+"""First bytes of sound files. As samples of 16 bits they would be loud: above a fifth of full scale."""
 _LINE = 1 << 16  # bytes of a line (ours)
 BEHIND = 300.0  # seconds of sound that may wait: who sends more is made to wait (ours: longer than an answer)
 
@@ -108,18 +110,16 @@ def _collect(blocks: Iterable[Samples], waiting: WaitingSound) -> None:
 def read_pcm(
     file: IO[bytes], rate: int, kind: str = "s16", *, note: Callable[[str], object] = lambda text: None
 ) -> Iterator[Samples]:
-    """Raw samples of a pipe, as they come; ``note`` is told once of each fault that they have."""
+    """Raw samples of a pipe, as they come; ``note`` is told once of each fault that they have.
+
+    Raises:
+        InputError: it is a sound file, not raw samples.
+    """
     read = getattr(file, "read1", file.read)  # what there is, without waiting for more
-    dtype, rest = FORMATS[kind], b""
-    check = _make_check(kind, note)
-    while data := read(max(1, round(PIECE * rate)) * dtype.itemsize):
-        data = rest + data
-        whole = len(data) - len(data) % dtype.itemsize
-        check(data[:whole])
-        yield decode_pcm(data[:whole], kind)
-        rest = data[whole:]
-    if rest:
-        note(f"the sound ends within a sample; {_bytes(len(rest))} left out (samples are {kind}, little-endian)")
+    decoder, size = _Decoder(kind, note), max(1, round(PIECE * rate)) * FORMATS[kind].itemsize
+    while data := read(size):
+        yield decoder.decode(data)
+    decoder.end()
 
 
 def read_lines(number: int = 0) -> Iterator[bytes]:
@@ -144,40 +144,68 @@ def read_websocket(
     *,
     note: Callable[[str], object] = lambda text: None,
 ) -> Iterator[Samples]:
-    """The binary messages of a WebSocket, each a whole number of samples; texts are given to ``on_text``.
+    """Samples of the binary messages of a WebSocket; texts are given to ``on_text``.
 
-    Bytes after the last whole sample of a message are left out. ``note`` is told once of each fault that messages have.
+    A message may end within a sample: the next one goes on there. After an empty message, or a text for which ``on_text``
+    returns True, a new sample begins. ``note`` is told once of each fault that messages have.
+
+    Raises:
+        InputError: the first message is the head of a sound file, not raw samples.
     """
-    check = _make_check(kind, note)
+    decoder = _Decoder(kind, note)
     for message in connection:
         if isinstance(message, str):
-            if on_text is not None:
-                on_text(message)
-            continue
-        check(message)
-        if whole := len(message) - len(message) % FORMATS[kind].itemsize:
-            yield decode_pcm(message[:whole], kind)
+            if on_text is not None and on_text(message) is True:
+                decoder.end()
+        elif not message:
+            decoder.end()
+        elif len(samples := decoder.decode(message)):
+            yield samples
+    decoder.end()
 
 
-def _make_check(kind: str, note: Callable[[str], object]) -> Callable[[bytes], None]:
-    """A function that looks at raw samples, and tells of each kind of fault the first time."""
-    told: set[str] = set()
+class _Decoder:
+    """Raw samples in pieces of any size; what is left of the last sample goes before the next piece."""
 
-    def tell(fault: str, text: str) -> None:
-        if fault not in told:
-            told.add(fault)
-            note(text)
+    def __init__(self, kind: str, note: Callable[[str], object]) -> None:
+        self._kind, self._size, self._note = kind, FORMATS[kind].itemsize, note
+        self._rest, self._begun, self._told = b"", False, set[str]()
+        self._layout = f"samples are {kind}, little-endian"
 
-    def check(data: bytes) -> None:
-        size = FORMATS[kind].itemsize
-        if odd := len(data) % size:
-            end = f"a message of {_bytes(len(data))} ends within a sample; {_bytes(odd)} left out"
-            tell("odd", f"{end}, also of messages to come (samples are {kind}, little-endian)")
-        values = np.frombuffer(data, FORMATS[kind], len(data) // size)
-        if kind == "f32" and not np.isfinite(values).all():
-            tell("number", f"samples that are NaN or infinite are heard as silence (samples are {kind}, little-endian)")
+    def decode(self, data: bytes) -> Samples:
+        """The whole samples up to the end of this piece."""
+        if not self._begun:
+            self._begun = True
+            _check_raw(data)
+        data = self._rest + data
+        whole = len(data) - len(data) % self._size
+        self._rest, data = data[whole:], data[:whole]
+        if self._kind == "f32" and not np.isfinite(np.frombuffer(data, FORMATS[self._kind])).all():
+            self._tell("number", f"samples that are NaN or infinite are heard as silence ({self._layout})")
+        return decode_pcm(data, self._kind)
 
-    return check
+    def end(self) -> None:
+        """The sound is over, or begins anew."""
+        if self._rest:
+            self._tell("odd", f"the sound ends within a sample; {_bytes(len(self._rest))} left out ({self._layout})")
+        self._rest = b""
+
+    def _tell(self, fault: str, text: str) -> None:
+        if fault not in self._told:
+            self._told.add(fault)
+            self._note(text)
+
+
+def _check_raw(data: bytes) -> None:
+    """See that the first bytes of a sound are samples.
+
+    Raises:
+        InputError: they are the head of a sound file.
+    """
+    for head, name in _HEADS.items():
+        if data.startswith(head):
+            hint = "give the file's name to --input, or send raw samples: ffmpeg -i talk.wav -f s16le -ac 1 -ar 16000 -"
+            raise InputError(f"this is {name} file, not raw samples", hint)
 
 
 def _bytes(count: int) -> str:

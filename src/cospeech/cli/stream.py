@@ -41,6 +41,7 @@ __all__ = ["register"]
 
 _ALL = ",".join(PARTS)
 _CLOSING = 0.5  # seconds in which a character that is stopped shuts its mouth and lowers its hands [ours]
+_ENDING = 1.5  # seconds after the sound is over, in which the hands come to rest [ours]
 _SILENCE = 3.0  # seconds of live silence after which the rules idle [ours: longer than a pause between sentences]
 Avatar = Annotated[
     Path | None,
@@ -240,5 +241,5 @@ def _play(session: LiveSession, pieces: Iterable[Speech], steer: Callable[[Speec
             pacer.begin(float(piece.duration))
         for motion in session.push(steer(piece)):
             pacer.push(motion)
-    for motion in session.finish():
+    for motion in session.idle(_ENDING if pacer.paced else 0.0):  # who takes frames as they are made wants those of the sound
         pacer.push(motion)

@@ -28,9 +28,10 @@ class Controls:
         self._sound, self._tell = sound, tell
         self._messages: SimpleQueue[tuple[str | bytes, int]] = SimpleQueue()
 
-    def put(self, message: str | bytes) -> None:
-        """Add a message; any thread may."""
+    def put(self, message: str | bytes) -> bool:
+        """Add a message; any thread may. Returns whether the sound before it is void: it interrupts."""
         self._messages.put((message, self._sound.received))
+        return '"interrupt"' in (message if isinstance(message, str) else message.decode("utf-8", "replace"))
 
     def steer(self, session: LiveSession, piece: Speech) -> Speech:
         """Do what the messages say that have come; the stream goes on after one that says nothing sensible.

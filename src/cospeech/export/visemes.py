@@ -1,13 +1,14 @@
 """From ARKit's 52 weights to the smaller alphabets of other characters: VRM's presets and Oculus' visemes.
 
 With ``A`` = how open the mouth is (jawOpen less mouthClose, over 0.4: speech seldom opens ARKit's jaw further), ``R`` = how
-round (the larger of mouthPucker and mouthFunnel, over 0.7), ``W`` = how wide (mean of stretch and smile over 0.5, less R),
-``L`` = whether the lips are parted (the larger of A and of twice the lips' mean lift), each held in 0 … 1:
+round (the larger of mouthPucker and mouthFunnel, over 0.7), ``W`` = how wide (stretch over 0.22, for speech seldom stretches
+lips further; more by a smile beyond 0.2, over 0.8; less R), ``L`` = whether the lips are parted (the larger of A and of twice
+the lips' mean lift), each held in 0 … 1:
 
     aa = (1−R)·A·(1−W)    ee = (1−R)·A·W    ih = (1−R)·(1−A)·W·L    oh = R·A    ou = R·(1−A)
 
 They never add up to more than 1, a smile with closed lips speaks no vowel, and a wide jaw is ``aa``. The formula and its
-four scales are ours. ``blink`` takes what both lids share and ``blinkLeft``/``blinkRight`` the rest, as a character adds
+five scales are ours. ``blink`` takes what both lids share and ``blinkLeft``/``blinkRight`` the rest, as a character adds
 them up.
 
 The moods are sums of ARKit weights, held in 0 … 1 (`MOODS`). What a face does while it speaks without an emotion is below
@@ -23,7 +24,8 @@ from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 
 __all__ = ["MOODS", "arkit_from_presets", "oculus_visemes", "vrm_presets"]
 
-_OPEN, _ROUND, _WIDE, _PARTED = 0.4, 0.7, 0.5, 0.5  # ours, see above
+_OPEN, _ROUND, _STRETCHED, _SMILED, _PARTED = 0.4, 0.7, 0.22, 0.8, 0.5  # ours, see above
+_AT_EASE = 0.2  # of a smile; ours: a face that speaks without an emotion has less for nine tenths of the time
 MOODS = {
     "happy": (-0.4, {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8}),
     "angry": (-0.2, {"browDownLeft": 0.425, "browDownRight": 0.425, "browInnerUp": -0.7}),
@@ -59,7 +61,8 @@ def vrm_presets(face: Array) -> dict[str, Array]:
     get = {name: face[:, k] for name, k in ARKIT_INDEX.items()}
     opened = np.clip((get["jawOpen"] - get["mouthClose"]) / _OPEN, 0, 1)
     rounded = np.clip(np.maximum(get["mouthPucker"], get["mouthFunnel"]) / _ROUND, 0, 1)
-    wide = np.clip((_mean(face, "mouthStretch", "mouthSmile") / _WIDE) - rounded, 0, 1)
+    smile = np.maximum(_mean(face, "mouthSmile") - _AT_EASE, 0) / _SMILED
+    wide = np.clip(_mean(face, "mouthStretch") / _STRETCHED + smile - rounded, 0, 1)
     lifted = _mean(face, "mouthLowerDown", "mouthUpperUp") / _PARTED
     parted = np.clip(np.maximum(opened, lifted), 0, 1)
     both = np.minimum(get["eyeBlinkLeft"], get["eyeBlinkRight"])

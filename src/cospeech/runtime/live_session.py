@@ -4,17 +4,21 @@ A clock counts the seconds that were pushed, sound or none. Frame k is of the ti
 speaks, a session of the model makes the frames, and each comes `LiveSession.latency` after its sound. In between, the rules
 idle. Whenever one takes over from the other, a `PoseTransition` leads from pose to pose. As long as nothing is steered, the
 frames are those of the model's own session, bit for bit.
+
+One thread pushes sound and takes the frames. Any thread may steer or interrupt: a call waits until the one before is done.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from fractions import Fraction
+from functools import wraps
 from math import floor, isfinite
 from numbers import Real
-from typing import Any, Protocol
+from threading import RLock
+from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 
 import numpy as np
 
@@ -42,6 +46,21 @@ _SEATED = 0.70  # m; hips that are lower sit (`cospeech.rules.stance_layer`)
 _GRID = 192_000  # [ours] seconds are told apart as finely as samples at the highest rate: 1/60 is a sixtieth
 
 
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+
+def _one_at_a_time(method: Callable[Concatenate[LiveSession, _P], _R]) -> Callable[Concatenate[LiveSession, _P], _R]:
+    """A method that waits until no other one of the same session runs."""
+
+    @wraps(method)
+    def call(self: LiveSession, /, *args: _P.args, **kwargs: _P.kwargs) -> _R:
+        with self._lock:
+            return method(self, *args, **kwargs)
+
+    return call
+
+
 class LiveModel(Protocol):
     """What is asked of a model."""
 
@@ -67,6 +86,7 @@ class LiveSession:
     def __init__(self, model: Any, options: GenerationOptions, *, idle_after: float | None = None) -> None:
         if options.takes != 1:
             raise InputError(f"{options.takes} takes in a live session", "open one session for each")
+        self._lock = RLock()
         self._model: LiveModel = model
         self._options = options
         self._prepared: Session | TrainedSession | None = model.session(options)  # the session of the next utterance
@@ -111,6 +131,7 @@ class LiveSession:
 
     # ---------------------------------------------------------------------------------------------- sound and time
 
+    @_one_at_a_time
     def push(self, sound: Speech | Array, rate: int | None = None) -> Iterator[Motion]:
         """Hear what is said next, at once.
 
@@ -134,6 +155,7 @@ class LiveSession:
             self._hear(piece)
         return self._next_frames()
 
+    @_one_at_a_time
     def idle(self, seconds: float) -> Iterator[Motion]:
         """No sound for so long: an utterance ends, and the character listens and idles.
 
@@ -150,6 +172,7 @@ class LiveSession:
         self._fill(count_frames(self._time, self._options.fps))
         return self._next_frames()
 
+    @_one_at_a_time
     def finish(self) -> Iterator[Motion]:
         """The speech is over.
 
@@ -163,6 +186,7 @@ class LiveSession:
             raise InputError("there is no speech", "push at least one sample before finish()")
         return self.idle(0)
 
+    @_one_at_a_time
     def interrupt(self, *, at: float | None = None) -> None:
         """Stop speaking: frames that were not given are dropped, the mouth shuts, and the hands come down.
 
@@ -205,6 +229,7 @@ class LiveSession:
 
     # ---------------------------------------------------------------------------------------------- steering
 
+    @_one_at_a_time
     def restyle(self, style: object) -> None:
         """Another style, faded in over half a second.
 
@@ -215,6 +240,7 @@ class LiveSession:
         if isinstance(self._heard, Session):
             self._idle = None  # the next one idles in this style
 
+    @_one_at_a_time
     def set_emotion(self, emotion: str) -> None:
         """Another emotion, or "auto", faded in over half a second.
 
@@ -225,6 +251,7 @@ class LiveSession:
         if self._idle is not None:
             self._idle.session.set_emotion(emotion)
 
+    @_one_at_a_time
     def set_intensity(self, intensity: float) -> None:
         """Another size of all movement, 0 … 2, faded in over half a second.
 
@@ -235,6 +262,7 @@ class LiveSession:
         if self._idle is not None:
             self._idle.session.set_intensity(intensity)
 
+    @_one_at_a_time
     def set_parts(self, parts: Iterable[str]) -> None:
         """The parts that move from the next frame on, of those that the session was opened with.
 
@@ -363,13 +391,19 @@ class LiveSession:
 
     def _next_frames(self) -> Iterator[Motion]:
         """What is ready: a piece leaves the queue before anybody sees it."""
-        while self._ready:
-            motion = self._ready.popleft()
-            self._given += len(motion)
-            self._past.append(motion)
-            while len(self._past) > 1 and self._start_of(self._past[1]) < self._given - _KEPT * motion.fps:
-                self._past.popleft()
-            yield self._fades.apply(motion)
+        while (motion := self._take_next()) is not None:
+            yield motion
+
+    @_one_at_a_time
+    def _take_next(self) -> Motion | None:
+        if not self._ready:
+            return None
+        motion = self._ready.popleft()
+        self._given += len(motion)
+        self._past.append(motion)
+        while len(self._past) > 1 and self._start_of(self._past[1]) < self._given - _KEPT * motion.fps:
+            self._past.popleft()
+        return self._fades.apply(motion)
 
     def _start_of(self, motion: Motion) -> int:
         return round(motion.start * motion.fps)

@@ -65,6 +65,7 @@ def _listening(address: str) -> Iterator[Iterator[str | bytes]]:
 
     def hear(connection: Any) -> None:
         with one:  # one voice at a time
+            arrived.put(b"")  # a new voice begins with a whole sample
             for message in _hear_to_the_end(connection):
                 arrived.put(message)
 

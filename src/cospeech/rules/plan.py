@@ -44,7 +44,7 @@ _CHAINED = 0.65  # share of the way back to where the hand already is that a pre
 _FROM_HANGING = 0.3  # share of its wind-up that a hand at the hip keeps: the body is in the way (ours, by the laws of the body)
 _HUNG, _STAYS_OUT = 2.5, 0.4  # seconds that a hand hangs; how often, after that, a gesture leaves it out, to usually (ours)
 _HURRIED = 0.6  # share of the usual length of a stroke at least, where a plan leaves little time for it (ours)
-_STIRS, _STIRRED = 0.35, 0.65  # how often a hand beats on an accent without a gesture, in a bout; and how large (ours)
+_STIRS, _STIRRED = 0.75, 0.7  # how often a hand beats on an accent without a gesture, in a bout; and how large (ours)
 _BEATS = 0.35  # how often a raised hand beats in place of a new gesture (ours)
 _DROPS = 0.8  # how often a hand hangs after the last gesture before a pause (ours)
 _LEAST = (0.36, 0.25)  # share of an unhurried preparation that a gesture needs: without a word, with one (ours)
@@ -293,14 +293,15 @@ class Planner:
         hold[:3] += (state.home[:3] - hold[:3]) * np.array([0.3 + 0.6 * effort_of(hold), 0.55, 0.4]) * sink
         hold[:3] += [self._random.gauss(0, 0.02) for _ in range(3)]
         hold[5] *= 0.6
-        state.track.move(end + self._random.uniform(0.2, 0.6), self._random.uniform(1.0, 1.8) / tempo, hold)
+        at_ease = 1.0 - 0.7 * effort_of(poses[-1])
+        state.track.move(end + self._random.uniform(0.15, 0.5) * at_ease, self._random.uniform(0.8, 1.6) / tempo, hold)
         state.pose = poses[-1]
         return end
 
     def _mark(self, state: HandState, name: str, peak: float, end: float, modifier: EmotionModifier) -> None:
         state.busy, state.place, state.form, state.last_stroke, state.keeps = end - 0.08, "up", name, peak, False
         state.up_until = end + (0.24 + 1.5 * self.style.hold) * self._random.uniform(0.7, 1.4) / modifier.tempo
-        state.up_until = end + (state.up_until - end) * (1.0 - 0.6 * effort_of(state.track.target))
+        state.up_until = end + (state.up_until - end) * (1.0 - 0.7 * effort_of(state.track.target))
 
     def _beat(self, now: float, accent: Accent, held: list[HandState], modifier: EmotionModifier, scale: float) -> bool:
         """A short stroke in place, down and a little forward, with a rebound; False where there is no time."""
@@ -366,7 +367,7 @@ class Planner:
             draw = Random(self._random.random())  # each hand has its own numbers, whatever the other one does
             tired = now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold and not state.keeps)
             if state.place == "up" and now > state.busy and tired:
-                place = "idle" if draw.random() < (_DROPS if quiet else 0.9 - 0.5 * self.style.hold) else "rest"
+                place = "idle" if draw.random() < (_DROPS if quiet else 0.8 - 0.5 * self.style.hold) else "rest"
                 self._retract(now, hand, state, place, modifier, draw)
             elif state.place == "rest" and quiet and now > last + 1.1 + 1.2 * self.style.hold and now > state.busy:
                 self._retract(now, hand, state, "idle", modifier, draw)

@@ -279,7 +279,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         "restless": Style(
             "short, small, low beat gestures; shifts the weight from foot to foot",
             variation=9000,
-            rate=0.72,
+            rate=0.66,
             amplitude=0.8,
             height=-0.04,
             breadth=-0.02,

@@ -44,7 +44,7 @@ _CHAINED = 0.65  # share of the way back to where the hand already is that a pre
 _FROM_HANGING = 0.3  # share of its wind-up that a hand at the hip keeps: the body is in the way (ours, by the laws of the body)
 _HUNG, _STAYS_OUT = 2.5, 0.4  # seconds that a hand hangs; how often, after that, a gesture leaves it out, to usually (ours)
 _HURRIED = 0.6  # share of the usual length of a stroke at least, where a plan leaves little time for it (ours)
-_STIRS, _STIRRED = 0.75, 0.7  # how often a hand beats on an accent without a gesture, in a bout; and how large (ours)
+_STIRS, _STIRRED = 0.5, 0.7  # how often a hand beats on an accent without a gesture, in a bout; and how large (ours)
 _BEATS = 0.35  # how often a raised hand beats in place of a new gesture (ours)
 _DROPS = 0.8  # how often a hand hangs after the last gesture before a pause (ours)
 _LEAST = (0.36, 0.25)  # share of an unhurried preparation that a gesture needs: without a word, with one (ours)
@@ -305,7 +305,7 @@ class Planner:
 
     def _beat(self, now: float, accent: Accent, held: list[HandState], modifier: EmotionModifier, scale: float) -> bool:
         """A short stroke in place, down and a little forward, with a rebound; False where there is no time."""
-        if len(held) == 2 and self._random.random() > 0.2 + 0.5 * self.style.symmetry:
+        if len(held) == 2 and self._random.random() > 0.45 + 0.5 * self.style.symmetry:
             held = [self.hands[RIGHT if self._random.random() < self.style.hand else LEFT]]
         tempo = self.style.tempo * modifier.tempo
         size = scale * (0.14 + 0.25 * accent.strength) * self.style.amplitude * modifier.amplitude * self.intensity
@@ -345,7 +345,7 @@ class Planner:
         poses: list[Array],
     ) -> None:
         """The idle hand stirs along with a one-handed gesture."""
-        share = (0.05 + 0.28 * self.style.symmetry) * (0.35 if state.place == "idle" or start < state.busy else 1.0)
+        share = (0.12 + 0.40 * self.style.symmetry) * (0.45 if state.place == "idle" or start < state.busy else 1.0)
         for onset_, length, delta in (
             (start + 0.03, prepare * 1.1, poses[0] - leader.home),
             (onset + 0.02, stroke, poses[1] - poses[0]),

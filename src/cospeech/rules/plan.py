@@ -367,7 +367,7 @@ class Planner:
             draw = Random(self._random.random())  # each hand has its own numbers, whatever the other one does
             tired = now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold and not state.keeps)
             if state.place == "up" and now > state.busy and tired:
-                place = "idle" if draw.random() < (_DROPS if quiet else 0.8 - 0.5 * self.style.hold) else "rest"
+                place = "idle" if draw.random() < (_DROPS if quiet else 1.0 - 0.5 * self.style.hold) else "rest"
                 self._retract(now, hand, state, place, modifier, draw)
             elif state.place == "rest" and quiet and now > last + 1.1 + 1.2 * self.style.hold and now > state.busy:
                 self._retract(now, hand, state, "idle", modifier, draw)

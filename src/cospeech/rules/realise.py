@@ -50,7 +50,7 @@ _WANDER_HZ, _WANDER = 0.8, np.array([0.04, 0.05, 0.04])
 """How often, and how far in arm lengths, a raised hand wanders about its place. [ours: held up, the hands of a recorded speaker
 are seldom slower than .13 m/s; without this, ours were at .05]"""
 _TOGETHER, _ALONE = 0.75, 0.65  # shares of it that both hands have in common, and that each has alone [ours]
-_HANGS, _RAISED = -0.76, 0.2  # arm lengths above the shoulder of a hand that hangs; and from there to one that is raised [ours]
+_HANGS, _RAISED = -0.85, 0.4  # arm lengths above the shoulder of a hand that hangs; and from there to one that is raised [ours]
 _FINGERS_HZ = 1.2  # of fingers that are never still: half of what recorded fingers move, in the median (ours)
 _CLEAR = 0.010  # metres of air kept between hand and body
 

@@ -25,6 +25,8 @@ from .worker import TooLong, Worker, WorkerEnded, worker_command
 
 __all__ = ["SoundDecoder"]
 
+_HEADER = ("rate", "channels", "frames", "announced")
+
 
 def _command() -> list[str]:
     return worker_command(Path(__file__).with_name("_decode.py"), memory=DECODER_MEMORY, cpu_seconds=DECODER_CPU_SECONDS)
@@ -35,6 +37,8 @@ class SoundDecoder:
 
     def __init__(self, path: Path, name: str) -> None:
         self.name, self._timeout = name, OPEN_TIMEOUT
+        self.announced: int | None = None
+        """Frames that a file which was cut short says that it has; known with its `header`."""
         self._worker = Worker(_command())
         self._worker.request(b"P", os.fsencode(path), last=True)
 
@@ -46,7 +50,7 @@ class SoundDecoder:
         self._timeout = BLOCK_TIMEOUT
         values = self._json(payload)
         try:
-            rate, channels, claim = (int(values[key]) for key in ("rate", "channels", "frames"))  # type: ignore[call-overload]
+            rate, channels, claim, announced = (int(values[key]) for key in _HEADER)  # type: ignore[call-overload]
         except (KeyError, TypeError, ValueError):
             raise self._make_error("sent a header that makes no sense") from None
         if not SOUND_RATES[0] <= rate <= SOUND_RATES[1]:
@@ -55,7 +59,7 @@ class SoundDecoder:
             )
         if not 1 <= channels <= CHANNELS:
             raise InputError(f"{self.name!r} has {channels} channels", f"1 … {CHANNELS} can be read")
-        self._width = 4 * channels
+        self._width, self.announced = 4 * channels, announced if announced > 0 else None
         return rate, channels, claim
 
     def blocks(self) -> Iterator[bytes]:

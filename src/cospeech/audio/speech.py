@@ -10,6 +10,7 @@ switched off) gives what it holds. Channels are averaged, unless they cancel eac
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -23,7 +24,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import CospeechWarning, InputError
 from ..files import regular_file
 from ..limits import SECONDS_IN_MEMORY, SOUND_RATES, SPEECH_RATES
 from .decoding import SoundDecoder
@@ -201,7 +202,7 @@ def shift_times(speech: Speech, origin: float) -> Speech:
 def open_speech(path: str | PathLike[str], *, transcript: str | PathLike[str] | None = None, rate: int = RATE) -> SpeechSource:
     """Open a sound file for reading in blocks, in constant memory, whatever its length.
 
-    WAV, FLAC, OGG (Vorbis, Opus), MP3 and AIFF; MP4, M4A, WebM and other media where PyAV is installed (``cospeech[av]``).
+    WAV, FLAC, OGG (Vorbis, Opus), MP3 and AIFF; MP4, M4A, WebM and other media where PyAV is installed (the extra ``av``).
     8 … 384 kHz, any number of channels.
 
     >>> with open_speech("talk.wav") as source:                                        # doctest: +SKIP
@@ -272,6 +273,7 @@ class SpeechSource:
         """The speech in float32 blocks of some seconds at ``rate``; called again, it starts again.
 
         All blocks together are ceil(duration × rate) samples; time 0 of the file is sample 0 of the first block.
+        A `CospeechWarning` says if a WAV has fewer samples than its header says.
 
         Raises:
             InputError: the file is damaged, has no samples, or samples that are not numbers.
@@ -298,6 +300,10 @@ class SpeechSource:
         yield from merge.flush()
         if not frames:
             raise InputError(f"there is no sound in {self.name!r}: 0 samples", "was the recording stopped before it began?")
+        if decoder.announced is not None and self.source_frames is None:  # told once
+            said, there = decoder.announced / self.source_rate, frames / self.source_rate
+            problem = f"{self.name!r} is cut short: its header says {said:.4g} s, and {there:.4g} s are there"
+            warnings.warn(problem, CospeechWarning, stacklevel=2)
         self.source_frames = frames
 
     def _resample(self, blocks: Iterator[Samples]) -> Iterator[Samples]:

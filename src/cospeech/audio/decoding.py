@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
-from ..errors import InputError, InternalError
+from ..errors import CospeechWarning, InputError, InternalError
 from ..limits import (  # fmt: skip
     BLOCK_TIMEOUT,
     CHANNELS,
@@ -59,17 +60,21 @@ class SoundDecoder:
             )
         if not 1 <= channels <= CHANNELS:
             raise InputError(f"{self.name!r} has {channels} channels", f"1 … {CHANNELS} can be read")
-        self._width, self.announced = 4 * channels, announced if announced > 0 else None
+        self._width, self._rate, self.announced = 4 * channels, rate, announced if announced > 0 else None
         return rate, channels, claim
 
     def blocks(self) -> Iterator[bytes]:
-        """Interleaved float32 of whole frames, until the decoder says that this is all."""
+        """Interleaved float32 of whole frames, until the decoder says that this is all; a note if the file announced more."""
         frames = 0
         while True:
             kind, payload = self._message()
             if kind == b"E":
                 if self._json(payload).get("frames") != frames:
                     raise self._make_error("lost samples on the way")
+                if self.announced is not None and frames:
+                    said, there = self.announced / self._rate, frames / self._rate
+                    problem = f"{self.name!r} is cut short: its header says {said:.4g} s, and {there:.4g} s are there"
+                    warnings.warn(problem, CospeechWarning, stacklevel=2)
                 return
             if kind != b"B" or len(payload) % self._width:
                 raise self._make_error(f"sent {len(payload)} bytes of {kind!r}")

@@ -5,12 +5,11 @@ reported as an `InputError`. The format is found by content, never by suffix.
 
 What happens to odd files: silence is valid speech (the character idles); a file without a single sample, with samples that are
 not numbers or far outside -1 … 1, or damaged in the middle is an error; one that merely ends early (a recorder that was
-switched off) gives what it holds. Channels are averaged, unless they cancel each other out: then the louder one speaks.
+switched off) gives what it holds, a WAV with a `CospeechWarning`. Channels are averaged; if they cancel, the louder one speaks.
 """
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -24,7 +23,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import CospeechWarning, InputError
+from ..errors import InputError
 from ..files import regular_file
 from ..limits import SECONDS_IN_MEMORY, SOUND_RATES, SPEECH_RATES
 from .decoding import SoundDecoder
@@ -273,7 +272,6 @@ class SpeechSource:
         """The speech in float32 blocks of some seconds at ``rate``; called again, it starts again.
 
         All blocks together are ceil(duration × rate) samples; time 0 of the file is sample 0 of the first block.
-        A `CospeechWarning` says if a WAV has fewer samples than its header says.
 
         Raises:
             InputError: the file is damaged, has no samples, or samples that are not numbers.
@@ -282,8 +280,8 @@ class SpeechSource:
             self._decoder.close()
             self._decoder = SoundDecoder(self.path, self.name)
             self._decoder.header()
-        self._fresh = False
-        decoder = self._decoder
+            self._decoder.announced = None  # it was told
+        self._fresh, decoder = False, self._decoder
         try:
             yield from self._resample(self._mono(decoder))
         finally:
@@ -300,10 +298,6 @@ class SpeechSource:
         yield from merge.flush()
         if not frames:
             raise InputError(f"there is no sound in {self.name!r}: 0 samples", "was the recording stopped before it began?")
-        if decoder.announced is not None and self.source_frames is None:  # told once
-            said, there = decoder.announced / self.source_rate, frames / self.source_rate
-            problem = f"{self.name!r} is cut short: its header says {said:.4g} s, and {there:.4g} s are there"
-            warnings.warn(problem, CospeechWarning, stacklevel=2)
         self.source_frames = frames
 
     def _resample(self, blocks: Iterator[Samples]) -> Iterator[Samples]:

@@ -125,7 +125,7 @@ def generate_files(
         place = stack.enter_context(all_or_none([*names, *(Path(path) for path in (report, plan_out) if path)]))
         source = stack.enter_context(open_speech(audio, transcript=transcript))
         source.words = align_with_recogniser(audio) if transcribe else source.words
-        words = options.plan.spoken if source.words is None and options.plan is not None else source.words
+        words = options.plan.speech_words if source.words is None and options.plan is not None else source.words
         keywords = writer_keywords(files, audio, avatar, special or {}, words)
         counts = set[int]()
         for group, performance in _passes(loaded, options):

@@ -40,7 +40,7 @@ def usual() -> Motion:
     return RuleBasedModel().generate(speech())
 
 
-def wordless() -> Speech:
+def without_words() -> Speech:
     return replace(speech(), words=None)
 
 
@@ -59,18 +59,18 @@ def talk(tmp_path, monkeypatch) -> Path:
 
 def test_words_of_the_plan_are_played_to_a_speech_without_words(tmp_path):
     assert plan().words[0].start < 0 < plan().words[0].end
-    assert not same(RuleBasedModel().generate(wordless()), usual())  # words matter here
+    assert not same(RuleBasedModel().generate(without_words()), usual())  # words matter here
     plan().save(tmp_path / "plan.json")
     read = Plan.load(tmp_path / "plan.json")
     with warnings.catch_warnings():
         warnings.simplefilter("error", CospeechWarning)
-        assert same(RuleBasedModel().generate(wordless(), plan=read), usual())
-        assert RuleBasedModel().plan(wordless(), plan=read) == plan()
+        assert same(RuleBasedModel().generate(without_words(), plan=read), usual())
+        assert RuleBasedModel().plan(without_words(), plan=read) == plan()
 
 
 @pytest.mark.parametrize("seconds", [0.07, 0.35, 3.0])
 def test_a_stream_without_words_has_those_of_the_plan_too(seconds):
-    assert same(Motion.concatenate(RuleBasedModel().stream(wordless().chunks(seconds), plan=plan())), usual())
+    assert same(Motion.concatenate(RuleBasedModel().stream(without_words().chunks(seconds), plan=plan())), usual())
 
 
 def test_words_that_are_given_win_and_a_note_says_so():
@@ -86,7 +86,7 @@ def test_words_that_are_given_win_and_a_note_says_so():
 
 
 def test_words_whose_times_were_rounded_are_the_same_words():
-    rounded = plan().with_words(Word(w.text, round(w.start, 4), round(w.end, 4)) for w in plan().spoken)
+    rounded = plan().with_words(Word(w.text, round(w.start, 4), round(w.end, 4)) for w in plan().speech_words)
     with warnings.catch_warnings():
         warnings.simplefilter("error", CospeechWarning)
         assert same(RuleBasedModel().generate(speech(), plan=rounded), usual())
@@ -126,6 +126,6 @@ def test_trained_models_play_the_words_of_a_plan_too():
     session = model.session(plan=of_stretch)
     made = Motion.concatenate([*session.push(speech()), *session.finish()])
     assert session.plan.words == plan().words
-    assert same(model.generate(wordless(), plan=session.plan), made)
-    assert not np.array_equal(model.generate(wordless(), plan=of_stretch).face, made.face)
-    assert same(Motion.concatenate(model.stream(wordless().chunks(0.3), plan=session.plan)), made)
+    assert same(model.generate(without_words(), plan=session.plan), made)
+    assert not np.array_equal(model.generate(without_words(), plan=of_stretch).face, made.face)
+    assert same(Motion.concatenate(model.stream(without_words().chunks(0.3), plan=session.plan)), made)

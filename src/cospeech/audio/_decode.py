@@ -65,7 +65,7 @@ def decode(path: bytes) -> int:
     # Opened by number, so that libsndfile has no name whose suffix it could believe.
     with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0)), "rb") as file:
         head = file.read(16)
-        announced = announced_share(file) if head[:4] == b"RIFF" and head[8:12] == b"WAVE" else 1.0
+        announced = find_overstatement(file) if head[:4] == b"RIFF" and head[8:12] == b"WAVE" else 1.0
         file.seek(0)
         container = demuxer(head)
         try:
@@ -79,7 +79,7 @@ def decode(path: bytes) -> int:
             return decode_sound(sound, file, announced)
 
 
-def announced_share(file) -> float:  # type: ignore[no-untyped-def]
+def find_overstatement(file) -> float:  # type: ignore[no-untyped-def]
     """How many times the samples that are there a WAV says that it has; 1 where all are there, or where nobody can tell."""
     at, end = 12, os.fstat(file.fileno()).st_size
     for _ in range(MOST_CHUNKS):

@@ -300,7 +300,7 @@ class Plan(PlanData):
         return self.model_copy(update={"words": words_of(words)})
 
     @property
-    def spoken(self) -> tuple[Word, ...]:
+    def speech_words(self) -> tuple[Word, ...]:
         """Its words, as a speech has them."""
         return tuple(Word(word.text, word.start, word.end) for word in self.words)
 

@@ -46,7 +46,7 @@ class PlanRecord:
                     f"stretches[{k}].style: {stretch.style!r} sits where the plan stands, or stands", "another style"
                 )
         self.player = PlanPlayer(style, plan, intensity=intensity, temperature=temperature)
-        self.words = PlannedWords(plan.spoken)
+        self.words = PlannedWords(plan.speech_words)
         self._settings = deque(plan.settings())
         self._usual = Mood(emotion) if any(each.emotion is not None for each in plan.stretches) else None
         self._accents: dict[float, HeardAccent] = {}

@@ -60,7 +60,7 @@ class StretchedSession:
             start(replace(own, style=style))  # it complains now, not in the middle of the speech
         self._waiting: list[list[Motion]] = [[] for _ in seeds]
         self._switch, self._time, self._fps = MotionSwitch(), Fraction(0), options.fps
-        self._words, self._origin = PlannedWords(plan.spoken), 0.0
+        self._words, self._origin = PlannedWords(plan.speech_words), 0.0
 
     emotion = property(lambda self: self._first.emotion, doc="See `TrainedSession.emotion`.")
     expression = property(lambda self: self._first.expression, doc="See `TrainedSession.expression`.")

@@ -76,7 +76,7 @@ def generate_files(
         emotion: one of `cospeech.audio.emotions.EMOTIONS`, or ``auto``: the arousal of the voice; or one that changes over
             time: an `EmotionTrack`, or the ``.csv`` file of one (`read_emotion_track`).
         speaker: a speaker by name; for the rule-based model speakers are its styles.
-        transcript: words of the speech, with times or without.
+        transcript: words of the speech, with times or without; where not given, those of the plan.
         transcribe: hear the words with faster-whisper (the extra ``asr``) instead.
         seed: of the first take; the next take has the next seed.
         takes: how many; from two on, ``talk.bvh`` becomes ``talk.1.bvh``, ``talk.2.bvh`` …
@@ -125,7 +125,8 @@ def generate_files(
         place = stack.enter_context(all_or_none([*names, *(Path(path) for path in (report, plan_out) if path)]))
         source = stack.enter_context(open_speech(audio, transcript=transcript))
         source.words = align_with_recogniser(audio) if transcribe else source.words
-        keywords = writer_keywords(files, audio, avatar, special or {}, source.words)
+        words = options.plan.speech_words if source.words is None and options.plan is not None else source.words
+        keywords = writer_keywords(files, audio, avatar, special or {}, words)
         counts = set[int]()
         for group, performance in _passes(loaded, options):
             staged = [[place(take_path(path, take + 1, takes)) for path in files] for take in group]

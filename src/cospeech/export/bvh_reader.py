@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..motion.bone_mapping import names_joints, recognise
+from ..motion.bone_mapping import find_joints
 from ..motion.motion import Motion
 from ..motion.rest_calibration import calibrate_rest, on_motions_floor
 from ..motion.rotations import (
@@ -54,13 +54,9 @@ _SAMPLE = 64  # ours: frames that are looked at to tell which way is up
 
 
 def load(
-    path: str | PathLike[str],
-    *,
-    units: str | None = None,
-    up: str | None = None,
-    fps: float | None = None,
+    path: str | PathLike[str], *, units: str | None = None, up: str | None = None, fps: float | None = None,
     bone_map: Mapping[str, str] | None = None,
-) -> Motion:
+) -> Motion:  # fmt: skip
     """Read a BVH of any exporter.
 
     Args:
@@ -91,7 +87,7 @@ def load(
     ends = {names[joint]: end for joint, end in header.ends.items()}
     skeleton, order = _in_table_order(Skeleton(names, header.parents, offsets, ends=ends))  # type: ignore[arg-type]
     try:
-        joints = _find_joints(skeleton, bone_map)
+        joints = find_joints(skeleton, bone_map)
     except InputError as error:
         raise InputError(f"{str(Path(path).name)!r}: {error.problem}", error.hint) from None
     return _as_motion(skeleton, joints, rotations[:, order], root, rate, units, up)
@@ -169,20 +165,10 @@ def _move_offsets(offsets: Array, moving: list[tuple[int, int, int]], means: Arr
     return offsets
 
 
-def _find_joints(skeleton: Skeleton, bone_map: Mapping[str, str] | None) -> dict[str, str]:
-    """Our name → their name; empty for a skeleton that is not recognised and that no map names."""
-    if bone_map and names_joints(bone_map, skeleton):
-        return recognise(skeleton, bone_map)
-    try:
-        return recognise(skeleton)
-    except InputError:
-        return {}
-
-
 def _as_motion(
     skeleton: Skeleton, names: dict[str, str], rotations: Array, root: Array, rate: float, units: str | None, up: str | None
 ) -> Motion:
-    """Tell axes, T-pose and unit, and convert; ``names`` are of `_find_joints`."""
+    """Tell axes, T-pose and unit, and convert; ``names`` are of `find_joints`."""
     sample = np.unique(np.linspace(0, len(root) - 1, _SAMPLE).astype(int))
     points = skeleton.forward(rotations[sample], root[sample])[0]
     if (up or _up(skeleton, names, points)) == "z":

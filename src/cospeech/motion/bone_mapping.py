@@ -20,7 +20,7 @@ from .bone_mapping_by_shape import by_shape
 from .skeleton import Skeleton, humanoid
 from .skeletons import SKELETONS
 
-__all__ = ["REQUIRED", "by_names", "load_map", "names_joints", "recognise"]
+__all__ = ["REQUIRED", "by_names", "find_joints", "load_map", "names_joints", "recognise"]
 
 REQUIRED = (
     "hips", "head",
@@ -176,6 +176,20 @@ def _check_map(bone_map: Mapping[str, str], skeleton: Skeleton) -> dict[str, str
 def names_joints(bone_map: Mapping[str, str], skeleton: Skeleton) -> bool:
     """Whether a map is of the joints of this skeleton."""
     return all(theirs in ("", *skeleton.names) for theirs in bone_map.values())
+
+
+def find_joints(skeleton: Skeleton, bone_map: Mapping[str, str] | None = None) -> dict[str, str]:
+    """`recognise` for readers: a map of other joints changes nothing, and a skeleton that nothing names has none.
+
+    Raises:
+        InputError: a map of these joints lacks some without which nothing can be carried over.
+    """
+    if bone_map and names_joints(bone_map, skeleton):
+        return recognise(skeleton, bone_map)
+    try:
+        return recognise(skeleton)
+    except InputError:
+        return {}
 
 
 def load_map(path: str | PathLike[str]) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from random import Random
 
 import numpy as np
@@ -10,12 +11,13 @@ from ..motion.kinematics.arms import arm_lengths
 from ..motion.kinematics.hands import HAND_SHAPES, HAND_VARIANTS
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
+from .gesture import GestureOverride
 from .minimum_jerk import PEAK
 from .repertoire import FORMS, Form, HandPose
 from .rest_poses import RESTS
 from .styles import Style
 
-__all__ = ["SHAPES", "GesturePlacement", "keep_beside_face", "reach_time", "stroke_time"]
+__all__ = ["SHAPES", "GesturePlacement", "keep_beside_face", "reach_time", "stroke_time", "stroke_times"]
 
 _WORDED = 0.5  # semantic score from which the hand shape of a form is part of what it says (ours)
 _LEFT = 0  # row of `RESTS`
@@ -162,6 +164,14 @@ def stroke_time(a: Array, b: Array, tempo: float, modifier: EmotionModifier) -> 
     way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
     usual = (0.36 + 0.56 * way) / tempo * (1 - 0.26 * modifier.abrupt)
     return max(0.26, usual, PEAK * way / _FASTEST)
+
+
+def stroke_times(
+    usual: float, poses: list[Array], tempo: float, modifier: EmotionModifier, asked: GestureOverride | None
+) -> list[float]:
+    """Seconds of each stroke; ``usual`` are those of the first, if nothing is asked."""
+    lengths = [usual, *(stroke_time(a, b, tempo, modifier) for a, b in pairwise(poses[1:]))]
+    return asked.slow_down(lengths) if asked else lengths
 
 
 def keep_beside_face(pose: Array) -> None:

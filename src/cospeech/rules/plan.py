@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from itertools import pairwise
 from random import Random
 
 import numpy as np
@@ -22,7 +21,7 @@ from ..motion.rotations import Array
 from .bouts import Bouts
 from .emotion_modifiers import EmotionModifier
 from .gesture import CHAINED, LEFT, RIGHT, RUN_UP, Gesture, GestureOverride
-from .gesture_space import SHAPES, GesturePlacement, keep_beside_face, reach_time, stroke_time
+from .gesture_space import SHAPES, GesturePlacement, keep_beside_face, reach_time, stroke_time, stroke_times
 from .hand_state import HandState, effort_of
 from .lexicon import form_for
 from .minimum_jerk import MinimumJerkTrack, peak_share, skew_for
@@ -210,7 +209,7 @@ class Planner:
         usual = stroke_time(poses[0], poses[1], tempo, modifier)
         if asked:  # it hurries where there is little time
             usual = min(usual, max(2 * (asked.stroke - earliest - 0.2), _HURRIED * usual))
-        stroke = _stroke_times(usual, poses, tempo, modifier, asked)[0]
+        stroke = stroke_times(usual, poses, tempo, modifier, asked)[0]
         skew = draw_skew(self._random, 0.1 - 0.3 * modifier.abrupt, 0.33)
         onset = asked.stroke - stroke / 2 if asked else at - LEAD + _MERGED - stroke * peak_share(skew)
         ready = max(earliest, max(self.hands[h].busy for h in hands))
@@ -278,7 +277,7 @@ class Planner:
         wind = draw_arc(draw, poses[0] - state.track.target, poses[0], -bulge)
         state.track.move(start, prepare * (1 + _BLEND), poses[0], skew=skews[0], arc=wind)
         end = onset
-        lengths = _stroke_times(usual, poses, tempo, modifier, asked)
+        lengths = stroke_times(usual, poses, tempo, modifier, asked)
         for k, length in enumerate(lengths, start=1):
             way = poses[k] - poses[k - 1]
             over = np.zeros(CHANNELS)
@@ -395,11 +394,3 @@ class Planner:
             if earliest <= start <= earliest + 0.4:
                 return start
         return earliest + draw.uniform(0, 0.12)
-
-
-def _stroke_times(
-    usual: float, poses: list[Array], tempo: float, modifier: EmotionModifier, asked: GestureOverride | None
-) -> list[float]:
-    """Seconds of each stroke; ``usual`` are those of the first, if nothing is asked."""
-    lengths = [usual, *(stroke_time(a, b, tempo, modifier) for a, b in pairwise(poses[1:]))]
-    return asked.slow_down(lengths) if asked else lengths

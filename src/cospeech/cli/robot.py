@@ -101,7 +101,7 @@ def robot(
     is_motion = str(source) == "-" or source.is_dir() or (kind in FORMATS and kind != ".mp4")  # a video has speech
     motion = _read_motion(source, options) if is_motion else _generate_motion(source, options, fps, quiet)
     rest = rest if rest is not None else 0.0 if is_motion else _REST
-    commands, outside = _make_commands(append_idle(motion.resample(fps), rest, seed=seed), joints)
+    commands, outside = _make_commands(append_idle(motion.resample(fps), rest, seed=seed, intensity=intensity), joints)
     save_trajectory(target, commands, joints, fps=fps)
     if not quiet:
         count = "1 joint" if len(joints) == 1 else f"{len(joints)} joints"

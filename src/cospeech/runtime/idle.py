@@ -74,13 +74,13 @@ class IdleSource:
         return self._session.aim(taken)
 
 
-def append_idle(motion: Motion, seconds: float, *, seed: int = 0) -> Motion:
+def append_idle(motion: Motion, seconds: float, *, seed: int = 0, intensity: float = 1.0) -> Motion:
     """The same motion, and so many seconds more in which the character idles: the hands come down within 1.5 s.
 
     Args:
         motion: on our humanoid, or on a skeleton that is recognised; the result is on our humanoid.
         seconds: 0 leaves it as it is.
-        seed: of the idling.
+        seed, intensity: of the idling.
     """
     frames = ceil(seconds * motion.fps)
     if not frames or not len(motion):
@@ -88,7 +88,7 @@ def append_idle(motion: Motion, seconds: float, *, seed: int = 0) -> Motion:
     motion = motion if motion.skeleton.kind == "humanoid" else motion.retarget("humanoid")
     style = next(each for each in STYLES.values() if each.seated) if float(motion.root[-1, 1]) < SEATED else None
     parts = ("body", "hands") if motion.face is None else PARTS
-    idle = IdleSource(GenerationOptions(style=style, seed=seed, fps=motion.fps, parts=parts))
+    idle = IdleSource(GenerationOptions(style=style, seed=seed, intensity=intensity, fps=motion.fps, parts=parts))
     transition = PoseTransition(motion[-2:], idle.take(min(len(motion), 2)))
     rest = transition.apply(idle.take(frames))
     return Motion.concatenate([motion, rest])

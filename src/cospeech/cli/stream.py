@@ -90,8 +90,8 @@ IdleAfter = Annotated[
         "--idle-after",
         metavar="SECONDS",
         parser=number,
-        help="Silence after which the character listens and idles: the latency of the model, 1.63 s with a face, or more. Where "
-        "it is not given: 3 s of live sound, never for a file.",
+        help="Silence after which the character listens and idles: the latency of the model, 1.63 s with a face, or more. "
+        "Where it is not given: 3 s of live sound, never for a file.",
     ),
 ]
 LookAhead = Annotated[

@@ -167,7 +167,7 @@ def check_request(
         InputError: it cannot.
     """
     _check_rivals(style, speaker, None, False)
-    asked = GenerationOptions.named({"style": style or speaker, "emotion": _read_emotion(emotion)[0], **options})
+    asked = GenerationOptions.from_keywords({"style": style or speaker, "emotion": _read_emotion(emotion)[0], **options})
     next(_passes(loaded, replace(asked, takes=1)))
 
 
@@ -223,7 +223,7 @@ def open_live_session(
 
     opened = load_model(model) if isinstance(model, str | PathLike) else model
     usual = {name: value for name, value in opened.for_files.items() if name == "stance"}
-    given = GenerationOptions.named({**usual, "emotion": _read_emotion(emotion)[0], **options})
+    given = GenerationOptions.from_keywords({**usual, "emotion": _read_emotion(emotion)[0], **options})
     return LiveSession(opened, given, idle_after=idle_after)
 
 

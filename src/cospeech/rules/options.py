@@ -99,12 +99,12 @@ class GenerationOptions:
     def of(cls, options: GenerationOptions | None, keywords: Mapping[str, Any]) -> GenerationOptions:
         """Options as a session is given them: whole, by keywords, or whole with some changed."""
         if options is None:
-            return cls.named(keywords)
+            return cls.from_keywords(keywords)
         check_names(keywords)
         return replace(options, **keywords) if keywords else options
 
     @classmethod
-    def named(cls, keywords: Mapping[str, Any]) -> GenerationOptions:
+    def from_keywords(cls, keywords: Mapping[str, Any]) -> GenerationOptions:
         """Options by keywords.
 
         Raises:

@@ -168,7 +168,7 @@ def check_request(
         InputError: it cannot.
     """
     _check_rivals(style, speaker, None, False)
-    asked = GenerationOptions(style=style or speaker, emotion=_read_emotion(emotion)[0], **options)
+    asked = GenerationOptions.from_keywords({"style": style or speaker, "emotion": _read_emotion(emotion)[0], **options})
     next(_passes(loaded, replace(asked, takes=1)))
 
 
@@ -214,7 +214,8 @@ def open_live_session(
         options: of `GenerationOptions`.
 
     Raises:
-        InputError: an option is out of range or a name unknown; or a plan is given, which is that of one speech.
+        InputError: an option is out of range, or a name unknown, also that of an option; or a plan is given, which is that of
+            one speech.
     """
     from .runtime.live_session import LiveSession
 
@@ -223,7 +224,7 @@ def open_live_session(
 
     opened = load_model(model) if isinstance(model, str | PathLike) else model
     usual = {name: value for name, value in opened.for_files.items() if name == "stance"}
-    given = GenerationOptions(**{**usual, "emotion": _read_emotion(emotion)[0], **options})
+    given = GenerationOptions.from_keywords({**usual, "emotion": _read_emotion(emotion)[0], **options})
     return LiveSession(opened, given, idle_after=idle_after)
 
 

@@ -30,7 +30,7 @@ from ..rules.options import GenerationOptions
 from ..rules.session import Session
 from ..rules.streaming import check_speech, in_short
 from ..rules.styles import STYLES
-from .idle import IdleSource
+from .idle import SEATED, IdleSource
 from .one_at_a_time import one_at_a_time
 from .part_fades import PartFades
 from .pose_transition import PoseTransition
@@ -42,7 +42,6 @@ _QUIET = 0.004  # peak of a piece that counts as silence: −48 dB of full scale
 _BEFORE = Fraction(1, 2)  # s of quiet sound that an utterance begins with: soft onsets, and time to raise the hands [ours]
 _KEPT = 30.0  # s of frames that were given and can be taken back [ours: longer than a sentence that is pushed at once]
 _LONGEST = 60.0  # s of idling at once [ours: its frames are all made before the first is given]
-_SEATED = 0.70  # m; hips that are lower sit (`cospeech.rules.stance_layer`)
 _GRID = 192_000  # [ours] seconds are told apart as finely as samples at the highest rate: 1/60 is a sixtieth
 
 
@@ -340,7 +339,7 @@ class LiveSession:
 
     def _open_idle(self) -> IdleSource:
         style = self._options.style if isinstance(self._heard, Session) else None
-        if style is None and self._last is not None and float(self._last.root[-1, 1]) < _SEATED:
+        if style is None and self._last is not None and float(self._last.root[-1, 1]) < SEATED:
             style = next(each for each in STYLES.values() if each.seated)
         parts = tuple(part for part in self._options.parts if part in self._model.makes)
         idle = replace(self._options, style=style, parts=parts)

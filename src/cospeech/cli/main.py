@@ -294,14 +294,18 @@ def main() -> None:
 
 @contextmanager
 def _noting() -> Iterator[None]:
-    """Our warnings as lines of their own."""
+    """Our warnings as lines of their own, each once: several files of one run may say the same."""
+    told = set[str]()
     with warnings.catch_warnings():
         warnings.simplefilter("always", CospeechWarning)
         usual = warnings.showwarning
 
         def show(message: Warning | str, category: type[Warning], *where: Any) -> None:
             if issubclass(category, CospeechWarning):
-                print(f"note: {' '.join(str(message).split())}", file=sys.stderr)
+                note = " ".join(str(message).split())
+                if note not in told:
+                    told.add(note)
+                    print(f"note: {note}", file=sys.stderr)
             else:
                 usual(message, category, *where)
 

@@ -88,7 +88,7 @@ def load(
     ends = {names[joint]: end for joint, end in header.ends.items()}
     skeleton, order = _in_table_order(Skeleton(names, header.parents, offsets, ends=ends))  # type: ignore[arg-type]
     joints = _find_joints(skeleton, bone_map, repr(str(Path(path).name)))
-    if skeleton.kind == "custom":
+    if skeleton.kind == "custom" or (bone_map and joints):
         skeleton = replace(skeleton, bone_map=joints)
     return _as_motion(skeleton, joints, rotations[:, order], root, rate, units, up)
 

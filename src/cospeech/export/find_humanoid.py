@@ -59,7 +59,10 @@ def read_rig(file: GltfFile, bone_map: Mapping[str, str] | None = None) -> Rig:
     by_name = read_node_names(file) if bone_map else {}
     chosen = dict(bone_map) if bone_map and names_joints(bone_map, by_name) else {}
     known = told or (None if chosen else _our_own(file))
-    bones = _guess_bones(file, chosen, by_name) if known is None else _choose_bones(file, known, chosen, by_name)
+    if known is None:
+        bones = _guess_bones(file, chosen, by_name, None if chosen else bone_map)
+    else:
+        bones = _choose_bones(file, known, chosen, by_name)
     nodes = find_below(file, bones["hips"], set(bones.values()))
     if set(ours.names) <= {file.list("nodes")[n].get("name") for n in nodes}:  # as in our own files
         named = {file.list("nodes")[n].get("name"): n for n in nodes}
@@ -93,7 +96,9 @@ def _choose_bones(
     return rest | nodes
 
 
-def _guess_bones(file: GltfFile, chosen: Mapping[str, str], by_name: Mapping[str, int]) -> dict[str, int]:
+def _guess_bones(
+    file: GltfFile, chosen: Mapping[str, str], by_name: Mapping[str, int], unfit: Mapping[str, str] | None
+) -> dict[str, int]:
     """Humanoid name → node, from a map, and names and shape of the largest tree of bones."""
     named = {by_name[theirs]: theirs for theirs in chosen.values() if theirs}
     order = find_candidates(file, {*named})
@@ -109,7 +114,7 @@ def _guess_bones(file: GltfFile, chosen: Mapping[str, str], by_name: Mapping[str
         raise InputError(f"{file.name} holds no bones", "a rigged humanoid character is needed")
     nodes = max(trees, key=lambda tree: (len({*named} & {*tree}), len(tree)))
     skeleton = bind_skeleton(file, nodes, {k: named[node] for k, node in enumerate(nodes) if node in named}, "custom")
-    names = recognise_file(skeleton, chosen, file.name)
+    names = recognise_file(skeleton, chosen, file.name, unfit)
     bones = {ours: nodes[skeleton.index[theirs]] for ours, theirs in names.items()}
     below = find_below(file, bones["hips"], {*bones.values()})
     beside = [ours for ours in REQUIRED if bones[ours] not in below]

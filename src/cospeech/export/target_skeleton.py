@@ -8,7 +8,7 @@ from os import PathLike
 from pathlib import Path
 
 from ..errors import InputError, nearest
-from ..motion.bone_mapping import names_joints, recognise
+from ..motion.bone_mapping import names_joints, recognise, recognise_file
 from ..motion.skeleton import Skeleton, find_skeleton
 from ..motion.skeletons import SKELETONS
 from ..motion.tpose import on_floor
@@ -47,10 +47,7 @@ def find_target(name: str | PathLike[str] | Skeleton, bones: Mapping[str, str] |
     from .bvh_reader import load
 
     skeleton = load(path, bone_map=bones).skeleton
-    try:
-        names = recognise(skeleton)
-    except InputError as error:
-        raise InputError(f"{path.name!r}: {error.problem}", error.hint) from None
+    names = recognise_file(skeleton, None, repr(path.name), bones)
     return on_floor(skeleton, skeleton.index[names["hips"]])
 
 

@@ -153,12 +153,15 @@ def recognise(skeleton: Skeleton, bone_map: Mapping[str, str] | None = None) -> 
     return _find_joints(skeleton, bone_map)[0]
 
 
-def recognise_file(skeleton: Skeleton, bone_map: Mapping[str, str] | None, file: str) -> dict[str, str]:
+def recognise_file(
+    skeleton: Skeleton, bone_map: Mapping[str, str] | None, file: str, unfit: Mapping[str, str] | None = None
+) -> dict[str, str]:
     """As `recognise`, of a file that has just been read.
 
     Args:
         skeleton, bone_map: as there.
         file: how messages call the file.
+        unfit: a map of other joints; the message says so where this may be why nothing is found.
 
     Raises:
         InputError: as there; the message names the file.
@@ -169,13 +172,22 @@ def recognise_file(skeleton: Skeleton, bone_map: Mapping[str, str] | None, file:
     try:
         found, shaped = _find_joints(skeleton, bone_map)
     except InputError as error:
-        raise InputError(f"{file}: {error.problem}", error.hint) from None
+        raise InputError(f"{file}: {error.problem}", _why_unfit(unfit, skeleton) or error.hint) from None
     still = _unnamed_parts(skeleton, found) if shaped else []
     if still:
         problem = f"{file}: the names of the joints say nothing, so the shape of the tree was used;"
-        told = f"{problem} {' and '.join(still)} were not found and will not move (--map names them; bone_map in Python)"
+        told = f"{problem} {', '.join(still)} were not found and will not move (--map names them; bone_map in Python)"
         warnings.warn(told, CospeechWarning, stacklevel=2)
     return found
+
+
+def _why_unfit(bone_map: Mapping[str, str] | None, skeleton: Skeleton) -> str:
+    """What keeps a map from being one of this skeleton; nothing where there is no map."""
+    try:
+        check_names(bone_map or {}, skeleton.names)
+    except InputError as error:
+        return f"the map does not fit: {error.problem.removeprefix('bone map: ')}, {error.hint}"
+    return ""
 
 
 def _find_joints(skeleton: Skeleton, bone_map: Mapping[str, str] | None) -> tuple[dict[str, str], bool]:
@@ -225,7 +237,7 @@ def _unnamed_parts(skeleton: Skeleton, found: Mapping[str, str]) -> list[str]:
             below["head"] += owners[-1] == "head"
     fingers = not any("Proximal" in name for name in found) and below["hand"] > 2 * _TIPS
     face = not {"leftEye", "rightEye", "jaw"} & {*found} and below["head"] > _TIPS
-    return ["fingers"] * fingers + ["eyes and jaw"] * face
+    return ["fingers"] * fingers + ["eyes", "jaw"] * face
 
 
 def load_map(path: str | PathLike[str]) -> dict[str, str]:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import shlex
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from .errors import CospeechWarning, InputError
-from .export import check_parts, format_of, load
-from .export.checks import File, check_avatar, check_files, check_skeleton
+from .export import FORMATS, check_parts, format_of, load, suffixes
+from .export.checks import File, check_avatar, check_files, check_map, check_skeleton
 from .export.render.camera import find_view
 from .export.target_skeleton import rig_files
 from .motion import edit
-from .motion.bone_mapping import load_map
+from .motion.bone_mapping import load_map, names_joints
 from .motion.motion import Motion
 from .motion.parts import PARTS
 from .motion.skeleton import Skeleton
@@ -101,6 +101,7 @@ def convert_file(
     audio: File | None = None,
     camera: str | None = None,
     avatar: File | None = None,
+    clip: str | int | None = None,
     edits: Edits | None = None,
 ) -> Motion:
     """Read a motion file and write it in another format; what was written is returned.
@@ -109,10 +110,11 @@ def convert_file(
         source, target: motion files; the suffixes pick the formats.
         skeleton: retarget to this one first: a name, or a rig to take it from (``my_rig.bvh``, ``.glb``, ``.vrm``).
         fps: resample to this rate first.
-        names: a TOML file that says which joint of ``source``, or else of the rig, is which of ours.
+        names: a TOML file that says which joint of ``source``, of the rig or of the avatar is which of ours.
         audio: the speech, for pictures.
         camera: for pictures, the name of a view: ``body``, ``full``, ``face`` or ``hands``.
         avatar: a VRM or GLB character for ``.glb`` and for pictures, in place of our mannequin.
+        clip: which animation of a ``source`` that has several: its name, or its number from 0; the first where not given.
         edits: what is done to the motion before all that.
 
     Raises:
@@ -127,7 +129,8 @@ def convert_file(
         find_view(camera)
     bones = load_map(names) if names else None
     goal = None if skeleton is None else check_skeleton(skeleton, {Path(target).suffix.lower()}, bones)
-    motion = edits.apply(load(source, **({"bone_map": bones} if bones and format_of(source).any_skeleton else {})), source)
+    worn = None if avatar is None else check_avatar(avatar, {Path(target).suffix.lower()}, bones)
+    motion = edits.apply(_read(source, bones, clip), source)
     holds = {*format_of(source).holds} | ({"face"} if edits.face is not None else set())
     shown = [part for part in PARTS if part in holds and (part != "face" or motion.face is not None)]
     check_parts(target, shown, f"{str(source)!r} holds")
@@ -136,7 +139,9 @@ def convert_file(
         if camera not in (None, "face"):
             raise InputError(f"camera {camera!r} would show nothing that moves: {str(source)!r} holds a face only", "face does")
         options["camera"] = "face"
-    if names is not None and "body" not in shown:
+    if bones and ("body" in shown or goal or worn):
+        check_map(bones, {str(source): motion.skeleton} | ({} if goal is None else {str(skeleton): goal}), worn)
+    elif names is not None:
         warnings.warn(f"the map changes nothing: {str(source)!r} has no joints", CospeechWarning, stacklevel=2)
     if audio is not None and written.picture and not written.sound:
         problem = f"the speech changes nothing: a {Path(target).suffix.lower()} has neither sound nor a waveform"
@@ -144,16 +149,30 @@ def convert_file(
     if edits.face is not None and "face" not in written.holds:
         problem = f"the face changes nothing: a {Path(target).suffix.lower()} holds none"
         warnings.warn(problem, CospeechWarning, stacklevel=2)
-    if goal is not None or bones is not None:
-        motion = motion.retarget(goal or "humanoid", bone_map=bones)
+    mapped = bones if bones and names_joints(bones, motion.skeleton) else None
+    if goal is not None or mapped:
+        motion = motion.retarget(goal or "humanoid", bone_map=mapped)
     if fps is not None:
         motion = motion.resample(fps)
     if audio is not None:
         options["audio"] = audio
     if camera is not None:
         options["camera"] = camera
-    if avatar is not None:
-        check_avatar(avatar, {Path(target).suffix.lower()})
-        options["avatar"] = avatar
+    if worn is not None:
+        options["avatar"] = worn
     motion.save(target, **options)
     return motion
+
+
+def _read(source: File, bones: Mapping[str, str] | None, clip: str | int | None) -> Motion:
+    """The motion of a file, with what its reader takes of a map and of the name of a clip."""
+    entry = FORMATS.get(Path(source).suffix.lower())
+    options: dict[str, object] = {}
+    if clip is not None:
+        if entry is None or not entry.clips:
+            holders = " ".join(suffixes(lambda entry: entry.clips))
+            raise InputError(f"{str(source)!r} has no clips to choose from", f"{holders} files have")
+        options["animation"] = clip
+    if bones and entry is not None and (entry.any_skeleton or entry.clips):
+        options["bone_map"] = bones
+    return load(source, **options)

@@ -27,7 +27,7 @@ from .audio.forced_alignment import align_with_recogniser
 from .audio.speech import Speech, SpeechSource, Word, open_speech
 from .errors import CospeechWarning, InputError
 from .export import FORMATS, Writer, check_parts, format_of, open_writer
-from .export.checks import File, check_apart, check_avatar, check_files, check_skeleton
+from .export.checks import File, check_apart, check_avatar, check_files, check_map, check_skeleton
 from .export.target_skeleton import rig_files
 from .files import all_or_none
 from .models import DEFAULT, PARTS, GenerationSession, Model, PlannedSession
@@ -46,6 +46,7 @@ from .runtime.styles.style import example_files
 __all__ = ["check_request", "generate_files", "open_live_session", "speech_chunks", "take_path", "writer_keywords"]
 
 if TYPE_CHECKING:
+    from .export.avatar import Avatar
     from .rules.plan_edits import Plan
     from .runtime.live_session import LiveSession
 
@@ -92,7 +93,7 @@ def generate_files(
         keep: stretches of ``keep_from`` that the files have in the place of new motion: ``0:3.2,5:7``, seconds.
         keep_from: a motion, or a file of one.
         skeleton: of the BVH files: a name, or a rig to take it from (``my_rig.bvh``, ``.glb``, ``.vrm``).
-        bone_map: a TOML file that gives the joints of such a rig our names, if they are not recognised.
+        bone_map: a TOML file that gives the joints of such a rig, or of the avatar, our names, if they are not recognised.
         fps: frames per second; every file has exactly ceil(duration × fps) frames.
         avatar: a VRM or GLB character to show in the place of ours.
         report: write the `Report` as JSON here too.
@@ -112,8 +113,7 @@ def generate_files(
         parts=tuple(parts), face_gain=face_gain, face=face, continue_from=continue_from)  # fmt: skip
     options = with_plan(options, plan, plan_edits, audio, transcript, wanted=plan_out is not None)
     old = keep_stretches(keep, keep_from, options.fps)
-    bones = None if bone_map is None else load_map(bone_map)
-    target = _check_files(options, skeleton, bones, avatar, files)
+    target, worn = _check_files(options, skeleton, bone_map, avatar, files)
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
     given = (transcript, avatar, track, bone_map, face, continue_from, plan, keep_from)
     read = [path for path in (*given, *rig_files(skeleton), *example_files(options.style)) if path]
@@ -126,13 +126,13 @@ def generate_files(
         source = stack.enter_context(open_speech(audio, transcript=transcript))
         source.words = align_with_recogniser(audio) if transcribe else source.words
         words = options.plan.speech_words if source.words is None and options.plan is not None else source.words
-        keywords = writer_keywords(files, audio, avatar, special or {}, words)
+        keywords = writer_keywords(files, audio, worn, special or {}, words)
         counts = set[int]()
         for group, performance in _passes(loaded, options):
             staged = [[place(take_path(path, take + 1, takes)) for path in files] for take in group]
             made = old.over(_play_takes(performance, source)) if old else _play_takes(performance, source)
             moving = _with_progress(made, progress, group.start, takes, source.expected_seconds)
-            counts |= _write_all(moving, staged, target, bones, options.fps, keywords)
+            counts |= _write_all(moving, staged, target, options.fps, keywords)
         seconds, wanted = source.seconds or 0.0, source.frames(options.fps)
         if counts != {wanted}:
             raise RuntimeError(f"{model} made {sorted(counts)} frames of {seconds} s, {wanted} were due")
@@ -299,7 +299,6 @@ def _write_all(
     moving: Iterator[list[Motion]],
     takes: list[list[Path]],
     target: Skeleton | None,
-    bones: Mapping[str, str] | None,
     fps: float,
     keywords: Mapping[str, Mapping[str, object]],
 ) -> set[int]:
@@ -309,7 +308,7 @@ def _write_all(
     any_skeleton = {path: format_of(path).any_skeleton for path in paths}
     with ExitStack() as stack:
         for pieces in moving:
-            others = pieces if target is None else [piece.retarget(target, bone_map=bones) for piece in pieces]
+            others = pieces if target is None else [piece.retarget(target) for piece in pieces]
             kept = [
                 other if any_skeleton[path] else piece
                 for piece, other, files in zip(pieces, others, takes, strict=True)
@@ -329,7 +328,7 @@ def _write_all(
 def writer_keywords(
     files: Sequence[Path],
     audio: File,
-    avatar: File | None,
+    avatar: Avatar | File | None,
     special: Mapping[str, Mapping[str, object]],
     words: tuple[Word, ...] | None,
 ) -> dict[str, dict[str, object]]:
@@ -375,21 +374,24 @@ def _check_rivals(style: StyleLike, speaker: str | None, transcript: File | None
 def _check_files(
     options: GenerationOptions,
     skeleton: File | Skeleton,
-    bones: Mapping[str, str] | None,
+    bone_map: File | None,
     avatar: File | None,
     files: Sequence[Path],
-) -> Skeleton | None:
-    """What is asked for can be seen in the files; the skeleton to retarget to, None for our own."""
+) -> tuple[Skeleton | None, Avatar | None]:
+    """What is asked for can be seen in the files; the skeleton to retarget to, None for our own, and who is shown."""
+    bones = None if bone_map is None else load_map(bone_map)
     known = [path for path in files if path.suffix.lower() in FORMATS]  # the others are told of by `check_files`
     suffixes = {path.suffix.lower() for path in known}
     for path in known:
         check_parts(path, options.parts, "the parts that were asked for are")
     target = None if skeleton == "humanoid" else check_skeleton(skeleton, suffixes, bones)
-    if bones and target is None:
-        warnings.warn("the map changes nothing: it is for the rig of --skeleton", CospeechWarning, stacklevel=3)
-    if avatar is not None:
-        check_avatar(avatar, suffixes)
+    if bones and target is None and avatar is None:
+        problem = "the map changes nothing: it is for the rig of --skeleton, or for --avatar"
+        warnings.warn(problem, CospeechWarning, stacklevel=3)
+    worn = None if avatar is None else check_avatar(avatar, suffixes, bones)
+    if bones:
+        check_map(bones, {} if target is None else {str(skeleton): target}, worn)
     shown = {part for suffix in suffixes for part in FORMATS[suffix].holds} & {*options.parts}
     if known and "face" not in shown and options.face_gain not in (1.0, "1"):
         warnings.warn("face_gain changes nothing: no face is made, or no file holds one", CospeechWarning, stacklevel=3)
-    return target
+    return target, worn

@@ -9,7 +9,7 @@ import typer
 from typer import Argument, Option
 
 from ..errors import InputError
-from .options import Avatar, Debug, Drawn, Map, Motion, NewFps, Picture, Quiet, Retarget, View, number, option
+from .options import Avatar, Clip, Debug, Drawn, Map, Motion, NewFps, Picture, Quiet, Retarget, View, number, option
 
 __all__ = ["register"]
 
@@ -45,6 +45,7 @@ def convert(
     fps: NewFps = None,
     names: Map = None,
     avatar: Avatar = None,
+    clip: Clip = None,
     start: From = None,
     end: To = None,
     joined: Join = None,
@@ -69,7 +70,7 @@ def convert(
     from ..export import format_of
 
     edits = Edits(joined=tuple(joined or ()), start=start, end=end, face=face, mirror=mirror, loop=loop, blend=blend)
-    motion = convert_file(source, target, skeleton=skeleton, fps=fps, names=names, avatar=avatar, edits=edits)
+    motion = convert_file(source, target, skeleton=skeleton, fps=fps, names=names, avatar=avatar, clip=clip, edits=edits)
     if not quiet:
         typer.echo(f"{target}  {len(motion)} frames at {motion.fps:g} fps  ({format_of(target).opens})")
 
@@ -80,6 +81,8 @@ def render(
     audio: Drawn = None,
     camera: View = None,
     avatar: Avatar = None,
+    names: Map = None,
+    clip: Clip = None,
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
@@ -96,6 +99,6 @@ def render(
     if suffix not in FORMATS or not FORMATS[suffix].picture:
         known = " ".join(sorted(suffixes(lambda entry: entry.picture)))
         raise InputError(f"{str(target)!r} is not a picture", f"known: {known}; for others use `cospeech convert`")
-    convert_file(source, target, audio=audio, camera=camera, avatar=avatar)
+    convert_file(source, target, audio=audio, camera=camera, avatar=avatar, names=names, clip=clip)
     if not quiet:
         typer.echo(f"{target}  ({format_of(target).opens})")

@@ -12,8 +12,8 @@ from typer import Argument, Option
 from ..export.registry import FORMATS
 
 __all__ = [
-    "Audio", "Avatar", "Continue", "Debug", "Drawn", "Emotion", "Face", "FaceGain", "Folder", "Fps", "Intensity", "Jobs",
-    "Json", "Map", "Model", "Motion", "NewFps", "Output", "Parts", "Picture", "Port", "Quiet", "ReportFile", "Retarget",
+    "Audio", "Avatar", "Clip", "Continue", "Debug", "Drawn", "Emotion", "Face", "FaceGain", "Folder", "Fps", "Intensity",
+    "Jobs", "Json", "Map", "Model", "Motion", "NewFps", "Output", "Parts", "Picture", "Port", "Quiet", "ReportFile", "Retarget",
     "RigMap", "Seed", "Skeleton", "Speaker", "Style", "Takes", "Temperature", "Transcribe", "Transcript", "View", "number",
     "option", "whole",
 ]  # fmt: skip
@@ -152,7 +152,7 @@ Map = Annotated[
     option(
         "--map",
         metavar="FILE",
-        help="TOML file that gives the joints of MOTION, or of the rig of --skeleton, our names, if they are not recognised.",
+        help="TOML file that gives our names to the joints of MOTION, of the avatar, or of the rig of --skeleton.",
     ),
 ]
 RigMap = Annotated[
@@ -160,7 +160,7 @@ RigMap = Annotated[
     option(
         "--map",
         metavar="FILE",
-        help="TOML file that gives the joints of --skeleton's rig our names, if they are not recognised.",
+        help="TOML file that gives our names to the joints of --skeleton's rig or of the avatar.",
     ),
 ]
 Fps = Annotated[float, option("--fps", metavar="NUMBER", parser=number, help="Frames per second, 1 … 240.")]
@@ -170,6 +170,10 @@ NewFps = Annotated[
 Avatar = Annotated[
     Path | None,
     option("--avatar", metavar="FILE", help="VRM or GLB character for .glb files and pictures, in place of our mannequin."),
+]
+Clip = Annotated[
+    str | None,
+    option("--clip", metavar="NAME|NUMBER", help="Animation of a .glb file that has several: name, or number from 0."),
 ]
 Picture = Annotated[
     Path, Argument(metavar="PICTURE", help="Picture to write: .mp4 (video), .gif (animation) or .png (strip of frames).")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from ..motion.rotations import Array
 from ..motion.skeleton import Skeleton, humanoid
 from ..motion.skeletons.arkit import ARKIT
 from . import Writer as BaseWriter
+from .bind_skeleton import read_node_names
+from .clips import find_clip, note_lost_clips
 from .face_rig import FaceRig, looks_turn_eyes, read_face
 from .find_humanoid import read_rig
 from .gltf import GltfFile, read_glb, report_damage
@@ -23,23 +26,27 @@ from .gltf_build import GltfBuilder
 from .rig import Rig, local_matrices, rotation_of
 from .tracks import GltfTrack, clock_of, read_animation
 
-__all__ = ["Avatar", "AvatarScene", "load_avatar"]
+__all__ = ["Avatar", "AvatarScene", "check_surface", "load_avatar"]
 
 _EYES = ("leftEye", "rightEye")
 
 
-def load_avatar(path: str | PathLike[str]) -> Avatar:
+def load_avatar(path: str | PathLike[str], bone_map: Mapping[str, str] | None = None) -> Avatar:
     """Read a character: ``.vrm`` (1.0 and 0.x) by its humanoid, ``.glb`` by the names of its bones.
+
+    Args:
+        path: the file.
+        bone_map: our name → name of a node, which wins over what is found; a map of other nodes changes nothing.
 
     Raises:
         InputError: not glTF, damaged, or without a humanoid that can be recognised.
     """
     file = read_glb(path)
     with report_damage(file.name):
-        rig = read_rig(file)
+        rig = read_rig(file, bone_map)
         face = read_face(file, eyes_are_bones="leftEye" in rig.bones)
         eyes = {rig.nodes[rig.bones[name]] for name in _EYES if name in rig.bones}
-        return Avatar(Path(path), file, rig, face, looks_turn_eyes(file, face, eyes) if eyes else True)
+        return Avatar(Path(path), file, rig, face, looks_turn_eyes(file, face, eyes) if eyes else True, dict(bone_map or {}))
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +59,7 @@ class Avatar:
         rig: its body.
         face: what moves its face.
         eyes_by_shapes: whether shapes turn its eyeballs; eye bones then rest, as both would turn them twice.
+        bone_map: with which it was read.
     """
 
     path: Path
@@ -59,6 +67,16 @@ class Avatar:
     rig: Rig
     face: FaceRig
     eyes_by_shapes: bool
+    bone_map: Mapping[str, str] = field(default_factory=dict)
+
+    def __fspath__(self) -> str:
+        """Its file, for writers of other packages that take the path of a character."""
+        return str(self.path)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names that a map can have: those of the file's nodes."""
+        return tuple(read_node_names(self.file))
 
     @property
     def skeleton(self) -> Skeleton:
@@ -85,14 +103,20 @@ class Avatar:
         with writer:
             writer.write(motion)
 
-    def motion(self, animation: int = 0) -> Motion:
+    def motion(self, animation: int | str | None = None) -> Motion:
         """One of the file's own animations, on the character's own bones.
+
+        Args:
+            animation: its name, or its number from 0; the first where not given.
 
         Raises:
             InputError: there is no such animation, or it is damaged.
+
+        Warns:
+            CospeechWarning: none was chosen, and there are several.
         """
         with report_damage(self.file.name):
-            curves = read_animation(self.file, animation)
+            curves = read_animation(self.file, find_clip(self.file, animation))
             fps, times = clock_of(curves, self.file, max(self.rig.joints, len(humanoid())))
             rotations, root = self.rig.motion(curves, times)
             return Motion(fps=fps, rotations=rotations, root=root, face=self.face.face(curves, times), skeleton=self.skeleton)
@@ -104,6 +128,8 @@ class AvatarScene:
     def __init__(self, avatar: Avatar) -> None:
         self.avatar = avatar
         rig, face = avatar.rig, avatar.face
+        check_surface(avatar.file)
+        note_lost_clips(avatar.file)
         self.joints = sorted(rig.bones.values())
         self.builder = _copy_without_animations(avatar.file)
         nodes = self.builder.json["nodes"]
@@ -126,6 +152,16 @@ class AvatarScene:
         columns = [translation, rotations[:, self.joints].reshape(len(motion), -1)]
         weights = face.weights(np.zeros((len(motion), len(ARKIT))) if motion.face is None else motion.face)
         return np.concatenate([*columns, *weights.values()], 1)
+
+
+def check_surface(file: GltfFile) -> None:
+    """A character has something to see.
+
+    Raises:
+        InputError: it has not.
+    """
+    if not any("mesh" in node for node in file.list("nodes")):
+        raise InputError(f"{file.name} has no surface that can be shown", "it is no character; name a .vrm or .glb with a mesh")
 
 
 def _copy_without_animations(file: GltfFile) -> GltfBuilder:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
 
@@ -25,8 +26,12 @@ _STATURES = (1.2, 2.3)  # metres; ours: characters outside are drawn at our huma
 _SOLE = 5e-3  # metres; ours: soles that are nearer to the floor than that stay
 
 
-def load_character(path: str | PathLike[str]) -> Character:
+def load_character(path: str | PathLike[str] | Avatar, bone_map: Mapping[str, str] | None = None) -> Character:
     """Read a character that is to be drawn: a ``.vrm`` or ``.glb`` with a humanoid.
+
+    Args:
+        path: the file, or what `load_avatar` has read from it.
+        bone_map: of `load_avatar`.
 
     Returns:
         its skeleton has our 55 names and its own proportions; its soles are at height 0.
@@ -34,7 +39,7 @@ def load_character(path: str | PathLike[str]) -> Character:
     Raises:
         InputError: it cannot be read, has no humanoid, or nothing that can be drawn.
     """
-    avatar = load_avatar(path)
+    avatar = path if isinstance(path, Avatar) else load_avatar(path, bone_map)
     with report_damage(avatar.file.name), np.errstate(all="ignore"):  # what is not finite then is refused
         return _build(avatar)
 

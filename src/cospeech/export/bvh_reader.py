@@ -8,8 +8,6 @@ A BVH says none of: its unit, which way is up, what its zero pose is. The rules 
 * **Up**: +Y, unless hips and head of the frames stand along +Z. ``up=`` overrides.
 * **Rest**: `cospeech.motion.tpose.with_tpose`, for skeletons that `cospeech.motion.bone_mapping` knows or a map names; else the
   zero pose.
-* **Positions** of joints other than the root: most exporters write the offset itself, some what is to be added to it. The one
-  that fits the whole file better is taken; the mean over the frames becomes the offset, bones that stretch do not.
 """
 
 from __future__ import annotations
@@ -24,23 +22,22 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..motion.bone_mapping import find_joints
+from ..motion.bone_mapping import names_joints, recognise_file
 from ..motion.motion import Motion
 from ..motion.rest_calibration import calibrate_rest, on_motions_floor
 from ..motion.rotations import (
     Array,
     axis_angle_to_quat,
-    euler_to_quat,
     quat_continuous,
-    quat_identity,
     quat_multiply,
     quat_rotate,
 )
 from ..motion.skeleton import Skeleton, find_skeleton
 from ..motion.skeletons import SKELETONS
 from ..motion.tpose import on_floor, with_tpose
-from .bvh_text import Header, read_header, read_rows
-from .reading import check_frames, open_file, size_of
+from .bvh_frames import decode_frames
+from .bvh_text import read_header
+from .reading import open_file, size_of
 from .timing import rate_of_step
 
 __all__ = ["UNITS", "file_names", "load"]
@@ -54,9 +51,13 @@ _SAMPLE = 64  # ours: frames that are looked at to tell which way is up
 
 
 def load(
-    path: str | PathLike[str], *, units: str | None = None, up: str | None = None, fps: float | None = None,
+    path: str | PathLike[str],
+    *,
+    units: str | None = None,
+    up: str | None = None,
+    fps: float | None = None,
     bone_map: Mapping[str, str] | None = None,
-) -> Motion:  # fmt: skip
+) -> Motion:
     """Read a BVH of any exporter.
 
     Args:
@@ -80,16 +81,15 @@ def load(
         try:
             header = read_header(file)
             rate = fps if fps is not None else rate_of_step(header.frame_time, header.precision)
-            rotations, root, offsets = _decode(file, header, size_of(binary))
+            rotations, root, offsets = decode_frames(file, header, size_of(binary))
         except InputError as error:
             raise InputError(f"{str(Path(path).name)!r}, {error.problem}", error.hint) from None
     names = file_names(header.names)
     ends = {names[joint]: end for joint, end in header.ends.items()}
     skeleton, order = _in_table_order(Skeleton(names, header.parents, offsets, ends=ends))  # type: ignore[arg-type]
-    try:
-        joints = find_joints(skeleton, bone_map)
-    except InputError as error:
-        raise InputError(f"{str(Path(path).name)!r}: {error.problem}", error.hint) from None
+    joints = _find_joints(skeleton, bone_map, repr(str(Path(path).name)))
+    if skeleton.kind == "custom" or (bone_map and joints):
+        skeleton = replace(skeleton, bone_map=joints)
     return _as_motion(skeleton, joints, rotations[:, order], root, rate, units, up)
 
 
@@ -118,57 +118,20 @@ def file_names(names: Iterable[str]) -> list[str]:
     return result
 
 
-def _decode(file: io.TextIOWrapper, header: Header, size: int) -> tuple[Array, Array, Array]:
-    """Local rotations (T, J, 4), root positions (T, 3) and offsets (J, 3), in the file's units and axes."""
-    first = np.concatenate([[0], np.cumsum([len(c) for c in header.channels])[:-1]])
-    groups: dict[str, list[int]] = {}  # order of rotation → joints
-    for joint, channels in enumerate(header.channels):
-        groups.setdefault("".join(c[0] for c in channels if c.endswith("rotation")), []).append(joint)
-    turning = {
-        order: (joints, [[first[j] + header.channels[j].index(f"{a}rotation") for a in order] for j in joints])
-        for order, joints in groups.items()
-        if order
-    }
-    moving = [
-        (joint, "XYZ".index(channel[0]), first[joint] + k)
-        for joint, channels in enumerate(header.channels)
-        for k, channel in enumerate(channels)
-        if channel.endswith("position")
-    ]
-    offsets = np.array(header.offsets)
-    pieces, roots, sums, frames = [], [], np.zeros(len(moving)), 0
-    for rows in read_rows(file, header):
-        frames += len(rows)
-        check_frames("it", frames, len(header.names), size)
-        rotations = quat_identity(len(rows), len(header.names))
-        for order, (joints, columns) in turning.items():
-            rotations[:, joints] = euler_to_quat(np.radians(rows[:, columns]), order)
-        root = np.tile(offsets[0], (len(rows), 1))
-        for k, (joint, axis, column) in enumerate(moving):
-            sums[k] += rows[:, column].sum()
-            if joint == 0:
-                root[:, axis] = rows[:, column]
-        pieces.append(rotations)
-        roots.append(root)
-    if not frames:
-        raise InputError("no frame of motion", "is it cut short?")
-    return np.concatenate(pieces), np.concatenate(roots), _move_offsets(offsets, moving, sums / frames)
-
-
-def _move_offsets(offsets: Array, moving: list[tuple[int, int, int]], means: Array) -> Array:
-    """Offsets after the mean positions of joints that have position channels (see the module's text)."""
-    joints, axes = np.array([m[0] for m in moving], int), np.array([m[1] for m in moving], int)
-    joints, axes, means = joints[joints > 0], axes[joints > 0], means[joints > 0]
-    modelled = offsets[joints, axes]
-    instead = np.abs(means - modelled).sum() <= np.abs(means).sum()
-    offsets[joints, axes] = means if instead else modelled + means
-    return offsets
+def _find_joints(skeleton: Skeleton, bone_map: Mapping[str, str] | None, file: str) -> dict[str, str]:
+    """Our name → their name; empty for a skeleton that is not recognised and that no map names."""
+    if bone_map and names_joints(bone_map, skeleton):
+        return recognise_file(skeleton, bone_map, file)
+    try:
+        return recognise_file(skeleton, None, file)
+    except InputError:
+        return {}
 
 
 def _as_motion(
     skeleton: Skeleton, names: dict[str, str], rotations: Array, root: Array, rate: float, units: str | None, up: str | None
 ) -> Motion:
-    """Tell axes, T-pose and unit, and convert; ``names`` are of `find_joints`."""
+    """Tell axes, T-pose and unit, and convert; ``names`` are of `_find_joints`."""
     sample = np.unique(np.linspace(0, len(root) - 1, _SAMPLE).astype(int))
     points = skeleton.forward(rotations[sample], root[sample])[0]
     if (up or _up(skeleton, names, points)) == "z":

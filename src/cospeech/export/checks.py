@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import InputError
+from ..motion.bone_map_checks import check_fit
 from ..motion.skeleton import Skeleton
 from .registry import FORMATS, format_of, suffixes
-from .target_skeleton import find_target
+from .target_skeleton import find_target, rig_joints
 
-__all__ = ["File", "check_apart", "check_avatar", "check_files", "check_skeleton"]
+if TYPE_CHECKING:
+    from .avatar import Avatar
+
+__all__ = ["File", "check_apart", "check_avatar", "check_files", "check_map", "check_skeleton"]
 
 File = str | PathLike[str]
 
@@ -28,13 +33,33 @@ def check_skeleton(skeleton: File | Skeleton, written: set[str], bones: Mapping[
     return found
 
 
-def check_avatar(avatar: File, written: set[str]) -> None:
-    """The character is there, and one of the files can show it."""
+def check_avatar(avatar: File, written: set[str], bones: Mapping[str, str] | None = None) -> Avatar:
+    """The character, which is there, has a surface, and can be shown by one of the files; ``bones`` are of `load_avatar`."""
     if not any(FORMATS[suffix].wears_avatar for suffix in written):
         fit = " ".join(suffixes(lambda entry: entry.wears_avatar))
         raise InputError(f"avatar {str(avatar)!r} would not be seen", f"it is for {fit} files")
     if not Path(avatar).is_file():
         raise InputError(f"no avatar at {str(avatar)!r}", "name a .vrm or .glb file")
+    from .avatar import check_surface, load_avatar
+
+    found = load_avatar(avatar, bones)
+    check_surface(found.file)
+    return found
+
+
+def check_map(bones: Mapping[str, str], skeletons: Mapping[str, Skeleton], avatar: Avatar | None) -> None:
+    """A map is of the joints of a skeleton or of the character that is shown.
+
+    Args:
+        bones: our name → their name.
+        skeletons: name of a skeleton, or file of it → what was found there.
+        avatar: as `check_avatar` returns it.
+
+    Raises:
+        InputError: it is not; the message is about the file that it fits best.
+    """
+    files: dict[str, Collection[str]] = {repr(str(name)): rig_joints(name, found) for name, found in skeletons.items()}
+    check_fit(bones, files | ({} if avatar is None else {repr(str(avatar.path)): avatar.joints}))
 
 
 def check_files(audio: File, outputs: list[Path], inputs: list[File], report: File | None) -> None:

@@ -176,12 +176,13 @@ def _targets(builder: GltfBuilder, morphs: Mapping[str, Array], vertices: int) -
     return targets
 
 
-def load(path: str | PathLike[str], *, animation: int = 0) -> Motion:
+def load(path: str | PathLike[str], *, animation: int | str | None = None, bone_map: Mapping[str, str] | None = None) -> Motion:
     """Read the motion of an animated character: ours exactly, others' by the names of their bones.
 
     Args:
         path: a ``.glb`` with a skinned or named humanoid.
-        animation: which of its animations.
+        animation: which of its animations, by name or number; the first where not given.
+        bone_map: of `load_avatar`.
 
     Returns:
         motion on our humanoid for our own files, else on the character's own bones (from the hips down); the face where
@@ -190,4 +191,4 @@ def load(path: str | PathLike[str], *, animation: int = 0) -> Motion:
     Raises:
         InputError: damaged, without animation, or without a humanoid.
     """
-    return load_avatar(path).motion(animation)
+    return load_avatar(path, bone_map).motion(animation)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..motion.motion import Motion
@@ -13,8 +14,10 @@ from .registry import FORMATS, suffixes
 from .render.camera import View
 from .render.frames import BACKDROP
 from .render.framing import fit_view
-from .render.worker import find_character
 from .to_humanoid import as_humanoid
+
+if TYPE_CHECKING:
+    from .avatar import Avatar
 
 __all__ = ["Subject", "background_of", "render_motion", "size_of"]
 
@@ -28,7 +31,7 @@ def render_motion(
     camera: str | None = None,
     fps: float | None = None,
     background: tuple[int, int, int] | None = None,
-    avatar: str | PathLike[str] | None = None,
+    avatar: Avatar | str | PathLike[str] | None = None,
 ) -> None:
     """Draw ``motion`` of any skeleton that can be retargeted, as a video, a moving picture or a strip; the suffix decides.
 
@@ -40,7 +43,7 @@ def render_motion(
         camera: ``body``, ``full``, ``face`` or ``hands``.
         fps: pictures per second of a video or moving picture.
         background: sRGB colour of the backdrop, 0 … 255 each.
-        avatar: a ``.vrm`` or ``.glb`` character to show in place of our mannequin.
+        avatar: a ``.vrm`` or ``.glb`` character to show in place of our mannequin, or one that `load_avatar` has read.
 
     What is not given is chosen by the format.
 
@@ -91,19 +94,23 @@ class Subject:
     """Whom pictures show, and motion as it moves.
 
     Args:
-        avatar: a ``.vrm`` or ``.glb`` file; our mannequin where None.
+        avatar: a ``.vrm`` or ``.glb`` file, or one that `load_avatar` has read; our mannequin where None.
 
     Attributes:
         path: of the file; empty for the mannequin.
+        bone_map: with which the file was read.
         character: read from it; None for the mannequin.
 
     Raises:
         InputError: the file is no character that can be drawn.
     """
 
-    def __init__(self, avatar: str | PathLike[str] | None) -> None:
+    def __init__(self, avatar: Avatar | str | PathLike[str] | None) -> None:
+        from .avatar_character import load_character
+
         self.path = "" if avatar is None else str(Path(avatar).absolute())
-        self.character = find_character(self.path) if self.path else None
+        self.bone_map = dict(getattr(avatar, "bone_map", {}))
+        self.character = None if avatar is None else load_character(avatar)
 
     @property
     def skeleton(self) -> Skeleton:

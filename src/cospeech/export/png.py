@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.skeleton import Skeleton
 from . import Writer as BaseWriter
+from .avatar import Avatar
 from .pictures import Subject, background_of, size_of
 from .render.camera import find_view
 from .render.framing import PoseStage, boxes_of
@@ -52,7 +53,7 @@ class Writer(BaseWriter):
         background: tuple[int, int, int] | None = None,
         pictures: int = _PICTURES,
         words: Sequence[Word] = (),
-        avatar: str | PathLike[str] | None = None,
+        avatar: Avatar | str | PathLike[str] | None = None,
     ) -> None:
         super().__init__(path, skeleton=skeleton, fps=fps, audio=audio)
         self._size, self._view, self._background = size_of(size), find_view(camera), background_of(background)
@@ -83,7 +84,7 @@ class Writer(BaseWriter):
         layout = StripLayout(*self._size, len(moments), rows=2 if self._words else 0)
         poses = [pose for _, pose in moments]
         boxes = boxes_of(self._view, self._subject.skeleton, poses)
-        look = Look(*layout.cell, self._view, self._background, self._subject.path)
+        look = Look(*layout.cell, self._view, self._background, self._subject.path, self._subject.bone_map)
         renderer = FrameRenderer(look, self._subject.character)
         drawn = renderer.pictures(np.stack([pack(pose, box) for pose, box in zip(poses, boxes, strict=True)]))
         times = [frame / self.fps for frame, _ in moments]

@@ -34,6 +34,8 @@ class Format:
     """Whether a file holds any skeleton as it is; the other formats prescribe theirs. ``load`` then has ``bone_map``."""
     wears_avatar: bool = False
     """Whether somebody's character can take the place of ours: the Writer has the keyword ``avatar``."""
+    clips: bool = False
+    """Whether a file holds a character with any joints and clips: ``load`` then has ``bone_map`` and ``animation``."""
     picture: bool = False
     """Whether it is drawn: the Writer has the keywords of `cospeech.export.pictures.render_motion`."""
     sound: str = ""
@@ -53,7 +55,7 @@ _OURS = {
     ".glb": Format(
         "cospeech.export.glb", "animated character with skin and 52 morph targets",
         "Blender: File > Import > glTF 2.0; Windows: 3D Viewer; Unity, Unreal, Godot: drop it into the project",
-        readable=True, wears_avatar=True,
+        readable=True, wears_avatar=True, clips=True,
     ),
     ".vrma": Format(
         "cospeech.export.vrma", "VRM animation 1.0, for any VRM avatar",

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
 from ..errors import InputError, nearest
-from ..motion.bone_mapping import names_joints, recognise
+from ..motion.bone_mapping import names_joints, recognise, recognise_file
 from ..motion.skeleton import Skeleton, find_skeleton
 from ..motion.skeletons import SKELETONS
 from ..motion.tpose import on_floor
 
-__all__ = ["RIGS", "find_target", "rig_files"]
+__all__ = ["RIGS", "find_target", "rig_files", "rig_joints"]
 
 RIGS = (".bvh", ".glb", ".gltf", ".vrm")
 """Suffixes of files whose skeleton can be taken."""
@@ -24,7 +25,7 @@ def find_target(name: str | PathLike[str] | Skeleton, bones: Mapping[str, str] |
     Args:
         name: one of `cospeech.motion.skeletons.SKELETONS`, or a rig: a file with one of the suffixes `RIGS`. A BVH gives its
             skeleton, whatever its frames are; its T-pose stands on the floor at height 0.
-        bones: our name → name of a joint of the BVH, where it is not recognised; a map of other names changes nothing.
+        bones: our name → name of a joint, which wins over what is recognised; a map of other names changes nothing.
 
     Raises:
         InputError: no skeleton and no file has that name, or the file has no skeleton that is recognised.
@@ -32,10 +33,9 @@ def find_target(name: str | PathLike[str] | Skeleton, bones: Mapping[str, str] |
     >>> find_target("mixamo").names[0]
     'mixamorig:Hips'
     """
-    if isinstance(name, Skeleton):
-        return name
-    if str(name) in SKELETONS:
-        return find_skeleton(str(name))
+    if isinstance(name, Skeleton) or str(name) in SKELETONS:
+        found = name if isinstance(name, Skeleton) else find_skeleton(str(name))
+        return replace(found, bone_map=recognise(found, bones)) if bones and names_joints(bones, found) else found
     path = Path(name)
     if path.suffix.lower() not in RIGS:
         hint = f"{nearest(str(name), SKELETONS)}, or name a rig: {' '.join(RIGS)}"
@@ -43,15 +43,27 @@ def find_target(name: str | PathLike[str] | Skeleton, bones: Mapping[str, str] |
     if path.suffix.lower() != ".bvh":
         from .avatar import load_avatar
 
-        return load_avatar(path).skeleton
+        return load_avatar(path, bones).skeleton
     from .bvh_reader import load
 
     skeleton = load(path, bone_map=bones).skeleton
-    try:
-        names = recognise(skeleton, bones if bones and names_joints(bones, skeleton) else None)
-    except InputError as error:
-        raise InputError(f"{path.name!r}: {error.problem}", error.hint) from None
+    names = recognise_file(skeleton, None, repr(path.name), bones)
     return on_floor(skeleton, skeleton.index[names["hips"]])
+
+
+def rig_joints(name: str | PathLike[str] | Skeleton, found: Skeleton) -> tuple[str, ...]:
+    """Names that a map of a skeleton can have.
+
+    Args:
+        name: as `find_target` takes it.
+        found: what that returns.
+    """
+    if isinstance(name, Skeleton) or Path(name).suffix.lower() not in RIGS[1:]:
+        return found.names
+    from .bind_skeleton import read_node_names
+    from .gltf import read_glb
+
+    return tuple(read_node_names(read_glb(name)))  # the skeleton of a VRM has VRM's names in the place of these
 
 
 def rig_files(skeleton: str | PathLike[str] | Skeleton | None) -> tuple[Path, ...]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from ..motion.motion import Motion
 from ..motion.skeleton import Skeleton
 from . import Writer
+from .avatar import Avatar
 from .pictures import Subject, background_of, size_of
 from .render.camera import find_view
 from .render.frames import FrameStream
@@ -45,12 +46,12 @@ class MovingWriter(Writer):
         camera: str,
         rate: float,
         background: tuple[int, int, int] | None = None,
-        avatar: str | PathLike[str] | None = None,
+        avatar: Avatar | str | PathLike[str] | None = None,
     ) -> None:
         super().__init__(path, skeleton=skeleton, fps=fps, audio=audio)
         self.size, self.rate, self.pictures = size_of(size), float(rate), 0
         self._subject, view, colour = Subject(avatar), find_view(camera), background_of(background)
-        look = Look(*self.size, self._subject.fit(view), colour, self._subject.path)
+        look = Look(*self.size, self._subject.fit(view), colour, self._subject.path, self._subject.bone_map)
         self._frame_stream = FrameStream(look, self.fps, self.rate, self._subject.character)
         self._blank = draw_backdrop(*self.size, colour)
 

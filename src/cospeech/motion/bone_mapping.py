@@ -8,19 +8,20 @@ where the arms meet, and all between them is spine.
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Mapping
-from difflib import get_close_matches
 from importlib import import_module
 from os import PathLike
 
-from ..errors import InputError
+from ..errors import CospeechWarning, InputError
 from ..files import parse_toml, read_regular
 from ..limits import BONE_MAP_BYTES
+from .bone_map_checks import check_names, check_order, names_joints
 from .bone_mapping_by_shape import by_shape
 from .skeleton import Skeleton, humanoid
 from .skeletons import SKELETONS
 
-__all__ = ["REQUIRED", "by_names", "find_joints", "load_map", "names_joints", "recognise"]
+__all__ = ["REQUIRED", "by_names", "load_map", "names_joints", "recognise", "recognise_file"]
 
 REQUIRED = (
     "hips", "head",
@@ -28,6 +29,7 @@ REQUIRED = (
     "leftUpperLeg", "leftLowerLeg", "rightUpperLeg", "rightLowerLeg",
 )  # fmt: skip
 """Ours: with fewer of these a motion cannot be carried over sensibly."""
+_TIPS = 1  # ours: so many joints below a hand or head may be its tip, and neither a finger nor a part of a face
 
 _SIDES = {
     "left": "left",
@@ -146,50 +148,96 @@ def recognise(skeleton: Skeleton, bone_map: Mapping[str, str] | None = None) -> 
         our name → their name, for every joint that was found, in our order.
 
     Raises:
-        InputError: joints without which nothing can be carried over were not found, or ``bone_map`` has unknown names.
+        InputError: joints without which nothing can be carried over were not found, or ``bone_map`` makes no sense.
     """
-    chosen = _check_map(bone_map or {}, skeleton)
-    found = by_names(skeleton, chosen) | chosen
-    missing = [name for name in REQUIRED if not found.get(name)]
-    if missing and not bone_map:
+    return _find_joints(skeleton, bone_map)[0]
+
+
+def recognise_file(
+    skeleton: Skeleton, bone_map: Mapping[str, str] | None, file: str, unfit: Mapping[str, str] | None = None
+) -> dict[str, str]:
+    """As `recognise`, of a file that has just been read.
+
+    Args:
+        skeleton, bone_map: as there.
+        file: how messages call the file.
+        unfit: a map of other joints; the message says so where this may be why nothing is found.
+
+    Raises:
+        InputError: as there; the message names the file.
+
+    Warns:
+        CospeechWarning: the shape of the tree alone has told the joints, and some may be fingers or parts of a face.
+    """
+    try:
+        found, shaped = _find_joints(skeleton, bone_map)
+    except InputError as error:
+        raise InputError(f"{file}: {error.problem}", _why_unfit(unfit, skeleton) or error.hint) from None
+    still = _unnamed_parts(skeleton, found) if shaped else []
+    if still:
+        problem = f"{file}: the names of the joints say nothing, so the shape of the tree was used;"
+        told = f"{problem} {', '.join(still)} were not found and will not move (--map names them; bone_map in Python)"
+        warnings.warn(told, CospeechWarning, stacklevel=2)
+    return found
+
+
+def _why_unfit(bone_map: Mapping[str, str] | None, skeleton: Skeleton) -> str:
+    """What keeps a map from being one of this skeleton; nothing where there is no map."""
+    try:
+        check_names(bone_map or {}, skeleton.names)
+    except InputError as error:
+        return f"the map does not fit: {error.problem.removeprefix('bone map: ')}, {error.hint}"
+    return ""
+
+
+def _find_joints(skeleton: Skeleton, bone_map: Mapping[str, str] | None) -> tuple[dict[str, str], bool]:
+    """What `recognise` returns, and whether the shape of the tree has told it."""
+    chosen = check_names(bone_map or {}, skeleton.names)
+    known = skeleton.bone_map if names_joints(skeleton.bone_map, skeleton) else {}
+    named = dict(known) or by_names(skeleton, chosen)
+    found, shape, shaped = _override(named, chosen), dict[str, str](), False
+    if _missing(found):
         shape = by_shape(skeleton)
-        found = shape if all(name in shape for name in REQUIRED) else found
-        missing = [name for name in REQUIRED if not found.get(name)]
+        shaped = not _missing(instead := _override(shape, chosen))
+        found = instead if shaped else found
+    missing = _missing(found)
+    for name, ours in ((name, ours) for name in missing if name not in chosen for ours in chosen):
+        if chosen[ours] and chosen[ours] in (named.get(name), shape.get(name)):
+            problem = f"bone map: {ours} = {chosen[ours]!r} is the joint of {name}"
+            raise InputError(problem, f"name the joint of {name} too, or another one for {ours}")
     if missing:
         raise InputError(
             f"cannot find {', '.join(missing)} among the {len(skeleton)} joints ({', '.join(skeleton.names[:4])}, …)",
             'name them in a file: --map file.toml with [bones] leftUpperArm = "their name"',
         )
-    return {name: found[name] for name in humanoid().names if found.get(name)}
+    found = {name: found[name] for name in humanoid().names if found.get(name)}
+    check_order(found, chosen, skeleton)
+    return found, shaped
 
 
-def _check_map(bone_map: Mapping[str, str], skeleton: Skeleton) -> dict[str, str]:
-    for ours, theirs in bone_map.items():
-        for what, name, known in (("our", ours, humanoid().names), ("their", theirs, ("", *skeleton.names))):
-            if name not in known:
-                near = get_close_matches(str(name), known, 1)
-                hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(filter(None, known[:6]))}, …"
-                raise InputError(f"bone map: {name!r} is none of {what} joints", hint)
-    return dict(bone_map)
+def _override(found: Mapping[str, str], chosen: Mapping[str, str]) -> dict[str, str]:
+    """What is found, where a map has chosen nothing else: neither for this joint of ours nor for this joint of theirs."""
+    taken = {*chosen.values()}
+    return {ours: theirs for ours, theirs in found.items() if theirs not in taken} | dict(chosen)
 
 
-def names_joints(bone_map: Mapping[str, str], skeleton: Skeleton) -> bool:
-    """Whether a map is of the joints of this skeleton."""
-    return all(theirs in ("", *skeleton.names) for theirs in bone_map.values())
+def _missing(found: Mapping[str, str]) -> list[str]:
+    return [name for name in REQUIRED if not found.get(name)]
 
 
-def find_joints(skeleton: Skeleton, bone_map: Mapping[str, str] | None = None) -> dict[str, str]:
-    """`recognise` for readers: a map of other joints changes nothing, and a skeleton that nothing names has none.
-
-    Raises:
-        InputError: a map of these joints lacks some without which nothing can be carried over.
-    """
-    if bone_map and names_joints(bone_map, skeleton):
-        return recognise(skeleton, bone_map)
-    try:
-        return recognise(skeleton)
-    except InputError:
-        return {}
+def _unnamed_parts(skeleton: Skeleton, found: Mapping[str, str]) -> list[str]:
+    """Of fingers, and of eyes and jaw, those that are not found though there are joints that may be theirs."""
+    named = {theirs: ours for ours, theirs in found.items()}
+    owners: list[str] = []  # of each joint, the joint of ours at or above it
+    below = {"hand": 0, "head": 0}
+    for name, parent in zip(skeleton.names, skeleton.parents, strict=True):
+        owners.append(named.get(name) or (owners[parent] if parent >= 0 else ""))
+        if name not in named:
+            below["hand"] += owners[-1].endswith(("Hand", "LowerArm"))
+            below["head"] += owners[-1] == "head"
+    fingers = not any("Proximal" in name for name in found) and below["hand"] > 2 * _TIPS
+    face = not {"leftEye", "rightEye", "jaw"} & {*found} and below["head"] > _TIPS
+    return ["fingers"] * fingers + ["eyes", "jaw"] * face
 
 
 def load_map(path: str | PathLike[str]) -> dict[str, str]:

@@ -90,7 +90,7 @@ class _Key:
     def __init__(self, skeleton: Skeleton, bone_map: Mapping[str, str] | None) -> None:
         self.skeleton, self.bone_map = skeleton, bone_map
         ends = tuple((name, tuple(end)) for name, end in sorted(skeleton.ends.items()))
-        chosen = tuple(sorted((bone_map or {}).items()))
+        chosen = tuple(tuple(sorted(names.items())) for names in (skeleton.bone_map, bone_map or {}))
         self.value = (skeleton.names, skeleton.parents, skeleton.offsets.tobytes(), skeleton.rest.tobytes(), ends, chosen)
 
     def __eq__(self, other: object) -> bool:

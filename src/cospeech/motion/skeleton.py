@@ -28,6 +28,7 @@ class Skeleton:
         ends: leaf name → (3,) offset of the bone's tip, metres.
         kind: which table the names follow: ``"humanoid"``, ``"mixamo"``, …; ``"custom"`` for files of unknown make.
         floor: height on which the T-pose stands, metres; not 0 where a file's own floor is elsewhere.
+        bone_map: our name → their name, where it was found when the file was read; else it is looked for when needed.
 
     Raises:
         InputError: names repeat, a parent comes after its child, shapes disagree, or a value is not finite.
@@ -40,6 +41,7 @@ class Skeleton:
     ends: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     kind: str = "custom"
     floor: float = 0.0
+    bone_map: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         names, parents = tuple(self.names), tuple(int(p) for p in self.parents)

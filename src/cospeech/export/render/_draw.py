@@ -7,10 +7,12 @@ is answered by a ``P``: the top row, the left column, the height and the width o
 from __future__ import annotations
 
 import json
+import warnings
 
 import numpy as np
 
 from cospeech.audio.worker import requests, send
+from cospeech.errors import CospeechWarning
 from cospeech.export.render.camera import View
 from cospeech.export.render.worker import ROW, FrameRenderer, Look
 
@@ -21,7 +23,9 @@ def serve(look: str) -> None:
     """Draw the batches that are asked for; ``look`` is a `Look` as JSON."""
     values = json.loads(look)
     values |= {"view": View(**values["view"]), "background": tuple(values["background"])}
-    renderer = FrameRenderer(Look(**values))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CospeechWarning)  # the program that asks has told the same
+        renderer = FrameRenderer(Look(**values))
     for _, rows in requests():
         for patch in renderer.draw(np.frombuffer(rows, "<f4").reshape(-1, ROW)):
             place = np.array([patch.top, patch.left, *patch.pixels.shape[:2]], "<u4")

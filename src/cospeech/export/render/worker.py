@@ -6,8 +6,8 @@ Such a process (`_draw.py`) gets the look of the pictures in JSON as its argumen
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +43,7 @@ class Look:
         view: how the character is looked at.
         background: 8-bit sRGB colour of the backdrop.
         avatar: the file of the character that is drawn; our mannequin where empty.
+        bone_map: of that file.
     """
 
     width: int
@@ -50,6 +51,7 @@ class Look:
     view: View
     background: tuple[int, int, int]
     avatar: str = ""
+    bone_map: Mapping[str, str] = field(default_factory=dict)
 
 
 def pack(pose: FramedPose, box: Array) -> Array:
@@ -57,8 +59,8 @@ def pack(pose: FramedPose, box: Array) -> Array:
     return np.concatenate([pose.rotations.ravel(), pose.positions.ravel(), pose.face, box]).astype("<f4")
 
 
-def find_character(avatar: str) -> Character:
-    """The character that is drawn: that of the file ``avatar``, or our mannequin.
+def find_character(avatar: str, bone_map: Mapping[str, str] | None = None) -> Character:
+    """The character that is drawn: that of the file ``avatar`` with its ``bone_map``, or our mannequin.
 
     Raises:
         InputError: the file is no character that can be drawn.
@@ -66,7 +68,7 @@ def find_character(avatar: str) -> Character:
     if avatar:
         from ..avatar_character import load_character
 
-        return load_character(avatar)
+        return load_character(avatar, bone_map)
     from ..mannequin import build
 
     return build()
@@ -84,7 +86,7 @@ class FrameRenderer:
         from .scene import Scene
 
         self._look = look
-        self._scene = Scene(character or find_character(look.avatar), look.width, look.height, look.background)
+        self._scene = Scene(character or find_character(look.avatar, look.bone_map), look.width, look.height, look.background)
         self._camera: Camera | None = None
         self._box = np.empty(0)
 

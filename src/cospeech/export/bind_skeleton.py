@@ -1,0 +1,99 @@
+"""The nodes of a glTF file that may be bones, their names, and the skeleton that they make in the file's own rest pose."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import InputError
+from ..limits import JOINTS
+from ..motion.rotations import quat_conjugate, quat_multiply, quat_rotate
+from ..motion.skeleton import Skeleton
+from .gltf import GltfFile, report_damage
+from .rig import rotation_of, world_matrices
+
+__all__ = ["bind_skeleton", "find_below", "find_candidates", "read_node_names"]
+
+
+def read_node_names(file: GltfFile) -> dict[str, int]:
+    """Name → node, of all nodes: what a map can name. Of two nodes with one name a bone goes first, the other gets a number."""
+    order = find_candidates(file, set())
+    order += sorted({*range(len(file.parents))} - {*order})
+    return dict(zip(_unique([_name_of(file, node) for node in order], {}), order, strict=True))
+
+
+def find_candidates(file: GltfFile, wanted: set[int]) -> list[int]:
+    """``wanted`` nodes and those that may be bones: joints of skins, else all nodes without a mesh; and what they hang on.
+
+    Parents stand before children.
+    """
+    with report_damage(file.name):
+        wanted = wanted | {int(joint) for skin in file.list("skins") for joint in skin["joints"]}
+        if any(not 0 <= k < len(file.parents) for k in wanted):
+            raise InputError(f"{file.name} is damaged: a skin names nodes that are not there", "export it again")
+        if not file.list("skins"):
+            wanted |= {k for k, node in enumerate(file.list("nodes")) if "mesh" not in node}
+        for k in list(wanted):
+            while (k := file.parents[k]) >= 0 and k not in wanted:
+                wanted.add(k)
+    order: list[int] = []
+    stack = [k for k, parent in reversed(list(enumerate(file.parents))) if parent < 0]
+    while stack:
+        k = stack.pop()
+        if k in wanted:
+            order.append(k)
+            stack += [child for child in reversed(file.list("nodes")[k].get("children", [])) if child in wanted]
+    return order
+
+
+def find_below(file: GltfFile, hips: int, wanted: set[int]) -> list[int]:
+    """The candidates from ``hips`` down, the hips first, parents before children."""
+    inside, below = {hips}, [hips]
+    for k in find_candidates(file, wanted):
+        if file.parents[k] in inside:
+            inside.add(k)
+            below.append(k)
+    return below
+
+
+def bind_skeleton(file: GltfFile, nodes: list[int], names: dict[int, str], kind: str) -> Skeleton:
+    """The skeleton of ``nodes`` in the file's own rest pose and axes; ``rest`` is that pose, T or not.
+
+    ``names`` (joint → name) go before those of the file.
+
+    Raises:
+        InputError: the character is mirrored or of no size.
+    """
+    if len(nodes) > JOINTS:
+        raise InputError(f"{file.name} has {len(nodes):,} joints", f"at most {JOINTS:,}; is this a character?")
+    world = world_matrices(file)[nodes]
+    if np.any(np.linalg.det(world[:, :3, :3]) <= 1e-18):
+        raise InputError(f"{file.name} has a bone that is mirrored or has no size", "apply all scales before exporting")
+    index = {node: k for k, node in enumerate(nodes)}
+    turned, points = rotation_of(world), world[:, :3, 3]
+    offsets, rest = points.copy(), turned.copy()
+    parents = [index.get(file.parents[node], -1) for node in nodes]
+    for k, parent in enumerate(parents):
+        if parent >= 0:
+            back = quat_conjugate(turned[parent])
+            offsets[k] = quat_rotate(back, points[k] - points[parent])
+            rest[k] = quat_multiply(back, turned[k])
+    own = [_name_of(file, node) for node in nodes]
+    return Skeleton(tuple(_unique(own, names)), tuple(parents), offsets, rest, kind=kind)
+
+
+def _name_of(file: GltfFile, node: int) -> str:
+    return str(file.list("nodes")[node].get("name") or f"node {node}")
+
+
+def _unique(own: list[str], given: dict[int, str]) -> list[str]:
+    """``given`` names where there are, else ``own``, with a number behind those that are taken."""
+    numbers = dict.fromkeys(given.values(), 1)  # name → the number that was tried last for it
+    result = []
+    for k, name in enumerate(own):
+        fresh = given.get(k, name)
+        while k not in given and fresh in numbers:
+            numbers[name] = numbers.get(name, 1) + 1
+            fresh = f"{name} {numbers[name]}"
+        numbers.setdefault(fresh, 1)
+        result.append(fresh)
+    return result

@@ -1,0 +1,48 @@
+"""The animations that somebody's character brings with it: which one is read, and that a new file does not have them."""
+
+from __future__ import annotations
+
+import warnings
+
+from ..errors import CospeechWarning, InputError, nearest
+from .gltf import GltfFile
+
+__all__ = ["find_clip", "note_lost_clips"]
+
+_DIGITS = 9  # ours: of a number of a clip; Python refuses to read very long ones
+
+
+def find_clip(file: GltfFile, wanted: int | str | None) -> int:
+    """Number of an animation from 0.
+
+    Args:
+        file: that holds it.
+        wanted: its name, or its number; the first where None.
+
+    Raises:
+        InputError: there is none such.
+
+    Warns:
+        CospeechWarning: none is wanted, and there are several.
+    """
+    names = [str(animation.get("name") or k) for k, animation in enumerate(file.list("animations"))]
+    if wanted is None:
+        if len(names) > 1:
+            problem = f"{file.name} holds {len(names)} clips; clip 0, {names[0]!r}, is taken"
+            warnings.warn(f"{problem} (--clip chooses one; animation= in Python)", CospeechWarning, stacklevel=4)
+        return 0
+    if not names or wanted in names:
+        return names.index(str(wanted)) if names else 0
+    if not (str(wanted).isdecimal() and len(str(wanted)) <= _DIGITS):
+        raise InputError(f"{file.name} has no clip {wanted!r}", nearest(str(wanted), names))
+    if int(wanted) >= len(names):
+        raise InputError(f"{file.name} has no clip {wanted}", f"0 … {len(names) - 1}, or a name")
+    return int(wanted)
+
+
+def note_lost_clips(file: GltfFile) -> None:
+    """Warn where a character has animations, of which the file that is written has none."""
+    count = len(file.list("animations"))
+    if count:
+        problem = f"{file.name} has {count} clip{'s' * (count > 1)} of its own, which the new file does not hold"
+        warnings.warn(f"{problem}: it holds this motion alone", CospeechWarning, stacklevel=5)

@@ -73,6 +73,11 @@ def test_what_is_no_rig_is_told(name, words):
         find_target(name)
 
 
+def test_python_is_told_how_a_rig_is_named():
+    with pytest.raises(InputError, match=r"unknown skeleton '13_01.bvh' \(of a file: .*find_target\('13_01.bvh'\)"):
+        gesturing(2).retarget("13_01.bvh")
+
+
 def test_a_rig_is_not_overwritten(rig, tmp_path):
     save(gesturing(5), tmp_path / "a.bvh")
     with pytest.raises(InputError, match="overwrite"):

@@ -22,6 +22,8 @@ import cospeech
 from cospeech.cli.catalogue import catalogue
 from cospeech.cli.demo import EXAMPLE
 from cospeech.cli.main import app
+from cospeech.export.glb_container import split_glb
+from cospeech.export.gltf_build import GltfBuilder
 from cospeech.models import MODELS, NETWORKS, find_bundle
 from tests.support.command_line import type_command
 
@@ -124,6 +126,14 @@ def desk(tmp_path_factory):
         r"(ROOT|JOINT) (\w+)", lambda m: f"{m[1]} {theirs.get(m[2], 'x' + str(m.start()))}", (place / "talk.bvh").read_text()
     )
     (place / "odd.bvh").write_text(odd)
+    document, data = split_glb((place / "talk.glb").read_bytes(), "'talk.glb'")
+    document.pop("animations")
+    for k, node in enumerate(document["nodes"]):
+        node["name"] = theirs.get(node["name"], f"x{k}")
+    for name in ("odd.glb", "me.glb"):
+        with (place / name).open("wb") as file:
+            GltfBuilder(document, data).write(file)
+    (place / "names.toml").write_text(odd_map)
     return place
 
 

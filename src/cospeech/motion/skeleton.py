@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cached_property, lru_cache
 from importlib import import_module
+from pathlib import PurePath
 
 import numpy as np
 
@@ -188,6 +189,10 @@ def find_skeleton(name: str) -> Skeleton:
     if name not in SKELETONS:
         near = get_close_matches(str(name).lower(), SKELETONS, 1, 0.5)
         known = f"known: {', '.join(SKELETONS)}"
+        if PurePath(str(name)).suffix:
+            raise InputError(
+                f"unknown skeleton {name!r}", f"of a file: cospeech.export.target_skeleton.find_target({str(name)!r}); {known}"
+            )
         raise InputError(f"unknown skeleton {name!r}", f"did you mean {near[0]!r}? {known}" if near else known)
     table = import_module(SKELETONS[name])
     return from_table(table.JOINTS, table.ENDS, name)

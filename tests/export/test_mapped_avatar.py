@@ -16,6 +16,7 @@ from cospeech.export.target_skeleton import find_target
 from cospeech.generate import generate_files
 from cospeech.motion.skeleton import humanoid
 from tests.export.test_avatar import as_vrm1, rewrite, still, world_at  # noqa: F401  a fixture
+from tests.support.command_line import type_command
 from tests.support.motions import gesturing
 
 NAMES = {name: f"n{k:02}" for k, name in enumerate(humanoid().names)}
@@ -176,3 +177,19 @@ def test_lost_clips_are_told(two_clips, tmp_path):
     with pytest.warns(CospeechWarning, match="has 2 clips of its own, which the new file does not hold"):
         save(gesturing(3), tmp_path / "a.glb", avatar=two_clips)
     assert len(read_glb(tmp_path / "a.glb").json["animations"]) == 1
+
+
+@pytest.mark.slow
+def test_the_command_line_takes_map_and_clip_and_tells_each_note_once(odd, two_clips, still, tmp_path):  # noqa: F811
+    save(gesturing(3), tmp_path / "a.bvh")
+    type_command("render a.bvh a.png --avatar odd.glb --map map.toml", tmp_path)
+    type_command("convert a.bvh b.glb --avatar odd.glb --map map.toml", tmp_path)
+    assert "--map" in type_command("convert a.bvh c.glb --avatar odd.glb", tmp_path, code=2)[1]
+    _, told = type_command("convert two.glb d.bvh", tmp_path)
+    assert told.count("note: ") == 1
+    assert "--clip" in told
+    assert type_command("convert two.glb d.bvh --clip turn", tmp_path)[1] == ""
+    rewrite(still, tmp_path / "nameless.glb", as_nameless)
+    soundfile.write(tmp_path / "talk.wav", 0.1 * np.sin(np.arange(8000) * 0.05), 16000)
+    _, told = type_command("generate talk.wav -o t.glb -o t.png --avatar nameless.glb --takes 2 -q", tmp_path)
+    assert told.count("note: ") == told.count("fingers, eyes, jaw were not found") == 1

@@ -9,6 +9,7 @@ from .gltf import GltfFile
 
 __all__ = ["find_clip", "note_lost_clips"]
 
+_SHOWN = 60  # ours: characters of a name in a note
 _DIGITS = 9  # ours: of a number of a clip; Python refuses to read very long ones
 
 
@@ -28,7 +29,7 @@ def find_clip(file: GltfFile, wanted: int | str | None) -> int:
     names = [str(animation.get("name") or k) for k, animation in enumerate(file.list("animations"))]
     if wanted is None:
         if len(names) > 1:
-            problem = f"{file.name} holds {len(names)} clips; clip 0, {names[0]!r}, is taken"
+            problem = f"{file.name} holds {len(names)} clips; clip 0, {names[0][:_SHOWN]!r}, is taken"
             warnings.warn(f"{problem} (--clip chooses one; animation= in Python)", CospeechWarning, stacklevel=4)
         return 0
     if not names or wanted in names:

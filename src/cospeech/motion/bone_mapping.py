@@ -172,8 +172,8 @@ def recognise_file(
     try:
         found, shaped = _find_joints(skeleton, bone_map)
     except InputError as error:
-        raise InputError(f"{file}: {error.problem}", _why_unfit(unfit, skeleton) or error.hint) from None
-    still = _unnamed_parts(skeleton, found) if shaped else []
+        raise InputError(f"{file}: {error.problem}", _explain_unfit(unfit, skeleton) or error.hint) from None
+    still = _find_unnamed_parts(skeleton, found) if shaped else []
     if still:
         problem = f"{file}: the names of the joints say nothing, so the shape of the tree was used;"
         told = f"{problem} {', '.join(still)} were not found and will not move (--map names them; bone_map in Python)"
@@ -181,7 +181,7 @@ def recognise_file(
     return found
 
 
-def _why_unfit(bone_map: Mapping[str, str] | None, skeleton: Skeleton) -> str:
+def _explain_unfit(bone_map: Mapping[str, str] | None, skeleton: Skeleton) -> str:
     """What keeps a map from being one of this skeleton; nothing where there is no map."""
     try:
         check_names(bone_map or {}, skeleton.names)
@@ -225,7 +225,7 @@ def _missing(found: Mapping[str, str]) -> list[str]:
     return [name for name in REQUIRED if not found.get(name)]
 
 
-def _unnamed_parts(skeleton: Skeleton, found: Mapping[str, str]) -> list[str]:
+def _find_unnamed_parts(skeleton: Skeleton, found: Mapping[str, str]) -> list[str]:
     """Of fingers, and of eyes and jaw, those that are not found though there are joints that may be theirs."""
     named = {theirs: ours for ours, theirs in found.items()}
     owners: list[str] = []  # of each joint, the joint of ours at or above it

@@ -10,7 +10,7 @@ from cospeech.motion.robot import RobotStream, find_robot
 
 FPS = 50
 speech = cospeech.Speech.load(sys.argv[1] if len(sys.argv) > 1 else EXAMPLE)
-session = cospeech.load("rules").session(fps=FPS, intensity=0.8, parts=("body", "hands"))
+session = cospeech.open_live_session("rules", fps=FPS, intensity=0.8, parts=("body", "hands"))
 robot = RobotStream(find_robot("nao"), fps=FPS)
 
 sent = []
@@ -18,7 +18,8 @@ for chunk in speech.chunks(seconds=0.1):  # as a microphone or a text-to-speech 
     for motion in session.push(chunk):
         sent.append(robot.push(motion))  # (T, J) radians: send them to your controller
 sent += [robot.push(motion) for motion in session.finish()]
-sent.append(robot.finish())  # to rest
+sent += [robot.push(motion) for motion in session.idle(1.5)]  # the hands come down
+sent.append(robot.finish())  # all joints brake
 
 commands = np.degrees(np.concatenate(sent))
 for name, angles in zip(robot.names, commands.T, strict=True):

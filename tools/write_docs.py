@@ -55,7 +55,8 @@ CLI_HEAD = """\
 <!-- Written by `make docs` from the program itself; do not edit. -->
 
 Every error is one line, `error: what is wrong (how to mend it)`. Exit codes: 0 done; 1 a failure of ours;
-2 something that you gave cannot be used, and nothing was written; 130 interrupted, and nothing half-written is left.
+2 something that you gave cannot be used, and nothing was written for it (of several speeches, the good ones are written);
+130 interrupted, and nothing half-written is left.
 """
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -48,15 +49,19 @@ class Edits:
         """What is read for them."""
         return [*self.joined, *([self.face] if self.face is not None else [])]
 
-    def apply(self, motion: Motion) -> Motion:
+    def apply(self, motion: Motion, source: File) -> Motion:
         """The motion, edited.
+
+        Args:
+            motion: what is edited.
+            source: its file, for messages.
 
         Raises:
             InputError: one of them cannot be done with this motion.
         """
         check_range("blend", self.blend, _BLENDS, " seconds")
         if self.joined:
-            motion = edit.join([motion, *(load(path) for path in self.joined)], blend=self.blend)
+            motion = _join([(source, motion), *((path, load(path)) for path in self.joined)], self.blend)
         if self.start is not None or self.end is not None:
             motion = edit.cut(motion, self.start, self.end)
         if self.face is not None:
@@ -65,6 +70,25 @@ class Edits:
             own = motion.skeleton
             motion = motion.mirror() if own.kind == "humanoid" else motion.retarget("humanoid").mirror().retarget(own)
         return edit.loop(motion, blend=self.blend) if self.loop else motion
+
+
+def _join(clips: Sequence[tuple[File, Motion]], blend: float) -> Motion:
+    """Clips of files, one after the other.
+
+    Raises:
+        InputError: they have different skeletons; the hint is the command that retargets one of them.
+    """
+    (first, head), *others = clips
+    for path, other in others:
+        if other.skeleton != head.skeleton:
+            foreign = next((each for each, clip in clips if clip.skeleton.kind != "humanoid"), path)
+            made = Path(foreign).with_name(f"{Path(foreign).stem}-humanoid.bvh")
+            raise InputError(
+                f"{str(first)!r} and {str(path)!r} have different skeletons, and cannot be joined",
+                f"retarget first: cospeech convert {shlex.quote(str(foreign))} {shlex.quote(str(made))} --skeleton humanoid; "
+                f"then name {made.name} in its place",
+            )
+    return edit.join([motion for _, motion in clips], blend=blend)
 
 
 def convert_file(
@@ -106,7 +130,7 @@ def convert_file(
     bones = load_map(names) if names else None
     goal = None if skeleton is None else check_skeleton(skeleton, {Path(target).suffix.lower()}, bones)
     worn = None if avatar is None else check_avatar(avatar, {Path(target).suffix.lower()}, bones)
-    motion = edits.apply(_read(source, bones, clip))
+    motion = edits.apply(_read(source, bones, clip), source)
     holds = {*format_of(source).holds} | ({"face"} if edits.face is not None else set())
     shown = [part for part in PARTS if part in holds and (part != "face" or motion.face is not None)]
     check_parts(target, shown, f"{str(source)!r} holds")

@@ -95,7 +95,9 @@ def feature_tools(features: str | PathLike[str] | FeatureNet | None, clips: Sequ
         except ModuleNotFoundError as error:
             if (error.name or "").partition(".")[0] != "torch":
                 raise
-            raise InputError("feature networks need torch, which is not installed", "pip install 'cospeech[train]'") from None
+            raise InputError(
+                "feature networks need torch, which is not installed", "in a clone: pip install '.[train]'"
+            ) from None
     assert isinstance(net, FeatureNet)
     for clip in clips[:1]:
         net.poses(sample_of(clip, track=False))

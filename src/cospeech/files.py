@@ -9,6 +9,7 @@ takes the square of its parts in time.
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import platform
@@ -38,6 +39,8 @@ __all__ = [
 ]  # fmt: skip
 
 PREFIX = ".cospeech-"
+_MAY_WRITE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
+_FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS)
 ABANDONED = 86_400.0  # seconds without a write; ours: a day, where no lock tells, and for folders of other machines
 _LOCK, _MARK = "lock", b"cospeech "  # the file, and what it begins with; then comes the name of the machine
 _swept: set[Path] = set()  # folders that this process has looked through: once each, they may be large
@@ -165,13 +168,13 @@ def _destination(path: str | PathLike[str]) -> Path:
     """Where a file to be written really lies: at the end of links, which stay links.
 
     Raises:
-        InputError: a folder, a pipe or a device has that name, or no file can have it.
+        InputError: a folder, a pipe, a device or a read-only file has that name, or no file can have it.
     """
     shown = os.fsdecode(path)
     try:
         mode = Path(shown).stat().st_mode
     except FileNotFoundError:
-        mode = stat.S_IFREG
+        mode = stat.S_IFREG | _MAY_WRITE
     except (OSError, ValueError) as error:  # ValueError: it holds a null character
         reason = describe_os_error(error) if isinstance(error, OSError) else str(error)
         raise InputError(f"cannot write {shown!r}: {reason}", "is the name right?") from None
@@ -179,6 +182,8 @@ def _destination(path: str | PathLike[str]) -> Path:
         raise InputError(f"cannot write {shown!r}: it is a folder", "name a file")
     if not stat.S_ISREG(mode):
         raise InputError(f"cannot write {shown!r}: it is a pipe or a device", "name a file")
+    if not mode & _MAY_WRITE:  # a rename would not ask; the bits count for root, too, who could write
+        raise InputError(f"cannot write {shown!r}: the file is read-only", "name another file, or make this one writable")
     return Path(os.path.realpath(shown))
 
 
@@ -241,7 +246,10 @@ def _workplace(stack: ExitStack, folder: Path, target: str | PathLike[str]) -> P
         return stack.enter_context(workplace(folder))
     except OSError as error:
         problem = f"cannot write {os.fsdecode(target)!r}: {describe_os_error(error)}"
-        raise InputError(problem, "does the folder exist?") from None
+        hint = "does the folder exist?"
+        if folder.is_dir():
+            hint = "may you write into this folder?" if error.errno in _FORBIDDEN else ""
+        raise InputError(problem, hint) from None
 
 
 # hidden folders -------------------------------------------------------------------------------------------------------

@@ -77,7 +77,7 @@ def generate_files(
         emotion: one of `cospeech.audio.emotions.EMOTIONS`, or ``auto``: the arousal of the voice; or one that changes over
             time: an `EmotionTrack`, or the ``.csv`` file of one (`read_emotion_track`).
         speaker: a speaker by name; for the rule-based model speakers are its styles.
-        transcript: words of the speech, with times or without.
+        transcript: words of the speech, with times or without; where not given, those of the plan.
         transcribe: hear the words with faster-whisper (the extra ``asr``) instead.
         seed: of the first take; the next take has the next seed.
         takes: how many; from two on, ``talk.bvh`` becomes ``talk.1.bvh``, ``talk.2.bvh`` …
@@ -125,7 +125,8 @@ def generate_files(
         place = stack.enter_context(all_or_none([*names, *(Path(path) for path in (report, plan_out) if path)]))
         source = stack.enter_context(open_speech(audio, transcript=transcript))
         source.words = align_with_recogniser(audio) if transcribe else source.words
-        keywords = writer_keywords(files, audio, worn, special or {}, source.words)
+        words = options.plan.speech_words if source.words is None and options.plan is not None else source.words
+        keywords = writer_keywords(files, audio, worn, special or {}, words)
         counts = set[int]()
         for group, performance in _passes(loaded, options):
             staged = [[place(take_path(path, take + 1, takes)) for path in files] for take in group]
@@ -167,7 +168,7 @@ def check_request(
         InputError: it cannot.
     """
     _check_rivals(style, speaker, None, False)
-    asked = GenerationOptions(style=style or speaker, emotion=_read_emotion(emotion)[0], **options)
+    asked = GenerationOptions.from_keywords({"style": style or speaker, "emotion": _read_emotion(emotion)[0], **options})
     next(_passes(loaded, replace(asked, takes=1)))
 
 
@@ -213,7 +214,8 @@ def open_live_session(
         options: of `GenerationOptions`.
 
     Raises:
-        InputError: an option is out of range or a name unknown; or a plan is given, which is that of one speech.
+        InputError: an option is out of range, or a name unknown, also that of an option; or a plan is given, which is that of
+            one speech.
     """
     from .runtime.live_session import LiveSession
 
@@ -222,7 +224,7 @@ def open_live_session(
 
     opened = load_model(model) if isinstance(model, str | PathLike) else model
     usual = {name: value for name, value in opened.for_files.items() if name == "stance"}
-    given = GenerationOptions(**{**usual, "emotion": _read_emotion(emotion)[0], **options})
+    given = GenerationOptions.from_keywords({**usual, "emotion": _read_emotion(emotion)[0], **options})
     return LiveSession(opened, given, idle_after=idle_after)
 
 

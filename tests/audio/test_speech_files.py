@@ -7,6 +7,7 @@ import io
 import os
 import struct
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import av
@@ -15,6 +16,8 @@ import pytest
 import soundfile
 
 from cospeech import InputError, Speech
+from cospeech.audio.speech import open_speech
+from cospeech.errors import CospeechWarning
 
 RATE = 16_000
 TONE = (0.3 * np.sin(2 * np.pi * 200 * np.arange(RATE) / RATE)).astype(np.float32)
@@ -254,7 +257,9 @@ ODD: dict[str, tuple[Make, float]] = {
 @pytest.mark.parametrize("name", ODD)
 def test_odd_files_are_read(tmp_path, name):
     make, seconds = ODD[name]
-    speech = Speech.load(make(tmp_path))
+    cut = name in ("wav cut in half", "wav of an interrupted recorder")
+    with pytest.warns(CospeechWarning, match="cut short") if cut else nullcontext():
+        speech = Speech.load(make(tmp_path))
     assert speech.seconds == pytest.approx(seconds, abs=0.08 if "m4a" in name or "MP3" in name or "mp3" in name else 0.001)
     assert np.abs(speech.samples).max() > 0.25
     assert speech.frames(30) == -(-speech.duration * 30 // 1)
@@ -318,3 +323,29 @@ def test_the_info_chunk_that_hangs_libsndfile(tmp_path, size):
         with pytest.raises(InputError, match="not a sound file that can be read") as caught:
             Speech.load(path)
         assert "No 'data' chunk" in str(caught.value.__cause__)
+
+
+@pytest.mark.parametrize(
+    ("before", "bits"), [(b"", 16), (b"LIST\x05\0\0\0abcde\0", 16), (b"", 24)], ids=["plain", "odd chunk before", "24 bits"]
+)
+def test_a_wav_that_is_cut_short_says_how_much_is_there(tmp_path, before, bits):
+    data = bytes(range(200)) * (RATE * 3 // 2 * bits // 8 // 200)  # 1.5 s
+    path = holding(wav(data, size=RATE * 6 * bits // 8, before=before, bits=bits))(tmp_path)
+    with pytest.warns(CospeechWarning) as told:
+        speech = Speech.load(path)
+    assert [str(each.message) for each in told] == [f"{path.name!r} is cut short: its header says 6 s, and 1.5 s are there"]
+    assert speech.seconds == 1.5
+
+
+def test_a_cut_wav_that_is_read_twice_is_told_once(tmp_path):
+    source = open_speech(holding(wav(size=6400))(tmp_path))
+    with pytest.warns(CospeechWarning, match="cut short"):
+        list(source.blocks())
+    assert len(list(source.blocks())) == 1
+
+
+@pytest.mark.parametrize(
+    "size", [0xFFFFFFFF, 0x7FFFF000, 0x80000000, 48_320], ids=["FFmpeg in a pipe", "SoX in a pipe", "arecord", "10 ms"]
+)
+def test_a_wav_whose_header_cannot_know_its_length_is_not_cut_short(tmp_path, size):
+    assert Speech.load(holding(wav(bytes(range(200)) * 240, size=size))(tmp_path)).seconds == 1.5  # warnings are errors here

@@ -150,6 +150,7 @@ def test_mutants_end_as_sound_or_as_an_error(tmp_path, name):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*is cut short:cospeech.errors.CospeechWarning")
 @pytest.mark.parametrize("name", KINDS)
 def test_mutants_as_a_user_loads_them(tmp_path, name):
     ended = 0

@@ -189,6 +189,9 @@ CASES: dict[str, tuple[str, str | bytes, str | list[str]]] = {
     "odd UTF-16": ("a.txt", b"\xff\xfeh\0e", "UTF-16"),
     "NUL": ("a.tsv", "0\t1\tone\0\n", "NUL"),
     "sound": ("a.txt", np.random.default_rng(0).bytes(4001), "text"),
+    "a WAV": ("a.wav", b"RIFF\x24\x08\0\0WAVEfmt " + bytes(2000), r"'a.wav' is no transcript: it is not text \(TextGrid, .tsv"),
+    "a video": ("a.mp4", b"\0\0\0\x20ftypisom" + bytes(range(256)) * 8, "'a.mp4' is no transcript"),
+    "sound without a head": ("a", np.arange(2000, dtype=np.int16).tobytes() + b"\0\xd8", "no transcript"),
     "escape codes": ("a.tsv", "0\t1\t\x1b[31mred\x1b[0m\n", ["31mred", "0m"]),
     "nested JSON": ("a.json", "[" * 200_000 + "]" * 200_000, "nested"),
     "nested words": ("a.json", '{"words": [' * 50 + "1" + "]}" * 50, "nested"),
@@ -366,7 +369,7 @@ def test_tokens():
 def test_a_recogniser_is_a_function(monkeypatch):
     assert align_with_recogniser("a.wav", lambda path: [Word(path, 0, 1)]) == (Word("a.wav", 0, 1),)
     monkeypatch.setitem(sys.modules, "faster_whisper", None)
-    with pytest.raises(InputError, match=r"pip install 'cospeech\[asr\]'"):
+    with pytest.raises(InputError, match=r"in a clone: pip install '\.\[asr\]'"):
         align_with_recogniser("a.wav")
 
 
@@ -407,6 +410,6 @@ def test_transcribe_without_the_extra_says_what_to_install(tmp_path):
     from cospeech.audio.speech import example
     from cospeech.generate import generate_files
 
-    with pytest.raises(InputError, match=r"cospeech\[asr\]"):
+    with pytest.raises(InputError, match=r"\.\[asr\]"):
         generate_files(example()[0], [tmp_path / "x.json"], transcribe=True)
     assert not list(tmp_path.iterdir())

@@ -301,3 +301,23 @@ def test_edits_of_the_command_line(cli, place):
         assert code == 2
         assert err.startswith("error: ")
         assert not Path("x.bvh").exists()
+
+
+def test_a_video_beside_a_sound_of_its_name_is_no_second_speech(cli, place):
+    for name in ("rec/me/a.mp4", "rec/me/b.webm"):  # never opened
+        Path(name).write_bytes(b"\0\0\0\x20ftypisom")
+    code, _, err = cli("generate", "rec/me", "-o", "out/{name}.bvh", "-q")
+    assert (code, err) == (0, "note: left out, because a sound of the same name is beside it: rec/me/a.mp4, rec/me/b.webm\n")
+    assert files("out") == ["a.bvh", "b.bvh"]
+    Path("rec/me/a.flac").write_bytes(b"fLaC")
+    code, _, err = cli("generate", "rec/me", "-o", "two/", "-q")
+    assert code == 2
+    assert "'rec/me/a.wav' and 'rec/me/a.flac' are both called 'a'" in err
+
+
+def test_a_note_of_a_file_that_is_read_twice_comes_once(cli, place):
+    whole = Path("talk.wav").read_bytes()
+    Path("cut.wav").write_bytes(whole[: len(whole) // 2])
+    code, _, err = cli("generate", "cut.wav", "-o", "a.bvh", "-o", "a.gif", "--gesture", "huge@0.3", "-q")
+    assert code == 0
+    assert err.count("note: 'cut.wav' is cut short: its header says 1 s, and 0.49") == 1

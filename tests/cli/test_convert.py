@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+
 import numpy as np
 import pytest
 
@@ -61,3 +63,18 @@ def test_what_cannot_be_edited_leaves_nothing(cli, place, arguments, what):
     assert (code, out) == (2, "")
     assert what in err
     assert not (place / "out.glb").exists()
+
+
+@pytest.mark.parametrize("foreign_first", [False, True])
+def test_clips_of_other_skeletons_are_joined_after_the_command_of_the_hint(cli, place, foreign_first):
+    assert cli("convert", "talk.bvh", "their clip.bvh", "--skeleton", "mixamo")[0] == 0
+    first, second = ("their clip.bvh", "talk.glb") if foreign_first else ("talk.glb", "their clip.bvh")
+    code, _, err = cli("convert", first, "out.bvh", "--join", second, "--skeleton", "humanoid")
+    assert code == 2
+    assert f"{first!r} and {second!r} have different skeletons" in err
+    command = err.partition("retarget first: cospeech ")[2].partition(";")[0]
+    assert command == "convert 'their clip.bvh' 'their clip-humanoid.bvh' --skeleton humanoid"
+    assert cli(*shlex.split(command))[0] == 0
+    names = [name.replace("clip.bvh", "clip-humanoid.bvh") for name in (first, second)]
+    assert cli("convert", names[0], "out.bvh", "--join", names[1])[0] == 0
+    assert len(load("out.bvh")) == 120

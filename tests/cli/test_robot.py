@@ -23,6 +23,8 @@ def place(tmp_path, monkeypatch):
     (tmp_path / "mine.urdf").write_text(URDF)
     (tmp_path / "map.toml").write_text('[joints]\narm = "-left_shoulder_roll+0.1"\npan = "head_yaw"\n')
     (tmp_path / "bad.toml").write_text("[joints]\narm = 3\n")
+    (tmp_path / "odd.toml").write_text("[limit.HeadYaw]\nvelocity = 1\n")
+    (tmp_path / "empty.toml").write_text("# nothing\n")
     return tmp_path
 
 
@@ -41,7 +43,7 @@ def test_a_known_robot_and_a_urdf(cli, place):
 
 def test_speech_moves_a_robot_as_the_motion_that_is_generated_of_it(cli, place):
     chosen = ("--style", "lively", "--seed", "3", "--intensity", "0.8")
-    assert cli("robot", EXAMPLE, "talk.csv", *chosen, "-q")[0] == 0
+    assert cli("robot", EXAMPLE, "talk.csv", *chosen, "--rest", "0", "-q")[0] == 0
     assert cli("generate", EXAMPLE, "-o", "talk.npz", "--fps", "50", *chosen, "-q")[0] == 0
     assert cli("robot", "talk.npz", "other.csv", "-q")[0] == 0
     assert (place / "talk.csv").read_bytes() == (place / "other.csv").read_bytes()
@@ -58,6 +60,53 @@ def test_joints_of_a_urdf_that_are_not_recognised_are_told(cli, place):
     assert "not moved: arm (--map" in err
 
 
+def test_after_the_speech_the_arms_come_down(cli, place):
+    import numpy as np
+    import soundfile
+
+    samples, rate = soundfile.read(EXAMPLE, dtype="float32")
+    soundfile.write(place / "short.wav", samples[: 3 * rate], rate)  # it ends within a gesture
+
+    def end_of(*options):
+        code, out, _ = cli("robot", "short.wav", "talk.csv", *options)
+        assert code == 0
+        rows = np.genfromtxt(place / "talk.csv", delimiter=",", names=True)
+        return int(out.split()[1]), rows
+
+    count, stopped = end_of("--rest", "0")
+    assert 150 <= count <= 156
+    count, rested = end_of()
+    assert 225 <= count <= 231  # 3 s, 1.5 s, and a moment to brake
+    first = [name for name in stopped.dtype.names]
+    np.testing.assert_array_equal(*(np.stack([rows[name][:150] for name in first]) for rows in (stopped, rested)))
+    bends = {name: (abs(stopped[name][-1]), abs(rested[name][-1])) for name in ("LElbowRoll", "RElbowRoll")}
+    assert max(before for before, _ in bends.values()) > 1.2
+    assert max(after for _, after in bends.values()) < 1.0
+    _, longer = end_of("--rest", "3")
+    assert 300 <= len(longer) <= 306
+    assert cli("robot", "talk.bvh", "moved.csv", "--fps", 30, "--rest", "1")[1].split()[1] >= "60"
+
+
+def test_a_map_limits_any_robot(cli, place):
+    import numpy as np
+
+    (place / "limits.toml").write_text("[limits.RElbowRoll]\nvelocity = 0.5\nacceleration = 2.0\nupper = 1\n")
+    assert cli("robot", "talk.bvh", "talk.csv", "--map", "limits.toml", "-q")[0] == 0
+    rows = np.genfromtxt(place / "talk.csv", delimiter=",", names=True)
+    speed = np.diff(rows["RElbowRoll"]) * 50
+    assert 0.3 < np.abs(speed).max() <= 0.5 + 1e-3
+    assert np.abs(np.diff(speed)).max() * 50 <= 2 + 0.01  # the file has six digits
+    (place / "both.toml").write_text('[joints]\narm = "left_elbow"\npan = ""\n[limits.arm]\nupper = 0.0\n')
+    code, _, err = cli("robot", "talk.bvh", "talk.csv", "--robot", "mine.urdf", "--map", "both.toml")
+    assert (code, err) == (0, "")  # pan is left out on purpose
+
+
+def test_an_offset_in_degrees_is_told(cli, place):
+    (place / "degrees.toml").write_text('[joints]\narm = "left_shoulder_pitch-90"\npan = ""\n')
+    code, _, err = cli("robot", "talk.bvh", "talk.csv", "--robot", "mine.urdf", "--map", "degrees.toml")
+    assert (code, err) == (0, "outside the limits all the time in talk.bvh: arm (is the offset in radians?)\n")
+
+
 def test_joints_that_get_no_movement_are_told(cli, place):
     save(gesturing(30), "face.json")
     code, _, err = cli("robot", "face.json", "talk.csv")
@@ -71,8 +120,11 @@ def test_joints_that_get_no_movement_are_told(cli, place):
         (["talk.csv", "--robot", "noa"], "no robot is called 'noa'"),
         (["talk.txt"], "a trajectory as .txt"),
         (["talk.csv", "--robot", "mine.urdf"], "is recognised"),
-        (["talk.csv", "--robot", "mine.urdf", "--map", "bad.toml"], "no table [joints]"),
-        (["talk.csv", "--robot", "nao", "--map", "map.toml"], "--map changes nothing"),
+        (["talk.csv", "--robot", "mine.urdf", "--map", "bad.toml"], "[joints] that holds not only texts"),
+        (["talk.csv", "--robot", "nao", "--map", "map.toml"], "[joints] of --map changes nothing for 'nao'"),
+        (["talk.csv", "--map", "odd.toml"], "has a table [limit] (did you mean 'limits'?"),
+        (["talk.csv", "--map", "empty.toml"], "has no table [joints] or [limits.JOINT]"),
+        (["talk.csv", "--rest", "-1"], "rest -1"),
         (["talk.csv", "--robot", "nowhere.urdf"], "nowhere.urdf"),
         (["talk.csv", "--robot", "mine.urdf.xacro"], "xacro mine.urdf.xacro > mine.urdf"),
         (["talk.csv", "--robot", "mine.xml"], "mine.xml"),

@@ -97,6 +97,7 @@ def test_standard_input_without_sound_is_told():
         (["-i", "-", "--control", "foo"], "cannot hear messages from 'foo' (known: -, ws://HOST:PORT, wss://HOST:PORT, listen"),
         (["-i", "-", "--control", "http://x"], "cannot hear messages from 'http://x'"),
         (["-i", "-", "--control", "vmc://"], "cannot hear messages from 'vmc://'"),
+        (["-i", "-", "--idle-after", "0"], "error: --idle-after is 0.0 (seconds, the latency of 1.62"),
         (["-i", "-", "--to", "vmc://"], "write vmc://127.0.0.1:39539"),
     ],
 )
@@ -150,11 +151,12 @@ def test_when_the_sound_is_over_the_hands_come_to_rest(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_stream_that_reaches_nobody_fails(cli):
-    command = ["stream", "-i", str(example()[0]), "--unpaced", "--fps", "10", "--to", "ws://127.0.0.1:9"]
+@pytest.mark.parametrize("address", ["ws://127.0.0.1:9", "listen://127.0.0.1:0"])
+def test_a_stream_that_reaches_nobody_fails(cli, address):
+    command = ["stream", "-i", str(example()[0]), "--unpaced", "--fps", "10", "--to", address]
     code, _, err = cli(*command)
     assert code == 1
-    assert "ws://127.0.0.1:9: 0 sent, 191 dropped" in err  # 19.1 s: each frame is counted
+    assert f"{address}: 0 sent, 191 dropped" in err  # 19.1 s: each frame is counted
     assert "no receiver got a frame" in err
 
 

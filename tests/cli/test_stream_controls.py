@@ -92,6 +92,15 @@ def test_an_interruption_that_is_refused_drops_nothing():
     assert (len(told), session.interrupted) == (1, [])
 
 
+def test_a_line_that_says_nothing_is_told_as_text():
+    told: list[str] = []
+    controls = Controls(WaitingSound(RATE), told.append)
+    for line in (b"garbage\n", "gr\xfc\xdf\n".encode(), b"\xff\n"):
+        controls.put(line)
+    controls.steer(Listener(), None)
+    assert [text.split(" is no")[0] for text in told] == ["control: 'garbage'", "control: 'gr\xfc\xdf'", "control: '\ufffd'"]
+
+
 def test_who_is_made_to_wait_goes_on_after_an_interruption():
     waiting = WaitingSound(100)
     waiting.put(np.ones(100, np.float32))

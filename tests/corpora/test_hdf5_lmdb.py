@@ -67,7 +67,10 @@ def test_a_hang_is_ended(file, monkeypatch):
 
 def test_without_the_library(file, monkeypatch):
     monkeypatch.setattr(sys, "path", [path for path in sys.path if "site-packages" not in path])
-    with Hdf5LmdbReader("hdf5") as reader, pytest.raises(InputError, match=r"needs h5py \(pip install 'cospeech\[corpora\]'\)"):
+    with (
+        Hdf5LmdbReader("hdf5") as reader,
+        pytest.raises(InputError, match=r"needs h5py \(in a clone: pip install '\.\[corpora\]'\)"),
+    ):
         reader.hdf5(file)
 
 

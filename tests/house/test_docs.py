@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import inspect
 import os
 import re
 import subprocess
 import sys
+import threading
+import time
 import tomllib
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -139,10 +142,28 @@ def run(line: str, place: Path) -> None:
     if "cospeech stream" not in line:
         type_command(line, place)
         return
+    clients = [threading.Thread(target=listen, args=(address,)) for address in re.findall(r"--to listen://(\S+)", line)]
+    for client in clients:
+        client.start()
     subprocess.run(
         [sys.executable, "-m", "cospeech", *line.removeprefix("cospeech ").split()],
         cwd=place, capture_output=True, text=True, check=True, env=os.environ | {"PYTHONIOENCODING": "utf-8"},
     )  # fmt: skip
+    for client in clients:
+        client.join()
+
+
+def listen(address: str) -> None:
+    """Hear all frames of a stream, as a page would: it fails if nobody got one."""
+    from websockets.sync.client import connect
+
+    until = time.monotonic() + 60
+    while time.monotonic() < until:
+        with contextlib.suppress(ConnectionRefusedError), connect(f"ws://{address}") as messages:
+            for _ in messages:
+                pass
+            return
+        time.sleep(0.1)
 
 
 def needs_weights(text: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
@@ -12,7 +13,8 @@ import pytest
 import soundfile
 
 from cospeech.cli.demo import EXAMPLE
-from cospeech.files import ABANDONED, PREFIX, atomic, sweep, workplace
+from cospeech.errors import InputError
+from cospeech.files import ABANDONED, PREFIX, all_or_none, atomic, sweep, workplace
 from tests.support.leftovers import abandoned
 
 pytestmark = pytest.mark.slow
@@ -131,3 +133,38 @@ def test_atomic_leaves_no_trace(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         _interrupted(target)
     assert ([*tmp_path.iterdir()], target.read_text()) == ([target], "whole")
+
+
+def test_a_read_only_file_is_not_replaced(tmp_path):
+    target = tmp_path / "kept.bvh"
+    target.write_text("kept")
+    target.chmod(0o444)
+    (tmp_path / "link.bvh").symlink_to(target)
+    for path in (target, tmp_path / "link.bvh"):
+        for write in (atomic(path), all_or_none([tmp_path / "new.bvh", path])):
+            with pytest.raises(InputError, match=r"cannot write '.*': the file is read-only \(name another file"), write:
+                raise AssertionError
+    assert (target.read_text(), target.stat().st_mode & 0o777) == ("kept", 0o444)
+    assert {path.name for path in tmp_path.iterdir()} == {"kept.bvh", "link.bvh"}
+
+
+@pytest.mark.parametrize(
+    ("number", "there", "hint"),
+    [
+        (errno.EACCES, True, " (may you write into this folder?)"),
+        (errno.EROFS, True, " (may you write into this folder?)"),
+        (errno.ENOSPC, True, ""),
+        (errno.ENOENT, False, " (does the folder exist?)"),
+    ],
+)
+def test_the_hint_fits_the_folder(tmp_path, monkeypatch, number, there, hint):
+    """Root may write everywhere, so the system's answer is played."""
+
+    def refuse(*_: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    folder = tmp_path if there else tmp_path / "nowhere"
+    monkeypatch.setattr(Path, "mkdir", refuse)
+    with pytest.raises(InputError) as caught, atomic(folder / "a.bvh"):
+        raise AssertionError
+    assert str(caught.value) == f"cannot write {str(folder / 'a.bvh')!r}: {os.strerror(number)}{hint}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -61,10 +62,11 @@ def test_cut_pieces_join_to_the_whole():
         joined = Motion.concatenate(pieces)
         assert equal(joined, motion)
         assert joined.start == motion.start
-    with pytest.raises(InputError, match="slice"):
+    with pytest.raises(InputError, match=r"slice of step 1; use resample"):
         motion[::2]
-    with pytest.raises(InputError, match="slice"):
-        motion[3]
+    for index, said in ((3, "motion[3:4]"), (np.int64(7), "motion[7:8]"), (-1, "motion[-1:]"), ("x", "motion[3:4]")):
+        with pytest.raises(InputError, match=rf"is no slice of a motion \(one frame is {re.escape(said)}\)$"):
+            motion[index]
 
 
 def test_joining_takes_sign_flips_out():

@@ -7,8 +7,9 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
+from cospeech.audio.speech import Speech
 from cospeech.errors import InputError
-from cospeech.generate import check_request
+from cospeech.generate import check_request, open_live_session
 from cospeech.motion.named_numbers import read_named_numbers
 from cospeech.motion.parts import PARTS
 from cospeech.rules import GenerationOptions, RuleBasedModel
@@ -52,8 +53,6 @@ def test_options_become_what_models_work_with():
     assert GenerationOptions(emotion="anger").track.at(np.zeros(()))[2] == 1
     with pytest.raises(FrozenInstanceError):
         options.seed = 4
-    with pytest.raises(TypeError, match="speed"):
-        RuleBasedModel().session(speed=2)
 
 
 def test_the_last_take_has_a_seed_too():
@@ -71,6 +70,21 @@ def test_a_session_takes_them_whole_or_with_changes():
     assert (changed.fps, changed.parts, changed.seed) == (20.0, ("body",), 7)
     with pytest.raises(InputError, match="rule-based"):
         RuleBasedModel().session(options, takes=2)
+
+
+def test_an_option_that_there_is_not_is_told_with_the_nearest_name():
+    model = RuleBasedModel()
+    for ask in (
+        lambda: open_live_session("rules", stile="calm"),
+        lambda: model.session(stile="calm"),
+        lambda: model.session(GenerationOptions(), stile="calm"),
+        lambda: model.generate(Speech(np.zeros(800, np.float32), 16_000), stile="calm"),
+        lambda: model.stream([], stile="calm"),
+        lambda: model.plan(Speech(np.zeros(800, np.float32), 16_000), stile="calm"),
+        lambda: check_request(model, stile="calm"),
+    ):
+        with pytest.raises(InputError, match=r"no option is called 'stile' .did you mean 'style'. known: style, emotion"):
+            ask()
 
 
 # the grammar ----------------------------------------------------------------------------------------------------------

@@ -122,7 +122,7 @@ export interface HeardPhrase {
   end: number;
 }
 
-/** A word of the transcript, in seconds. Gestures are added at words. */
+/** A word of the transcript, in seconds; before 0 where it was under way when the speech began. */
 export interface HeardWord {
   text: string;
   start: number;

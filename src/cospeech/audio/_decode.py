@@ -3,7 +3,8 @@
 `cospeech.audio.worker` starts it for `cospeech.audio.decoding`; nothing else of the package is imported. A request ``P`` is the
 path of a file. Messages that answer it:
 
-    H  JSON {"rate", "channels", "frames"}     frames is the header's claim, -1 where it makes none
+    H  JSON {"rate", "channels", "frames",     frames is what the library expects, -1 where it does not know; announced is
+             "announced"}                      what a WAV that was cut short says that it has, -1 where nothing is missing
     B  float32 samples, channels interleaved
     E  JSON {"frames"}                         the end: frames that really came
     X  JSON {"problem", "hint", "ours",        it failed; `ours` where the file is not to blame; `detail` is what the library
@@ -41,6 +42,12 @@ CONTAINERS = (
 )
 
 
+# A WAV whose length was not known when its header was written announces 0 bytes, or nearly 2 or 4 GiB: FFmpeg in a pipe
+# 0xFFFFFFFF, SoX 0x7FFFF000, arecord 0x80000000 (their sources).
+UNKNOWN_SIZE = 0x7FFF0000
+MOST_CHUNKS = 64  # ours: chunks of a WAV before its samples
+
+
 def demuxer(head: bytes) -> str | None:
     return next((name for at, magic, name in CONTAINERS if head[at : at + len(magic)] == magic), None)
 
@@ -58,6 +65,7 @@ def decode(path: bytes) -> int:
     # Opened by number, so that libsndfile has no name whose suffix it could believe.
     with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0)), "rb") as file:
         head = file.read(16)
+        announced = find_overstatement(file) if head[:4] == b"RIFF" and head[8:12] == b"WAVE" else 1.0
         file.seek(0)
         container = demuxer(head)
         try:
@@ -68,13 +76,30 @@ def decode(path: bytes) -> int:
                 return decode_container(file, container)
             raise FileRefused("not a sound file that can be read", "WAV, FLAC, OGG, MP3 and AIFF can", detail=error) from None
         with sound:
-            return decode_sound(sound, file)
+            return decode_sound(sound, file, announced)
 
 
-def decode_sound(sound, file) -> int:  # type: ignore[no-untyped-def]  # soundfile is imported only where it is needed
+def find_overstatement(file) -> float:  # type: ignore[no-untyped-def]
+    """How many times the samples that are there a WAV says that it has; 1 where all are there, or where nobody can tell."""
+    at, end = 12, os.fstat(file.fileno()).st_size
+    for _ in range(MOST_CHUNKS):
+        file.seek(at)
+        chunk = file.read(8)
+        if len(chunk) < 8:
+            break
+        size = int.from_bytes(chunk[4:], "little")
+        if chunk[:4] == b"data":
+            there = end - at - 8
+            return size / there if 0 < there < size < UNKNOWN_SIZE else 1.0
+        at += 8 + size + size % 2
+    return 1.0
+
+
+def decode_sound(sound, file, announced: float) -> int:  # type: ignore[no-untyped-def]  # soundfile is imported where it is needed
     """Whole messages, read in small steps: an error costs the step in which it happens."""
     channels, frames = sound.channels, 0
-    send_json(b"H", rate=sound.samplerate, channels=channels, frames=min(sound.frames, 1 << 62))
+    said = round(sound.frames * announced) if (announced - 1) * sound.frames > HOLE * sound.samplerate else -1
+    send_json(b"H", rate=sound.samplerate, channels=channels, frames=min(sound.frames, 1 << 62), announced=said)
     steps = max(1, BLOCK_SAMPLES // (channels * STEP_FRAMES))
     buffer = memoryview(bytearray(steps * STEP_FRAMES * channels * 4))
     while True:
@@ -120,7 +145,7 @@ def decode_container(file, container: str) -> int:  # type: ignore[no-untyped-de
         import av
     except ImportError:
         raise FileRefused(
-            f"{container} media need FFmpeg's decoders", "pip install 'cospeech[av]', or save it as WAV"
+            f"{container} media need FFmpeg's decoders", "in a clone: pip install '.[av]'; or save it as WAV"
         ) from None
     frames = 0
     try:
@@ -131,7 +156,7 @@ def decode_container(file, container: str) -> int:  # type: ignore[no-untyped-de
             stream.codec_context.thread_count = 1
             rate, channels = stream.codec_context.sample_rate, stream.codec_context.channels
             claim = -1 if stream.duration is None else round(float(stream.duration * stream.time_base) * rate)
-            send_json(b"H", rate=rate, channels=channels, frames=claim)
+            send_json(b"H", rate=rate, channels=channels, frames=claim, announced=-1)
             packed = av.AudioResampler(format="flt", layout=stream.codec_context.layout, rate=rate)
             for frame in media.decode(stream):
                 for piece in packed.resample(frame):

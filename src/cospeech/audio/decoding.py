@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
-from ..errors import InputError, InternalError
+from ..errors import CospeechWarning, InputError, InternalError
 from ..limits import (  # fmt: skip
     BLOCK_TIMEOUT,
     CHANNELS,
@@ -25,6 +26,8 @@ from .worker import TooLong, Worker, WorkerEnded, worker_command
 
 __all__ = ["SoundDecoder"]
 
+_HEADER = ("rate", "channels", "frames", "announced")
+
 
 def _command() -> list[str]:
     return worker_command(Path(__file__).with_name("_decode.py"), memory=DECODER_MEMORY, cpu_seconds=DECODER_CPU_SECONDS)
@@ -35,6 +38,8 @@ class SoundDecoder:
 
     def __init__(self, path: Path, name: str) -> None:
         self.name, self._timeout = name, OPEN_TIMEOUT
+        self.announced: int | None = None
+        """Frames that a file which was cut short says that it has; known with its `header`."""
         self._worker = Worker(_command())
         self._worker.request(b"P", os.fsencode(path), last=True)
 
@@ -46,7 +51,7 @@ class SoundDecoder:
         self._timeout = BLOCK_TIMEOUT
         values = self._json(payload)
         try:
-            rate, channels, claim = (int(values[key]) for key in ("rate", "channels", "frames"))  # type: ignore[call-overload]
+            rate, channels, claim, announced = (int(values[key]) for key in _HEADER)  # type: ignore[call-overload]
         except (KeyError, TypeError, ValueError):
             raise self._make_error("sent a header that makes no sense") from None
         if not SOUND_RATES[0] <= rate <= SOUND_RATES[1]:
@@ -55,17 +60,21 @@ class SoundDecoder:
             )
         if not 1 <= channels <= CHANNELS:
             raise InputError(f"{self.name!r} has {channels} channels", f"1 … {CHANNELS} can be read")
-        self._width = 4 * channels
+        self._width, self._rate, self.announced = 4 * channels, rate, announced if announced > 0 else None
         return rate, channels, claim
 
     def blocks(self) -> Iterator[bytes]:
-        """Interleaved float32 of whole frames, until the decoder says that this is all."""
+        """Interleaved float32 of whole frames, until the decoder says that this is all; a note if the file announced more."""
         frames = 0
         while True:
             kind, payload = self._message()
             if kind == b"E":
                 if self._json(payload).get("frames") != frames:
                     raise self._make_error("lost samples on the way")
+                if self.announced is not None and frames:
+                    said, there = self.announced / self._rate, frames / self._rate
+                    problem = f"{self.name!r} is cut short: its header says {said:.4g} s, and {there:.4g} s are there"
+                    warnings.warn(problem, CospeechWarning, stacklevel=2)
                 return
             if kind != b"B" or len(payload) % self._width:
                 raise self._make_error(f"sent {len(payload)} bytes of {kind!r}")

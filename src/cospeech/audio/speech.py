@@ -5,7 +5,7 @@ reported as an `InputError`. The format is found by content, never by suffix.
 
 What happens to odd files: silence is valid speech (the character idles); a file without a single sample, with samples that are
 not numbers or far outside -1 … 1, or damaged in the middle is an error; one that merely ends early (a recorder that was
-switched off) gives what it holds. Channels are averaged, unless they cancel each other out: then the louder one speaks.
+switched off) gives what it holds, a WAV with a `CospeechWarning`. Channels are averaged; if they cancel, the louder one speaks.
 """
 
 from __future__ import annotations
@@ -201,7 +201,7 @@ def shift_times(speech: Speech, origin: float) -> Speech:
 def open_speech(path: str | PathLike[str], *, transcript: str | PathLike[str] | None = None, rate: int = RATE) -> SpeechSource:
     """Open a sound file for reading in blocks, in constant memory, whatever its length.
 
-    WAV, FLAC, OGG (Vorbis, Opus), MP3 and AIFF; MP4, M4A, WebM and other media where PyAV is installed (``cospeech[av]``).
+    WAV, FLAC, OGG (Vorbis, Opus), MP3 and AIFF; MP4, M4A, WebM and other media where PyAV is installed (the extra ``av``).
     8 … 384 kHz, any number of channels.
 
     >>> with open_speech("talk.wav") as source:                                        # doctest: +SKIP
@@ -280,8 +280,8 @@ class SpeechSource:
             self._decoder.close()
             self._decoder = SoundDecoder(self.path, self.name)
             self._decoder.header()
-        self._fresh = False
-        decoder = self._decoder
+            self._decoder.announced = None  # it was told
+        self._fresh, decoder = False, self._decoder
         try:
             yield from self._resample(self._mono(decoder))
         finally:

@@ -34,6 +34,8 @@ SHORTEST = 0.01  # seconds; ours: what a word without a length gets
 SILENCES = frozenset({"sil", "sp", "spn", "pau", "eps", "silence", "#", "_", "-"})  # of HTK, MFA, Festival, MAUS
 # Whole entries, or parts of a cue, that say what is heard but not spoken: <sil>, [laughter], (sighs), {SL}, ♪
 NOT_SPOKEN = re.compile(r"<[^<>]*>|\[[^\[\]]*\]|\{[^{}]*\}|\([^()]*\)|[♪♫]")
+# First bytes of sound, documents and archives that people name by mistake: WAV, AIFF, FLAC, Ogg, MP3, WebM, PDF, Word
+_NO_TEXT = (b"RIFF", b"FORM", b"fLaC", b"OggS", b"ID3", b"\xff\xfb", b"\xff\xf3", b"\x1a\x45\xdf\xa3", b"%PDF-", b"PK\x03\x04")
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")  # words are printed: no escape codes for terminals
 VARIANT = re.compile(r"(?<=\w)\(\d+\)$")  # CMU dictionaries number pronunciations: "and(2)"
 WORD_TIER = re.compile(r"word|wort|\bmots?\b|palabra|parola|ord\b|token|单词|単語|단어|слов", re.IGNORECASE)
@@ -125,6 +127,8 @@ def _without_overlaps(words: list[Word]) -> list[Word]:
 
 def _decode(data: bytes, name: str) -> str:
     """The text of a file in UTF-8 or UTF-16, with or without a byte order mark."""
+    if data.startswith(_NO_TEXT) or data[4:8] == b"ftyp":
+        raise _no_transcript(name)
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         encoding = "utf-16"
     elif b"\0" in data[:200:2] + data[1:200:2] and len(data) % 2 == 0:
@@ -134,11 +138,17 @@ def _decode(data: bytes, name: str) -> str:
     try:
         text = data.decode(encoding)
     except UnicodeDecodeError as error:
+        if encoding != "utf-16" and b"\0" in data:  # no mark of its encoding, and no text in UTF-8
+            raise _no_transcript(name) from None
         byte = f"byte 0x{data[error.start]:02x} at {error.start}"
         raise InputError(f"{name!r} is not {encoding[:6].upper()} text: {byte}", "save it as UTF-8") from None
     if "\0" in text:
         raise InputError(f"{name!r} holds NUL characters", "is it a transcript? Save it as UTF-8 text")
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _no_transcript(name: str) -> InputError:
+    return InputError(f"{name!r} is no transcript: it is not text", "TextGrid, .tsv, .srt, .vtt, .json, or plain text in UTF-8")
 
 
 def _number(text: object) -> float:

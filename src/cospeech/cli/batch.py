@@ -64,9 +64,8 @@ def generate_speeches(
     """Generate motion for several sound files, each by itself; what is wrong with one does not keep back the others.
 
     Args:
-        speeches: sound files; folders, of which every sound file is taken, those in folders below too; patterns of files, with
-            ``*`` or ``?``; or ``"-"`` alone, for
-            the bytes of one on standard input.
+        speeches: sound files; folders, of which every sound file is taken, those in folders below too, but no video beside a
+            sound of its name; patterns of files, with ``*`` or ``?``; or ``"-"`` alone, for the bytes of one on standard input.
         outputs: what to write of each: a file, with ``{name}`` in it where there are several speeches; or a folder, named with
             a slash at its end or there already, for a .bvh and a .glb. Where not given: these two, in the working folder.
         model: as for `cospeech.generate.generate_files`.
@@ -186,12 +185,17 @@ def _files(path: Path) -> list[tuple[str, Path]]:
         return found
     if not path.is_dir():
         return [(path.stem, path)]
-    from ..corpora.folder import SOUND, sounds
+    from ..corpora.folder import SOUND, VIDEO, sounds
 
     found = list(sounds(path))
     if not found:
         raise InputError(f"no sound file is in the folder {str(path)!r}", f"known: {' '.join(SOUND)}")
-    return found
+    heard = {name for name, each in found if each.suffix.lower() not in VIDEO}
+    videos = [each for name, each in found if name in heard and each.suffix.lower() in VIDEO]
+    if videos:
+        shown = ", ".join(str(each) for each in videos[:3]) + (f" and {len(videos) - 3} more" if len(videos) > 3 else "")
+        warnings.warn(f"left out, because a sound of the same name is beside it: {shown}", CospeechWarning, stacklevel=2)
+    return [(name, each) for name, each in found if each not in videos]
 
 
 @contextmanager

@@ -14,9 +14,11 @@ from .options import Debug, Emotion, Intensity, Model, Quiet, Seed, Style, Trans
 from .progress import show_progress
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from ..motion.motion import Motion
+    from ..motion.robot import RobotJoint
+    from ..motion.rotations import Array
 
 __all__ = ["register"]
 
@@ -31,11 +33,24 @@ Channels = Annotated[
     option(
         "--map",
         metavar="FILE",
-        help='TOML file with a table [joints]: joint of the URDF = "left_elbow", or "-left_elbow+0.5"; "" leaves it out.',
+        help='TOML file. Table [joints]: joint of the URDF = "left_elbow", or "-left_elbow+0.5"; "" leaves it out. Tables '
+        "[limits.JOINT] of any robot: velocity, acceleration, lower, upper (docs/guides/robots.md).",
+    ),
+]
+Rest = Annotated[
+    float | None,
+    option(
+        "--rest",
+        metavar="SECONDS",
+        parser=number,
+        help="Idle so long after the motion, 0 … 60; the hands come down in 1.5 s. Where it is not given: 1.5 after speech, 0 "
+        "after a motion file.",
     ),
 ]
 Rate = Annotated[float, option("--fps", metavar="NUMBER", parser=number, help="Commands per second, 1 … 240.")]
 
+_REST = 1.5  # seconds after speech in which the hands come down [ours: as of `cospeech stream`]
+_LONGEST_REST = 60.0  # seconds [ours: as of `LiveSession.idle`]
 _OF_SPEECH = {"model": DEFAULT, "style": None, "emotion": "auto", "transcript": None, "seed": 0, "intensity": 1.0}
 """Options that change nothing for a motion file, and what they are where not given."""
 
@@ -46,7 +61,7 @@ def register(app: typer.Typer) -> None:
 
 
 def robot(
-    source: Source, target: Trajectory, robot: Robot = "nao", channels: Channels = None, fps: Rate = 50.0,
+    source: Source, target: Trajectory, robot: Robot = "nao", channels: Channels = None, fps: Rate = 50.0, rest: Rest = None,
     model: Model = DEFAULT, style: Style = None, emotion: Emotion = "auto", transcript: Transcript = None, seed: Seed = 0,
     intensity: Intensity = 1.0, quiet: Quiet = False, debug: Debug = False,
 ) -> None:  # fmt: skip
@@ -61,21 +76,19 @@ def robot(
     """
     from ..export import FORMATS
     from ..export.checks import check_apart
-    from ..motion.robot import check_trajectory_file, find_robot, list_joints, read_urdf, robot_trajectory, save_trajectory
+    from ..motion.robot import check_trajectory_file, save_trajectory
     from ..rules.options import FPS_RANGE, check_range
+    from ..runtime.idle import append_idle
 
     check_range("fps", fps, FPS_RANGE)
+    if rest is not None:
+        check_range("rest", rest, (0.0, _LONGEST_REST), " seconds")
     check_trajectory_file(target)
-    suffix = Path(robot).suffix.lower()
-    is_urdf = suffix in (".urdf", ".xml")
-    if suffix == ".xacro":
-        raise InputError(f"{robot!r} is no URDF yet", f"xacro {robot} > {Path(robot).stem.removesuffix('.urdf')}.urdf makes it")
-    given = [path for path in (channels, transcript) if path]
-    check_apart([target], [source, *([Path(robot)] if is_urdf else []), *given])
-    if channels is not None and not is_urdf:
-        raise InputError(f"--map changes nothing for {robot!r}", "it is for a URDF")
-    table = None if channels is None else _read_map(channels)
-    joints = read_urdf(robot, table) if is_urdf else find_robot(robot)
+    check_apart(
+        [target], [source, *([Path(robot)] if _is_urdf(robot) else []), *(path for path in (channels, transcript) if path)]
+    )
+    table = {} if channels is None else _read_map(channels)
+    joints = _find_joints(robot, table)
     options = {
         "model": model,
         "style": style,
@@ -87,17 +100,70 @@ def robot(
     kind = source.suffix.lower()
     is_motion = str(source) == "-" or source.is_dir() or (kind in FORMATS and kind != ".mp4")  # a video has speech
     motion = _read_motion(source, options) if is_motion else _generate_motion(source, options, fps, quiet)
-    commands = robot_trajectory(motion.resample(fps), joints)
+    rest = rest if rest is not None else 0.0 if is_motion else _REST
+    commands, outside = _make_commands(append_idle(motion.resample(fps), rest, seed=seed, intensity=intensity), joints)
     save_trajectory(target, commands, joints, fps=fps)
     if not quiet:
         count = "1 joint" if len(joints) == 1 else f"{len(joints)} joints"
         typer.echo(f"{target}  {len(commands)} commands for {count} at {fps:g} per second")
-        others = sorted(set(list_joints(robot)) - {joint.name for joint in joints}) if is_urdf else []
-        if others:
-            typer.echo(f"not moved: {', '.join(others)} (--map FILE.toml says what they take)", err=True)
-        still = [joint.name for joint, course in zip(joints, commands.T, strict=True) if (course == course[0]).all()]
-        if still:
-            typer.echo(f"without movement in {source.name}: {', '.join(still)}", err=True)
+        _tell_what_stays(robot, source.name, table.get("joints", {}), joints, commands, outside)
+
+
+def _is_urdf(robot: str) -> bool:
+    """Whether a robot is a file.
+
+    Raises:
+        InputError: it is one that xacro has to read first.
+    """
+    suffix = Path(robot).suffix.lower()
+    if suffix == ".xacro":
+        raise InputError(f"{robot!r} is no URDF yet", f"xacro {robot} > {Path(robot).stem.removesuffix('.urdf')}.urdf makes it")
+    return suffix in (".urdf", ".xml")
+
+
+def _find_joints(robot: str, table: Mapping[str, Any]) -> tuple[RobotJoint, ...]:
+    """The joints of a robot, with the channels and the limits of a map."""
+    from ..motion.robot import find_robot, narrow_joints, read_urdf
+
+    if "joints" in table and not _is_urdf(robot):
+        raise InputError(
+            f"[joints] of --map changes nothing for {robot!r}", "it is for a URDF; [limits.JOINT] is for any robot"
+        )
+    joints = read_urdf(robot, table.get("joints")) if _is_urdf(robot) else find_robot(robot)
+    return narrow_joints(joints, table.get("limits", {}))
+
+
+def _make_commands(motion: Motion, joints: Sequence[RobotJoint]) -> tuple[Array, tuple[str, ...]]:
+    """(T, J) commands, and the joints whose limits the motion exceeds all the time."""
+    import numpy as np
+
+    from ..motion.robot import RobotStream
+
+    stream = RobotStream(joints, fps=motion.fps)
+    return np.concatenate([stream.push(motion), stream.finish()]), stream.outside
+
+
+def _tell_what_stays(
+    robot: str, name: str, channels: Mapping[str, str], joints: Sequence[RobotJoint], commands: Array, outside: Sequence[str]
+) -> None:
+    """On standard error: joints that do not move, and why."""
+    from ..motion.robot import list_joints
+
+    left_out = {joint for joint, what in channels.items() if not what}
+    others = set(list_joints(robot)) - {joint.name for joint in joints} - left_out if _is_urdf(robot) else set()
+    if others:
+        typer.echo(f"not moved: {', '.join(sorted(others))} (--map FILE.toml says what they take)", err=True)
+    if outside:
+        with_offset = any(joint.offset and joint.name in channels for joint in joints if joint.name in outside)
+        hint = " (is the offset in radians?)" if with_offset else ""
+        typer.echo(f"outside the limits all the time in {name}: {', '.join(outside)}{hint}", err=True)
+    still = [
+        joint.name
+        for joint, course in zip(joints, commands.T, strict=True)
+        if joint.name not in outside and (course == course[0]).all()
+    ]
+    if still:
+        typer.echo(f"without movement in {name}: {', '.join(still)}", err=True)
 
 
 def _read_motion(path: Path, options: Mapping[str, Any]) -> Motion:
@@ -122,11 +188,22 @@ def _generate_motion(path: Path, options: Mapping[str, Any], fps: float, quiet: 
         return load(made)
 
 
-def _read_map(path: Path) -> dict[str, str]:
-    """Joint → what it takes, of a map."""
+def _read_map(path: Path) -> dict[str, Any]:
+    """The tables of a map: ``joints``, joint → what it takes, and ``limits``, joint → limits."""
+    from ..errors import nearest
     from ..files import parse_toml, read_regular
 
-    table = parse_toml(read_regular(path, "a map", 1 << 20), path.name, "[joints]").get("joints")
-    if not isinstance(table, dict) or not all(isinstance(value, str) for value in table.values()):
-        raise InputError(f"{path.name!r} has no table [joints] of texts", 'write [joints] and arm_1 = "left_shoulder_pitch"')
+    table = parse_toml(read_regular(path, "a map", 1 << 20), path.name, "[joints]")
+    for name, rows in table.items():
+        if name not in ("joints", "limits"):
+            raise InputError(f"{path.name!r} has a table [{name[:40]}]", nearest(name, ("joints", "limits")))
+        inner = str if name == "joints" else dict
+        if not isinstance(rows, dict) or not all(isinstance(value, inner) for value in rows.values()):
+            kind, hint = {
+                "joints": ("[joints] that holds not only texts", 'arm_1 = "left_shoulder_pitch"'),
+                "limits": ("[limits] that holds not only tables", "write [limits.arm_1] and velocity = 1.5 below it"),
+            }[name]
+            raise InputError(f"{path.name!r} has a table {kind}", hint)
+    if not table:
+        raise InputError(f"{path.name!r} has no table [joints] or [limits.JOINT]", 'such as [joints] arm_1 = "left_elbow"')
     return table

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..errors import InternalError
+from ..errors import InputError, InternalError
 from ..models import DEFAULT, PARTS
 from .options import (
     Debug,
@@ -90,7 +90,8 @@ IdleAfter = Annotated[
         "--idle-after",
         metavar="SECONDS",
         parser=number,
-        help="Silence after which the character listens and idles. Where it is not given: 3 s of live sound, never for a file.",
+        help="Silence after which the character listens and idles: the latency of the model, 1.63 s with a face, or more. "
+        "Where it is not given: 3 s of live sound, never for a file.",
     ),
 ]
 LookAhead = Annotated[
@@ -153,11 +154,14 @@ def stream(
     check_sources(source, control, transcript, rate, samples)
     tell = _say_nothing if quiet else _tell
     wanted = tuple(part.strip() for part in parts.split(","))
-    session = open_live_session(
-        model, style=style, emotion=emotion, seed=seed, temperature=temperature, intensity=intensity, parts=wanted,
-        face_gain=face_gain, fps=fps, look_ahead=look_ahead,
-        idle_after=_SILENCE if idle_after is None and is_live(source) else idle_after,
-    )  # fmt: skip
+    try:
+        session = open_live_session(
+            model, style=style, emotion=emotion, seed=seed, temperature=temperature, intensity=intensity, parts=wanted,
+            face_gain=face_gain, fps=fps, look_ahead=look_ahead,
+            idle_after=_SILENCE if idle_after is None and is_live(source) else idle_after,
+        )  # fmt: skip
+    except InputError as error:  # of the library, which calls the option as Python does
+        raise InputError(error.problem.replace("idle_after", "--idle-after"), error.hint) from None
     if not unpaced:
         session.warm_up()
     margin = MARGIN if look_ahead is None else SHORT_MARGIN
@@ -168,7 +172,7 @@ def stream(
             stack, source, transcript, rate=rate, kind=samples, slack=margin / 2, unpaced=unpaced, tell=tell
         )
         if control is not None:
-            open_control(stack, control, controls)
+            open_control(stack, control, controls, tell)
         outlets = _open_outlets(stack, to, settings, tell)
         pacer = FramePacer(outlets, delay, paced=not unpaced)
         tell(f"listening to {source}; frames leave {delay:.2f} s after their sound (Ctrl-C ends)")

@@ -98,7 +98,7 @@ def _open_blocks(
         return _read_stdin(rate, kind, note)
     from ..export.live.receiver import open_receiver
 
-    return read_websocket(stack.enter_context(open_receiver(source)), kind, controls.put, note=note)
+    return read_websocket(stack.enter_context(open_receiver(source, note)), kind, controls.put, note=note)
 
 
 def _read_stdin(rate: int, kind: str, note: Callable[[str], None]) -> Iterator[Any]:
@@ -119,7 +119,7 @@ def _pieces_of_file(stack: ExitStack, path: str, transcript: str | None, unpaced
     return pieces if unpaced else wait_for_each(pieces)
 
 
-def open_control(stack: ExitStack, address: str, controls: Controls) -> None:
+def open_control(stack: ExitStack, address: str, controls: Controls, tell: Callable[[str], None]) -> None:
     """Hear the messages of ``--control``, besides those of the input.
 
     Raises:
@@ -133,7 +133,7 @@ def open_control(stack: ExitStack, address: str, controls: Controls) -> None:
     else:
         from ..export.live.receiver import open_receiver
 
-        messages = stack.enter_context(open_receiver(address))
+        messages = stack.enter_context(open_receiver(address, lambda text: tell(f"note: {text}")))
     threading.Thread(target=_collect, args=(messages, controls), name="cospeech control", daemon=True).start()
 
 

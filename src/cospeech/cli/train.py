@@ -56,7 +56,7 @@ def _training() -> Iterator[None]:
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] not in ("torch", "onnx"):
             raise
-        raise InputError(f"training needs {error.name}, which is not installed", "pip install 'cospeech[train]'") from None
+        raise InputError(f"training needs {error.name}, which is not installed", "in a clone: pip install '.[train]'") from None
 
 
 def register(app: typer.Typer) -> None:

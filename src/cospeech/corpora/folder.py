@@ -17,9 +17,11 @@ from ..files import describe_os_error
 from .clip import Clip, Dropped
 from .reading import check_lengths, load_motion, load_sound, read_each, usable_folder
 
-__all__ = ["SOUND", "WORDS", "read", "sounds"]
+__all__ = ["SOUND", "VIDEO", "WORDS", "read", "sounds"]
 
 SOUND = (".wav", ".flac", ".ogg", ".opus", ".mp3", ".aiff", ".aif", ".m4a", ".mp4", ".webm")
+VIDEO = (".mp4", ".webm")
+"""Those of `SOUND` that may be a video; beside a sound of its name, one is no speech of its own."""
 WORDS = (".textgrid", ".tsv", ".srt", ".vtt", ".json", ".txt")
 _PEEK = 1 << 16  # bytes; ours: the names of a face file stand in its first 2 kB
 

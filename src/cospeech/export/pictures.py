@@ -37,7 +37,7 @@ def render_motion(
 
     Args:
         motion: what to show.
-        path: ends in ``.mp4`` (needs ``cospeech[av]``), ``.gif`` or ``.png``.
+        path: ends in ``.mp4`` (needs the extra ``av``), ``.gif`` or ``.png``.
         audio: the speech: heard in the video, drawn as a waveform in the strip.
         size: (width, height) in pixels.
         camera: ``body``, ``full``, ``face`` or ``hands``.

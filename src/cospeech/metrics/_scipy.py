@@ -21,4 +21,4 @@ def scipy(module: str) -> Any:
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "scipy":
             raise
-        raise InputError("metrics and the statistics of movement need scipy", "pip install 'cospeech[corpora]'") from None
+        raise InputError("metrics and the statistics of movement need scipy", "in a clone: pip install '.[corpora]'") from None

@@ -69,7 +69,9 @@ def join(motions: Sequence[Motion], *, blend: float = BLEND) -> Motion:
         raise InputError("no motion to join")
     head = motions[0]
     if any(motion.skeleton != head.skeleton for motion in motions):
-        raise InputError("clips of different skeletons cannot be joined", "retarget them to one first: --skeleton humanoid")
+        raise InputError(
+            "clips of different skeletons cannot be joined", "retarget them to one first: motion.retarget('humanoid')"
+        )
     parts, faces = [head], all(motion.face is not None for motion in motions)
     for motion in motions[1:]:
         parts.append(_go_on(parts[-1], motion.resample(head.fps), blend))

@@ -83,7 +83,11 @@ class Motion:
 
     def __getitem__(self, frames: slice) -> Motion:
         """Frames ``a:b`` as a Motion that knows its start time."""
-        if not isinstance(frames, slice) or (frames.step or 1) != 1:
+        if not isinstance(frames, slice):
+            first = frames if isinstance(frames, int | np.integer) else 3
+            end = "" if first == -1 else first + 1
+            raise InputError(f"motion[{frames!r:.40}] is no slice of a motion", f"one frame is motion[{first}:{end}]")
+        if (frames.step or 1) != 1:
             raise InputError("a motion is cut with a slice of step 1; use resample() to change its rate")
         first = frames.indices(len(self))[0]
         return replace(

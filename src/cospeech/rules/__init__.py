@@ -141,7 +141,7 @@ class RuleBasedModel:
         """
         from .plan_edits import Plan
 
-        asked = GenerationOptions(**options)
+        asked = GenerationOptions.from_keywords(options)
         session = self.session(asked if asked.plan is not None else replace(asked, plan=Plan.of(asked)))
         for _ in stream_motion(session, [speech]):
             pass

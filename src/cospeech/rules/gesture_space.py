@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from random import Random
 
 import numpy as np
@@ -10,23 +11,24 @@ from ..motion.kinematics.arms import arm_lengths
 from ..motion.kinematics.hands import HAND_SHAPES, HAND_VARIANTS
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
+from .gesture import GestureOverride
 from .minimum_jerk import PEAK
 from .repertoire import FORMS, Form, HandPose
 from .rest_poses import RESTS
 from .styles import Style
 
-__all__ = ["SHAPES", "GesturePlacement", "keep_beside_face", "reach_time", "stroke_time"]
+__all__ = ["SHAPES", "GesturePlacement", "keep_beside_face", "reach_time", "stroke_time", "stroke_times"]
 
 _WORDED = 0.5  # semantic score from which the hand shape of a form is part of what it says (ours)
 _LEFT = 0  # row of `RESTS`
-_SPACE = np.array([0.09, 0.07, -0.13])  # arm lengths from the table's places to where speakers gesture most (motion.md §1)
+_SPACE = np.array([0.09, 0.055, -0.13])  # arm lengths from the table's places to where speakers gesture most (motion.md §1)
 _ROOM = np.array([0.95, 1.5, 1.1])  # strokes of speakers are higher than those of the table (motion.md: SD of height)
 _OWN_SIDE = -0.18  # arm lengths outward of its shoulder: the other hand comes no further inward, to the leader's side (ours)
 _LAP = -0.46
 """Arm lengths above the shoulder at which the strokes of a seated body end, at the lowest. Ours: palms touch the mannequin's
 thighs at -.60, and a beat from there needs room."""
 _BOX = np.array([(-0.30, -0.80, 0.06), (0.72, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
-_BESIDE = np.array([(-0.16, -0.30), (0.06, 0.16)])
+_BESIDE = np.array([(-0.30, -0.30), (-0.06, 0.18)])
 """Arm lengths above and outward of the shoulder: how far inward a hand may go at what height. Ours: a hand as high as the
 mouth is beside it, or it hides what is said."""
 
@@ -162,6 +164,14 @@ def stroke_time(a: Array, b: Array, tempo: float, modifier: EmotionModifier) -> 
     way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
     usual = (0.36 + 0.56 * way) / tempo * (1 - 0.26 * modifier.abrupt)
     return max(0.26, usual, PEAK * way / _FASTEST)
+
+
+def stroke_times(
+    usual: float, poses: list[Array], tempo: float, modifier: EmotionModifier, asked: GestureOverride | None
+) -> list[float]:
+    """Seconds of each stroke; ``usual`` are those of the first, if nothing is asked."""
+    lengths = [usual, *(stroke_time(a, b, tempo, modifier) for a, b in pairwise(poses[1:]))]
+    return asked.slow_down(lengths) if asked else lengths
 
 
 def keep_beside_face(pose: Array) -> None:

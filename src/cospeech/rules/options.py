@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from numbers import Integral, Real
 from os import PathLike
 from typing import Any
 
 from ..audio.emotions import Moods, emotion_track
-from ..errors import InputError
+from ..errors import InputError, nearest
 from ..face.gains import face_gains
 from ..motion.motion import Motion
 from ..motion.parts import PARTS
 
-__all__ = ["FPS_RANGE", "MOST_TAKES", "FaceGain", "GenerationOptions", "MotionLike", "check_range"]
+__all__ = ["FPS_RANGE", "MOST_TAKES", "FaceGain", "GenerationOptions", "MotionLike", "check_names", "check_range"]
 
 FaceGain = float | str | Mapping[str, float]
 MotionLike = str | PathLike[str] | Motion | None
@@ -99,8 +99,19 @@ class GenerationOptions:
     def of(cls, options: GenerationOptions | None, keywords: Mapping[str, Any]) -> GenerationOptions:
         """Options as a session is given them: whole, by keywords, or whole with some changed."""
         if options is None:
-            return cls(**keywords)
+            return cls.from_keywords(keywords)
+        check_names(keywords)
         return replace(options, **keywords) if keywords else options
+
+    @classmethod
+    def from_keywords(cls, keywords: Mapping[str, Any]) -> GenerationOptions:
+        """Options by keywords.
+
+        Raises:
+            InputError: one that there is not; the hint is the name most like it.
+        """
+        check_names(keywords)
+        return cls(**keywords)
 
     def _take_plan(self) -> None:
         """Options that the plan has."""
@@ -131,6 +142,18 @@ class GenerationOptions:
     def seeds(self) -> list[int]:
         """Of the takes."""
         return [self.seed + take for take in range(self.takes)]
+
+
+def check_names(keywords: Iterable[str]) -> None:
+    """Keywords that a user gave are names of options.
+
+    Raises:
+        InputError: one is not.
+    """
+    known = [field.name for field in fields(GenerationOptions)]
+    for name in keywords:
+        if name not in known:
+            raise InputError(f"no option is called {name[:40]!r}", nearest(name, known))
 
 
 def check_range(name: str, value: object, bounds: tuple[float, float], unit: str = "") -> None:

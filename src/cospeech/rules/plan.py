@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from itertools import pairwise
 from random import Random
 
 import numpy as np
@@ -22,7 +21,7 @@ from ..motion.rotations import Array
 from .bouts import Bouts
 from .emotion_modifiers import EmotionModifier
 from .gesture import CHAINED, LEFT, RIGHT, RUN_UP, Gesture, GestureOverride
-from .gesture_space import SHAPES, GesturePlacement, keep_beside_face, reach_time, stroke_time
+from .gesture_space import SHAPES, GesturePlacement, keep_beside_face, reach_time, stroke_time, stroke_times
 from .hand_state import HandState, effort_of
 from .lexicon import form_for
 from .minimum_jerk import MinimumJerkTrack, peak_share, skew_for
@@ -44,7 +43,7 @@ _CHAINED = 0.65  # share of the way back to where the hand already is that a pre
 _FROM_HANGING = 0.3  # share of its wind-up that a hand at the hip keeps: the body is in the way (ours, by the laws of the body)
 _HUNG, _STAYS_OUT = 2.5, 0.4  # seconds that a hand hangs; how often, after that, a gesture leaves it out, to usually (ours)
 _HURRIED = 0.6  # share of the usual length of a stroke at least, where a plan leaves little time for it (ours)
-_STIRS, _STIRRED = 0.35, 0.65  # how often a hand beats on an accent without a gesture, in a bout; and how large (ours)
+_STIRS, _STIRRED = 0.5, 0.7  # how often a hand beats on an accent without a gesture, in a bout; and how large (ours)
 _BEATS = 0.35  # how often a raised hand beats in place of a new gesture (ours)
 _DROPS = 0.8  # how often a hand hangs after the last gesture before a pause (ours)
 _LEAST = (0.36, 0.25)  # share of an unhurried preparation that a gesture needs: without a word, with one (ours)
@@ -210,7 +209,7 @@ class Planner:
         usual = stroke_time(poses[0], poses[1], tempo, modifier)
         if asked:  # it hurries where there is little time
             usual = min(usual, max(2 * (asked.stroke - earliest - 0.2), _HURRIED * usual))
-        stroke = _stroke_times(usual, poses, tempo, modifier, asked)[0]
+        stroke = stroke_times(usual, poses, tempo, modifier, asked)[0]
         skew = draw_skew(self._random, 0.1 - 0.3 * modifier.abrupt, 0.33)
         onset = asked.stroke - stroke / 2 if asked else at - LEAD + _MERGED - stroke * peak_share(skew)
         ready = max(earliest, max(self.hands[h].busy for h in hands))
@@ -278,7 +277,7 @@ class Planner:
         wind = draw_arc(draw, poses[0] - state.track.target, poses[0], -bulge)
         state.track.move(start, prepare * (1 + _BLEND), poses[0], skew=skews[0], arc=wind)
         end = onset
-        lengths = _stroke_times(usual, poses, tempo, modifier, asked)
+        lengths = stroke_times(usual, poses, tempo, modifier, asked)
         for k, length in enumerate(lengths, start=1):
             way = poses[k] - poses[k - 1]
             over = np.zeros(CHANNELS)
@@ -293,18 +292,19 @@ class Planner:
         hold[:3] += (state.home[:3] - hold[:3]) * np.array([0.3 + 0.6 * effort_of(hold), 0.55, 0.4]) * sink
         hold[:3] += [self._random.gauss(0, 0.02) for _ in range(3)]
         hold[5] *= 0.6
-        state.track.move(end + self._random.uniform(0.2, 0.6), self._random.uniform(1.0, 1.8) / tempo, hold)
+        at_ease = 1.0 - 0.7 * effort_of(poses[-1])
+        state.track.move(end + self._random.uniform(0.15, 0.5) * at_ease, self._random.uniform(0.8, 1.6) / tempo, hold)
         state.pose = poses[-1]
         return end
 
     def _mark(self, state: HandState, name: str, peak: float, end: float, modifier: EmotionModifier) -> None:
         state.busy, state.place, state.form, state.last_stroke, state.keeps = end - 0.08, "up", name, peak, False
         state.up_until = end + (0.24 + 1.5 * self.style.hold) * self._random.uniform(0.7, 1.4) / modifier.tempo
-        state.up_until = end + (state.up_until - end) * (1.0 - 0.6 * effort_of(state.track.target))
+        state.up_until = end + (state.up_until - end) * (1.0 - 0.7 * effort_of(state.track.target))
 
     def _beat(self, now: float, accent: Accent, held: list[HandState], modifier: EmotionModifier, scale: float) -> bool:
         """A short stroke in place, down and a little forward, with a rebound; False where there is no time."""
-        if len(held) == 2 and self._random.random() > 0.2 + 0.5 * self.style.symmetry:
+        if len(held) == 2 and self._random.random() > 0.45 + 0.5 * self.style.symmetry:
             held = [self.hands[RIGHT if self._random.random() < self.style.hand else LEFT]]
         tempo = self.style.tempo * modifier.tempo
         size = scale * (0.14 + 0.25 * accent.strength) * self.style.amplitude * modifier.amplitude * self.intensity
@@ -344,7 +344,7 @@ class Planner:
         poses: list[Array],
     ) -> None:
         """The idle hand stirs along with a one-handed gesture."""
-        share = (0.05 + 0.28 * self.style.symmetry) * (0.35 if state.place == "idle" or start < state.busy else 1.0)
+        share = (0.12 + 0.40 * self.style.symmetry) * (0.45 if state.place == "idle" or start < state.busy else 1.0)
         for onset_, length, delta in (
             (start + 0.03, prepare * 1.1, poses[0] - leader.home),
             (onset + 0.02, stroke, poses[1] - poses[0]),
@@ -366,7 +366,7 @@ class Planner:
             draw = Random(self._random.random())  # each hand has its own numbers, whatever the other one does
             tired = now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold and not state.keeps)
             if state.place == "up" and now > state.busy and tired:
-                place = "idle" if draw.random() < (_DROPS if quiet else 0.9 - 0.5 * self.style.hold) else "rest"
+                place = "idle" if draw.random() < (_DROPS if quiet else 1.0 - 0.5 * self.style.hold) else "rest"
                 self._retract(now, hand, state, place, modifier, draw)
             elif state.place == "rest" and quiet and now > last + 1.1 + 1.2 * self.style.hold and now > state.busy:
                 self._retract(now, hand, state, "idle", modifier, draw)
@@ -394,11 +394,3 @@ class Planner:
             if earliest <= start <= earliest + 0.4:
                 return start
         return earliest + draw.uniform(0, 0.12)
-
-
-def _stroke_times(
-    usual: float, poses: list[Array], tempo: float, modifier: EmotionModifier, asked: GestureOverride | None
-) -> list[float]:
-    """Seconds of each stroke; ``usual`` are those of the first, if nothing is asked."""
-    lengths = [usual, *(stroke_time(a, b, tempo, modifier) for a, b in pairwise(poses[1:]))]
-    return asked.slow_down(lengths) if asked else lengths

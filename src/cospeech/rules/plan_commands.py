@@ -99,10 +99,11 @@ def with_plan(
 
     played = plan if isinstance(plan, Plan) else Plan.of(options) if plan is None else Plan.load(plan)
     if edits.any:
-        read = transcript if edits.needs_words and not played.words else None
+        read, known = transcript if edits.needs_words else None, played.words
         with open_speech(audio, transcript=read) as source:
             played = played if read is None else played.with_words(source.words or ())
             played = edits.apply(played, source.expected_seconds)
+        played = played.model_copy(update={"words": known}) if known else played  # it is told if the transcript has others
     return replace(options, plan=played)
 
 

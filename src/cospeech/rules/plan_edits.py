@@ -299,6 +299,11 @@ class Plan(PlanData):
         """The plan with the words of a transcript."""
         return self.model_copy(update={"words": words_of(words)})
 
+    @property
+    def speech_words(self) -> tuple[Word, ...]:
+        """Its words, as a speech has them."""
+        return tuple(Word(word.text, word.start, word.end) for word in self.words)
+
     # ------------------------------------------------------------------------------------------------ parts of them
 
     def _with_fields(self, **fields: Any) -> Plan:

@@ -37,6 +37,7 @@ _LONGEST_TEXT = 200
 
 Time = Annotated[float, Field(strict=True, ge=-RUN_UP, le=PLAUSIBLE_SECONDS)]
 Moment = Annotated[float, Field(strict=True, ge=0, le=PLAUSIBLE_SECONDS)]
+WordTime = Annotated[float, Field(strict=True, ge=-PLAUSIBLE_SECONDS, le=PLAUSIBLE_SECONDS)]
 Seed = Annotated[int, Field(strict=True, ge=0, lt=SEEDS)]
 Share = Annotated[float, Field(strict=True, ge=0, le=1)]
 Intensity = Annotated[float, Field(strict=True, ge=INTENSITY_RANGE[0], le=INTENSITY_RANGE[1])]
@@ -65,11 +66,14 @@ class HeardAccent(_Part):
 
 
 class HeardWord(_Part):
-    """A word of the transcript, in seconds. Gestures are added at words."""
+    """A word of the transcript, in seconds; before 0 where it was under way when the speech began.
+
+    Gestures are added at words. Where the speech comes without words, these are played.
+    """
 
     text: Text
-    start: Moment
-    end: Moment
+    start: WordTime
+    end: WordTime
 
 
 class PlannedGesture(_Part):
@@ -251,6 +255,9 @@ class PlanData(_Part):
                 if name in seen:
                     raise ValueError(f"{what}[{k}].id: {name!r} is that of {what}[{seen[name]}]|every id once")
                 seen[name] = k
+        for k, word in enumerate(self.words):
+            if word.end < word.start:
+                raise ValueError(f"words[{k}].end: {word.end:g} is before the start at {word.start:g}|seconds")
         for k, gesture in enumerate(self.gestures):
             _check_gesture(gesture, f"gestures[{k}]", self.seconds)
         _check_distances(self.gestures)
@@ -281,11 +288,8 @@ def _check_distances(gestures: tuple[PlannedGesture, ...]) -> None:
 
 
 def words_of(words: Iterable[Word]) -> tuple[HeardWord, ...]:
-    """Words of a transcript, as a plan has them."""
-    return tuple(
-        HeardWord(text=word.text[:_LONGEST_TEXT], start=round(max(word.start, 0.0), 4), end=round(max(word.end, 0.0), 4))
-        for word in words
-    )
+    """Words of a transcript, as a plan has them: with exact times, so that the plan alone gives the same bytes."""
+    return tuple(HeardWord(text=word.text[:_LONGEST_TEXT], start=float(word.start), end=float(word.end)) for word in words)
 
 
 def all_forms() -> list[str]:
@@ -372,5 +376,5 @@ def _describe(error: ValidationError) -> tuple[str, str]:
         problem, hint = (text.format(value=value, **facts) for text in _WORDS[kind])
     else:
         problem, hint = f"{value} is of another kind", _KINDS.get(kind.split("_")[0], "see docs/guides/plan.md")
-    own_path = not where or problem.startswith(("gestures[", "gaze[", "emotion[", "stretches["))
+    own_path = not where or problem.startswith(("gestures[", "gaze[", "emotion[", "stretches[", "words["))
     return (problem if own_path else f"{where}: {problem}"), hint

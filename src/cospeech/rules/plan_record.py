@@ -10,7 +10,6 @@ from typing import Any
 
 from ..audio.emotions import Moods
 from ..audio.event_detection import EventDetector
-from ..audio.speech import Word
 from ..errors import CospeechWarning, InputError
 from .arousal import arouse
 from .emotion_modifiers import EmotionModifier, blend_modifiers
@@ -18,6 +17,7 @@ from .mood import Mood
 from .plan_edits import Plan, Setting
 from .plan_model import AFTER_END, HeardAccent, HeardPhrase, PlannedGesture, words_of
 from .plan_player import PlanPlayer
+from .planned_words import PlannedWords
 from .styles import STYLES, Style, find_style
 
 __all__ = ["PlanRecord"]
@@ -46,7 +46,7 @@ class PlanRecord:
                     f"stretches[{k}].style: {stretch.style!r} sits where the plan stands, or stands", "another style"
                 )
         self.player = PlanPlayer(style, plan, intensity=intensity, temperature=temperature)
-        self.words: list[Word] = []
+        self.words = PlannedWords(plan.speech_words)
         self._settings = deque(plan.settings())
         self._usual = Mood(emotion) if any(each.emotion is not None for each in plan.stretches) else None
         self._accents: dict[float, HeardAccent] = {}
@@ -76,7 +76,7 @@ class PlanRecord:
             self._phrases[phrase.start] = phrase.end
 
     def finish(self, seconds: float) -> None:
-        """The speech is over: a note says if the plan is of another one, and what of it was not played.
+        """The speech is over: a note says if the plan is of another one or has other words, and what of it was not played.
 
         Args:
             seconds: length of the speech.
@@ -86,7 +86,9 @@ class PlanRecord:
         told = f"gestures after the end of the speech are left out: {left}" if left else ""
         if known.seconds is not None and abs(known.seconds - seconds) > _SAME_LENGTH:
             other = f"the plan is of a speech of {known.seconds:.4g} s, and this one has {seconds:.4g} s"
-            told = f"{other}; {told}" if told else other
+        else:
+            other = self.words.describe_difference(seconds)
+        told = "; ".join(part for part in (other, told) if part)
         if told:
             warnings.warn(told, CospeechWarning, stacklevel=2)
 
@@ -102,7 +104,7 @@ class PlanRecord:
         played = self.player.plan()
         return played.model_copy(update={
             "style": played.style or next(iter(STYLES)), "gestures": tuple(_split_at_end(played.gestures, seconds)[0]),
-            "seconds": round(seconds, _DIGITS), "words": words_of(self.words), "phrases": tuple(phrases),
+            "seconds": round(seconds, _DIGITS), "words": words_of(self.words.heard), "phrases": tuple(phrases),
             "accents": tuple(self._accents.values()),
         })  # fmt: skip
 

@@ -46,6 +46,11 @@ _MIDDLE_OF_HAND = 0.6  # share of the way from the wrist to the palm, where two 
 _APART = 0.115  # metres between the palms below which hands make room for each other
 _STAYING = 0.7  # share of a seated trunk's lean that the hands do not take part in (ours: hands rest on the thighs)
 _CROSSED = 0.09  # metres by which a leg over the other's knee raises the lap
+_WANDER_HZ, _WANDER = 0.8, np.array([0.04, 0.05, 0.04])
+"""How often, and how far in arm lengths, a raised hand wanders about its place. [ours: held up, the hands of a recorded speaker
+are seldom slower than .13 m/s; without this, ours were at .05]"""
+_TOGETHER, _ALONE = 0.75, 0.65  # shares of it that both hands have in common, and that each has alone [ours]
+_HANGS, _RAISED = -0.85, 0.4  # arm lengths above the shoulder of a hand that hangs; and from there to one that is raised [ours]
 _FINGERS_HZ = 1.2  # of fingers that are never still: half of what recorded fingers move, in the median (ours)
 _CLEAR = 0.010  # metres of air kept between hand and body
 
@@ -304,10 +309,13 @@ def _limit(x: Array, low: float, high: float) -> Array:
 def _add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: Array) -> None:
     n = smooth_noise(seed + 2, 14, times, 0.40, octaves=3, gain=0.45)
     bends = smooth_noise(seed + 4, 8, times, _FINGERS_HZ, octaves=2, gain=0.5)
+    wander = smooth_noise(seed + 5, 9, times, _WANDER_HZ, octaves=2, gain=0.5)
     still = 0.55 + 0.45 * min(size, 1.0)
     for side in (0, 1):
         k = n[:, side * 7 : side * 7 + 7] * still
+        raised = np.minimum(np.maximum((h[:, side, 1:2] - _HANGS) / _RAISED, 0.0), 1.0) * still
         h[:, side, :3] += k[:, :3] * (0.011, 0.010, 0.011)
+        h[:, side, :3] += raised * (_TOGETHER * wander[:, :3] + _ALONE * wander[:, 3 + 3 * side : 6 + 3 * side]) * _WANDER
         h[:, side, 3:7] += k[:, 3:7] * (4.0, 5.0, 5.0, 3.0)
         fingers = bends[:, side * 4 : side * 4 + 4] * still * (8.6, 9.2, 9.2, 9.8)
         h[:, side, Channel.KNUCKLES] += fingers

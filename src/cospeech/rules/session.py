@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from math import ceil
@@ -63,7 +63,7 @@ class Session(SessionControls):
         aimed: whether the eyes are brought to bear; else they stand as planned, in the world, and the face waits for `aim`,
             because another system turns the head. Such a session of the face alone plans no gestures.
         foresight: how much of the speech to come it hears.
-        plan: what is performed; the seed is its own then.
+        plan: what is performed; the seed is its own then, and so are the words of pieces of speech that have none.
     """
 
     def __init__(
@@ -188,10 +188,10 @@ class Session(SessionControls):
         self._make(self.planned_until)  # what the piece before has left
         samples = self._sound.push(chunk)
         self._origin = chunk.start if self._origin is None else self._origin
-        words = shift_times(chunk, self._origin).words or ()
-        self._words.extend(words)
+        words: Sequence[Word] | None = shift_times(chunk, self._origin).words
         if self._played is not None:
-            self._played.words.extend(words)
+            words = self._played.words.hear(words, float(self._sound.duration))
+        self._words.extend(words or ())
         if self._held.is_short(samples, self.detector.needs):
             return self._next_frames()
         samples = self._held.take(samples)

@@ -6,6 +6,7 @@ The rules breathe, look, blink, and shift the weight in silence. All of it is dr
 from __future__ import annotations
 
 from dataclasses import replace
+from math import ceil
 
 import numpy as np
 
@@ -13,14 +14,19 @@ from ..audio.features.mel import RATE
 from ..audio.speech import Speech
 from ..motion.motion import Motion
 from ..motion.noise import hash_uniform
+from ..motion.parts import PARTS
 from ..motion.rotations import Array, axis_angle_to_quat, quat_multiply
 from ..motion.skeleton import humanoid
 from ..rules import RuleBasedModel
 from ..rules.options import GenerationOptions
 from ..rules.session import Session
-from ..rules.styles import find_style
+from ..rules.styles import STYLES, find_style
+from .pose_transition import PoseTransition
 
-__all__ = ["IdleSource", "nod_angles"]
+__all__ = ["SEATED", "IdleSource", "append_idle", "nod_angles"]
+
+SEATED = 0.70
+"""Metres; hips that are lower sit (`cospeech.rules.stance_layer`)."""
 
 _PIECE = 0.1  # seconds of silence that are heard at once: a tick of the rules
 _SLOT = 9.0  # seconds in which there is one row of nods, or none [ours: listeners nod some six times a minute]
@@ -66,6 +72,26 @@ class IdleSource:
             taken = replace(taken, rotations=rotations)
         self._frame += frames
         return self._session.aim(taken)
+
+
+def append_idle(motion: Motion, seconds: float, *, seed: int = 0, intensity: float = 1.0) -> Motion:
+    """The same motion, and so many seconds more in which the character idles: the hands come down within 1.5 s.
+
+    Args:
+        motion: on our humanoid, or on a skeleton that is recognised; the result is on our humanoid.
+        seconds: 0 leaves it as it is.
+        seed, intensity: of the idling.
+    """
+    frames = ceil(seconds * motion.fps)
+    if not frames or not len(motion):
+        return motion
+    motion = motion if motion.skeleton.kind == "humanoid" else motion.retarget("humanoid")
+    style = next(each for each in STYLES.values() if each.seated) if float(motion.root[-1, 1]) < SEATED else None
+    parts = ("body", "hands") if motion.face is None else PARTS
+    idle = IdleSource(GenerationOptions(style=style, seed=seed, intensity=intensity, fps=motion.fps, parts=parts))
+    transition = PoseTransition(motion[-2:], idle.take(min(len(motion), 2)))
+    rest = transition.apply(idle.take(frames))
+    return Motion.concatenate([motion, rest])
 
 
 def nod_angles(seed: int, times: Array) -> Array:

@@ -25,7 +25,7 @@ CONTROLS: dict[str, Callable[[LiveSession, Any], None]] = {
     "interrupt": lambda session, value: session.interrupt(),
 }
 """Key → what it does; they are done in this order."""
-_LONGEST = 10_000  # bytes of a message [ours: the longest that says something has some hundred]
+_LONGEST = 10_000  # characters of a message [ours: the longest that says something has some hundred]
 
 
 def apply_control(session: LiveSession, text: str | bytes) -> set[str]:
@@ -37,12 +37,13 @@ def apply_control(session: LiveSession, text: str | bytes) -> set[str]:
     Raises:
         InputError: it is no message of this kind; what comes before the wrong value is done.
     """
+    text = text if isinstance(text, str) else text.decode("utf-8", "replace")
     try:
         message = json.loads(text) if len(text) <= _LONGEST else None
     except (ValueError, RecursionError):
         message = None
     if not isinstance(message, dict) or not message:
-        raise InputError(f"{text[:60]!r} is no control message", f"a JSON object with some of {', '.join(CONTROLS)}")
+        raise InputError(f"{text.strip()[:60]!r} is no control message", f"a JSON object with some of {', '.join(CONTROLS)}")
     for key in message:
         if key not in CONTROLS:
             raise InputError(f"no control is called {key[:40]!r}", f"known: {', '.join(CONTROLS)}")

@@ -11,14 +11,13 @@ One thread pushes sound and takes the frames. Any thread may steer or interrupt:
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from fractions import Fraction
-from functools import wraps
 from math import floor, isfinite
 from numbers import Real
 from threading import RLock
-from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -31,7 +30,8 @@ from ..rules.options import GenerationOptions
 from ..rules.session import Session
 from ..rules.streaming import check_speech, in_short
 from ..rules.styles import STYLES
-from .idle import IdleSource
+from .idle import SEATED, IdleSource
+from .one_at_a_time import one_at_a_time
 from .part_fades import PartFades
 from .pose_transition import PoseTransition
 from .session import TrainedSession
@@ -42,23 +42,7 @@ _QUIET = 0.004  # peak of a piece that counts as silence: −48 dB of full scale
 _BEFORE = Fraction(1, 2)  # s of quiet sound that an utterance begins with: soft onsets, and time to raise the hands [ours]
 _KEPT = 30.0  # s of frames that were given and can be taken back [ours: longer than a sentence that is pushed at once]
 _LONGEST = 60.0  # s of idling at once [ours: its frames are all made before the first is given]
-_SEATED = 0.70  # m; hips that are lower sit (`cospeech.rules.stance_layer`)
 _GRID = 192_000  # [ours] seconds are told apart as finely as samples at the highest rate: 1/60 is a sixtieth
-
-
-_P = ParamSpec("_P")
-_R = TypeVar("_R")
-
-
-def _one_at_a_time(method: Callable[Concatenate[LiveSession, _P], _R]) -> Callable[Concatenate[LiveSession, _P], _R]:
-    """A method that waits until no other one of the same session runs."""
-
-    @wraps(method)
-    def call(self: LiveSession, /, *args: _P.args, **kwargs: _P.kwargs) -> _R:
-        with self._lock:
-            return method(self, *args, **kwargs)
-
-    return call
 
 
 class LiveModel(Protocol):
@@ -86,7 +70,7 @@ class LiveSession:
     def __init__(self, model: Any, options: GenerationOptions, *, idle_after: float | None = None) -> None:
         if options.takes != 1:
             raise InputError(f"{options.takes} takes in a live session", "open one session for each")
-        self._lock = RLock()
+        self.lock = RLock()  # of `one_at_a_time`
         self._model: LiveModel = model
         self._options = options
         self._prepared: Session | TrainedSession | None = model.session(options)  # the session of the next utterance
@@ -99,15 +83,13 @@ class LiveSession:
         self._idle_after = idle_after
         self._heard: Session | TrainedSession = self._prepared  # spoke last, and tells of the voice
         self._speaking: Session | TrainedSession | None = None
-        self._utterances, self._origin = 0, 0  # how many there were; the first frame of this one
-        self._skip = Fraction(0)  # seconds until that frame, which are not heard
+        self._utterances, self._origin, self._skip = 0, 0, Fraction(0)
+        """How many there were; the first frame of this one; seconds until that frame, which are not heard."""
         self._idle: IdleSource | None = None
-        self._waits = False  # for sound that is not silent
-        self._before: deque[Speech] = deque()
-        self._time, self._quiet = Fraction(0), Fraction(0)
-        self._made, self._given = 0, 0  # frames
-        self._ready: deque[Motion] = deque()
-        self._past: deque[Motion] = deque()
+        self._waits, self._before = False, deque[Speech]()  # for sound that is not silent; the silence until then
+        self._time = self._quiet = Fraction(0)
+        self._made = self._given = 0  # frames
+        self._ready, self._past = deque[Motion](), deque[Motion]()
         self._source: object = None  # of the frame that was made last
         self._last: Motion | None = None  # one or two frames
         self._transition: PoseTransition | None = None
@@ -131,7 +113,7 @@ class LiveSession:
 
     # ---------------------------------------------------------------------------------------------- sound and time
 
-    @_one_at_a_time
+    @one_at_a_time
     def push(self, sound: Speech | Array, rate: int | None = None) -> Iterator[Motion]:
         """Hear what is said next, at once.
 
@@ -155,7 +137,7 @@ class LiveSession:
             self._hear(piece)
         return self._next_frames()
 
-    @_one_at_a_time
+    @one_at_a_time
     def idle(self, seconds: float) -> Iterator[Motion]:
         """No sound for so long: an utterance ends, and the character listens and idles.
 
@@ -172,7 +154,7 @@ class LiveSession:
         self._fill(count_frames(self._time, self._options.fps))
         return self._next_frames()
 
-    @_one_at_a_time
+    @one_at_a_time
     def finish(self) -> Iterator[Motion]:
         """The speech is over.
 
@@ -186,7 +168,7 @@ class LiveSession:
             raise InputError("there is no speech", "push at least one sample before finish()")
         return self.idle(0)
 
-    @_one_at_a_time
+    @one_at_a_time
     def interrupt(self, *, at: float | None = None) -> None:
         """Stop speaking: frames that were not given are dropped, the mouth shuts, and the hands come down.
 
@@ -229,7 +211,7 @@ class LiveSession:
 
     # ---------------------------------------------------------------------------------------------- steering
 
-    @_one_at_a_time
+    @one_at_a_time
     def restyle(self, style: object) -> None:
         """Another style, faded in over half a second.
 
@@ -237,10 +219,8 @@ class LiveSession:
             InputError: a style that cannot be used; the old one goes on.
         """
         self._steer("restyle", style=style)
-        if isinstance(self._heard, Session):
-            self._idle = None  # the next one idles in this style
 
-    @_one_at_a_time
+    @one_at_a_time
     def set_emotion(self, emotion: str) -> None:
         """Another emotion, or "auto", faded in over half a second.
 
@@ -248,10 +228,8 @@ class LiveSession:
             InputError: there is no such emotion.
         """
         self._steer("set_emotion", emotion=emotion)
-        if self._idle is not None:
-            self._idle.session.set_emotion(emotion)
 
-    @_one_at_a_time
+    @one_at_a_time
     def set_intensity(self, intensity: float) -> None:
         """Another size of all movement, 0 … 2, faded in over half a second.
 
@@ -259,10 +237,8 @@ class LiveSession:
             InputError: it is no number, or out of range.
         """
         self._steer("set_intensity", intensity=intensity)
-        if self._idle is not None:
-            self._idle.session.set_intensity(intensity)
 
-    @_one_at_a_time
+    @one_at_a_time
     def set_parts(self, parts: Iterable[str]) -> None:
         """The parts that move from the next frame on, of those that the session was opened with.
 
@@ -281,6 +257,10 @@ class LiveSession:
         else:
             self._prepared = self._heard = self._open(options)
         self._options = options
+        if control == "restyle":
+            self._idle = None if isinstance(self._heard, Session) else self._idle  # the next one idles in this style
+        elif self._idle is not None:
+            getattr(self._idle.session, control)(*change.values())
 
     # ---------------------------------------------------------------------------------------------- utterances
 
@@ -359,7 +339,7 @@ class LiveSession:
 
     def _open_idle(self) -> IdleSource:
         style = self._options.style if isinstance(self._heard, Session) else None
-        if style is None and self._last is not None and float(self._last.root[-1, 1]) < _SEATED:
+        if style is None and self._last is not None and float(self._last.root[-1, 1]) < SEATED:
             style = next(each for each in STYLES.values() if each.seated)
         parts = tuple(part for part in self._options.parts if part in self._model.makes)
         idle = replace(self._options, style=style, parts=parts)
@@ -394,7 +374,7 @@ class LiveSession:
         while (motion := self._take_next()) is not None:
             yield motion
 
-    @_one_at_a_time
+    @one_at_a_time
     def _take_next(self) -> Motion | None:
         if not self._ready:
             return None

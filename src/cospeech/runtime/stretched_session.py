@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -9,13 +10,15 @@ from fractions import Fraction
 
 import numpy as np
 
-from ..audio.speech import Speech
-from ..errors import InputError
+from ..audio.speech import Speech, shift_times
+from ..errors import CospeechWarning, InputError
 from ..motion.motion import Motion
 from ..motion.rotations import Array
 from ..rules.foresight import DECISION
 from ..rules.options import GenerationOptions
 from ..rules.plan_edits import Plan, Setting
+from ..rules.plan_model import words_of
+from ..rules.planned_words import PlannedWords
 from ..rules.streaming import check_speech
 from .motion_switch import MotionSwitch
 from .session import TrainedSession
@@ -57,6 +60,7 @@ class StretchedSession:
             start(replace(own, style=style))  # it complains now, not in the middle of the speech
         self._waiting: list[list[Motion]] = [[] for _ in seeds]
         self._switch, self._time, self._fps = MotionSwitch(), Fraction(0), options.fps
+        self._words, self._origin = PlannedWords(plan.speech_words), 0.0
 
     emotion = property(lambda self: self._first.emotion, doc="See `TrainedSession.emotion`.")
     expression = property(lambda self: self._first.expression, doc="See `TrainedSession.expression`.")
@@ -68,8 +72,8 @@ class StretchedSession:
 
     @property
     def plan(self) -> Plan:
-        """The plan, with the length of the speech."""
-        return self._plan.model_copy(update={"seconds": round(float(self._time), 4)})
+        """The plan, with the length and the words of the speech."""
+        return self._plan.model_copy(update={"seconds": round(float(self._time), 4), "words": words_of(self._words.heard)})
 
     def restyle(self, style: object) -> None:
         """See `TrainedSession.restyle`."""
@@ -98,6 +102,10 @@ class StretchedSession:
         """See `TrainedSession.push_takes`."""
         check_speech(chunk)
         end = self._time + chunk.duration
+        self._origin = self._origin if self._time else chunk.start
+        chunk = shift_times(chunk, self._origin)
+        words = self._words.hear(chunk.words, float(end))
+        chunk = chunk if words is chunk.words else replace(chunk, words=tuple(words or ()))
         while self._settings and self._settings[0][0] < end:
             border = round((max(Fraction(self._settings[0][0]) - self._time, Fraction(0))) * chunk.rate)
             if 0 < border < len(chunk):
@@ -119,6 +127,8 @@ class StretchedSession:
             if faces:
                 self._change_faces(new)
         self._settings.clear()
+        if different := self._words.describe_difference(float(self._time)):
+            warnings.warn(different, CospeechWarning, stacklevel=2)
         for waiting, session in zip(self._waiting, self._sessions.values(), strict=True):
             waiting += session.finish()
         return self._give()

@@ -72,9 +72,7 @@ def load_web(module: str) -> Any:
     try:
         return import_module(module)
     except ModuleNotFoundError:
-        raise InputError(
-            f"local pages need {module.partition('.')[0]}", "pip install 'cospeech[studio]'; in a clone: make studio"
-        ) from None
+        raise InputError(f"local pages need {module.partition('.')[0]}", "in a clone: make studio") from None
 
 
 def is_loopback(host: str) -> bool:

@@ -41,6 +41,7 @@ class Recorder:
     """A wire that keeps what it is given, fails where it is told to, and may be slow."""
 
     is_refused = False
+    is_alone = False
 
     def __init__(self, *, fail_at: tuple[int, ...] = (), refuse: int = 0, seconds: float = 0) -> None:
         self.data: list[bytes] = []
@@ -147,20 +148,31 @@ def test_frames_that_wait_at_the_end_are_counted():
 
 def test_every_client_of_the_server_gets_the_start_and_what_follows():
     wire = WebSocketServer("127.0.0.1", 0)
-    outlet = Outlet("listen", json_encoder(), wire, fps=30, note=pytest.fail)
+    notes: list[str] = []
+    outlet = Outlet("listen", json_encoder(), wire, fps=30, note=notes.append)
     one, two = frames()[:2]
     outlet.send(one)
+    until = time.monotonic() + 10
+    while not outlet.dropped and time.monotonic() < until:  # nobody is there yet
+        time.sleep(0.01)
     with connect(f"ws://127.0.0.1:{wire.port}") as first, connect(f"ws://127.0.0.1:{wire.port}") as second:
         assert {json.loads(c.recv(timeout=10))["type"] for c in (first, second)} == {"start"}
-        while outlet.sent < 1:
-            time.sleep(0.01)
         outlet.send(two)
-        assert json.loads(next(m for m in second if json.loads(m)["frame"] == 1))["time"] == pytest.approx(1 / 30, abs=1e-5)
+        assert json.loads(second.recv(timeout=10))["time"] == pytest.approx(1 / 30, abs=1e-5)
         first.close()  # who leaves does not disturb the other
         outlet.send(frames()[2])
         assert json.loads(second.recv(timeout=10))["frame"] == 2
         outlet.close()
         assert json.loads(second.recv(timeout=10))["type"] == "end"
+    assert (outlet.sent, outlet.dropped) == (2, 1)
+    assert notes == ["nobody is connected to listen; frames are dropped until a client comes"]
+
+
+def test_frames_that_no_client_gets_are_dropped_and_told_once():
+    notes: list[str] = []
+    outlet = run(WebSocketServer("127.0.0.1", 0), notes)
+    assert (outlet.sent, outlet.dropped) == (0, 20)
+    assert notes == ["nobody is connected to test; frames are dropped until a client comes"]
 
 
 def test_pages_of_other_places_cannot_connect():
@@ -180,7 +192,7 @@ GARBAGE = (b"", b"\0" * 4096, bytes(range(256)) * 40, b"GET / HTTP/1.1\r\n" + b"
 
 def test_peers_that_send_garbage_disturb_nobody():
     wire = WebSocketServer("127.0.0.1", 0)
-    outlet = Outlet("listen", json_encoder(), wire, fps=30, note=pytest.fail)
+    outlet = Outlet("listen", json_encoder(), wire, fps=30, note=lambda text: None)
     outlet.send(frames()[0])
     hello = b"GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
     upgraded = hello + b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
@@ -256,6 +268,11 @@ def test_a_server_of_theirs_is_reached_again_after_it_went():
         ("livelink://", "has no host (write livelink://127.0.0.1:11111)"),
         ("vmc://127.0.0.1:x", "is no address"),
         ("vmc://127.0.0.1:99999", "is no address"),
+        ("vmc://127.0.0.1:0", "has port 0, at which nobody listens (write vmc://127.0.0.1:39539)"),
+        ("livelink://127.0.0.1:0", "has port 0"),
+        ("ws://127.0.0.1:0", "has port 0"),
+        ("vmc://127.0.0.1:39539/path", "has a path '/path' (write vmc://127.0.0.1:39539)"),
+        ("listen://127.0.0.1:8765/x", "has a path '/x'"),
         ("vmc://127.0.0.1?face=vrm7", "face='vrm7'"),
         ("vmc://127.0.0.1?packet=9", "packet='9'"),
         ("vmc://127.0.0.1?colour=red", "unknown option 'colour'"),
@@ -277,6 +294,8 @@ def test_a_port_that_is_taken():
 
 
 def test_every_scheme_has_a_usual_port_or_asks_for_one():
+    assert split_address("listen://host:0", None) == ("host", 0, {})
+    assert split_address("ws://host/path", 80) == ("host", 80, {})
     assert split_address("vmc://host", 39539) == ("host", 39539, {})
     assert split_address("vmc://[::1]:7?face=vrm1", None, query=("face",)) == ("::1", 7, {"face": "vrm1"})
     assert set(SCHEMES) == {"vmc", "livelink", "ws", "wss", "listen", "-"}
@@ -404,3 +423,22 @@ def test_a_server_of_sound_that_goes_without_a_word_ends_the_sound():
 def test_a_source_of_another_scheme_is_told():
     with pytest.raises(InputError, match="known: ws://, wss://, listen://"), open_receiver("http://127.0.0.1:1"):
         pass
+
+
+def test_a_second_client_that_waits_is_told_of_once():
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    notes: list[str] = []
+    address, url = f"listen://127.0.0.1:{port}", f"ws://127.0.0.1:{port}"
+    with open_receiver(address, notes.append) as messages, connect(url) as first:
+        first.send(b"one")
+        assert [next(messages), next(messages)] == [b"", b"one"]
+        with connect(url) as second, connect(url):
+            second.send(b"two")
+            until = time.monotonic() + 10
+            while not notes and time.monotonic() < until:
+                time.sleep(0.01)
+        first.close()
+        while next(messages) != b"two":  # the third may be heard first; it says nothing
+            pass
+    assert notes == [f"a second client waits at {address} until the first one has gone"]

@@ -16,8 +16,11 @@ from cospeech.motion.robot import (
     ROBOTS,
     BodyAngles,
     JointLimiter,
+    RobotJoint,
     RobotStream,
     find_robot,
+    list_joints,
+    narrow_joints,
     read_urdf,
     robot_trajectory,
     save_trajectory,
@@ -147,7 +150,9 @@ def test_pieces_give_the_commands_of_the_whole(robot, sizes):
         first += size
     np.testing.assert_array_equal(np.concatenate([*parts, stream.finish()]), whole)
     assert 60 < len(whole) <= 60 + np.ceil(FPS / 8)
-    assert not len(stream.finish())  # it rests
+    for call in (stream.finish, lambda: stream.push(motion)):
+        with pytest.raises(InputError, match="is finished"):
+            call()
 
 
 def test_a_robot_goes_from_where_it_is_to_the_motion():
@@ -257,9 +262,9 @@ def test_a_joint_whose_axis_points_the_other_way_takes_the_other_sign(tmp_path):
 @pytest.mark.parametrize(
     ("channels", "what"),
     [
-        ({"leg": "left_elbow"}, "has no turning joint 'leg'"),
+        ({"leg": "left_elbow"}, "has no joint 'leg' that moves"),
         ({"arm": "left_knee"}, "takes 'left_knee'"),
-        ({"arm": "left_elbow+x"}, "no numbers"),
+        ({"arm": "left_elbow+x"}, "takes 'left_elbow.x'"),
         ({"broken": "left_elbow"}, "has no limits"),
         ({"LShoulderPitch": ""}, "is recognised"),
     ],
@@ -267,6 +272,95 @@ def test_a_joint_whose_axis_points_the_other_way_takes_the_other_sign(tmp_path):
 def test_what_a_urdf_cannot_give(urdf, channels, what):
     with pytest.raises(InputError, match=what):
         read_urdf(urdf, channels)
+
+
+GRIPPERS = """<robot name="r">
+  <joint name="slide" type="prismatic"><limit lower="0" upper="0.04" velocity="0.1"/></joint>
+  <joint name="claw" type="revolute"><limit lower="0" upper="0.8" velocity="2"/></joint>
+  <joint name="wheel" type="continuous"><limit velocity="2"/></joint>
+  <joint name="arm" type="revolute"><limit lower="-1" upper="${pi}" velocity="2"/></joint>
+</robot>"""
+
+
+def opening(frames: int) -> Motion:
+    """The left hand opens from a fist (70° at the knuckles) to a flat hand."""
+    motion = still(frames)
+    bend = np.radians(np.linspace(75, 0, frames))[:, None] * np.array([0.0, 0, -1])
+    for finger in ("Index", "Middle", "Ring", "Little"):
+        motion.rotations[:, JOINT[f"left{finger}Proximal"]] = rotvec_to_quat(bend)
+    return motion
+
+
+def test_a_gripper_closes_at_one_limit_and_opens_at_the_other(tmp_path):
+    (tmp_path / "r.urdf").write_text(GRIPPERS)
+    assert list_joints(tmp_path / "r.urdf") == ("slide", "claw", "wheel", "arm")
+    for what, ends in (("left_hand", (0, 1)), ("-left_hand", (1, 0))):
+        joints = read_urdf(tmp_path / "r.urdf", {"slide": what, "claw": what})
+        commands = robot_trajectory(opening(200), joints)
+        for column, upper in zip(commands.T, (0.04, 0.8), strict=True):
+            assert column[[0, -1]] == pytest.approx(upper * np.array(ends), abs=0.003 * upper)  # an open hand, nearly at rest
+    nao = narrow_joints(find_robot("nao"), {"LHand": {"lower": 0.2}})
+    hand = robot_trajectory(opening(200), nao)[:, [joint.name for joint in nao].index("LHand")]
+    assert hand[[0, -1]] == pytest.approx([0.2, 1], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("channels", "what"),
+    [
+        ({"slide": "left_elbow"}, r"joint 'slide' slides and cannot take 'left_elbow' \(a prismatic joint takes left_hand"),
+        ({"slide": "left_hand+0.01"}, "hand with an offset"),
+        ({"wheel": "left_hand"}, "turns without end"),
+        ({"arm": "left_elbow"}, r"the URDF says upper='\$\{pi\}' of joint 'arm' \(a number; xacro"),
+        ({"claw": "left_elbow+nan"}, "offset nan"),
+    ],
+)
+def test_what_a_gripper_or_its_urdf_cannot_give(tmp_path, channels, what):
+    (tmp_path / "r.urdf").write_text(GRIPPERS)
+    with pytest.raises(InputError, match=what):
+        read_urdf(tmp_path / "r.urdf", channels)
+
+
+def test_limits_of_a_joint_become_narrower_and_hold():
+    assert RobotJoint("a", "left_elbow", -1, 1, 2.0).acceleration == 16
+    assert RobotJoint("a", "left_elbow", -1, 1, 2.0, acceleration=3.0).acceleration == 3
+    limits = {"LShoulderPitch": {"velocity": 1.5, "acceleration": 6.0, "lower": -0.5, "upper": 1.0}, "HeadYaw": {"velocity": 2}}
+    joints = narrow_joints(find_robot("nao"), limits)
+    names = [joint.name for joint in joints]
+    assert joints[names.index("HeadYaw")].acceleration == pytest.approx(16)  # an eighth of a second still
+    commands = robot_trajectory(random_arms(200, 4), joints)[:, names.index("LShoulderPitch")]
+    speed = np.diff(commands, prepend=commands[0], append=commands[-1]) * FPS
+    assert commands.min() >= -0.5
+    assert commands.max() <= 1
+    assert 1.4 < np.abs(speed).max() <= 1.5 + 1e-9
+    assert np.abs(np.diff(speed)).max() * FPS <= 6 * (1 + 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("limits", "what"),
+    [
+        ({"Head": {"velocity": 1.0}}, "'Head', which is not moved .did you mean 'HeadYaw'"),
+        ({"HeadYaw": {"speed": 1.0}}, "has a limit 'speed'"),
+        ({"HeadYaw": {"velocity": "1"}}, "a number"),
+        ({"HeadYaw": {"velocity": True}}, "a number"),
+        ({"HeadYaw": {"velocity": 90.0}}, "may only be narrowed"),
+        ({"HeadYaw": {"upper": 3.0}}, "may only be narrowed"),
+        ({"HeadYaw": {"lower": -3.0}}, "may only be narrowed"),
+        ({"HeadYaw": {"acceleration": 0.0}}, "above 0"),
+        ({"HeadYaw": {"lower": 1.0, "upper": 0.5}}, "lower ≤ upper"),
+    ],
+)
+def test_limits_that_a_robot_cannot_take(limits, what):
+    with pytest.raises(InputError, match=what):
+        narrow_joints(find_robot("nao"), limits)
+
+
+def test_joints_that_stay_at_a_limit_are_known(urdf):
+    joints = read_urdf(urdf, {"LShoulderPitch": "left_shoulder_pitch-90", "arm": "left_elbow"})  # degrees
+    stream = RobotStream(joints, fps=FPS)
+    assert stream.outside == ()
+    commands = stream.push(random_arms(50, 1))
+    assert stream.outside == ("LShoulderPitch",)
+    assert (commands[:, 0] == -1).all()
 
 
 TWICE = '<joint name="HeadYaw" type="revolute"><limit lower="-1" upper="1" velocity="2"/></joint>' * 2

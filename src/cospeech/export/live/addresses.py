@@ -41,18 +41,23 @@ def split_address(url: str, port: int | None, *, query: tuple[str, ...] = ()) ->
         query: options that there are.
 
     Raises:
-        InputError: no host, no port, or an option that there is not.
+        InputError: no host, no port or port 0 (but of ``listen://``, where it takes a free one), a path, or an option that
+            there is not.
     """
     scheme = scheme_of(url)
     hint = f"write {scheme}://127.0.0.1:{_PORT if scheme in SOURCES else port}"
     try:
         parts = urlsplit(url)
-        found = parts.port or port
+        found = port if parts.port is None else parts.port
     except ValueError:
         raise InputError(f"{url!r} is no address", hint) from None
     options = {key: values[-1] for key, values in parse_qs(parts.query, keep_blank_values=True).items()}
     if not parts.hostname or found is None:
         raise InputError(f"{url!r} has no {'port' if parts.hostname else 'host'}", hint)
+    if found == 0 and scheme != "listen":
+        raise InputError(f"{url!r} has port 0, at which nobody listens", hint)
+    if parts.path.strip("/") and scheme not in ("ws", "wss"):
+        raise InputError(f"{url!r} has a path {parts.path[:40]!r}", hint)
     for key in options:
         if key not in query:
             raise InputError(f"{url!r} has an unknown option {key!r}", f"known: {', '.join(query) or 'none'}")

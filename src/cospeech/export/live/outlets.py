@@ -35,6 +35,8 @@ class Wire(Protocol):
 
     is_refused: bool
     """Whether its machine has said that nobody listens there. Bytes are sent all the same."""
+    is_alone: bool
+    """Whether what was sent last reached nobody, because no client is connected."""
 
     def connect(self) -> None:
         """Raises OSError where there is nobody."""
@@ -53,6 +55,7 @@ class UdpWire:
 
     _socket: socket.socket | None
     is_refused = False
+    is_alone = False
 
     def connect(self) -> None:
         """See `Wire`; the name of the host is looked up."""
@@ -78,6 +81,7 @@ class LineWire:
     """Lines of standard output, or of another binary file."""
 
     is_refused = False
+    is_alone = False
 
     def __init__(self, file: IO[bytes] | None = None) -> None:
         self._file = file if file is not None else sys.stdout.buffer
@@ -140,8 +144,14 @@ class Outlet:
                 self._changed.wait()
             return self._waiting.popleft() if self._waiting else None
 
+    def _fault(self) -> str:
+        """Why nobody may have got the frame, in words; nothing where it is received."""
+        if self._wire.is_refused:
+            return f"nobody listens at {self.name}; frames are sent all the same"
+        return f"nobody is connected to {self.name}; frames are dropped until a client comes" if self._wire.is_alone else ""
+
     def _work(self) -> None:
-        connected, told, refused, wait = False, False, False, _RETRY[0]
+        connected, told, wait, notes = False, False, _RETRY[0], set[str]()
         while (frame := self._next()) is not None:
             try:
                 if not connected:
@@ -154,10 +164,11 @@ class Outlet:
                 for packets in self._encoder.frames(frame):
                     for data in packets:
                         self._wire.send(data)
-                self.sent += 1
-                if self._wire.is_refused and not refused:
-                    refused = True
-                    self._note(f"nobody listens at {self.name}; frames are sent all the same")
+                self.sent += not self._wire.is_alone
+                self.dropped += self._wire.is_alone
+                if (note := self._fault()) and note not in notes:
+                    notes.add(note)
+                    self._note(note)
             except OSError as error:
                 self.dropped += 1
                 connected = False

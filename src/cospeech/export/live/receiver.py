@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
@@ -18,12 +18,13 @@ _MESSAGES = 1500  # that may wait to be heard: half a minute of pieces (ours)
 
 
 @contextmanager
-def open_receiver(address: str) -> Iterator[Iterator[str | bytes]]:
+def open_receiver(address: str, note: Callable[[str], object] = lambda text: None) -> Iterator[Iterator[str | bytes]]:
     """Messages that come in, until the other side closes.
 
     Args:
         address: ``ws://`` or ``wss://`` of a server; or ``listen://HOST:PORT``, where the first client that comes is heard,
             and after it the next one.
+        note: told once if a second client comes while the first one is heard.
 
     Raises:
         InputError: another scheme, nobody answers at the address, or it cannot be listened on.
@@ -32,7 +33,7 @@ def open_receiver(address: str) -> Iterator[Iterator[str | bytes]]:
         raise unknown_address(f"cannot hear from {address!r}", SOURCES)
     import_websockets()
     if scheme == "listen":
-        with _listening(address) as messages:
+        with _listening(address, note) as messages:
             yield messages
         return
     from websockets.exceptions import WebSocketException
@@ -56,14 +57,17 @@ def _hear_to_the_end(connection: Any) -> Iterator[str | bytes]:
 
 
 @contextmanager
-def _listening(address: str) -> Iterator[Iterator[str | bytes]]:
+def _listening(address: str, note: Callable[[str], object]) -> Iterator[Iterator[str | bytes]]:
     from websockets.sync.server import serve
 
     host, port, _ = split_address(address, None)
     arrived: queue.Queue[str | bytes] = queue.Queue(_MESSAGES)
-    one = threading.Lock()
+    one, told = threading.Lock(), threading.Event()
 
     def hear(connection: Any) -> None:
+        if one.locked() and not told.is_set():
+            told.set()
+            note(f"a second client waits at {address} until the first one has gone")
         with one:  # one voice at a time
             arrived.put(b"")  # a new voice begins with a whole sample
             for message in _hear_to_the_end(connection):

@@ -27,7 +27,7 @@ def import_websockets() -> None:
     try:
         import websockets  # noqa: F401
     except ImportError:
-        raise InputError("WebSockets need the package websockets", "pip install 'cospeech[live]'") from None
+        raise InputError("WebSockets need the package websockets", "in a clone: pip install '.[live]'") from None
 
 
 def serve_here(serve: Any, handler: Any, host: str, port: int) -> Any:
@@ -42,6 +42,7 @@ class WebSocketWire:
     """A client: messages go to a server. See `cospeech.export.live.outlets.Wire`."""
 
     is_refused = False
+    is_alone = False
 
     def __init__(self, url: str) -> None:
         import_websockets()
@@ -88,6 +89,7 @@ class WebSocketServer:
     """
 
     is_refused = False
+    is_alone = False
 
     def __init__(self, host: str, port: int, *, most: int = 120) -> None:
         import_websockets()
@@ -106,7 +108,7 @@ class WebSocketServer:
     def send(self, data: bytes) -> None:
         """See `Wire`; the first message is kept for clients that come later."""
         with self._changed:
-            self._first = self._first or data
+            self._first, self.is_alone = self._first or data, not self._clients
             for waiting in self._clients.values():
                 if len(waiting) >= self._most:
                     del waiting[1]  # the oldest frame; before it, there may be the first message

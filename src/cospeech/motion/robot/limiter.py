@@ -44,9 +44,9 @@ class JointLimiter:
         return commands
 
     def finish(self) -> Array:
-        """(T, J) commands that bring every joint to rest, as soon as its acceleration allows; the last repeats its place.
+        """(T, J) commands that stop every joint, as soon as its acceleration allows; the last repeats its place.
 
-        T is 0 where all joints rest already.
+        T is 0 where all joints stand still already.
         """
         commands, most = [], self._push * self._step
         while self._at is not None and self._speed.any():

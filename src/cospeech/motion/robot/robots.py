@@ -1,53 +1,15 @@
-"""Robots: which angle each joint takes, and its limits; three by name, others from their URDF."""
+"""Robots by name: which angle each joint takes, and its limits."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from os import PathLike
-from xml.etree import ElementTree
 
 import numpy as np
 
 from ...errors import InputError, nearest
-from ...files import read_regular
-from .angles import CHANNELS
+from .joints import RobotJoint
 
-__all__ = ["ROBOTS", "RobotJoint", "find_robot", "list_joints", "read_urdf"]
-
-_URDF = 16 << 20  # bytes; ours: a large robot has some 200 kB
-_PUSH = 8.0  # per second: a joint reaches its full speed in an eighth of a second [ours; makers do not publish it]
-
-
-@dataclass(frozen=True)
-class RobotJoint:
-    """One joint of a robot."""
-
-    name: str
-    channel: str
-    """Of `CHANNELS`, the angle that it takes."""
-    lower: float
-    """Radians; of a hand 0 … 1."""
-    upper: float
-    velocity: float
-    """Radians per second, at most."""
-    sign: float = 1.0
-    offset: float = 0.0
-    """Radians: command = sign × angle + offset."""
-
-    @property
-    def acceleration(self) -> float:
-        """Radians per second², at most."""
-        return _PUSH * self.velocity
-
-    def __post_init__(self) -> None:
-        if self.channel not in CHANNELS:
-            raise InputError(f"joint {self.name!r} takes {self.channel!r}", nearest(self.channel, CHANNELS))
-        if not (np.isfinite([self.lower, self.upper, self.velocity]).all() and self.lower <= self.upper and self.velocity > 0):
-            raise InputError(
-                f"joint {self.name!r} has limits {self.lower} … {self.upper}, speed {self.velocity}",
-                "lower ≤ upper, and a speed above 0",
-            )
+__all__ = ["ROBOTS", "find_robot"]
 
 
 def _aldebaran(
@@ -113,101 +75,3 @@ def find_robot(name: str) -> tuple[RobotJoint, ...]:
     if name not in ROBOTS:
         raise InputError(f"no robot is called {name!r}", nearest(name, ROBOTS))
     return ROBOTS[name]
-
-
-def read_urdf(path: str | PathLike[str], channels: Mapping[str, str] | None = None) -> tuple[RobotJoint, ...]:
-    """Joints of a robot from its URDF, in the order of the file.
-
-    Args:
-        path: the ``.urdf`` (of a ``.xacro``, what xacro makes of it).
-        channels: joint → what it takes of `CHANNELS`; ``"-left_elbow"`` takes it with the other sign,
-            ``"left_shoulder_pitch-1.5708"`` with an offset in radians, and with ``""`` the joint is not moved. Joints with the
-            names of a known robot need none. Such a joint takes the other sign where its axis points the other way.
-
-    Raises:
-        InputError: no URDF, a joint that it does not have, or one without limits.
-    """
-    moving = _read_joints(path)
-    wanted = {name: what for name, what in (_recognise(moving) | dict(channels or {})).items() if what}
-    if not wanted:
-        raise InputError(
-            f"no joint of {str(path)!r} is recognised", 'a map says what each takes, such as arm_1 = "left_shoulder_pitch"'
-        )
-    for name in wanted:
-        if name not in moving:
-            raise InputError(f"{str(path)!r} has no turning joint {name!r}", nearest(name, moving))
-    return tuple(_joint(name, moving[name], wanted[name]) for name in moving if name in wanted)
-
-
-def list_joints(path: str | PathLike[str]) -> tuple[str, ...]:
-    """Names of the turning joints of a URDF, in the order of the file.
-
-    Raises:
-        InputError: no URDF.
-    """
-    return tuple(_read_joints(path))
-
-
-def _read_joints(path: str | PathLike[str]) -> dict[str, ElementTree.Element]:
-    data = read_regular(path, "a URDF", _URDF)
-    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
-        raise InputError(f"{str(path)!r} has a document type", "remove <!DOCTYPE …>; a URDF needs none")
-    try:
-        tree = ElementTree.fromstring(data)
-    except ElementTree.ParseError as error:
-        raise InputError(f"{str(path)!r} is no XML: {error}", "is it a .urdf, not a .xacro?") from None
-    found: dict[str, ElementTree.Element] = {}
-    for joint in tree.iter("joint"):
-        if joint.get("type") in ("revolute", "continuous"):
-            name = joint.get("name", "")
-            if name in found:
-                raise InputError(f"{str(path)!r} has two joints {name!r}", "each joint needs a name of its own")
-            found[name] = joint
-    return found
-
-
-def _recognise(joints: Mapping[str, ElementTree.Element]) -> dict[str, str]:
-    """Joints with the names of a robot of ours, with its signs and offsets, both turned over where the axis is."""
-    known, found = {joint.name: joint for robot in ROBOTS.values() for joint in robot}, {}
-    for name, element in joints.items():
-        if name in known:
-            joint = known[name]
-            way = -1.0 if _is_turned_over(element) and not joint.channel.endswith("_hand") else 1.0
-            found[name] = f"{'-' * (way * joint.sign < 0)}{joint.channel}{way * joint.offset:+.6f}"
-    return found
-
-
-def _is_turned_over(element: ElementTree.Element) -> bool:
-    """Whether a joint turns about x, y or z the other way; all joints of our robots turn about +x, +y or +z.
-
-    Of an axis that is oblique, nothing is known; one that is not written is +x.
-    """
-    axis = element.find("axis")
-    try:
-        parts = [] if axis is None else [float(part) for part in axis.get("xyz", "").split()]
-    except ValueError:
-        raise InputError(f"joint {element.get('name')!r} has an axis that is no numbers", 'write xyz="0 0 1"') from None
-    return sum(parts) < 0 and sum(part != 0 for part in parts) == 1
-
-
-def _joint(name: str, element: ElementTree.Element, what: str) -> RobotJoint:
-    limit = element.find("limit")
-    try:
-        found = {} if limit is None else {key: float(limit.get(key, "nan")) for key in ("lower", "upper", "velocity")}
-        channel, offset = what.lstrip("-"), 0.0
-        for mark in "+-":
-            if mark in channel:
-                channel, _, text = channel.partition(mark)
-                offset = float(mark + text)
-                break
-    except ValueError:
-        raise InputError(
-            f"joint {name!r}: {what!r} or its limits are no numbers", "write left_elbow, or -left_elbow+0.5"
-        ) from None
-    if element.get("type") == "continuous":
-        found |= {"lower": -2 * np.pi, "upper": 2 * np.pi}
-    if not np.isfinite(list(found.values())).all() or len(found) < 3:
-        raise InputError(f"joint {name!r} has no limits", "a URDF says <limit lower=… upper=… velocity=…/>")
-    return RobotJoint(
-        name, channel, found["lower"], found["upper"], found["velocity"], -1.0 if what.startswith("-") else 1.0, offset
-    )

@@ -15,13 +15,13 @@ from ...files import atomic
 from ..motion import Motion
 from ..rotations import Array
 from .angles import BodyAngles
+from .joints import LIMITS, RobotJoint
 from .limiter import JointLimiter
-from .robots import RobotJoint
 
 __all__ = ["RobotStream", "check_trajectory_file", "robot_trajectory", "save_trajectory"]
 
 _SUFFIXES = (".csv", ".json")
-_MEASURED = 0.05  # rad [ours]: a joint that is measured may lie so far beyond a limit
+_MEASURED = 0.05  # rad [ours]: a joint that is measured, or wanted, may lie so far beyond a limit
 
 
 class RobotStream:
@@ -46,7 +46,7 @@ class RobotStream:
         if not joints:
             raise InputError("a robot without joints", "find_robot('nao'), or read_urdf('my_robot.urdf')")
         self.joints, self.fps, self._angles = tuple(joints), fps, BodyAngles()
-        limits = [[getattr(joint, name) for joint in joints] for name in ("lower", "upper", "velocity", "acceleration")]
+        limits = [[getattr(joint, name) for joint in joints] for name in LIMITS]
         start = start or {}
         for name in start:
             if name not in self.names:
@@ -59,33 +59,56 @@ class RobotStream:
                 raise InputError(f"a start of joint {name!r} at {start[name]:g} radians", ends)
         first = np.array([start.get(name, np.nan) for name in self.names], float)
         self._limiter = JointLimiter(*(np.array(values) for values in limits), fps=fps, start=first)
+        self._ends = np.array(limits[:2]) + np.array([[-_MEASURED], [_MEASURED]])
+        self._outside, self._pushed, self._over = np.ones(len(joints), bool), False, False
 
     @property
     def names(self) -> tuple[str, ...]:
         """Of the joints, in the order of the columns."""
         return tuple(joint.name for joint in self.joints)
 
+    @property
+    def outside(self) -> tuple[str, ...]:
+        """Names of the joints that stay at a limit, because in every frame so far the motion wants more."""
+        return tuple(name for name, always in zip(self.names, self._outside, strict=True) if always and self._pushed)
+
     def push(self, motion: Motion) -> Array:
         """(T, J) commands of the next frames, radians.
 
         Raises:
-            InputError: the motion has another rate.
+            InputError: the motion has another rate, or it comes after `finish`.
         """
+        self._check_open()
         if motion.fps != self.fps:
             raise InputError(f"motion of {motion.fps:g} frames per second for a robot of {self.fps:g}", "motion.resample(fps)")
         angles = self._angles.push(motion)
-        return self._limiter.push(np.stack([joint.sign * angles[joint.channel] + joint.offset for joint in self.joints], 1))
+        wanted = np.stack([joint.command(angles) for joint in self.joints], 1)
+        self._outside &= ((wanted < self._ends[0]) | (wanted > self._ends[1])).all(0)
+        self._pushed |= len(wanted) > 0
+        return self._limiter.push(wanted)
 
     def finish(self) -> Array:
-        """(T, J) commands that bring the robot to rest, at most an eighth of a second; none where it rests already."""
+        """(T, J) commands that stop the joints where they are, as soon as they can brake; none where all stand still.
+
+        With the usual acceleration this takes an eighth of a second at most. The stream is over then.
+
+        Raises:
+            InputError: it is over already.
+        """
+        self._check_open()
+        self._over = True
         return self._limiter.finish()
+
+    def _check_open(self) -> None:
+        if self._over:
+            raise InputError("the stream of commands is finished", "open another RobotStream; start= says where the robot is")
 
 
 def robot_trajectory(motion: Motion, joints: Sequence[RobotJoint]) -> Array:
     """(T, J) commands of a whole motion, radians.
 
-    It begins and ends at rest: where the motion ends while a joint moves, T is up to an eighth of a second longer than the
-    motion.
+    It begins and ends at standstill: where the motion ends while a joint moves, T is longer than the motion by the time to
+    brake, an eighth of a second at most with the usual acceleration.
     """
     stream = RobotStream(joints, fps=motion.fps)
     return np.concatenate([stream.push(motion), stream.finish()])

@@ -1,0 +1,146 @@
+"""Joints of a robot from its URDF."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike
+from xml.etree import ElementTree
+
+import numpy as np
+
+from ...errors import InputError, nearest
+from ...files import read_regular
+from .joints import RobotJoint
+from .robots import ROBOTS
+
+__all__ = ["list_joints", "read_urdf"]
+
+_URDF = 16 << 20  # bytes; ours: a large robot has some 200 kB
+_MOVING = ("revolute", "continuous", "prismatic")
+
+
+def read_urdf(path: str | PathLike[str], channels: Mapping[str, str] | None = None) -> tuple[RobotJoint, ...]:
+    """Joints of a robot from its URDF, in the order of the file.
+
+    Args:
+        path: the ``.urdf`` (of a ``.xacro``, what xacro makes of it).
+        channels: joint → what it takes of `CHANNELS`; ``"-left_elbow"`` takes it with the other sign,
+            ``"left_shoulder_pitch-1.5708"`` with an offset in radians, and with ``""`` the joint is not moved. A hand goes from
+            the lower limit (closed) to the upper one (open); of ``"-left_hand"``, open is the lower one. Joints with the names
+            of a known robot need none. Such a joint takes the other sign where its axis points the other way.
+
+    Raises:
+        InputError: no URDF, a joint that it does not have, one without limits, or one that slides and takes no hand.
+    """
+    moving = _read_joints(path)
+    wanted = {name: what for name, what in (_recognise(moving) | dict(channels or {})).items() if what}
+    if not wanted:
+        raise InputError(
+            f"no joint of {str(path)!r} is recognised", 'a map says what each takes, such as arm_1 = "left_shoulder_pitch"'
+        )
+    for name in wanted:
+        if name not in moving:
+            raise InputError(f"{str(path)!r} has no joint {name!r} that moves", nearest(name, moving))
+    return tuple(_joint(name, moving[name], wanted[name]) for name in moving if name in wanted)
+
+
+def list_joints(path: str | PathLike[str]) -> tuple[str, ...]:
+    """Names of the joints of a URDF that turn or slide, in the order of the file.
+
+    Raises:
+        InputError: no URDF.
+    """
+    return tuple(_read_joints(path))
+
+
+def _read_joints(path: str | PathLike[str]) -> dict[str, ElementTree.Element]:
+    data = read_regular(path, "a URDF", _URDF)
+    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+        raise InputError(f"{str(path)!r} has a document type", "remove <!DOCTYPE …>; a URDF needs none")
+    try:
+        tree = ElementTree.fromstring(data)
+    except ElementTree.ParseError as error:
+        raise InputError(f"{str(path)!r} is no XML: {error}", "is it a .urdf, not a .xacro?") from None
+    found: dict[str, ElementTree.Element] = {}
+    for joint in tree.iter("joint"):
+        if joint.get("type") in _MOVING:
+            name = joint.get("name", "")
+            if name in found:
+                raise InputError(f"{str(path)!r} has two joints {name!r}", "each joint needs a name of its own")
+            found[name] = joint
+    return found
+
+
+def _recognise(joints: Mapping[str, ElementTree.Element]) -> dict[str, str]:
+    """Joints with the names of a robot of ours, with its signs and offsets, both turned over where the axis is."""
+    known, found = {joint.name: joint for robot in ROBOTS.values() for joint in robot}, {}
+    for name, element in joints.items():
+        if name in known:
+            joint = known[name]
+            if element.get("type") == "prismatic" and not joint.is_hand:
+                continue
+            way = -1.0 if _is_turned_over(element) and not joint.is_hand else 1.0
+            found[name] = f"{'-' * (way * joint.sign < 0)}{joint.channel}{way * joint.offset:+.6f}"
+    return found
+
+
+def _is_turned_over(element: ElementTree.Element) -> bool:
+    """Whether a joint turns about x, y or z the other way; all joints of our robots turn about +x, +y or +z.
+
+    Of an axis that is oblique, nothing is known; one that is not written is +x.
+    """
+    axis = element.find("axis")
+    try:
+        parts = [] if axis is None else [float(part) for part in axis.get("xyz", "").split()]
+    except ValueError:
+        raise InputError(f"joint {element.get('name')!r} has an axis that is no numbers", 'write xyz="0 0 1"') from None
+    return sum(parts) < 0 and sum(part != 0 for part in parts) == 1
+
+
+def _joint(name: str, element: ElementTree.Element, what: str) -> RobotJoint:
+    channel, sign, offset = _parse_channel(name, what)
+    lower, upper, velocity = _read_limits(name, element)
+    joint = RobotJoint(name, channel, lower, upper, velocity, sign, offset)
+    if element.get("type") == "prismatic" and not joint.is_hand:
+        raise InputError(
+            f"joint {name!r} slides and cannot take {channel!r}", "a prismatic joint takes left_hand or right_hand"
+        )
+    if element.get("type") == "continuous" and joint.is_hand:
+        raise InputError(
+            f"joint {name!r} turns without end and cannot take {channel!r}", "a hand needs limits to close and open"
+        )
+    return joint
+
+
+def _parse_channel(name: str, what: str) -> tuple[str, float, float]:
+    """Channel, sign and offset of a text such as ``-left_elbow+0.5``."""
+    channel, offset = what.lstrip("-"), 0.0
+    for mark in "+-":
+        if mark in channel:
+            channel, _, text = channel.partition(mark)
+            try:
+                offset = float(mark + text)
+            except ValueError:
+                raise InputError(f"joint {name!r} takes {what!r}", "write left_elbow, or -left_elbow+0.5 in radians") from None
+            break
+    return channel, -1.0 if what.startswith("-") else 1.0, offset
+
+
+def _read_limits(name: str, element: ElementTree.Element) -> tuple[float, float, float]:
+    """Lower, upper and velocity."""
+    limit, found = element.find("limit"), []
+    for key in ("lower", "upper", "velocity"):
+        text = None if limit is None else limit.get(key)
+        if element.get("type") == "continuous" and key != "velocity":
+            text = str({"lower": -2 * np.pi, "upper": 2 * np.pi}[key])
+        elif text is None:
+            raise InputError(
+                f"joint {name!r} has no limits: {key} is missing", "a URDF says <limit lower=… upper=… velocity=…/>"
+            )
+        try:
+            found.append(float(text))
+        except ValueError:
+            raise InputError(
+                f"the URDF says {key}={text[:40]!r} of joint {name!r}", "a number; xacro fills in what stands in ${…}"
+            ) from None
+    return found[0], found[1], found[2]

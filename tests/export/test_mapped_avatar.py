@@ -193,3 +193,8 @@ def test_the_command_line_takes_map_and_clip_and_tells_each_note_once(odd, two_c
     soundfile.write(tmp_path / "talk.wav", 0.1 * np.sin(np.arange(8000) * 0.05), 16000)
     _, told = type_command("generate talk.wav -o t.glb -o t.png --avatar nameless.glb --takes 2 -q", tmp_path)
     assert told.count("note: ") == told.count("fingers, eyes, jaw were not found") == 1
+    (tmp_path / "talk2.wav").write_bytes((tmp_path / "talk.wav").read_bytes())
+    both = "generate talk.wav talk2.wav -o {name}.glb --avatar nameless.glb --jobs 2 -q"
+    _, told = type_command(both, tmp_path)
+    assert told.startswith("note: ")
+    assert told.count("\n") == 1

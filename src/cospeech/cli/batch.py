@@ -125,7 +125,9 @@ def _each_in_parallel(
         waiting = [pool.submit(_generate_alone, job, dict(options), model) for job in work]
         try:
             for number, (job, future) in enumerate(zip(work, waiting, strict=True), 1):
-                found = future.result()
+                found, notes = future.result()
+                for note in notes:
+                    warnings.warn(note, CospeechWarning, stacklevel=2)
                 (made if isinstance(found, Report) else failed).append(found)  # type: ignore[arg-type]
                 if progress is not None:
                     progress(number, len(work), f"{number} of {len(work)}: {job.name}")
@@ -135,12 +137,15 @@ def _each_in_parallel(
     return Reports(speeches=made, failed=failed)
 
 
-def _generate_alone(job: _Job, options: dict[str, Any], model: str) -> Report | Failure:
-    """One speech, in a process of its own."""
-    try:
-        return _generate(job, options, model=model)
-    except CospeechError as error:
-        return Failure(speech=str(job.speech), error=str(error), ours=isinstance(error, InternalError))
+def _generate_alone(job: _Job, options: dict[str, Any], model: str) -> tuple[Report | Failure, list[str]]:
+    """One speech, in a process of its own; and its notes, which the program tells."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", CospeechWarning)
+        try:
+            found: Report | Failure = _generate(job, options, model=model)
+        except CospeechError as error:
+            found = Failure(speech=str(job.speech), error=str(error), ours=isinstance(error, InternalError))
+    return found, [str(warning.message) for warning in told if issubclass(warning.category, CospeechWarning)]
 
 
 def _generate(job: _Job, options: Mapping[str, Any], **more: Any) -> Report:

@@ -6,7 +6,6 @@ Light on purpose: every command imports what it needs when it runs, so that ``co
 from __future__ import annotations
 
 import os
-import re
 import signal
 import sys
 import warnings
@@ -68,7 +67,6 @@ if TYPE_CHECKING:
 __all__ = ["app", "main"]
 
 INTERRUPTED = 130  # 128 + SIGINT, as shells say
-_MOST_NOTES = 3  # ours: of different files that say the same; a motion, a rig and an avatar
 ALL_PARTS = ",".join(PARTS)
 
 app = typer.Typer(
@@ -296,19 +294,18 @@ def main() -> None:
 
 @contextmanager
 def _noting() -> Iterator[None]:
-    """Our warnings as lines of their own, each once, and not of every file of a corpus."""
-    told = list[tuple[str, str]]()  # note, what it says of any file
+    """Our warnings as lines of their own, each text once: a file may be read twice."""
+    told = set[str]()
     with warnings.catch_warnings():
         warnings.simplefilter("always", CospeechWarning)
         usual = warnings.showwarning
 
         def show(message: Warning | str, category: type[Warning], *where: Any) -> None:
             if issubclass(category, CospeechWarning):
-                note = " ".join(str(message).split())
-                said = (note, re.sub(r"^'[^']*'", "", note))
-                if said not in told and [same for _, same in told].count(said[1]) < _MOST_NOTES:
-                    told.append(said)
-                    print(f"note: {note}", file=sys.stderr)
+                line = f"note: {' '.join(str(message).split())}"
+                if line not in told:
+                    told.add(line)
+                    print(line, file=sys.stderr)
             else:
                 usual(message, category, *where)
 

@@ -152,7 +152,7 @@ Map = Annotated[
     option(
         "--map",
         metavar="FILE",
-        help="TOML file that gives our names to the joints of MOTION, of the avatar, or of the rig of --skeleton.",
+        help="TOML file that gives our names to the joints of MOTION, of the avatar or of the rig.",
     ),
 ]
 RigMap = Annotated[

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import soundfile
 
+from cospeech.audio.speech import example
 from cospeech.convert import convert_file
 from cospeech.errors import CospeechWarning, InputError
 from cospeech.export import load, save
@@ -140,6 +141,20 @@ def test_a_clip_without_a_surface_is_no_avatar(tmp_path):
     with pytest.raises(InputError, match="has no surface"):
         convert_file(tmp_path / "a.bvh", tmp_path / "a.glb", avatar=tmp_path / "clip.vrma")
     assert not (tmp_path / "a.glb").exists()
+
+
+def test_a_map_reaches_the_avatar_of_a_stream(odd, cli):
+    avatar, names = odd
+    command = ["stream", "-i", str(example()[0]), "--unpaced", "--fps", "10", "--parts", "body", "--avatar", str(avatar)]
+    to = ["--to", "vmc://127.0.0.1:39539"]
+    code, _, err = cli(*command, *to)
+    assert code == 2
+    assert "cannot find" in err
+    code, _, err = cli(*command, *to, "--map", str(names))
+    assert (code, "191 sent, 0 dropped" in err) == (0, True)
+    code, _, err = cli(*command[:-2], *to, "--map", str(names))
+    assert code == 2
+    assert "--map without --avatar" in err
 
 
 @pytest.fixture

@@ -51,6 +51,10 @@ Avatar = Annotated[
         help="VRM or GLB character that vmc:// moves: its bones keep their lengths. Without it, they have our mannequin's.",
     ),
 ]
+AvatarMap = Annotated[
+    Path | None,
+    option("--map", metavar="FILE", help="TOML file that gives our names to the joints of the avatar."),
+]
 Source = Annotated[
     str,
     option(
@@ -127,6 +131,7 @@ def stream(
     face_gain: FaceGain = "1",
     fps: Fps = 60.0,
     avatar: Avatar = None,
+    names: AvatarMap = None,
     transcript: Words = None,
     control: Control = None,
     idle_after: IdleAfter = None,
@@ -152,6 +157,7 @@ def stream(
     from ..generate import open_live_session
 
     check_sources(source, control, transcript, rate, samples)
+    bones = _read_map(names, avatar)
     tell = _say_nothing if quiet else _tell
     wanted = tuple(part.strip() for part in parts.split(","))
     try:
@@ -166,7 +172,7 @@ def stream(
         session.warm_up()
     margin = MARGIN if look_ahead is None else SHORT_MARGIN
     delay = session.latency + PIECE + margin
-    settings = StreamSettings(fps, delay, wanted, None if avatar is None else Path(avatar))
+    settings = StreamSettings(fps, delay, wanted, None if avatar is None else Path(avatar), bones)
     with ExitStack() as stack:
         pieces, controls = open_pieces(
             stack, source, transcript, rate=rate, kind=samples, slack=margin / 2, unpaced=unpaced, tell=tell
@@ -179,6 +185,15 @@ def stream(
         _play_to_the_end(session, pieces, partial(controls.steer, session), pacer, tell)
     if any(outlet.dropped for outlet in outlets) and not any(outlet.sent for outlet in outlets):
         raise InternalError("no receiver got a frame", "are the addresses right, and do the receivers run?")
+
+
+def _read_map(names: Path | None, avatar: Path | None) -> dict[str, str] | None:
+    """The map of an avatar's joints, if there is one."""
+    from ..motion.bone_mapping import load_map
+
+    if names is not None and avatar is None:
+        raise InputError("--map without --avatar", "it names the joints of an avatar")
+    return None if names is None else load_map(names)
 
 
 def _open_outlets(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,6 +32,8 @@ class StreamSettings:
     parts: tuple[str, ...]
     avatar: Path | None = None
     """Whose bones receivers of bones have."""
+    bone_map: Mapping[str, str] | None = None
+    """Our name → name of a joint of the avatar, where its joints are not recognised."""
 
 
 def open_outlet(address: str, settings: StreamSettings, note: Callable[[str], None]) -> Outlet:
@@ -54,7 +56,7 @@ def _vmc(address: str, settings: StreamSettings) -> tuple[Encoder, Wire]:
         raise InputError(f"face={face!r} in {address!r}", f"known: {', '.join(vmc.FACES)}")
     if not packet.isdecimal() or int(packet) not in _PACKET:
         raise InputError(f"packet={packet!r} in {address!r}", f"bytes, {_PACKET[0]} … {_PACKET[-1]}; 1400 fits into Ethernet's")
-    rest = None if settings.avatar is None else avatar_offsets(load_avatar(settings.avatar))
+    rest = None if settings.avatar is None else avatar_offsets(load_avatar(settings.avatar, settings.bone_map))
     return VmcEncoder(face=face, rest=rest, most=int(packet)), UdpWire(host, port)
 
 

@@ -191,9 +191,9 @@ def _files(path: Path) -> list[tuple[str, Path]]:
     if not found:
         raise InputError(f"no sound file is in the folder {str(path)!r}", f"known: {' '.join(SOUND)}")
     heard = {name for name, each in found if each.suffix.lower() not in VIDEO}
-    videos = [each for name, each in found if name in heard and each.suffix.lower() in VIDEO]
+    videos = dict.fromkeys(each for name, each in found if name in heard and each.suffix.lower() in VIDEO)  # a set in order
     if videos:
-        shown = ", ".join(str(each) for each in videos[:3]) + (f" and {len(videos) - 3} more" if len(videos) > 3 else "")
+        shown = ", ".join(str(each) for each in list(videos)[:3]) + (f" and {len(videos) - 3} more" if len(videos) > 3 else "")
         warnings.warn(f"left out, because a sound of the same name is beside it: {shown}", CospeechWarning, stacklevel=2)
     return [(name, each) for name, each in found if each not in videos]
 

@@ -49,8 +49,6 @@ Rest = Annotated[
 ]
 Rate = Annotated[float, option("--fps", metavar="NUMBER", parser=number, help="Commands per second, 1 … 240.")]
 
-_REST = 1.5  # seconds after speech in which the hands come down [ours: as of `cospeech stream`]
-_LONGEST_REST = 60.0  # seconds [ours: as of `LiveSession.idle`]
 _OF_SPEECH = {"model": DEFAULT, "style": None, "emotion": "auto", "transcript": None, "seed": 0, "intensity": 1.0}
 """Options that change nothing for a motion file, and what they are where not given."""
 
@@ -78,11 +76,11 @@ def robot(
     from ..export.checks import check_apart
     from ..motion.robot import check_trajectory_file, save_trajectory
     from ..rules.options import FPS_RANGE, check_range
-    from ..runtime.idle import append_idle
+    from ..runtime.idle import LONGEST, TO_REST, append_idle
 
     check_range("fps", fps, FPS_RANGE)
     if rest is not None:
-        check_range("rest", rest, (0.0, _LONGEST_REST), " seconds")
+        check_range("rest", rest, (0.0, LONGEST), " seconds")
     check_trajectory_file(target)
     check_apart(
         [target], [source, *([Path(robot)] if _is_urdf(robot) else []), *(path for path in (channels, transcript) if path)]
@@ -100,7 +98,7 @@ def robot(
     kind = source.suffix.lower()
     is_motion = str(source) == "-" or source.is_dir() or (kind in FORMATS and kind != ".mp4")  # a video has speech
     motion = _read_motion(source, options) if is_motion else _generate_motion(source, options, fps, quiet)
-    rest = rest if rest is not None else 0.0 if is_motion else _REST
+    rest = rest if rest is not None else 0.0 if is_motion else TO_REST
     commands, outside = _make_commands(append_idle(motion.resample(fps), rest, seed=seed, intensity=intensity), joints)
     save_trajectory(target, commands, joints, fps=fps)
     if not quiet:

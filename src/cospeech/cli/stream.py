@@ -41,7 +41,6 @@ __all__ = ["register"]
 
 _ALL = ",".join(PARTS)
 _CLOSING = 0.5  # seconds in which a character that is stopped shuts its mouth and lowers its hands [ours]
-_ENDING = 1.5  # seconds after the sound is over, in which the hands come to rest [ours]
 _SILENCE = 3.0  # seconds of live silence after which the rules idle [ours: longer than a pause between sentences]
 Avatar = Annotated[
     Path | None,
@@ -255,10 +254,12 @@ def _play_to_the_end(
 
 def _play(session: LiveSession, pieces: Iterable[Speech], steer: Callable[[Speech], Speech], pacer: FramePacer) -> None:
     """From the first piece of sound to the last frame."""
+    from ..runtime.idle import TO_REST
+
     for piece in pieces:
         if not pacer.is_started:
             pacer.begin(float(piece.duration))
         for motion in session.push(steer(piece)):
             pacer.push(motion)
-    for motion in session.idle(_ENDING if pacer.paced else 0.0):  # who takes frames as they are made wants those of the sound
+    for motion in session.idle(TO_REST if pacer.paced else 0.0):  # who takes frames as they are made wants those of the sound
         pacer.push(motion)

@@ -37,11 +37,12 @@ from .arm_layer import move_fingers, raise_clavicles
 from .minimum_jerk import MinimumJerkTrack
 from .stance import BREATH_PITCH, CONTRAPPOSTO, PELVIS_SHARE, Stance, StanceAmounts, first_body
 
-__all__ = ["REACH", "StanceLayer", "add_stance"]
+__all__ = ["REACH", "SEATED", "StanceLayer", "add_stance"]
 
 TICK = 0.1  # seconds between decisions, as in a session of the rules
 _AT_ONCE = 240  # frames; more at a time take memory, and hardly less time
-_SEATED = 0.70  # metres; hips that begin lower sit, and keep the legs that they have ([ours], half-way of `legs.plant`)
+SEATED = 0.70
+"""Metres; hips that are lower sit, and keep the legs that they have ([ours], half-way of `legs.plant`)."""
 REACH = 0.24
 """Seconds before and after a frame of which the wrists count: half the width of the trunk's kernel, and its lead."""
 _TRUNK_AND_HEAD = ("hips", *(name for name, _ in SPINE), "neck", "head")
@@ -125,7 +126,7 @@ class StanceLayer:
         q = np.asarray(rotations, float)
         wrists = _wrists_in_chest(q)
         if self._stance is None:
-            self._begin(seated=float(root[0, 1]) < _SEATED)
+            self._begin(seated=float(root[0, 1]) < SEATED)
             self._wrists = np.repeat(wrists[:1], self._behind, 0)
         self._q, self._place = np.concatenate([self._q, q]), np.concatenate([self._place, np.asarray(root, float)])
         self._wrists = np.concatenate([self._wrists, wrists])

@@ -20,13 +20,16 @@ from ..motion.skeleton import humanoid
 from ..rules import RuleBasedModel
 from ..rules.options import GenerationOptions
 from ..rules.session import Session
-from ..rules.styles import STYLES, find_style
+from ..rules.stance_layer import SEATED
+from ..rules.styles import STYLES, Style, find_style
 from .pose_transition import PoseTransition
 
-__all__ = ["SEATED", "IdleSource", "append_idle", "nod_angles"]
+__all__ = ["LONGEST", "TO_REST", "IdleSource", "append_idle", "find_seated_style", "nod_angles"]
 
-SEATED = 0.70
-"""Metres; hips that are lower sit (`cospeech.rules.stance_layer`)."""
+LONGEST = 60.0
+"""Seconds of idling at once [ours: its frames are all made before the first is given]."""
+TO_REST = 1.5
+"""Seconds in which hands that gesture come to rest [ours]."""
 
 _PIECE = 0.1  # seconds of silence that are heard at once: a tick of the rules
 _SLOT = 9.0  # seconds in which there is one row of nods, or none [ours: listeners nod some six times a minute]
@@ -86,12 +89,16 @@ def append_idle(motion: Motion, seconds: float, *, seed: int = 0, intensity: flo
     if not frames or not len(motion):
         return motion
     motion = motion if motion.skeleton.kind == "humanoid" else motion.retarget("humanoid")
-    style = next(each for each in STYLES.values() if each.seated) if float(motion.root[-1, 1]) < SEATED else None
-    parts = ("body", "hands") if motion.face is None else PARTS
+    style, parts = find_seated_style(motion), ("body", "hands") if motion.face is None else PARTS
     idle = IdleSource(GenerationOptions(style=style, seed=seed, intensity=intensity, fps=motion.fps, parts=parts))
     transition = PoseTransition(motion[-2:], idle.take(min(len(motion), 2)))
     rest = transition.apply(idle.take(frames))
     return Motion.concatenate([motion, rest])
+
+
+def find_seated_style(motion: Motion) -> Style | None:
+    """The style in which a character goes on sitting, where it sits at the end of a motion."""
+    return next(each for each in STYLES.values() if each.seated) if float(motion.root[-1, 1]) < SEATED else None
 
 
 def nod_angles(seed: int, times: Array) -> Array:

@@ -29,8 +29,7 @@ from ..motion.rotations import Array, quat_continuous
 from ..rules.options import GenerationOptions
 from ..rules.session import Session
 from ..rules.streaming import check_speech, in_short
-from ..rules.styles import STYLES
-from .idle import SEATED, IdleSource
+from .idle import LONGEST, IdleSource, find_seated_style
 from .one_at_a_time import one_at_a_time
 from .part_fades import PartFades
 from .pose_transition import PoseTransition
@@ -41,7 +40,6 @@ __all__ = ["LiveSession"]
 _QUIET = 0.004  # peak of a piece that counts as silence: −48 dB of full scale [ours: speech peaks above −30 dB]
 _BEFORE = Fraction(1, 2)  # s of quiet sound that an utterance begins with: soft onsets, and time to raise the hands [ours]
 _KEPT = 30.0  # s of frames that were given and can be taken back [ours: longer than a sentence that is pushed at once]
-_LONGEST = 60.0  # s of idling at once [ours: its frames are all made before the first is given]
 _GRID = 192_000  # [ours] seconds are told apart as finely as samples at the highest rate: 1/60 is a sixtieth
 
 
@@ -147,8 +145,8 @@ class LiveSession:
         Raises:
             InputError: no number of seconds from 0 to 60.
         """
-        if not isinstance(seconds, Real) or not (isfinite(seconds) and 0 <= seconds <= _LONGEST):
-            raise InputError(f"idle for {seconds!r:.40} seconds", f"0 … {_LONGEST:g} at once")
+        if not isinstance(seconds, Real) or not (isfinite(seconds) and 0 <= seconds <= LONGEST):
+            raise InputError(f"idle for {seconds!r:.40} seconds", f"0 … {LONGEST:g} at once")
         self._end_utterance()
         self._time += Fraction(seconds).limit_denominator(_GRID)
         self._fill(count_frames(self._time, self._options.fps))
@@ -339,8 +337,8 @@ class LiveSession:
 
     def _open_idle(self) -> IdleSource:
         style = self._options.style if isinstance(self._heard, Session) else None
-        if style is None and self._last is not None and float(self._last.root[-1, 1]) < SEATED:
-            style = next(each for each in STYLES.values() if each.seated)
+        if style is None and self._last is not None:
+            style = find_seated_style(self._last)
         parts = tuple(part for part in self._options.parts if part in self._model.makes)
         idle = replace(self._options, style=style, parts=parts)
         return IdleSource(replace(idle, face=None, continue_from=None, look_ahead=None, stance=False))

@@ -23,11 +23,13 @@ pytest.importorskip("websockets", reason="the studio needs websockets (the studi
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from cospeech import Motion, Plan
+from cospeech.audio.waiting_sound import WaitingSound
 from cospeech.errors import InputError
 from cospeech.export import FORMATS
 from cospeech.generate import generate_files
+from cospeech.motion.skeletons.arkit import ARKIT
 from cospeech.studio.catalogue import check_style, make_catalogue
-from cospeech.studio.live import FrameBox, SoundBox
+from cospeech.studio.live import FrameBox
 from cospeech.studio.messages import ModelRow
 from cospeech.studio.motion_bytes import read_motion
 from cospeech.studio.speeches import label_of
@@ -493,13 +495,11 @@ def test_too_many_takes_are_refused(served, monkeypatch):
 
 
 def test_who_sends_or_takes_too_much_loses_sound_or_frames():
-    box = SoundBox(100)
+    sound = WaitingSound(1000)
     for k in range(50):
-        box.put(np.full(100, k, np.float32))
-    taken = box.blocks()
-    assert [int(next(taken)[0]) for _ in range(10)] == list(range(40, 50))
-    box.close()
-    assert list(taken) == []
+        sound.put(np.full(100, k, np.float32), wait=False)
+    assert [int(sound.take(0.0)[0]) for _ in range(10)] == list(range(40, 50))
+    assert sound.take(0.0) is None
 
     async def slow():
         frames = FrameBox(30)
@@ -537,6 +537,27 @@ def test_a_live_session_sends_frames_and_is_steered(served):
         assert last["targets"][0]["url"] == "vmc://127.0.0.1:9"
         assert last["latency"] > 1
     assert state.live_sessions == 0
+
+
+@pytest.mark.slow
+def test_an_interruption_drops_the_sound_that_was_sent_ahead(served):
+    jaw, rate = 8 + 4 * (3 + 55 * 4 + ARKIT.index("jawOpen")), 16_000
+    loud = np.random.default_rng(0).normal(0, 3000, 8 * rate) * (1 + np.sin(np.arange(8 * rate) / rate * 20))
+    with connected(served[0], "/api/live") as line:
+        line.send(json.dumps({"type": "start", "model": "rules", "rate": rate, "fps": 20}))
+        line.send(np.clip(loud, -32000, 32000).astype("<i2").tobytes())
+
+        def mouths(seconds):
+            found = []
+            while len(found) < 20 * seconds:
+                got = line.recv(timeout=30)
+                found += [struct.unpack_from("<f", got, jaw)[0]] if isinstance(got, bytes) else []
+            return found
+
+        assert max(mouths(1)) > 0.05
+        line.send(json.dumps({"type": "interrupt"}))
+        mouths(2)  # the latency, and the mouth that shuts
+        assert max(mouths(1.5)) < 0.02
 
 
 def test_the_catalogue_holds_every_form():

@@ -37,7 +37,7 @@ Samples = NDArray[np.float32]
 
 
 def pace_pieces(
-    blocks: Iterable[Samples],
+    blocks: Iterable[Samples] | None,
     rate: int,
     *,
     idle: bool = True,
@@ -49,18 +49,20 @@ def pace_pieces(
     """Pieces of `PIECE` seconds, each when its last sample is due.
 
     Args:
-        blocks: (n,) samples; they may come in bursts, early or late. Their end is the end of the speech.
+        blocks: (n,) samples; they may come in bursts, early or late. Their end is the end of the speech. None: somebody else
+            puts them into ``waiting``.
         rate: samples per second.
         idle: put silence where no sound has come in time; else the pieces wait for it.
         slack: seconds that sound may be late. A piece leaves so late where sound ceases; the silence after it is on time.
-        waiting: where the blocks wait, for who wants to drop them.
+        waiting: where the blocks wait, for who wants to drop them or to put them there.
 
     Yields:
         Speech without a gap; the first piece begins at 0.
     """
     size = max(1, round(PIECE * rate))
     sound = WaitingSound(round(BEHIND * rate)) if waiting is None else waiting
-    threading.Thread(target=_collect, args=(blocks, sound), name="cospeech sound", daemon=True).start()
+    if blocks is not None:
+        threading.Thread(target=_collect, args=(blocks, sound), name="cospeech sound", daemon=True).start()
     began, heard, rest, quiet = clock(), 0, np.zeros(0, np.float32), False
     while True:
         rest = rest[max(sound.dropped - (sound.taken - len(rest)), 0) :]

@@ -20,7 +20,7 @@ class WaitingSound:
     """Blocks of samples in a queue. Places in the sound are counted in samples, from the first one that came.
 
     Args:
-        most: samples that may wait; who puts more is made to wait.
+        most: samples that may wait; who puts more is made to wait, or loses the oldest.
     """
 
     def __init__(self, most: int) -> None:
@@ -39,12 +39,19 @@ class WaitingSound:
         with self._changed:
             return self._ended and not self._blocks and self._error is None
 
-    def put(self, block: Samples) -> None:
-        """Add a block, as soon as there is room. It is forgotten if it is dropped before."""
+    def put(self, block: Samples, *, wait: bool = True) -> None:
+        """Add a block, as soon as there is room. It is forgotten if it is dropped before.
+
+        Args:
+            block: (n,) samples.
+            wait: until there is room; else the oldest blocks go.
+        """
         with self._changed:
             self.received += len(block)
             end = self.received
-            self._changed.wait_for(lambda: self._count < self._most or self.dropped >= end)
+            while not wait and self._blocks and self._count + len(block) > self._most:
+                self._forget_oldest()
+            self._changed.wait_for(lambda: not wait or self._count < self._most or self.dropped >= end)
             if self.dropped < end:
                 self._blocks.append((end, block))
                 self._count += len(block)
@@ -78,9 +85,12 @@ class WaitingSound:
         with self._changed:
             self.dropped = max(self.dropped, before)
             while self._blocks and self._blocks[0][0] <= before:
-                self.taken, block = self._blocks.popleft()
-                self._count -= len(block)
+                self._forget_oldest()
             self._changed.notify_all()
+
+    def _forget_oldest(self) -> None:
+        self.taken, block = self._blocks.popleft()
+        self._count -= len(block)
 
     def mute_piece(self, piece: Speech) -> Speech:
         """The piece that is heard now, with silence in the place of samples that were dropped."""

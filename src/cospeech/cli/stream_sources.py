@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from .stream_controls import Controls
+from ..runtime.live_controls import LiveControls
 
 if TYPE_CHECKING:
     from ..audio.speech import Speech
@@ -54,7 +54,7 @@ def is_live(source: str) -> bool:
 def open_pieces(
     stack: ExitStack, source: str, transcript: str | None, *, rate: int, kind: str, slack: float, unpaced: bool,
     tell: Callable[[str], None],
-) -> tuple[Iterator[Speech], Controls]:  # fmt: skip
+) -> tuple[Iterator[Speech], LiveControls]:  # fmt: skip
     """The speech of a source, piece by piece, and the messages that steer; what it opens is closed with ``stack``.
 
     Args:
@@ -69,7 +69,7 @@ def open_pieces(
     from ..audio.waiting_sound import WaitingSound
 
     waiting = WaitingSound(round(BEHIND * rate))
-    controls = Controls(waiting, tell)
+    controls = LiveControls(waiting, lambda error: tell(f"control: {error}"))
     if not is_live(source):
         return _pieces_of_file(stack, source, transcript, unpaced), controls
     blocks = _open_blocks(stack, source, rate, kind, controls, tell)
@@ -84,7 +84,7 @@ def _see_that_sound_comes(pieces: Iterator[Speech], waiting: WaitingSound) -> It
 
 
 def _open_blocks(
-    stack: ExitStack, source: str, rate: int, kind: str, controls: Controls, tell: Callable[[str], None]
+    stack: ExitStack, source: str, rate: int, kind: str, controls: LiveControls, tell: Callable[[str], None]
 ) -> Iterator[Any]:
     """Samples as they come; texts of a WebSocket are messages that steer."""
     from ..audio.live_sources import read_microphone, read_websocket
@@ -119,7 +119,7 @@ def _pieces_of_file(stack: ExitStack, path: str, transcript: str | None, unpaced
     return pieces if unpaced else wait_for_each(pieces)
 
 
-def open_control(stack: ExitStack, address: str, controls: Controls, tell: Callable[[str], None]) -> None:
+def open_control(stack: ExitStack, address: str, controls: LiveControls, tell: Callable[[str], None]) -> None:
     """Hear the messages of ``--control``, besides those of the input.
 
     Raises:
@@ -137,7 +137,7 @@ def open_control(stack: ExitStack, address: str, controls: Controls, tell: Calla
     threading.Thread(target=_collect, args=(messages, controls), name="cospeech control", daemon=True).start()
 
 
-def _collect(messages: Iterable[str | bytes], controls: Controls) -> None:
+def _collect(messages: Iterable[str | bytes], controls: LiveControls) -> None:
     """In a thread."""
     for message in messages:
         controls.put(message)

@@ -10,14 +10,12 @@ import asyncio
 import json
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from queue import SimpleQueue
 from typing import TYPE_CHECKING, cast
 
-import numpy as np
-
 from ..audio.live_sources import PIECE, decode_pcm, pace_pieces
+from ..audio.waiting_sound import WaitingSound
 from ..errors import CospeechError, InputError
 from ..export.live.outlets import WAITING, Outlet
 from ..export.live.pacing import MARGIN, FramePacer, Pace
@@ -25,15 +23,14 @@ from ..export.live.targets import StreamSettings, open_outlet
 from ..generate import open_live_session
 from ..models import PARTS, load
 from ..motion.motion import Motion
-from ..runtime.live_control import apply_control
+from ..runtime.live_controls import LiveControls
 from .live_messages import ChangeLive, InterruptLive, LiveStatus, StartLive, TargetStatus
 from .motion_bytes import frame_bytes
 
 if TYPE_CHECKING:
     from ..models import Model
-    from ..runtime.live_session import LiveSession
 
-__all__ = ["MOST_LIVE", "FrameBox", "LiveModels", "LivePlayer", "SoundBox"]
+__all__ = ["MOST_LIVE", "FrameBox", "LiveModels", "LivePlayer"]
 
 MOST_LIVE = 4
 """Live sessions at once; ours: two cores play about so many."""
@@ -54,46 +51,6 @@ class LiveModels:
             if name not in self._models:
                 self._models[name] = load(name)
             return self._models[name]
-
-
-class SoundBox:
-    """Sound between the page and the session: blocks of samples, at most `_AHEAD` seconds of them.
-
-    Args:
-        rate: samples per second.
-    """
-
-    def __init__(self, rate: int) -> None:
-        self._most, self._count = round(_AHEAD * rate), 0
-        self._blocks: deque[np.ndarray] = deque()
-        self._changed, self._over = threading.Condition(), False
-
-    def put(self, samples: np.ndarray) -> None:
-        """Add a block; the oldest ones go where there are too many samples."""
-        with self._changed:
-            self._blocks.append(samples[-self._most :])
-            self._count += len(self._blocks[-1])
-            while self._count > self._most:
-                self._count -= len(self._blocks.popleft())
-            self._changed.notify()
-
-    def close(self) -> None:
-        """No more sound comes."""
-        with self._changed:
-            self._over = True
-            self._changed.notify()
-
-    def blocks(self) -> Iterator[np.ndarray]:
-        """The blocks as they come, until it is closed."""
-        while True:
-            with self._changed:
-                while not self._blocks and not self._over:
-                    self._changed.wait()
-                if self._over:
-                    return
-                block = self._blocks.popleft()
-                self._count -= len(block)
-            yield block
 
 
 class FrameBox:
@@ -144,8 +101,8 @@ class LivePlayer:
         self, start: StartLive, models: LiveModels, box: FrameBox, on_end: Callable[[CospeechError | None], None]
     ) -> None:
         self._start, self._models, self._box, self._on_end = start, models, box, on_end
-        self._sound = SoundBox(start.rate)
-        self._controls: SimpleQueue[str] = SimpleQueue()
+        self._sound = WaitingSound(round(_AHEAD * start.rate))
+        self._controls = LiveControls(self._sound, self._tell_problem)
         self._problems: dict[str, str] = {}
         self._outlets: list[Outlet] = []
         self._pace = Pace()
@@ -158,20 +115,21 @@ class LivePlayer:
 
     def hear(self, data: bytes) -> None:
         """Samples of 16 bits; half a sample at the end is left out."""
-        self._sound.put(decode_pcm(data[: len(data) - len(data) % 2], "s16"))
+        self._sound.put(decode_pcm(data[: len(data) - len(data) % 2], "s16"), wait=False)
 
     def steer(self, message: ChangeLive | InterruptLive) -> None:
-        """Change or interrupt what is spoken, before the next piece of sound."""
+        """Change or interrupt what is spoken, before the next piece of sound; an interruption drops the sound that waits."""
         values = message.model_dump(exclude={"type"}, exclude_none=True)
         if isinstance(message, InterruptLive):
             values = {"interrupt": True}
         if values:
+            self.problem = InputError("")
             self._controls.put(json.dumps(values))
 
     def stop(self) -> None:
         """End at once; ``on_end`` follows."""
         self._stopped.set()
-        self._sound.close()
+        self._sound.end()
 
     def status(self, *, running: bool) -> LiveStatus:
         """How it goes."""
@@ -195,7 +153,7 @@ class LivePlayer:
         except Exception as error:
             ended = CospeechError(f"a failure of ours: {type(error).__name__}", str(error)[:200])
         self._stopped.set()
-        self._sound.close()
+        self._sound.end()
         self._on_end(ended)
 
     def _play(self, stack: ExitStack) -> None:
@@ -214,23 +172,17 @@ class LivePlayer:
         pacer = FramePacer([*self._outlets, cast(Outlet, self._box)], self._latency)
         stack.callback(pacer.close, drop=True)
         self._pace = pacer.pace
-        for piece in pace_pieces(self._sound.blocks(), asked.rate):
+        for piece in pace_pieces(None, asked.rate, waiting=self._sound):
             if self._stopped.is_set():
                 return
             if not pacer.is_started:
                 pacer.begin(float(piece.duration))
-            self._apply_controls(session)
-            for motion in session.push(piece):
+            for motion in session.push(self._controls.steer(session, piece)):
                 pacer.push(motion)
 
-    def _apply_controls(self, session: LiveSession) -> None:
-        """Do what was asked for; what is refused is told with the next status, and the session goes on."""
-        while not self._controls.empty():
-            try:
-                apply_control(session, self._controls.get())
-                self.problem = InputError("")
-            except InputError as error:
-                self.problem = error
+    def _tell_problem(self, problem: InputError) -> None:
+        """What was refused is told with the next status, and the session goes on."""
+        self.problem = problem
 
     def _note(self, name: str, text: str) -> None:
         """What an outlet tells of its receiver."""

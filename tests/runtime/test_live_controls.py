@@ -1,4 +1,4 @@
-"""Messages that steer `cospeech stream`: an interruption drops all sound that came before it, and none that comes after it."""
+"""Messages that steer a live session: an interruption drops all sound that came before it, and none that comes after it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import pytest
 
 from cospeech.audio.live_sources import PIECE, pace_pieces, read_websocket
 from cospeech.audio.waiting_sound import WaitingSound
-from cospeech.cli.stream_controls import Controls
+from cospeech.errors import InputError
+from cospeech.runtime.live_controls import LiveControls
 
 RATE = 8_000
 SIZE = round(PIECE * RATE)
@@ -31,11 +32,11 @@ def sound_of(value: int, count: int) -> bytes:
     return np.full(count, value, "<i2").tobytes()
 
 
-def play(messages, gate: threading.Event, ready: threading.Event, *, before: int) -> tuple[Listener, list[str]]:
+def play(messages, gate: threading.Event, ready: threading.Event, *, before: int) -> tuple[Listener, list[InputError]]:
     """Hear so many pieces, let the other messages come, and hear the rest."""
-    told: list[str] = []
+    told: list[InputError] = []
     waiting = WaitingSound(100 * RATE)
-    controls, session = Controls(waiting, told.append), Listener()
+    controls, session = LiveControls(waiting, told.append), Listener()
     blocks = read_websocket(messages(), "s16", controls.put)
     for piece in pace_pieces(blocks, RATE, idle=False, waiting=waiting, sleep=lambda seconds: None):
         piece = controls.steer(session, piece)
@@ -69,7 +70,7 @@ def test_an_interruption_drops_what_was_sent_ahead_and_keeps_what_follows(odd):
 
 def test_within_a_piece_the_old_samples_are_silent_and_the_new_ones_are_heard():
     waiting = WaitingSound(100 * RATE)
-    controls = Controls(waiting, pytest.fail)
+    controls = LiveControls(waiting, pytest.fail)
     waiting.put(np.full(SIZE + 70, 0.25, np.float32))
     controls.put('{"interrupt": true}')
     pieces = pace_pieces([np.full(SIZE, 0.5, np.float32)], RATE, idle=False, waiting=waiting, sleep=lambda seconds: None)
@@ -93,12 +94,12 @@ def test_an_interruption_that_is_refused_drops_nothing():
 
 
 def test_a_line_that_says_nothing_is_told_as_text():
-    told: list[str] = []
-    controls = Controls(WaitingSound(RATE), told.append)
+    told: list[InputError] = []
+    controls = LiveControls(WaitingSound(RATE), told.append)
     for line in (b"garbage\n", "gr\xfc\xdf\n".encode(), b"\xff\n"):
         controls.put(line)
     controls.steer(Listener(), None)
-    assert [text.split(" is no")[0] for text in told] == ["control: 'garbage'", "control: 'gr\xfc\xdf'", "control: '\ufffd'"]
+    assert [error.problem.split(" is no")[0] for error in told] == ["'garbage'", "'gr\xfc\xdf'", "'\ufffd'"]
 
 
 def test_who_is_made_to_wait_goes_on_after_an_interruption():

@@ -1,4 +1,4 @@
-"""Messages that steer `cospeech stream`: each waits for a piece of sound, and an interruption drops the sound before it."""
+"""Messages that steer a live session: each waits for a piece of sound, and an interruption drops the sound before it."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from ..errors import InputError
 if TYPE_CHECKING:
     from ..audio.speech import Speech
     from ..audio.waiting_sound import WaitingSound
-    from ..runtime.live_session import LiveSession
+    from .live_session import LiveSession
 
-__all__ = ["Controls"]
+__all__ = ["LiveControls"]
 
 
-class Controls:
+class LiveControls:
     """Messages in the order in which they came, each with the place in the sound at which it came.
 
     Args:
         sound: what waits to be heard; an interruption drops it.
-        tell: told of messages that say nothing sensible.
+        tell: told the error of a message that says nothing sensible.
     """
 
-    def __init__(self, sound: WaitingSound, tell: Callable[[str], None]) -> None:
+    def __init__(self, sound: WaitingSound, tell: Callable[[InputError], object]) -> None:
         self._sound, self._tell = sound, tell
         self._messages: SimpleQueue[tuple[str | bytes, int]] = SimpleQueue()
 
@@ -39,14 +39,14 @@ class Controls:
         Returns:
             The piece that is heard now, silent where an interruption dropped it.
         """
-        from ..runtime.live_control import apply_control
+        from .live_control import apply_control
 
         while not self._messages.empty():
             message, place = self._messages.get()
             try:
                 done = apply_control(session, message)
             except InputError as error:
-                self._tell(f"control: {error}")
+                self._tell(error)
                 continue
             if "interrupt" in done:
                 self._sound.drop(place)

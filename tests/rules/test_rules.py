@@ -262,12 +262,14 @@ class TestPerformance:
     @pytest.mark.slow
     def test_hands_rest_in_long_pauses(self):
         speech = pulses(16, [0.5, 0.9, 1.3, 1.7, 2.1])
-        motion = RuleBasedModel().generate(speech, emotion="neutral", seed=2)
-        wrist = motion.positions()[:, [humanoid().index["leftHand"], humanoid().index["rightHand"]]]
-        speed = np.linalg.norm(np.diff(wrist, axis=0), axis=-1).mean(1) * 30
-        assert speed[(9 * 30) :].mean() < 0.06
-        assert speed[: (3 * 30)].max() > 0.4
-        assert (wrist[-1, :, 1] < 0.97).all()
+        hands, late = [humanoid().index["leftHand"], humanoid().index["rightHand"]], []
+        for seed in range(6):  # while the hands hang, the body goes from leg to leg, at another time with each seed
+            wrist = RuleBasedModel().generate(speech, emotion="neutral", seed=seed).positions()[:, hands]
+            speed = np.linalg.norm(np.diff(wrist, axis=0), axis=-1).mean(1) * 30
+            late.append(speed[(9 * 30) :].mean())
+            assert speed[: (3 * 30)].max() > 0.4
+            assert (wrist[-1, :, 1] < 0.97).all()
+        assert np.mean(late) < 0.06
 
     def test_nothing_jumps_at_the_first_frame(self):
         motion = RuleBasedModel().generate(pulses(4, rhythm(5, 0.6, 0.2)), emotion="anger", seed=4)

@@ -13,7 +13,7 @@ from ..audio.prosodic_events import Phrase
 
 __all__ = ["Bouts"]
 
-_BUSY, _QUIET = (2.75, 7.5), (1.1, 2.6)
+_BUSY, _QUIET = (2.75, 7.5), (1.45, 3.2)
 """Seconds of a stretch with gestures, and of one without. [ours: stillness of two recorded speakers]"""
 _AFTER_PAUSE = 0.75  # how often a phrase that follows a pause begins a bout with gestures [ours]
 _EAGER = {True: 1.35, False: 0.3}  # factor on the share of accents with a stroke, in a bout and between bouts [ours]

@@ -79,7 +79,7 @@ class GesturePlacement:
             return [self._shape_pose(t, 0.0, effort, modifier, free) for t in table]
         middle = np.mean([t[:3] for t in table], axis=0)
         low = self._random.uniform
-        shift = np.array([self._random.gauss(0, 0.045), self._random.gauss(0, 0.10), self._random.gauss(0, 0.04)]) * free
+        shift = np.array([self._random.gauss(0, 0.045), self._random.gauss(0, 0.14), self._random.gauss(0, 0.04)]) * free
         centre = middle + shift
         centre += (style.breadth + modifier.breadth, style.height + modifier.height, style.forward)
         centre += _SPACE
@@ -141,7 +141,7 @@ class GesturePlacement:
         loose = 1 - self.style.symmetry
         rest = RESTS[self.style.rest][_LEFT].values()
         less = 1 - self._random.uniform(0.0, 0.25 + 0.5 * loose)  # of the way from the first pose on
-        drop = loose * 0.45 * (1.2 - strength)
+        drop = loose * 0.3 * (1.2 - strength)
         off = np.array([self._random.gauss(0, 0.035 + 0.06 * loose) for _ in range(3)])
         soft, slack = SHAPES[self._random.choice(("relaxed", "curl", "cradle"))].values(), self._random.uniform(0, 0.6) * less
         out = []

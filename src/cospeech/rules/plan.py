@@ -44,7 +44,7 @@ _FROM_HANGING = 0.3  # share of its wind-up that a hand at the hip keeps: the bo
 _HUNG, _STAYS_OUT = 2.5, 0.4  # seconds that a hand hangs; how often, after that, a gesture leaves it out, to usually (ours)
 _HURRIED = 0.6  # share of the usual length of a stroke at least, where a plan leaves little time for it (ours)
 _STIRS, _STIRRED = 0.5, 0.7  # how often a hand beats on an accent without a gesture, in a bout; and how large (ours)
-_BEATS = 0.35  # how often a raised hand beats in place of a new gesture (ours)
+_BEATS = 0.5  # how often a raised hand beats in place of a new gesture (ours)
 _DROPS = 0.8  # how often a hand hangs after the last gesture before a pause (ours)
 _LEAST = (0.36, 0.25)  # share of an unhurried preparation that a gesture needs: without a word, with one (ours)
 _AGAIN, _WEARY = 2.2, 4.0  # seconds after a stroke in which another follows in place; after a gesture in which hands beat
@@ -287,8 +287,8 @@ class Planner:
             state.track.move(end + 0.78 * length, 0.34 / tempo, poses[k], skew=0.2)
             end += length * (CHAINED if k < len(lengths) else 1.0)
         hold = poses[-1].copy()
-        sink = (1.05 - self.style.hold) * self._random.uniform(0.05, 0.5)  # the hand tires: down towards its resting place
-        sink = max(sink, 0.4 * effort_of(hold) * self._random.uniform(0.8, 1.2))
+        sink = (1.05 - self.style.hold) * self._random.uniform(0.03, 0.35)  # the hand tires: down towards its resting place
+        sink = max(sink, 0.3 * effort_of(hold) * self._random.uniform(0.8, 1.2))
         hold[:3] += (state.home[:3] - hold[:3]) * np.array([0.3 + 0.6 * effort_of(hold), 0.55, 0.4]) * sink
         hold[:3] += [self._random.gauss(0, 0.02) for _ in range(3)]
         hold[5] *= 0.6
@@ -304,10 +304,11 @@ class Planner:
 
     def _beat(self, now: float, accent: Accent, held: list[HandState], modifier: EmotionModifier, scale: float) -> bool:
         """A short stroke in place, down and a little forward, with a rebound; False where there is no time."""
+        lead = self.hands[RIGHT if self._random.random() < self.style.hand else LEFT]
         if len(held) == 2 and self._random.random() > 0.45 + 0.5 * self.style.symmetry:
-            held = [self.hands[RIGHT if self._random.random() < self.style.hand else LEFT]]
+            held = [lead]
         tempo = self.style.tempo * modifier.tempo
-        size = scale * (0.14 + 0.25 * accent.strength) * self.style.amplitude * modifier.amplitude * self.intensity
+        size = scale * (0.16 + 0.28 * accent.strength) * self.style.amplitude * modifier.amplitude * self.intensity
         stroke = max(0.26, 0.42 / tempo) * (1 - 0.2 * modifier.abrupt)
         skew = draw_skew(self._random, -0.1, 0.3)
         onset = accent.time - LEAD - stroke * peak_share(skew)
@@ -316,7 +317,8 @@ class Planner:
             return False
         for state in held:
             jitter = self._random.uniform(0, 0.03)
-            up, down = draw_beat(self._random, size)
+            share = 1.0 if state is lead or len(held) == 1 else self._random.uniform(0.3 + 0.5 * self.style.symmetry, 1.1)
+            up, down = draw_beat(self._random, share * size)
             top = (state.track.target if state.pose is None else state.pose) + up
             aside = top[0]
             keep_beside_face(top)

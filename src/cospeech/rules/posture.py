@@ -88,9 +88,9 @@ class Posture:
         """A new place for the torso around the speaker's usual one."""
         torso = self.style.torso * modifier.torso * self.size
         goal = (
-            self.style.lean + modifier.bow + self._gauss(2.7 * torso) + self._seat[0],
+            self.style.lean + modifier.bow + self._gauss(3.3 * torso) + self._seat[0],
             self._gauss(1.9 * torso) + self._seat[1],
-            modifier.turn + self._gauss(4.4 * torso) + self._seat[2],
+            modifier.turn + self._gauss(5.0 * torso) + self._seat[2],
             self._gauss(1.6 * torso),
         )
         columns = [Body.PITCH, Body.ROLL, Body.YAW, Body.SHOULDERS]

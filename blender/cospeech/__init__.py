@@ -52,8 +52,8 @@ def find_command(given: str) -> list[str]:
     return [found]
 
 
-def run(command: list[str], *arguments: object) -> None:
-    """Run a command of cospeech."""
+def run(command: list[str], *arguments: object) -> list[str]:
+    """Run a command of cospeech; its notes."""
     try:
         done = subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True, timeout=LONGEST)
     except (OSError, subprocess.TimeoutExpired) as error:
@@ -61,6 +61,7 @@ def run(command: list[str], *arguments: object) -> None:
     if done.returncode:
         lines = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
         raise CospeechError(lines[-1].removeprefix("error: ") if lines else f"cospeech failed: {done.stderr[-300:]}")
+    return [line.removeprefix("note: ") for line in done.stderr.splitlines() if line.startswith("note: ")]
 
 
 def sound_strips(scene: bpy.types.Scene) -> list[bpy.types.Strip]:
@@ -90,6 +91,12 @@ class CospeechSettings(bpy.types.PropertyGroup):
     plan: StringProperty(  # type: ignore[valid-type]
         name="Plan", description="Plan of gestures (.json) to play; empty: none", subtype="FILE_PATH", default=""
     )
+    transcript: StringProperty(  # type: ignore[valid-type]
+        name="Transcript",
+        description="Words of the sound, with times or without; empty: none",
+        subtype="FILE_PATH",
+        default="",
+    )
 
 
 class CospeechGenerate(bpy.types.Operator):
@@ -106,16 +113,18 @@ class CospeechGenerate(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            told = make_action(context, context.object, self.command)
+            told, notes = make_action(context, context.object, self.command)
         except CospeechError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        for note in notes:
+            self.report({"WARNING"}, note)
         self.report({"INFO"}, told)
         return {"FINISHED"}
 
 
-def make_action(context: bpy.types.Context, armature: bpy.types.Object, command: str) -> str:
-    """Generate, and key; what was done.
+def make_action(context: bpy.types.Context, armature: bpy.types.Object, command: str) -> tuple[str, list[str]]:
+    """Generate, and key; what was done, and the notes of cospeech.
 
     Args:
         context: with the scene and its settings.
@@ -141,14 +150,16 @@ def make_action(context: bpy.types.Context, armature: bpy.types.Object, command:
         else:
             options += ["--emotion", settings.emotion, "--seed", settings.seed, "--intensity", f"{settings.intensity:.6g}"]
             options += ["--style", settings.style] if settings.style else []
-        run(start, "generate", sound, "-o", place / "motion.bvh", "-o", place / "face.json", *options)
+        if settings.transcript:
+            options += ["--transcript", bpy.path.abspath(settings.transcript)]
+        notes = run(start, "generate", sound, "-o", place / "motion.bvh", "-o", place / "face.json", *options)
         motion, rest = (read_bvh((place / name).read_text("utf-8")) for name in ("motion.bvh", "rest.bvh"))
         face = json.loads((place / "face.json").read_text("utf-8"))
     action = bpy.data.actions.new(f"{Path(sound).stem} {settings.style or settings.model}")
     rig.key(motion, rest, action, strip.frame_start)
     weights = np.array([frame["weights"] for frame in face["frames"]])
     count = key_shapes(armature, face["names"], weights, action.name, strip.frame_start)
-    return f"{len(motion.rotations)} frames for {len(rig.names)} bones and {count} shape keys: {action.name}"
+    return f"{len(motion.rotations)} frames for {len(rig.names)} bones and {count} shape keys: {action.name}", notes
 
 
 def _sound_file(strip: bpy.types.Strip, place: Path) -> Path:
@@ -167,11 +178,12 @@ def _sound_file(strip: bpy.types.Strip, place: Path) -> Path:
 class CospeechPanel(bpy.types.Panel):
     """In the sidebar of the 3D view."""
 
+    bl_idname = "VIEW3D_PT_cospeech"
     bl_label = "cospeech"
     bl_space_type, bl_region_type, bl_category = "VIEW_3D", "UI", "cospeech"
 
     def draw(self, context: bpy.types.Context) -> None:
-        for name in ("strip", "model", "style", "emotion", "seed", "intensity", "plan"):
+        for name in ("strip", "model", "style", "emotion", "seed", "intensity", "transcript", "plan"):
             self.layout.prop(context.scene.cospeech, name)
         self.layout.operator(CospeechGenerate.bl_idname)
 

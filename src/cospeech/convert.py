@@ -11,6 +11,7 @@ from pathlib import Path
 from .errors import CospeechWarning, InputError
 from .export import FORMATS, check_parts, format_of, load, suffixes
 from .export.checks import File, check_avatar, check_files, check_map, check_skeleton
+from .export.clips import holds_other_figure
 from .export.render.camera import find_view
 from .export.target_skeleton import rig_files
 from .motion import edit
@@ -41,7 +42,7 @@ class Edits:
     """Whether left and right are exchanged."""
     loop: bool = False
     """Whether the end leads into the beginning."""
-    blend: float = edit.BLEND
+    blend: float | None = None
     """Seconds of a transition."""
 
     @property
@@ -59,7 +60,8 @@ class Edits:
         Raises:
             InputError: one of them cannot be done with this motion.
         """
-        check_range("blend", self.blend, _BLENDS, " seconds")
+        if self.blend is not None:
+            check_range("blend", self.blend, _BLENDS, " seconds")
         if self.joined:
             motion = _join([(source, motion), *((path, load(path)) for path in self.joined)], self.blend)
         if self.start is not None or self.end is not None:
@@ -72,7 +74,7 @@ class Edits:
         return edit.loop(motion, blend=self.blend) if self.loop else motion
 
 
-def _join(clips: Sequence[tuple[File, Motion]], blend: float) -> Motion:
+def _join(clips: Sequence[tuple[File, Motion]], blend: float | None) -> Motion:
     """Clips of files, one after the other.
 
     Raises:
@@ -143,12 +145,7 @@ def convert_file(
         check_map(bones, {str(source): motion.skeleton} | ({} if goal is None else {str(skeleton): goal}), worn)
     elif names is not None:
         warnings.warn(f"the map changes nothing: {str(source)!r} has no joints", CospeechWarning, stacklevel=2)
-    if audio is not None and written.picture and not written.sound:
-        problem = f"the speech changes nothing: a {Path(target).suffix.lower()} has neither sound nor a waveform"
-        warnings.warn(problem, CospeechWarning, stacklevel=2)
-    if edits.face is not None and "face" not in written.holds:
-        problem = f"the face changes nothing: a {Path(target).suffix.lower()} holds none"
-        warnings.warn(problem, CospeechWarning, stacklevel=2)
+    _note_losses(source, target, audio=audio is not None, face=edits.face is not None, avatar=worn is not None)
     mapped = bones if bones and names_joints(bones, motion.skeleton) else None
     if goal is not None or mapped:
         motion = motion.retarget(goal or "humanoid", bone_map=mapped)
@@ -162,6 +159,20 @@ def convert_file(
         options["avatar"] = worn
     motion.save(target, **options)
     return motion
+
+
+def _note_losses(source: File, target: File, *, audio: bool, face: bool, avatar: bool) -> None:
+    """Warn of what was given and is not in the target: speech, a face, the figure of the source."""
+    written, suffix, problems = format_of(target), Path(target).suffix.lower(), list[str]()
+    if audio and written.picture and not written.sound:
+        problems.append(f"the speech changes nothing: a {suffix} has neither sound nor a waveform")
+    if face and "face" not in written.holds:
+        problems.append(f"the face changes nothing: a {suffix} holds none")
+    if not avatar and (written.picture or suffix == ".glb") and holds_other_figure(source):
+        problem = f"{str(target)!r} shows our mannequin: the figure of {str(source)!r} is not taken over"
+        problems.append(f"{problem} (--avatar {source} does; avatar= in Python)")
+    for problem in problems:
+        warnings.warn(problem, CospeechWarning, stacklevel=3)
 
 
 def _read(source: File, bones: Mapping[str, str] | None, clip: str | int | None) -> Motion:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 import pytest
+import soundfile
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,6 +18,7 @@ from cospeech.audio.features import Features, analyse
 from cospeech.audio.forced_alignment import align, align_with_recogniser, count_syllables, spread, tokenise
 from cospeech.audio.speech import example, open_speech
 from cospeech.audio.transcripts import load_words, settle
+from cospeech.errors import CospeechWarning
 
 SRT = "1\n00:00:01,000 --> 00:00:02,500\n<i>Hello,</i> dear\nworld!\n\n2\n00:00:03,000 --> 00:00:03,400\n- No.\n"
 LONG_GRID = '''File type = "ooTextFile"
@@ -145,6 +148,19 @@ def test_times_past_the_end_are_cut(tmp_path):
     assert load_words(path, speech_seconds=2.0) == (Word("one", 0.5, 1.0), Word("two", 1.5, 2.0))
 
 
+def test_words_after_the_end_of_a_speech_are_noted(tmp_path, speech):
+    path = write(tmp_path, "0.5\t1\tone\n500\t501\ttwo\n502\t503\tthree\n", "a.tsv")
+    with pytest.warns(CospeechWarning, match=r"2 of 3 words begin after the end of the speech .* the first is 'two' at 500 s"):
+        assert load_words(path, speech=speech) == (Word("one", 0.5, 1.0),)
+    sound = tmp_path / "a.wav"
+    soundfile.write(sound, np.zeros(16_000), 16_000)
+    with (
+        pytest.warns(CospeechWarning, match="2 of 3 words"),
+        open_speech(sound, transcript=path) as source,
+    ):  # before it is read
+        assert source.words == (Word("one", 0.5, 1.0),)
+
+
 def test_librivox(shared):
     folder = shared / "data" / "speech" / "librivox"
     for path in sorted(folder.glob("*-[0-9]*.json")):
@@ -238,7 +254,8 @@ def test_forty_transcripts_that_are_wrong(tmp_path, case):
         assert "\n" not in str(caught.value)
         assert len(str(caught.value)) < 300
         return
-    words = load_words(path, speech=ten_seconds())
+    with pytest.warns(CospeechWarning, match="99990 of 100000 words") if content is MANY else nullcontext():
+        words = load_words(path, speech=ten_seconds())
     assert texts(words) == expected
     check(words, 10.0)
 

@@ -47,6 +47,19 @@ def test_a_face_for_a_file_without_one_is_noted(cli, place):
     assert "note: the face changes nothing: a .bvh holds none" in err
 
 
+def test_the_figure_of_another_is_not_lost_silently(cli, place):
+    ours = (place / "talk.glb").read_bytes()
+    skin = b'"name":"cospeech","joints"'
+    assert ours.count(skin) == 1
+    (place / "shown.glb").write_bytes(ours.replace(skin, b'"name":"somebody","joints"'))
+    _, _, err = cli("convert", "shown.glb", "cut.glb", "--to", "0.5")
+    assert "note: 'cut.glb' shows our mannequin: the figure of 'shown.glb' is not taken over (--avatar shown.glb does" in err
+    _, _, err = cli("convert", "shown.glb", "kept.glb", "--to", "0.5", "--avatar", "shown.glb")
+    assert "mannequin" not in err
+    _, _, err = cli("convert", "talk.glb", "again.glb")
+    assert "mannequin" not in err
+
+
 @pytest.mark.parametrize(
     ("arguments", "what"),
     [

@@ -51,6 +51,23 @@ def test_joined_clips_go_on_without_a_jump():
     assert np.abs(np.diff(made.face, axis=0)).max() < np.abs(np.diff(plain.face, axis=0)).max() + 1e-6
 
 
+def test_a_clip_that_is_cut_and_joined_again_is_as_it_was():
+    made = join([MOTION[:40], MOTION[40:]])
+    assert np.abs(made.positions() - MOTION.positions()).max() < 0.01  # an extrapolated step is no step that was recorded
+    ways = np.linalg.norm(np.diff(made.positions(), axis=0), axis=-1).max(1)
+    assert ways[39] > 0.5 * min(ways[38], ways[40])  # no pose is shown twice
+
+
+def test_without_a_time_long_ways_take_longer():
+    far = replace(MOTION, root=MOTION.root + np.float32([0.4, 0, 0]))
+    made = join([MOTION, far])
+    assert np.linalg.norm(np.diff(made.root, axis=0), axis=1).max() * 30 < 0.3
+    moved = np.linspace(0, 0.3, len(MOTION), dtype=np.float32)[:, None] * np.float32([1, 0, 0])
+    around = loop(replace(MOTION, root=MOTION.root + moved))
+    steps_of_hips = np.linalg.norm(np.diff(np.concatenate([around.root, around.root[:1]]), axis=0), axis=1)
+    assert steps_of_hips.max() * 30 < 0.6
+
+
 def test_clips_of_other_rates_take_the_first_ones_and_faces_need_all():
     made = join([MOTION, replace(gesturing(50, 25.0), face=None)])
     assert (made.fps, len(made), made.face) == (30, 150, None)

@@ -413,6 +413,7 @@ def test_options_beside_a_plan_that_say_something_else_are_refused(option):
         (("gestures", 3, "stroke"), "soon", r"gestures\[3\]\.stroke: 'soon'"),
         (("gestures", 2, "stroke"), -1, r"gestures\[2\]\.stroke: -1 is too small"),
         (("gestures", 1, "form"), "hugee", r"gestures\[1\]\.form: no form of gesture is called 'hugee'"),
+        (("gestures", 1, "form"), "huge", r"gestures\[1\]\.form: no form .* 'huge' \(this word has the form 'big'\)"),
         (("gestures", 1, "start"), 99.0, r"gestures\[1\]\.stroke: .* is not after the start at 99"),
         (("gestures", 1, "id"), "g0", r"gestures\[1\]\.id: 'g0' is that of gestures\[0\]"),
         (("gestures", 1, "place"), [0, 9, 0], r"gestures\[1\]\.place: up 9 is out of reach"),

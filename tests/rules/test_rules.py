@@ -327,6 +327,8 @@ class TestPerformance:
         assert np.allclose(body.rotations[:, [*s.left_hand, *s.right_hand]], [0, 0, 0, 1])
         hands = RuleBasedModel().generate(speech, parts=("hands",))
         assert not np.allclose(hands.rotations[:, s.left_hand], [0, 0, 0, 1])
+        for motion in (face, hands):  # nobody who stands stiff slides over the floor
+            np.testing.assert_array_equal(motion.root, np.repeat(s.offsets[:1].astype(np.float32), len(motion), 0))
 
     @pytest.mark.slow
     def test_intensity_scales_movement_down_to_idling(self):

@@ -10,6 +10,7 @@ import html
 import math
 import os
 import re
+import warnings
 from collections.abc import Iterable, Iterator
 from io import StringIO
 from itertools import chain, islice, pairwise
@@ -17,7 +18,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import InputError
+from ..errors import CospeechWarning, InputError
 from ..files import parse_json, read_regular
 from ..limits import PLAUSIBLE_SECONDS, TRANSCRIPT_BYTES, TRANSCRIPT_JSON_VALUES, WORDS
 from .forced_alignment import align, bare, spread, tokenise
@@ -59,7 +60,7 @@ def load_words(
     data, name = read_regular(path, "a transcript", TRANSCRIPT_BYTES), Path(os.fsdecode(path)).name
     text = _decode(data, name)
     if speech_seconds is None and speech is not None:
-        speech_seconds = speech.seconds
+        speech_seconds = getattr(speech, "expected_seconds", None) if speech.seconds is None else speech.seconds
     reader = _READERS.get(Path(name).suffix.lower()) or _sniff(text)
     if reader is None:
         tokens = tokenise(text)
@@ -71,14 +72,18 @@ def load_words(
             raise InputError(f"{name!r} is plain text, without times", "give the speech too, or a transcript with times")
         return tuple(spread(tokens, 0.0, speech_seconds))
     try:
-        return settle(reader(text), speech_seconds, name)
+        return settle(reader(text), speech_seconds, name, warn=speech is not None)
     except InputError as error:
         problem = error.problem if name in error.problem else f"{name!r}: {error.problem}"
         raise InputError(problem, error.hint) from None
 
 
-def settle(entries: Iterable[Entry], seconds: float | None = None, name: str = "transcript") -> tuple[Word, ...]:
+def settle(
+    entries: Iterable[Entry], seconds: float | None = None, name: str = "transcript", *, warn: bool = False
+) -> tuple[Word, ...]:
     """Words from entries in any order: silences dropped, several words spread, sorted, overlaps cut, ends cut at ``seconds``.
+
+    Words that begin later are left out, with a `CospeechWarning` if ``warn``.
 
     Raises:
         InputError: a time is not a number, an entry ends before it starts, or all lie past the end.
@@ -103,6 +108,14 @@ def settle(entries: Iterable[Entry], seconds: float | None = None, name: str = "
         raise InputError(
             f"{name!r} begins at {words[0].start:g} s, but the speech is {seconds:.2f} s long",
             "does it belong to another recording, or are its times in milliseconds?",
+        )
+    if warn and len(inside) < len(words):
+        late = words[len(inside)]
+        problem = (
+            f"{name!r}: {len(words) - len(inside)} of {len(words)} words begin after the end of the speech ({seconds:.2f} s)"
+        )
+        warnings.warn(
+            f"{problem} and are left out, the first is {late.text[:40]!r} at {late.start:g} s", CospeechWarning, stacklevel=3
         )
     return inside
 

@@ -28,7 +28,13 @@ OtherFace = Annotated[
     option("--face", metavar="FILE", help="Motion (.json, .csv, .glb, .vrma) whose face replaces MOTION's."),
 ]
 Blend = Annotated[
-    float, option("--blend", metavar="SECONDS", parser=number, help="Length of the transitions of --join and --loop, 0 … 10.")
+    float | None,
+    option(
+        "--blend",
+        metavar="SECONDS",
+        parser=number,
+        help="Length of the transitions of --join and --loop, 0 … 10. If not given: 0.4, or more for long ways.",
+    ),
 ]
 
 
@@ -52,7 +58,7 @@ def convert(
     mirror: Mirror = False,
     loop: Loop = False,
     face: OtherFace = None,
-    blend: Blend = 0.4,
+    blend: Blend = None,
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:

@@ -1,14 +1,17 @@
-"""The animations that somebody's character brings with it: which one is read, and that a new file does not have them."""
+"""What somebody's character brings with it: which of its animations is read, and what a new file does not have."""
 
 from __future__ import annotations
 
 import warnings
+from os import PathLike
+from pathlib import Path
 
 from ..errors import CospeechWarning, InputError, nearest
-from .gltf import GltfFile
+from .gltf import GltfFile, read_glb
 
-__all__ = ["find_clip", "note_lost_clips"]
+__all__ = ["MANNEQUIN_SKIN", "find_clip", "holds_other_figure", "note_lost_clips"]
 
+MANNEQUIN_SKIN = "cospeech"  # name of the skin of our own character in a file
 _SHOWN = 60  # ours: characters of a name in a note
 _DIGITS = 9  # ours: of a number of a clip; Python refuses to read very long ones
 
@@ -47,3 +50,11 @@ def note_lost_clips(file: GltfFile) -> None:
     if count:
         problem = f"{file.name} has {count} clip{'s' * (count > 1)} of its own, which the new file does not hold"
         warnings.warn(f"{problem}: it holds this motion alone", CospeechWarning, stacklevel=5)
+
+
+def holds_other_figure(path: str | PathLike[str]) -> bool:
+    """Whether a .glb or .vrm holds a figure with a skin that is not our mannequin."""
+    if Path(path).suffix.lower() not in (".glb", ".vrm"):
+        return False
+    file = read_glb(path)
+    return any(skin.get("name") != MANNEQUIN_SKIN for skin in file.list("skins"))

@@ -19,6 +19,7 @@ from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT
 from . import Writer as BaseWriter
 from .avatar import Avatar, AvatarScene, load_avatar
+from .clips import MANNEQUIN_SKIN
 from .gltf_build import GltfBuilder
 from .surface import normalise_normals
 from .to_humanoid import as_humanoid
@@ -113,7 +114,7 @@ def character_document(character: Character) -> tuple[GltfBuilder, list[int], li
     bind = np.tile(np.eye(4, dtype=np.float32), (len(skeleton), 1, 1))
     bind[:, 3, :3] = -skeleton.tpose  # columns of the matrix lie one after another (glTF 3.6.2.2)
     inverse = builder.add(bind.reshape(-1, 16), "MAT4")
-    builder.append("skins", {"name": "cospeech", "joints": joints, "inverseBindMatrices": inverse, "skeleton": 0})
+    builder.append("skins", {"name": MANNEQUIN_SKIN, "joints": joints, "inverseBindMatrices": inverse, "skeleton": 0})
     roots, faces = [armature], []
     for name, parts in _meshes(character):
         mesh = _mesh(builder, name, parts)

@@ -14,7 +14,11 @@ from .rotations import Array, quat_conjugate, quat_continuous, quat_multiply, qu
 
 __all__ = ["BLEND", "OffsetFade", "cut", "join", "loop", "replace_face"]
 
-BLEND = 0.4  # seconds in which a joint comes from one clip to the other; ours: about a preparation of a gesture
+BLEND = 0.4  # seconds in which a joint comes from one clip to the other, at least; ours: about a preparation of a gesture
+_HAND_SPEED, _HIP_SPEED = 1.2, 0.2
+"""Metres per second at which joints, and the hips, go from one clip to the other where no time is asked for. [ours: a reach is
+so fast at its peak, and a shift of the weight]"""
+_PEAK = 1.5  # highest speed of a smoothstep, over its mean
 
 
 class OffsetFade:
@@ -25,19 +29,31 @@ class OffsetFade:
     Args:
         rotations, root: (J, 4) and (3,) the pose to go on from.
         to_rotations, to_root: (J, 4) and (3,) the first pose of what goes on.
+        turning, moving: (J, 3) radians and (3,) metres per frame by which the pose to go on from is faster.
     """
 
-    def __init__(self, rotations: Array, root: Array, to_rotations: Array, to_root: Array) -> None:
-        gap = quat_multiply(np.asarray(rotations, float), quat_conjugate(np.asarray(to_rotations, float)))
-        self.turns: Array = quat_to_rotvec(gap)
+    def __init__(
+        self, rotations: Array, root: Array, to_rotations: Array, to_root: Array, *,
+        turning: Array | float = 0.0, moving: Array | float = 0.0,
+    ) -> None:  # fmt: skip
+        self.turns = _turn_between(to_rotations, rotations)
         self.way: Array = np.asarray(root, float) - np.asarray(to_root, float)
+        self._turning, self._moving = turning, moving
 
-    def apply(self, rotations: Array, root: Array, left: Array) -> tuple[Array, Array]:
-        """Rotations (n, J, 4) and places (n, 3) with the share ``left`` (n,) of what is missing; at 0 they are as they were."""
-        share = smoothstep(left)[:, None]
-        turned = quat_multiply(rotvec_to_quat(share[..., None] * self.turns), rotations.astype(float))
-        turned = np.where(share[..., None] > 0, turned, rotations).astype(rotations.dtype)
-        return turned, (root + share * self.way).astype(root.dtype)
+    def apply(self, rotations: Array, root: Array, left: Array, drift: Array | float = 0.0) -> tuple[Array, Array]:
+        """Rotations (n, J, 4) and places (n, 3) with a part of what is missing.
+
+        Args:
+            rotations, root: as they were.
+            left: (n,) share of the gap that is left; at 0 they are as they were.
+            drift: (n,) frames for which the greater speed goes on.
+        """
+        share, further = smoothstep(left)[:, None], np.broadcast_to(drift, left.shape)[:, None]
+        turns = share[..., None] * self.turns + further[..., None] * self._turning
+        turned = quat_multiply(rotvec_to_quat(turns), rotations.astype(float))
+        touched = (share > 0) | (further > 0)
+        turned = np.where(touched[..., None], turned, rotations).astype(rotations.dtype)
+        return turned, (root + share * self.way + further * self._moving).astype(root.dtype)
 
 
 def cut(motion: Motion, start: float | None = None, end: float | None = None) -> Motion:
@@ -55,12 +71,12 @@ def cut(motion: Motion, start: float | None = None, end: float | None = None) ->
     return motion[first:last]
 
 
-def join(motions: Sequence[Motion], *, blend: float = BLEND) -> Motion:
-    """Clips one after the other, each going on from where the one before ended.
+def join(motions: Sequence[Motion], *, blend: float | None = None) -> Motion:
+    """Clips one after the other, each going on from where the one before ended, at its speed.
 
     Args:
         motions: of one skeleton; the rate is that of the first, and there is a face where all have one.
-        blend: seconds in which a clip comes to its own poses.
+        blend: seconds in which a clip comes to its own poses; None: `BLEND`, or more where the way is long.
 
     Raises:
         InputError: there is none, or their skeletons differ.
@@ -78,21 +94,20 @@ def join(motions: Sequence[Motion], *, blend: float = BLEND) -> Motion:
     return Motion.concatenate([part if faces else replace(part, face=None) for part in parts])
 
 
-def loop(motion: Motion, *, blend: float = BLEND) -> Motion:
+def loop(motion: Motion, *, blend: float | None = None) -> Motion:
     """The same motion whose end leads into its beginning, so that it can be repeated without a jump.
 
+    The first frame follows the last one, a frame later and with its speed: repeat all frames.
+
     Args:
-        blend: seconds before the end in which it turns towards the beginning; at most half of the motion.
+        blend: seconds before the end in which it turns towards the beginning, at most half of the motion; None: as in `join`.
     """
     if len(motion) < 2:
         raise InputError(f"{len(motion)} frames cannot be looped", "give two or more")
-    left = _decay(len(motion), motion.fps, min(blend, motion.duration / 2))[::-1]
-    fade = OffsetFade(motion.rotations[0], motion.root[0], motion.rotations[-1], motion.root[-1])
-    rotations, root = fade.apply(motion.rotations, motion.root, left)
-    face = motion.face
-    if face is not None:
-        face = np.clip(face + smoothstep(left)[:, None] * (face[0] - face[-1]), 0, 1).astype(face.dtype)
-    return replace(motion, rotations=quat_continuous(rotations), root=root, face=face)
+    backwards = _reverse(motion)
+    seconds = _time_of(backwards[-1:], backwards[:1]) if blend is None else blend
+    turned = _reverse(_go_on(backwards[-2:], backwards, min(seconds, motion.duration / 2)))
+    return replace(turned, rotations=quat_continuous(turned.rotations), start=motion.start)
 
 
 def replace_face(motion: Motion, other: Motion) -> Motion:
@@ -109,14 +124,47 @@ def replace_face(motion: Motion, other: Motion) -> Motion:
     return replace(motion, face=face[last])
 
 
-def _go_on(before: Motion, motion: Motion, blend: float) -> Motion:
-    left = _decay(len(motion), motion.fps, blend)
-    fade = OffsetFade(before.rotations[-1], before.root[-1], motion.rotations[0], motion.root[0])
-    rotations, root = fade.apply(motion.rotations, motion.root, left)
+def _go_on(before: Motion, motion: Motion, blend: float | None) -> Motion:
+    """A motion that goes on a frame after another one, first with that one's speed."""
+    seconds = _time_of(before[-1:], motion[:1]) if blend is None else blend
+    turning, moving = _last_step(before)
+    back, way_back = _last_step(_reverse(motion[:2]))  # from the second frame to the first: once more, to the one before it
+    rotations = quat_multiply(rotvec_to_quat(back), motion.rotations[0].astype(float))
+    root = motion.root[0].astype(float) + way_back
+    fade = OffsetFade(before.rotations[-1], before.root[-1], rotations, root, turning=turning + back, moving=moving + way_back)
+    left = _decay(len(motion), motion.fps, seconds)
+    slower = _decay(len(motion), motion.fps, min(seconds, BLEND))
+    drift = np.square(slower) * (1 + np.arange(len(motion)))
+    turned, placed = fade.apply(motion.rotations, motion.root, left, drift)
     face = motion.face
     if face is not None and before.face is not None:
-        face = np.clip(face + smoothstep(left)[:, None] * (before.face[-1] - face[0]), 0, 1).astype(face.dtype)
-    return replace(motion, rotations=rotations, root=root, face=face)
+        first = 2 * face[0] - face[min(1, len(face) - 1)]
+        face = np.clip(face + smoothstep(left)[:, None] * (before.face[-1] - first), 0, 1).astype(face.dtype)
+    return replace(motion, rotations=turned, root=placed, face=face)
+
+
+def _reverse(motion: Motion) -> Motion:
+    face = None if motion.face is None else motion.face[::-1]
+    return replace(motion, rotations=motion.rotations[::-1], root=motion.root[::-1], face=face)
+
+
+def _time_of(before: Motion, after: Motion) -> float:
+    """Seconds in which nothing hurries from one pose, of one frame, to another."""
+    ways = np.linalg.norm(after.positions()[0] - before.positions()[0], axis=-1)
+    hips = float(np.linalg.norm(after.root[0] - before.root[0]))
+    return max(BLEND, _PEAK * float(ways.max()) / _HAND_SPEED, _PEAK * hips / _HIP_SPEED)
+
+
+def _turn_between(before: Array, after: Array) -> Array:
+    """(J, 3) rotation vectors from one pose (J, 4) to another."""
+    return quat_to_rotvec(quat_multiply(np.asarray(after, float), quat_conjugate(np.asarray(before, float))))
+
+
+def _last_step(motion: Motion) -> tuple[Array, Array]:
+    """(J, 3) and (3,) of the last step of a motion; none where it has one frame."""
+    last = max(len(motion) - 2, 0)
+    way = motion.root[-1].astype(float) - motion.root[last].astype(float)
+    return _turn_between(motion.rotations[last], motion.rotations[-1]), way
 
 
 def _decay(frames: int, fps: float, blend: float) -> Array:

@@ -104,7 +104,8 @@ class PlannedGesture(_Part):
     @classmethod
     def _check_form(cls, form: str) -> str:
         if form not in FORMS and form not in LEXICAL_FORMS and form != SUPERIMPOSED:
-            raise ValueError(f"no form of gesture is called {form[:40]!r}|{nearest(form[:40], all_forms())}")
+            hint = f"this word has the form {LEXICON[form]!r}" if form in LEXICON else nearest(form[:40], all_forms())
+            raise ValueError(f"no form of gesture is called {form[:40]!r}|{hint}")
         return form
 
     @field_validator("place", mode="before")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache
 from math import ceil
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +22,7 @@ from ..face.composition import Face
 from ..face.gaze import direction_of, eye_angles, look, toward
 from ..face.mouth import Mouth, Sharing
 from ..motion.motion import Motion
+from ..motion.parts import eye_joints, select_parts
 from ..motion.rotations import Array, QuatStream, quat_identity
 from ..motion.skeleton import humanoid
 from .arousal import arouse
@@ -44,7 +44,6 @@ __all__ = ["KEPT", "Session"]
 
 KEPT = 300.0  # seconds that planned strokes are remembered; ours: who annotates a stream looks more often than that
 _HEARD = 4 * SAMPLE_RATE  # samples that are heard before the next decision, at most (ours)
-_EYES = [humanoid().index["leftEye"], humanoid().index["rightEye"]]
 
 
 class Session(SessionControls):
@@ -334,21 +333,21 @@ class Session(SessionControls):
             faces = self._faces(times, mood, [manner.face for manner, _ in layers])
             face = mix_frames([(each, share) for each, (_, share) in zip(faces, layers, strict=True)]).astype(np.float32)
         root = mix_frames([(pose.root, share) for pose, share in made]).astype(np.float32)
-        motion = Motion(self.fps, self._turn(made), root, face, humanoid(), float(times[0]))
+        rotations, root = self._turn(made, root)
+        motion = Motion(self.fps, rotations, root, face, humanoid(), float(times[0]))
         return self.aim(motion) if self._aimed else motion
 
-    def _turn(self, made: list[tuple[Pieces, Array]]) -> Array:
-        """(n, J, 4) float32: the rotations of several manners as one; eyes stand in the world, where a face is wanted."""
+    def _turn(self, made: list[tuple[Pieces, Array]], root: Array) -> tuple[Array, Array]:
+        """(n, J, 4) float32 and (n, 3): several manners as one, with the parts that are wanted; eyes stand in the world."""
         if self._eyes_only:
             eyes = toward(mix_frames([(pose.gaze, share) for pose, share in made]))[:, None]
             rotations = quat_identity(len(eyes), len(humanoid()), dtype=np.float32)
-            rotations[:, _EYES] = self._signs.push(eyes.astype(np.float32))
-            return rotations
-        rotations = mix_frames([(pose.rotations, share) for pose, share in made])
-        rotations[:, _resting(self.parts)] = quat_identity(1)
+            rotations[:, eye_joints()] = self._signs.push(eyes.astype(np.float32))
+            return rotations, root
+        rotations, root = select_parts(mix_frames([(pose.rotations, share) for pose, share in made]), root, self.parts)
         if "face" in self.parts:
-            rotations[:, _EYES] = toward(mix_frames([(pose.gaze, share) for pose, share in made]))[:, None]
-        return self._signs.push(rotations.astype(np.float32))
+            rotations[:, eye_joints()] = toward(mix_frames([(pose.gaze, share) for pose, share in made]))[:, None]
+        return self._signs.push(rotations.astype(np.float32)), root
 
     def _pose(self, times: Array, mood: Array, manner: Manner) -> Pieces:
         if self._eyes_only:
@@ -376,7 +375,7 @@ class Session(SessionControls):
         """
         if motion.face is None:
             return motion
-        angles = eye_angles(motion.rotations, motion.root, direction_of(motion.rotations[:, _EYES[0]].astype(float)))
+        angles = eye_angles(motion.rotations, motion.root, direction_of(motion.rotations[:, eye_joints()[0]].astype(float)))
         face = self.manners.last.face.finish(motion.face.astype(float), angles).astype(np.float32)
         return replace(motion, rotations=look(motion.rotations, angles), face=face)
 
@@ -389,12 +388,3 @@ class Session(SessionControls):
             return np.repeat(values[:1], len(times), 0)
         at = np.array([t for t, _ in self._moods])
         return np.stack([np.interp(times - self.foresight.tick, at, values[:, k]) for k in range(values.shape[1])], -1)
-
-
-@cache
-def _resting(parts: tuple[str, ...]) -> list[int]:
-    """Joints that stay neutral: those of parts that were not asked for."""
-    s = humanoid()
-    fingers = [*s.left_hand, *s.right_hand]
-    body = [k for k in range(len(s)) if k not in fingers and not (k in _EYES and "face" in parts)]
-    return (fingers if "hands" not in parts else []) + (body if "body" not in parts else [])

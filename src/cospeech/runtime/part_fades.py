@@ -10,11 +10,10 @@ import numpy as np
 from ..errors import InputError
 from ..motion.curves import smoothstep
 from ..motion.motion import Motion
-from ..motion.parts import PARTS
+from ..motion.parts import PARTS, eye_joints, resting_joints
 from ..motion.rotations import Array, quat_identity, quat_slerp
 from ..motion.skeleton import humanoid
 from .crossfade import FADE
-from .session_frames import eye_joints, resting_joints
 
 __all__ = ["PartFades"]
 

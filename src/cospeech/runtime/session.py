@@ -22,6 +22,7 @@ from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech, count_frames, shift_times
 from ..errors import InputError
 from ..motion.motion import Motion
+from ..motion.parts import eye_joints, resting_joints, select_parts
 from ..motion.poses import find_pose
 from ..motion.rotations import Array, QuatStream
 from ..motion.skeleton import humanoid
@@ -37,7 +38,7 @@ from .face_override import FaceOverride
 from .pose_decoder import PoseDecoder
 from .pose_resampler import PoseResampler
 from .rest_in_silence import RestInSilence
-from .session_frames import WaitingFrames, eye_joints, resting_joints, select_parts
+from .session_frames import WaitingFrames
 from .speech_frontend import SpeechFrontend, SpeechTextFrontend
 from .styles.embedding import StyleMixture
 from .system import System

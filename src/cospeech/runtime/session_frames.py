@@ -1,17 +1,12 @@
-"""What a trained session's frames go through: parts left out, and frames that wait for others."""
+"""Frames of a trained session that wait for others."""
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 
-from ..motion.rotations import Array, quat_identity
-from ..motion.skeleton import humanoid
+from ..motion.rotations import Array
 
-__all__ = ["WaitingFrames", "eye_joints", "resting_joints", "select_parts"]
-
-_EYES = ("leftEye", "rightEye")
+__all__ = ["WaitingFrames"]
 
 
 class WaitingFrames:
@@ -37,27 +32,3 @@ class WaitingFrames:
         rest = tuple(array[count:] for array in first)
         self._pieces[:1] = [rest] if len(rest[0]) else []
         return tuple(array[:count] for array in first)
-
-
-@cache
-def resting_joints(parts: tuple[str, ...]) -> list[int]:
-    """Joints that were not asked for."""
-    s = humanoid()
-    fingers = {*s.left_hand, *s.right_hand}
-    resting = [] if "hands" in parts else sorted(fingers)
-    return resting if "body" in parts else resting + [k for k in range(len(s)) if k not in fingers]
-
-
-def select_parts(rotations: Array, root: Array, parts: tuple[str, ...]) -> tuple[Array, Array]:
-    """Neutral rotations, and the hips at their place, for parts that were not asked for."""
-    rotations = rotations.copy()
-    rotations[:, resting_joints(parts)] = quat_identity(1)
-    if "body" not in parts:
-        root = np.broadcast_to(humanoid().offsets[0].astype(np.float32), root.shape).copy()
-    return rotations, root
-
-
-@cache
-def eye_joints() -> list[int]:
-    """Indices of both eyes."""
-    return [humanoid().index[name] for name in _EYES]

@@ -1,39 +1,6 @@
-"""Parts of a character, as options, files and models name them, and the joints that belong to each."""
+"""Parts of a character, as options, files and models name them."""
 
-from __future__ import annotations
-
-from functools import cache
-
-import numpy as np
-
-from .rotations import Array, quat_identity
-from .skeleton import humanoid
-
-__all__ = ["PARTS", "eye_joints", "resting_joints", "select_parts"]
+__all__ = ["PARTS"]
 
 PARTS = ("face", "body", "hands")
 """What can be generated alone or together."""
-
-
-@cache
-def eye_joints() -> list[int]:
-    """Indices of both eyes."""
-    return [humanoid().index[name] for name in ("leftEye", "rightEye")]
-
-
-@cache
-def resting_joints(parts: tuple[str, ...]) -> list[int]:
-    """Joints that were not asked for; eyes are asked for with the body."""
-    s = humanoid()
-    fingers = {*s.left_hand, *s.right_hand}
-    resting = [] if "hands" in parts else sorted(fingers)
-    return resting if "body" in parts else resting + [k for k in range(len(s)) if k not in fingers]
-
-
-def select_parts(rotations: Array, root: Array, parts: tuple[str, ...]) -> tuple[Array, Array]:
-    """Neutral rotations, and the hips at their place, for parts that were not asked for."""
-    rotations = rotations.copy()
-    rotations[:, resting_joints(parts)] = quat_identity(1)
-    if "body" not in parts:
-        root = np.broadcast_to(humanoid().offsets[0].astype(np.float32), root.shape).copy()
-    return rotations, root

@@ -22,7 +22,7 @@ from ..face.composition import Face
 from ..face.gaze import direction_of, eye_angles, look, toward
 from ..face.mouth import Mouth, Sharing
 from ..motion.motion import Motion
-from ..motion.parts import eye_joints, select_parts
+from ..motion.part_joints import eye_joints, select_parts
 from ..motion.rotations import Array, QuatStream, quat_identity
 from ..motion.skeleton import humanoid
 from .arousal import arouse

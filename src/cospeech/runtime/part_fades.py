@@ -10,7 +10,8 @@ import numpy as np
 from ..errors import InputError
 from ..motion.curves import smoothstep
 from ..motion.motion import Motion
-from ..motion.parts import PARTS, eye_joints, resting_joints
+from ..motion.part_joints import eye_joints, resting_joints
+from ..motion.parts import PARTS
 from ..motion.rotations import Array, quat_identity, quat_slerp
 from ..motion.skeleton import humanoid
 from .crossfade import FADE

@@ -22,7 +22,7 @@ from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech, count_frames, shift_times
 from ..errors import InputError
 from ..motion.motion import Motion
-from ..motion.parts import eye_joints, resting_joints, select_parts
+from ..motion.part_joints import eye_joints, resting_joints, select_parts
 from ..motion.poses import find_pose
 from ..motion.rotations import Array, QuatStream
 from ..motion.skeleton import humanoid

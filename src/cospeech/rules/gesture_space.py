@@ -152,7 +152,7 @@ class GesturePlacement:
             own[:7] = poses[0][:7] + way
             own[:3] += (rest[:3] - own[:3]) * drop + off + [self._random.gauss(0, 0.02 + 0.05 * loose) for _ in range(3)]
             own[4:7] += [self._random.gauss(0, size) for size in (12, 10, 6)]
-            own[0] = max(own[0], _OWN_SIDE)
+            own[0], own[1] = max(own[0], _OWN_SIDE), max(own[1], _BOX[0][1])
             keep_beside_face(own)
             own[7:19] += (soft - own[7:19]) * slack
             out.append(own)

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from .corpora.clip import Clip
-from .corpora.keypoints import resample_points
 from .corpora.motion_files import load_motions
 from .corpora.samples import POSE_STATISTICS, load_stored_clips, sample_of
 from .errors import InputError, nearest
@@ -24,8 +23,11 @@ from .metrics import METRICS, FeatureNet, Sample, Score, Tools, load_metric
 from .metrics.controls import CONTROLS, control_rows, faults_of_order
 from .metrics.table import DEFAULT, Table
 from .models import MODELS, Model, load, plays
+from .motion.keypoints import resample_points
 from .motion.motion import Motion
 from .motion.points import Points
+from .motion.poses import keypoints2d
+from .motion.poses.direction_vectors import DIRECTION_VECTORS
 from .motion.rotations import Array
 
 __all__ = ["evaluate", "evaluate_clips", "evaluate_store", "feature_tools", "play"]
@@ -35,21 +37,12 @@ Body = Motion | Points | Clip
 Motions = Mapping[str, Body | Sequence[Body]] | Sequence[Body] | str | PathLike[str]
 
 
-def _pats(motion: Motion) -> Points:
-    from .corpora.pats.points import points_of
-
-    return points_of(motion)
-
-
 def _ted(motion: Motion) -> Points:
     """With the bone lengths of the authors' code, which the recordings of a store have: lengths are no error of a system."""
-    from .corpora.ted.write import points_of
-    from .motion.poses.direction_vectors import to_points, to_vectors
-
-    return Points(motion.fps, to_points(to_vectors(points_of(motion).values)), "ted")
+    return DIRECTION_VECTORS.decode(DIRECTION_VECTORS.encode(motion), motion.fps)
 
 
-LAYOUTS: dict[str, Callable[[Motion], Points]] = {"ted": _ted, "pats": _pats}
+LAYOUTS: dict[str, Callable[[Motion], Points]] = {"ted": _ted, "pats": keypoints2d.points_of}
 """Layout of key points → how motion on any skeleton that is recognised is seen in it."""
 
 

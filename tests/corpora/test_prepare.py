@@ -104,6 +104,23 @@ def test_the_store_holds_what_the_reader_reads(raw, made):
         assert said[10] == "many"
 
 
+def test_what_is_cut_or_too_short_is_told(tmp_path):
+    """Sound and motion of different lengths, a rest pose of one frame, and a difference that is too small to tell."""
+    for name, sound, motion in [("long", 4.0, 3.0), ("brief", 3.0, 4.5), ("same", 3.0, 3.2), ("rest", 3.0, 1 / 30)]:
+        soundfile.write(tmp_path / f"{name}.wav", voice(sound).samples, 16_000)
+        moving("humanoid", motion, 30.0).save(tmp_path / f"{name}.bvh")
+    report = prepare("folder", tmp_path, tmp_path / "store", fps=30.0)
+    assert [entry.name for entry in Store(tmp_path / "store").clips] == ["brief", "long", "same"]
+    rows = {row["name"]: row for row in report.dropped}
+    assert rows.keys() == {"brief", "long", "rest"}
+    assert "0.03 s long" in rows["rest"]["reason"]
+    assert (rows["long"]["reason"], rows["long"]["start"], rows["long"]["end"]) == ("sound without motion", 3.0, 4.0)
+    assert (rows["brief"]["reason"], rows["brief"]["start"], rows["brief"]["end"]) == ("motion without sound", 3.0, 4.5)
+    assert report.cut == pytest.approx({"sound without motion": 1.0, "motion without sound": 1.5})
+    assert "cut: 2.5 s" in report.summary()
+    assert "filtered" not in report.summary()
+
+
 def test_the_report_says_what_was_dropped_and_why(made):
     folder, report = made
     still = [row for row in report.dropped if "static" in row["reason"]]

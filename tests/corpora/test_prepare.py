@@ -23,7 +23,7 @@ from cospeech.corpora.prepare import DEFAULT_POSES, FILTERS, pieces, prepare
 from cospeech.corpora.prepare.filters import keep
 from cospeech.corpora.prepare.pieces import PreparationPlan, encode, split_of
 from cospeech.corpora.store import Store
-from cospeech.errors import InputError
+from cospeech.errors import CospeechWarning, InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.points import Points
 from cospeech.motion.poses import direction_vectors, find_pose
@@ -119,6 +119,49 @@ def test_what_is_cut_or_too_short_is_told(tmp_path):
     assert report.cut == pytest.approx({"sound without motion": 1.0, "motion without sound": 1.5})
     assert "cut: 2.5 s" in report.summary()
     assert "filtered" not in report.summary()
+
+
+@pytest.fixture
+def nameless(tmp_path):
+    """Three takes on a body whose joints have no names that say anything, and a function that gives it names."""
+
+    def write(names):
+        body = find_skeleton("humanoid")
+        for k in range(3):
+            motion = replace(moving("humanoid", 2.0, 30.0, k), skeleton=Skeleton(names, body.parents, body.offsets))
+            motion.save(tmp_path / f"take{k}.bvh")
+            soundfile.write(tmp_path / f"take{k}.wav", voice(2.0).samples, 16_000)
+        return tmp_path
+
+    return write
+
+
+def test_a_note_on_several_files_is_given_once(nameless):
+    raw = nameless(tuple(f"n{k:02d}" for k in range(len(find_skeleton("humanoid")))))
+    with pytest.warns(CospeechWarning) as told:
+        prepare("folder", raw, raw / "store")
+    (note,) = [str(warning.message) for warning in told]
+    assert note.startswith("'take0.bvh' and 2 more: the names of the joints say nothing")
+    assert "--map of generate, convert and render" in note
+
+
+def test_an_empty_store_names_the_most_frequent_reason(tmp_path):
+    soundfile.write(tmp_path / "a.wav", voice(2.0).samples, 16_000)
+    (tmp_path / "a.bvh").write_text("no BVH")
+    for name in "bcd":
+        soundfile.write(tmp_path / f"{name}.wav", voice(2.0).samples, 16_000)
+    with pytest.raises(InputError, match=r"3 of 4 for this reason; the first: b: 'b' has no motion"):
+        prepare("folder", tmp_path, tmp_path / "store")
+
+
+def test_a_skeleton_that_is_not_recognised_says_what_mends_it(tmp_path):
+    chain = Skeleton(("a", "b", "c"), (-1, 0, 1), np.array([[0, 1.0, 0], [0, 0.1, 0], [0, 0.1, 0]]))
+    rotations = np.tile([0.0, 0, 0, 1], (60, 3, 1))
+    Motion(30.0, rotations, np.zeros((60, 3)), skeleton=chain).save(tmp_path / "a.bvh")
+    soundfile.write(tmp_path / "a.wav", voice(2.0).samples, 16_000)
+    with pytest.raises(InputError, match=r"cannot find .*cospeech convert FILE NEW.bvh --map names.toml") as caught:
+        prepare("folder", tmp_path, tmp_path / "store")
+    assert "--map file.toml" not in str(caught.value)
 
 
 def test_the_report_says_what_was_dropped_and_why(made):

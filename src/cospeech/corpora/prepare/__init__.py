@@ -35,7 +35,7 @@ from ..store_writer import write_store
 from .derive_speakers import Change, plan_derivations
 from .filters import FILTERS
 from .pieces import PreparationPlan, audio_names, make_part, read_part, select_extra, split_of, wav2vec_names
-from .report import PrepareReport
+from .report import PrepareReport, describe_reasons, join_notes
 
 __all__ = ["DEFAULT_POSES", "FILTERS", "PrepareReport", "prepare"]
 
@@ -48,6 +48,7 @@ DEFAULT_POSES = {
 _AHEAD = 4  # ours: clips read ahead per worker; bounds the memory
 
 
+@join_notes()
 def prepare(
     corpus: str,
     raw: str | PathLike[str],
@@ -311,8 +312,7 @@ def _assemble(
             cut[reason] = cut.get(reason, 0.0) + end - start
             dropped.append({"name": meta["name"], "reason": reason, "start": start, "end": end})
     if not pieces:
-        first_reason = f"the first: {dropped[0]['name']}: {dropped[0]['reason']}" if dropped else "it holds no clips"
-        raise _NothingLeft(f"nothing of this {plan.corpus} corpus is left for a store", first_reason)
+        raise _NothingLeft(f"nothing of this {plan.corpus} corpus is left for a store", describe_reasons(dropped))
     names = {"pose": find_pose(plan.pose).names, "audio": audio_names(plan.corpus), "face": ARKIT}
     if plan.wav2vec is not None:
         names["wav2vec"] = wav2vec_names(plan.wav2vec)

@@ -42,6 +42,7 @@ __all__ = [
 _KEPT = ("pose", "audio", "face", "semantic", "emotion", "word", "wav2vec", "waveform")  # arrays of a part
 _SHORTEST = 0.5  # seconds; ours: no gesture is shorter, and a rest pose of one frame is no clip
 _CUT = 0.5  # seconds; ours: motion and sound of one take differ by less, where nothing is missing
+_CONVERT = "convert the files first: cospeech convert FILE NEW.bvh --map names.toml; see docs/skeletons.md"
 _READY = {"pats": ("audio/log_mel_400", LOG_MEL_NAMES)}
 """Corpus → the spectra that come with it, of which there are more than of the sound itself; ``extra``'s name and columns."""
 
@@ -186,7 +187,10 @@ def _source(clip: Clip, pose: Pose, fps: float) -> Any:
         raise InputError(f"{clip.name!r} has no joint rotations", f"{pose.name} takes rotations; choose another --pose")
     motion = clip.motion.resample(fps)
     wanted: str = pose.skeleton  # type: ignore[attr-defined]  # all that take motion have one
-    return motion if motion.skeleton.kind == wanted else motion.retarget(wanted)
+    try:
+        return motion if motion.skeleton.kind == wanted else motion.retarget(wanted)
+    except InputError as error:
+        raise InputError(error.problem, _CONVERT) from None
 
 
 def resample_points(points: Points, fps: float) -> Points:

@@ -2,12 +2,56 @@
 
 from __future__ import annotations
 
+import re
+import warnings
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+from ...errors import CospeechWarning
 from ..attributes import Attributes
 
-__all__ = ["PrepareReport"]
+__all__ = ["PrepareReport", "describe_reasons", "join_notes"]
+
+_OWN = re.compile(r"'[^']*'|\d+(?:\.\d+)?")  # what differs between the same reason of two recordings: names and numbers
+
+
+def describe_reasons(dropped: Sequence[Mapping[str, Any]]) -> str:
+    """The reason for which most recordings are left out, with the first of them, for an error."""
+    if not dropped:
+        return "it holds no clips"
+    kinds = [_OWN.sub("", row["reason"].removeprefix(f"{row['name']}: ")) for row in dropped]
+    ((kind, count),) = Counter(kinds).most_common(1)
+    first = dropped[kinds.index(kind)]
+    share = "" if len(dropped) == 1 else f"{count} of {len(dropped)} for this reason; "
+    return f"{share}the first: {first['name']}: {first['reason']}"
+
+
+@contextmanager
+def join_notes() -> Iterator[None]:
+    """Notes of one text on several files (``'FILE': TEXT``) are given once, at the end, with the number of files."""
+    found: dict[str, list[str]] = {}
+
+    def keep(message: Warning | str, category: type[Warning], *where: Any) -> None:
+        if not issubclass(category, CospeechWarning):
+            return usual(message, category, *where)
+        text = str(message)
+        file, _, rest = text.partition(": ") if text.startswith(("'", '"')) else ("", "", text)
+        files = found.setdefault(rest, [])
+        files += [file] if file not in files else []
+        return None
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", CospeechWarning)
+            usual, warnings.showwarning = warnings.showwarning, keep  # type: ignore[assignment]
+            yield
+    finally:
+        for text, files in found.items():
+            more = f" and {len(files) - 1} more" if len(files) > 1 else ""
+            warnings.warn(f"{files[0]}{more}: {text}" if files[0] else text, CospeechWarning, stacklevel=4)
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from cospeech.corpora.clip import Clip, Semantic
 from cospeech.corpora.prepare import DEFAULT_POSES, FILTERS, pieces, prepare
 from cospeech.corpora.prepare.filters import keep
 from cospeech.corpora.prepare.pieces import PreparationPlan, encode, split_of
+from cospeech.corpora.samples import load_stored_clips
 from cospeech.corpora.store import Store
 from cospeech.errors import CospeechWarning, InputError
 from cospeech.motion.motion import Motion
@@ -119,6 +120,15 @@ def test_what_is_cut_or_too_short_is_told(tmp_path):
     assert report.cut == pytest.approx({"sound without motion": 1.0, "motion without sound": 1.5})
     assert "cut: 2.5 s" in report.summary()
     assert "filtered" not in report.summary()
+
+
+def test_a_split_without_clips_is_told(made):
+    folder, report = made
+    assert [note.partition(" split")[0] for note in report.notes] == [f"no clip is in the {n}" for n in ("validation", "test")]
+    assert "--split all" in report.notes[1]
+    assert replace(report, splits={"train": 1.0, "validation": 1.0, "test": 1.0}).notes == ()
+    with pytest.raises(InputError, match=r"in the test split \(--split train; --split all takes every clip\)"):
+        load_stored_clips(folder)
 
 
 @pytest.fixture

@@ -164,6 +164,8 @@ def _add_prepare(app: typer.Typer) -> None:
                 typer.echo(f"  {row['name']}: {row['reason']}")
             if len(whole) > 5:
                 typer.echo(f"  and {len(whole) - 5} more: {store / 'report.json'}")
+            for note in report.notes:
+                typer.echo(f"note: {note}", err=True)
 
 
 def _add_synthesise(app: typer.Typer) -> None:

@@ -15,6 +15,12 @@ from ..attributes import Attributes
 
 __all__ = ["PrepareReport", "describe_reasons", "join_notes"]
 
+_USES = {
+    "train": "nothing can be trained on this store",
+    "validation": "train with --set data.validation=0.05, or with --set train.validate_every=0",
+    "test": "evaluate with --split all, or with the name of another split",
+}
+"""Split → what its absence means."""
 _OWN = re.compile(r"'[^']*'|\d+(?:\.\d+)?")  # what differs between the same reason of two recordings: names and numbers
 
 
@@ -80,6 +86,11 @@ class PrepareReport:
     """Speaker → how they gesture, measured; see `cospeech.corpora.attributes`."""
     cut: dict[str, float]
     """Reason → seconds of motion or sound that are left out because the other ends half a second earlier, or more."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what the store lacks for training and evaluation; none where it lacks nothing."""
+        return tuple(f"no clip is in the {name} split: {use}" for name, use in _USES.items() if not self.splits.get(name))
 
     def summary(self) -> str:
         """One line."""

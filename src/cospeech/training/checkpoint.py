@@ -12,7 +12,7 @@ import json
 import os
 import warnings
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -61,6 +61,9 @@ def network(name: str) -> type[Trainable]:
     kind = getattr(import_module(module), attribute)
     if not (isinstance(kind, type) and issubclass(kind, Trainable)):
         raise InputError(f"{NETWORKS[name]} is no network that trains", f"a subclass of {Trainable.__module__}.Trainable is")
+    if not is_dataclass(getattr(kind, "Config", None)):
+        hint = "Config = a frozen dataclass, whose fields are the keys of [model] (docs/add_a_model.md)"
+        raise InputError(f"{NETWORKS[name]} has no Config", hint)
     return kind
 
 

@@ -144,7 +144,7 @@ class _Run:
             if not part.objective.is_active_at(step):
                 continue
             with self.autocast():
-                terms = part.objective.loss(batch, step)
+                terms = part.terms(batch, step)
             total = torch.stack([term.float() for term in terms.values()]).sum()
             if self.slow:
                 let_signals_in(total)
@@ -214,7 +214,7 @@ class _Run:
         for part in self.parts if not found else ():
             if part.active(self.done - 1):
                 with self.autocast():
-                    terms = part.objective.loss(batch, part.objective.start)
+                    terms = part.terms(batch, part.objective.start)
                 found[part.name] = torch.stack([term.float() for term in terms.values()]).sum()
                 found |= {f"{part.name}.{name}": term for name, term in terms.items()}
         return found

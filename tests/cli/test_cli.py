@@ -284,7 +284,7 @@ def test_failure_of_code_of_the_users_names_the_file(cli, place, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("text", "says"), [("", "too little memory: MemoryError ("), ("9 GB", "MemoryError: 9 GB (close other")]
+    ("text", "says"), [("", "too little memory: MemoryError (close"), ("9 GB", "MemoryError: 9 GB (close other")]
 )
 def test_too_little_memory_is_told(cli, place, monkeypatch, text, says):
     monkeypatch.setattr("cospeech.export.npz.Writer._finish", mock.Mock(side_effect=MemoryError(*filter(None, [text]))))

@@ -43,7 +43,7 @@ def _is_memory(error: Exception) -> bool:
 
 
 def _find_own_code(error: Exception) -> str:
-    """File and line of the user's code that the error comes from; nothing where the innermost code outside libraries is ours."""
+    """File and line of the user's code that the error comes from; nothing where innermost, libraries aside, is our code."""
     plugins = {entry.value.partition(":")[0].partition(".")[0] for group in _GROUPS for entry in entry_points(group=group)}
     for frame, line in reversed([*traceback.walk_tb(error.__traceback__)]):
         path = _file(frame.f_code)

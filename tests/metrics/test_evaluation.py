@@ -95,6 +95,13 @@ def test_metrics_that_reward_the_wrong_row_are_marked():
     assert "fgd ↓ " in text
 
 
+def test_a_score_is_shown_without_its_draws():
+    score = Score(0.5, (0.25, 0.75), 4, draws=(0.125,) * 200)
+    assert repr(score) == "Score(value=0.5, interval=(0.25, 0.75), count=4, note='')"
+    assert "0.125" not in repr(Table(("a",), ("pck",), {"a": {"pck": score}}))
+    assert score != replace(score, draws=())
+
+
 def test_the_text_is_aligned_and_fits():
     lines = table().to_text(width=100).splitlines()
     for block in "\n".join(lines).split("\n\n")[1:-1]:

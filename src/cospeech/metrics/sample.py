@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -181,4 +181,4 @@ class Score:
     interval: tuple[float, float] | None = None
     count: int = 1
     note: str = ""
-    draws: tuple[float, ...] = ()
+    draws: tuple[float, ...] = field(default=(), repr=False)

@@ -218,7 +218,7 @@ def evaluate_clips(
     minutes = sum(clip.duration for clip in reference) / 60
     assert tools.features is not None
     about = f"{len(reference)} clips, {minutes:.1f} min; features: {tools.features.name}"
-    return Table(tuple(rows), tuple(chosen), cells, why, {c: f for c, f in faults.items() if f}, about)
+    return Table(tuple(rows), tuple(chosen), cells, why, {c: f for c, f in faults.items() if f}, about, len(reference))
 
 
 def _fit(body: Motion | Points, clip: Clip) -> Clip:

@@ -23,8 +23,9 @@ from cospeech.errors import InputError
 from cospeech.evaluation import LAYOUTS, evaluate_clips, evaluate_store
 from cospeech.metrics import METRICS, Score, Tools, load_metric
 from cospeech.metrics.controls import CONTROLS, UNSURE, WRONG, control_rows, faults_of_order
+from cospeech.metrics.interval import mean_score
 from cospeech.metrics.metric import About
-from cospeech.metrics.table import DEFAULT, Table
+from cospeech.metrics.table import COVERAGE, DEFAULT, Table
 from cospeech.motion.motion import Motion
 from cospeech.motion.points import Points
 from cospeech.motion.rotations import quat_angle
@@ -93,6 +94,35 @@ def test_metrics_that_reward_the_wrong_row_are_marked():
     assert "beat_align_ha2g ↑!" in text
     assert any(line.startswith("! beat_align_ha2g: white noise is not worse than ground truth") for line in text.splitlines())
     assert "fgd ↓ " in text
+
+
+@pytest.mark.parametrize(
+    ("value", "interval", "text"),
+    [
+        (16.1, (1.4, 46.4), "16.1 [1.4, 46.4]"),
+        (16.0, (10.0, 24.0), "16 ± 7"),
+        (0.0, (0.01, 0.03), "0 [0.01, 0.03]"),
+        (1.0, (1.0, 1.0), "1 ± 0"),
+        (1.0, (1.0, 1.0 + 1e-15), "1 ± 5.6e-16"),
+        (2.0, None, "2"),
+    ],
+)
+def test_an_interval_that_is_not_symmetric_is_shown_by_its_ends(value, interval, text):
+    shown = Table(("a",), ("pck",), {"a": {"pck": Score(value, interval)}}).to_text()
+    assert shown.splitlines()[2].split(maxsplit=1) == ["a", text]
+
+
+def test_intervals_over_few_clips_are_said_to_be_too_narrow():
+    assert "± is too narrow with so few clips: an interval over 4 clips holds the true value in some 80 of" in table().to_text()
+    assert json.loads(table().to_json())["clips"] == 4
+    for clips_scored in (0, 1, 10):
+        assert "too narrow" not in replace(table(), clips=clips_scored).to_text()
+    rng = np.random.default_rng(3)
+    held = 0
+    for seed, values in enumerate(rng.normal(size=(400, 4))):
+        low, high = mean_score(values, seed=seed).interval
+        held += low < 0 < high
+    assert held / 4 == pytest.approx(COVERAGE[4], abs=5)
 
 
 def test_a_score_is_shown_without_its_draws():

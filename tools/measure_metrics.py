@@ -19,12 +19,12 @@ from scipy.cluster.vq import kmeans2
 
 from cospeech.audio.speech import Speech
 from cospeech.corpora.clip import Clip, Semantic
-from cospeech.corpora.keypoints import joint_points
 from cospeech.corpora.samples import POSE_STATISTICS, sample_of
 from cospeech.evaluation import evaluate_clips
 from cospeech.metrics import METRICS, FeatureNet, Tools, load_metric
 from cospeech.metrics.mode_f1 import mode_features
 from cospeech.models import PARTS
+from cospeech.motion.keypoints import joint_points
 from cospeech.motion.points import Points
 from cospeech.motion.skeleton import humanoid
 from cospeech.motion.skeletons.pats import JOINTS

@@ -16,37 +16,34 @@ from typing import Any
 import numpy as np
 
 from .corpora.clip import Clip
-from .corpora.keypoints import resample_points
 from .corpora.motion_files import load_motions
 from .corpora.samples import POSE_STATISTICS, load_stored_clips, sample_of
-from .errors import InputError
+from .errors import InputError, nearest
 from .metrics import METRICS, FeatureNet, Sample, Score, Tools, load_metric
 from .metrics.controls import CONTROLS, control_rows, faults_of_order
 from .metrics.table import DEFAULT, Table
 from .models import MODELS, Model, load, plays
+from .motion.keypoints import resample_points
 from .motion.motion import Motion
 from .motion.points import Points
+from .motion.poses import keypoints2d
+from .motion.poses.direction_vectors import DIRECTION_VECTORS
+from .motion.rotations import Array
 
 __all__ = ["evaluate", "evaluate_clips", "evaluate_store", "feature_tools", "play"]
 
 PADDED = 2  # frames; ours: so many may be missing at the end of a motion (frame rates that do not divide)
-Motions = Mapping[str, Motion | Clip | Sequence[Motion | Clip]] | Sequence[Motion | Clip] | str | PathLike[str]
-
-
-def _pats(motion: Motion) -> Points:
-    from .corpora.pats.points import points_of
-
-    return points_of(motion)
+Body = Motion | Points | Clip
+Motions = Mapping[str, Body | Sequence[Body]] | Sequence[Body] | str | PathLike[str]
 
 
 def _ted(motion: Motion) -> Points:
-    from .corpora.ted.write import points_of
+    """With the bone lengths of the authors' code, which the recordings of a store have: lengths are no error of a system."""
+    return DIRECTION_VECTORS.decode(DIRECTION_VECTORS.encode(motion), motion.fps)
 
-    return points_of(motion)
 
-
-LAYOUTS: dict[str, Callable[[Motion], Points]] = {"ted": _ted, "pats": _pats}
-"""Layout of key points → how motion of our humanoid is seen in it."""
+LAYOUTS: dict[str, Callable[[Motion], Points]] = {"ted": _ted, "pats": keypoints2d.points_of}
+"""Layout of key points → how motion on any skeleton that is recognised is seen in it."""
 
 
 def play(model: str | Model, clips: Sequence[Clip], *, takes: int = 1, seed: int = 0) -> dict[str, list[Motion | Clip]]:
@@ -63,17 +60,8 @@ def play(model: str | Model, clips: Sequence[Clip], *, takes: int = 1, seed: int
         if body is None:
             raise InputError(f"clip {clip.name!r} has no motion to compare with")
         made = [player.generate(clip.speech, seed=seed + k, fps=body.fps) for k in range(takes)]
-        played[clip.name] = [motion if clip.points is None else _project(motion, clip) for motion in made]
+        played[clip.name] = [motion if clip.points is None else _fit_points(motion, clip.points, clip) for motion in made]
     return played
-
-
-def _project(motion: Motion, clip: Clip) -> Clip:
-    """The clip with the key points of a generated motion, at its rate and of its length."""
-    assert clip.points is not None
-    points = LAYOUTS[clip.points.layout](motion)
-    values = resample_points(points.values, points.fps, clip.points.fps)
-    frames = np.minimum(np.arange(len(clip.points)), len(values) - 1)
-    return replace(clip, points=Points(clip.points.fps, values[frames], clip.points.layout))
 
 
 def feature_tools(features: str | PathLike[str] | FeatureNet | None, clips: Sequence[Clip]) -> Tools | None:
@@ -195,7 +183,9 @@ def evaluate_clips(
     """Scores of ``systems`` and of the control rows against recordings.
 
     Args:
-        systems: name → a folder (`load_motions`), a motion per clip in the clips' order, or clip name → motion or takes.
+        systems: name → a folder (`load_motions`), a motion per clip in the clips' order, or clip name → motion or takes. A
+            motion is a `Motion` on any skeleton that is recognised, or a `Points` for recordings of key points. Where the
+            recordings are key points, a `Motion` is converted to them.
         reference: recordings with speech and motion (or key points), all of one skeleton.
         metrics: names in `cospeech.metrics.METRICS`.
         tools: feature network and so on; `POSE_STATISTICS` stands in where there is no network.
@@ -228,22 +218,55 @@ def evaluate_clips(
     minutes = sum(clip.duration for clip in reference) / 60
     assert tools.features is not None
     about = f"{len(reference)} clips, {minutes:.1f} min; features: {tools.features.name}"
-    return Table(tuple(rows), tuple(chosen), cells, why, {c: f for c, f in faults.items() if f}, about)
+    return Table(tuple(rows), tuple(chosen), cells, why, {c: f for c, f in faults.items() if f}, about, len(reference))
 
 
-def _fit(motion: Motion, clip: Clip) -> Clip:
-    """The clip with a generated motion in place of its own: on its skeleton, at its rate, of its length."""
+def _fit(body: Motion | Points, clip: Clip) -> Clip:
+    """The clip with a generated motion in place of its own: in its form, at its rate, of its length.
+
+    Raises:
+        InputError: the motion is shorter than the recording, or cannot be brought to its form.
+    """
+    if clip.motion is None and clip.points is not None:
+        return _fit_points(body, clip.points, clip)
     if clip.motion is None:
-        raise InputError(f"clip {clip.name!r} has key points only", "give systems as clips with points")
-    if motion.skeleton != clip.motion.skeleton:
-        motion = motion.retarget(clip.motion.skeleton)
+        raise InputError(f"clip {clip.name!r} has no motion to compare with")
+    if isinstance(body, Points):
+        raise InputError(
+            f"key points for {clip.name!r}, whose recording has joint rotations",
+            "give a Motion; cospeech.motion.poses.lift.lift makes one of key points",
+        )
+    motion = body if body.skeleton == clip.motion.skeleton else body.retarget(clip.motion.skeleton)
     motion = motion.resample(clip.motion.fps)
-    missing = len(clip.motion) - len(motion)
-    if missing > PADDED or not len(motion):
-        raise InputError(f"motion for {clip.name!r} has {len(motion)} frames, the recording {len(clip.motion)}")
-    frames = np.minimum(np.arange(len(clip.motion)), len(motion) - 1)
+    frames = _rows(len(motion), len(clip.motion), clip)
     face = None if motion.face is None else motion.face[frames]
     return replace(clip, motion=replace(motion, rotations=motion.rotations[frames], root=motion.root[frames], face=face))
+
+
+def _fit_points(body: Motion | Points, true: Points, clip: Clip) -> Clip:
+    """The clip with generated key points in place of its own ones: of their layout, at their rate, of their length."""
+    if isinstance(body, Motion):
+        if true.layout not in LAYOUTS:
+            raise InputError(f"clip {clip.name!r} has key points of layout {true.layout!r}", nearest(true.layout, LAYOUTS))
+        body = LAYOUTS[true.layout](body)
+    if body.layout != true.layout or body.values.shape[1:] != true.values.shape[1:]:
+        raise InputError(
+            f"key points for {clip.name!r} of layout {body.layout!r} and shape {body.values.shape}",
+            f"the recording has layout {true.layout!r} and shape {true.values.shape}",
+        )
+    values = resample_points(body.values, body.fps, true.fps)
+    return replace(clip, points=Points(true.fps, values[_rows(len(values), len(true), clip)], true.layout))
+
+
+def _rows(made: int, wanted: int, clip: Clip) -> Array:
+    """(wanted,) numbers of the frames that are compared; the last frame stands for the few that may be missing.
+
+    Raises:
+        InputError: more than `PADDED` are missing.
+    """
+    if wanted - made > PADDED or not made:
+        raise InputError(f"motion for {clip.name!r} has {made} frames, the recording {wanted}")
+    return np.minimum(np.arange(wanted), made - 1)
 
 
 def _system(motions: Motions, reference: Sequence[Clip], seed_frames: int, track: bool) -> list[Sample]:
@@ -260,7 +283,7 @@ def _system(motions: Motions, reference: Sequence[Clip], seed_frames: int, track
     samples = []
     for clip in reference:
         takes = motions[clip.name]
-        for number, take in enumerate([takes] if isinstance(takes, Motion | Clip) else takes, 1):
+        for number, take in enumerate([takes] if isinstance(takes, Body) else takes, 1):
             made = take if isinstance(take, Clip) else _fit(take, clip)
             made = replace(made, name=f"{clip.name}.{number}", speech=clip.speech, semantics=clip.semantics)
             samples.append(sample_of(made, condition=clip.name, seed_frames=seed_frames, track=track))

@@ -6,6 +6,7 @@ import json
 import math
 import re
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import soundfile
 import cospeech
 from cospeech.cli.catalogue import CATALOGUES
 from cospeech.cli.demo import EXAMPLE
+from cospeech.cli.unexpected import explain
 from cospeech.export import FORMATS
 from cospeech.models import MODELS
 from cospeech.rules import STYLES, RuleBasedModel
@@ -260,14 +262,41 @@ def test_debug_shows_the_traceback(cli, place):
 
 @pytest.mark.slow
 def test_failure_of_ours_is_exit_1_and_leaves_nothing(cli, place, monkeypatch):
-    def fail(*arguments, **options):
-        raise ZeroDivisionError("division by zero\nin the middle")
-
+    fail = mock.Mock(side_effect=ZeroDivisionError("division by zero\nin the middle"))  # of a library: called by our code
     monkeypatch.setattr("cospeech.export.npz.Writer._finish", fail)
     code, out, err = cli("generate", "talk.wav", "-o", "a.bvh", "-o", "b.npz", "-o", "c.csv", "--report", "r.json")
     assert (code, out) == (1, "")
     assert err == "error: ZeroDivisionError: division by zero in the middle (this is a bug of ours; --debug shows where)\n"
     assert [p.name for p in place.iterdir()] == ["talk.wav"]
+
+
+@pytest.mark.slow
+def test_failure_of_code_of_the_users_names_the_file(cli, place, monkeypatch):
+    def fail(*arguments, **options):
+        raise ZeroDivisionError("in a model of one's own")
+
+    monkeypatch.setattr("cospeech.export.npz.Writer._finish", fail)
+    code, out, err = cli("generate", "talk.wav", "-o", "b.npz")
+    assert (code, out) == (2, "")
+    line = fail.__code__.co_firstlineno + 1
+    assert err.startswith(f"error: {__file__!r}, line {line}: ZeroDivisionError: in a model of one's own (the error comes from")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("text", "says"), [("", "too little memory: MemoryError (close"), ("9 GB", "MemoryError: 9 GB (close other")]
+)
+def test_too_little_memory_is_told(cli, place, monkeypatch, text, says):
+    monkeypatch.setattr("cospeech.export.npz.Writer._finish", mock.Mock(side_effect=MemoryError(*filter(None, [text]))))
+    code, _, err = cli("generate", "talk.wav", "-o", "b.npz")
+    assert code == 1
+    assert says in err
+
+
+def test_memory_of_a_training_names_the_batch():
+    for error in (MemoryError(), RuntimeError("DefaultCPUAllocator: can't allocate memory: you tried to allocate 9 bytes")):
+        assert "train.batch" in explain(error, "train").hint
+    assert "bug of ours" in explain(RuntimeError("size mismatch"), "train").hint
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from cospeech.cli.corpora import register
 from cospeech.cli.demo import EXAMPLE
+from cospeech.corpora.clip import SPLITS
 from cospeech.corpora.store import Store
 from cospeech.errors import InputError
 
@@ -61,6 +62,8 @@ def test_synthesise_and_prepare(app, tmp_path):
     assert done.exit_code == 0
     assert "clips: 3, speakers: 4, of derived speakers: 3, by augmentation: 12" in done.output
     assert Store(store).fps == 10
+    empty = [name for name in SPLITS if all(entry.split != name for entry in Store(store).clips)]
+    assert [name for name in SPLITS if f"note: no clip is in the {name} split" in done.output] == empty != []
     assert app.told == [("synthesising", False), ("preparing", False)]
     with pytest.raises(InputError, match="--overwrite"):
         CliRunner().invoke(app, line, catch_exceptions=False)

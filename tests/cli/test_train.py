@@ -67,8 +67,29 @@ def test_train_and_go_on(app, place):
     assert '"step": 6' in (place / "runs" / "mine" / "log.jsonl").read_text()
     with pytest.raises(InputError, match=r"train\.lr"):
         CliRunner().invoke(app, [*line, "--set", "train.lr=1", "--resume"], catch_exceptions=False)
+    (place / "mine.toml").write_text(RECIPE.replace('"gesture-autoencoder"', '"stylised-flow"'))
+    with pytest.raises(InputError, match="is of the model 'gesture-autoencoder', the recipe of 'stylised-flow'"):
+        CliRunner().invoke(app, [*line, "--resume"], catch_exceptions=False)
+    (place / "mine.toml").write_text(RECIPE)
     with pytest.raises(InputError, match=r"did you mean 'steps'"):
         CliRunner().invoke(app, [*line, "--set", "train.step=1"], catch_exceptions=False)
+
+
+def test_a_run_goes_on_with_the_changes_that_it_began_with(app, place):
+    pytest.importorskip("torch", reason="training needs torch (cospeech[train])")
+    line = ["train", "mine.toml", "--store", "store", "--resume"]
+    begun = [*line, "--set", "train.steps=3", "--set", "train.validate_every=1", "--set", "train.save_every=1"]
+    assert "3 steps" in CliRunner().invoke(app, begun, catch_exceptions=False).stdout
+    again = CliRunner().invoke(app, line, catch_exceptions=False)
+    assert "3 steps" in again.stdout  # not the 4 of the file
+    assert "the file says otherwise: train.save_every: 1, now " in again.stderr
+    assert "train.steps: 3, now 4" in again.stderr
+    longer = CliRunner().invoke(app, [*line, "--set", "train.steps=5"], catch_exceptions=False)
+    assert "5 steps" in longer.stdout
+    assert "train.steps" not in longer.stderr
+    assert "5 steps" in CliRunner().invoke(app, line, catch_exceptions=False).stdout  # what was changed holds
+    with pytest.raises(InputError, match=r"train\.validate_every: 1, now 2"):
+        CliRunner().invoke(app, [*line, "--set", "train.validate_every=2"], catch_exceptions=False)
 
 
 @pytest.mark.parametrize("line", [["train", "mine.toml", "--store", "store"], ["bundle", "run", "-o", "a.cospeech"]])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from cospeech.corpora import CORPORA, Dropped, Semantic, beat2, folder, zeroeggs
+from cospeech.corpora import CORPORA, Clip, Dropped, Semantic, beat2, folder, zeroeggs
 from cospeech.corpora.beat.annotations import semantic_text
 from cospeech.corpora.layout import textgrid, write_bvh
 from cospeech.errors import InputError
@@ -231,7 +231,7 @@ def test_folder(tmp_path):
     (root / "Ben" / "e.txt").write_text("Well, don't relax.")
     (root / "Ben" / "alone.bvh").write_text("no sound, not looked at")
     (root / "Ben" / "._d.wav").write_text("what macOS leaves on a stick")
-    names = ["a", "Ana/b", "Ana/day 2/c", "Ben/d.wav", "Ben/d.flac", "Ben/d", "Ben/e"]
+    names = ["a", "Ana/b", "Ana/day 2/c", "Ben/alone.bvh", "Ben/d.wav", "Ben/d.flac", "Ben/d", "Ben/e"]
     items = list(folder.read(root))
     assert [item.name for item in items] == names
     got, reasons = sort_out(items, names)
@@ -254,6 +254,20 @@ def test_folder(tmp_path):
         assert (word.text, word.start) == ("well", 0.1)
         assert len(got[name].motion) == 30
     assert got["Ben/e"].motion is None
+
+
+def test_motion_without_a_sound_is_told(tmp_path):
+    motion = gesturing(30)
+    for name in ("a", "sub/alone", "sub/both", ".hidden/part"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        motion.save(tmp_path / f"{name}.bvh")
+    motion.save(tmp_path / "sub" / "both.npz")
+    sound(tmp_path / "a.wav")
+    (tmp_path / "README.txt").write_text("no motion")
+    found = list(folder.read(tmp_path))
+    assert [item.name for item in found if isinstance(item, Clip)] == ["a"]
+    dropped = [(item.name, item.reason) for item in found if isinstance(item, Dropped)]
+    assert dropped == [(f"sub/{name}.bvh", "no sound of this name is beside it") for name in ("alone", "both")]
 
 
 @pytest.mark.slow

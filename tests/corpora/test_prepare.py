@@ -22,8 +22,9 @@ from cospeech.corpora.clip import Clip, Semantic
 from cospeech.corpora.prepare import DEFAULT_POSES, FILTERS, pieces, prepare
 from cospeech.corpora.prepare.filters import keep
 from cospeech.corpora.prepare.pieces import PreparationPlan, encode, split_of
+from cospeech.corpora.samples import load_stored_clips
 from cospeech.corpora.store import Store
-from cospeech.errors import InputError
+from cospeech.errors import CospeechWarning, InputError
 from cospeech.motion.motion import Motion
 from cospeech.motion.points import Points
 from cospeech.motion.poses import direction_vectors, find_pose
@@ -102,6 +103,75 @@ def test_the_store_holds_what_the_reader_reads(raw, made):
         assert said[3:8] == ["so"] * 5
         assert said[0] == ""
         assert said[10] == "many"
+
+
+def test_what_is_cut_or_too_short_is_told(tmp_path):
+    """Sound and motion of different lengths, a rest pose of one frame, and a difference that is too small to tell."""
+    for name, sound, motion in [("long", 4.0, 3.0), ("brief", 3.0, 4.5), ("same", 3.0, 3.2), ("rest", 3.0, 1 / 30)]:
+        soundfile.write(tmp_path / f"{name}.wav", voice(sound).samples, 16_000)
+        moving("humanoid", motion, 30.0).save(tmp_path / f"{name}.bvh")
+    report = prepare("folder", tmp_path, tmp_path / "store", fps=30.0)
+    assert [entry.name for entry in Store(tmp_path / "store").clips] == ["brief", "long", "same"]
+    rows = {row["name"]: row for row in report.dropped}
+    assert rows.keys() == {"brief", "long", "rest"}
+    assert "0.03 s long" in rows["rest"]["reason"]
+    assert (rows["long"]["reason"], rows["long"]["start"], rows["long"]["end"]) == ("sound without motion", 3.0, 4.0)
+    assert (rows["brief"]["reason"], rows["brief"]["start"], rows["brief"]["end"]) == ("motion without sound", 3.0, 4.5)
+    assert report.cut == pytest.approx({"sound without motion": 1.0, "motion without sound": 1.5})
+    assert "cut: 2.5 s" in report.summary()
+    assert "filtered" not in report.summary()
+
+
+def test_a_split_without_clips_is_told(made):
+    folder, report = made
+    assert [note.partition(" split")[0] for note in report.notes] == [f"no clip is in the {n}" for n in ("validation", "test")]
+    assert "--split all" in report.notes[1]
+    assert replace(report, splits={"train": 1.0, "validation": 1.0, "test": 1.0}).notes == ()
+    with pytest.raises(InputError, match=r"in the test split \(--split train; --split all takes every clip\)"):
+        load_stored_clips(folder)
+
+
+@pytest.fixture
+def nameless(tmp_path):
+    """Three takes on a body whose joints have no names that say anything, and a function that gives it names."""
+
+    def write(names):
+        body = find_skeleton("humanoid")
+        for k in range(3):
+            motion = replace(moving("humanoid", 2.0, 30.0, k), skeleton=Skeleton(names, body.parents, body.offsets))
+            motion.save(tmp_path / f"take{k}.bvh")
+            soundfile.write(tmp_path / f"take{k}.wav", voice(2.0).samples, 16_000)
+        return tmp_path
+
+    return write
+
+
+def test_a_note_on_several_files_is_given_once(nameless):
+    raw = nameless(tuple(f"n{k:02d}" for k in range(len(find_skeleton("humanoid")))))
+    with pytest.warns(CospeechWarning) as told:
+        prepare("folder", raw, raw / "store")
+    (note,) = [str(warning.message) for warning in told]
+    assert note.startswith("'take0.bvh' and 2 more: the names of the joints say nothing")
+    assert "--map of generate, convert and render" in note
+
+
+def test_an_empty_store_names_the_most_frequent_reason(tmp_path):
+    soundfile.write(tmp_path / "a.wav", voice(2.0).samples, 16_000)
+    (tmp_path / "a.bvh").write_text("no BVH")
+    for name in "bcd":
+        soundfile.write(tmp_path / f"{name}.wav", voice(2.0).samples, 16_000)
+    with pytest.raises(InputError, match=r"3 of 4 for this reason; the first: b: 'b' has no motion"):
+        prepare("folder", tmp_path, tmp_path / "store")
+
+
+def test_a_skeleton_that_is_not_recognised_says_what_mends_it(tmp_path):
+    chain = Skeleton(("a", "b", "c"), (-1, 0, 1), np.array([[0, 1.0, 0], [0, 0.1, 0], [0, 0.1, 0]]))
+    rotations = np.tile([0.0, 0, 0, 1], (60, 3, 1))
+    Motion(30.0, rotations, np.zeros((60, 3)), skeleton=chain).save(tmp_path / "a.bvh")
+    soundfile.write(tmp_path / "a.wav", voice(2.0).samples, 16_000)
+    with pytest.raises(InputError, match=r"cannot find .*cospeech convert FILE NEW.bvh --map names.toml") as caught:
+        prepare("folder", tmp_path, tmp_path / "store")
+    assert "--map file.toml" not in str(caught.value)
 
 
 def test_the_report_says_what_was_dropped_and_why(made):

@@ -9,7 +9,6 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from cospeech.corpora.pats.points import points_of  # noqa: E402
 from cospeech.corpora.store import Entry, Store  # noqa: E402
 from cospeech.corpora.store_writer import Piece, write_store  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
@@ -18,7 +17,11 @@ from cospeech.experiments.tables import gesture_space as spaces  # noqa: E402
 from cospeech.experiments.tables import heatmaps  # noqa: E402
 from cospeech.experiments.tables.runs import PlayableRun  # noqa: E402
 from cospeech.models.nn.windowed import Windowed  # noqa: E402
-from cospeech.motion.poses.keypoints2d import KEYPOINTS2D, to_points  # noqa: E402
+from cospeech.motion.poses.keypoints2d import (  # noqa: E402
+    KEYPOINTS2D,
+    points_of,
+    to_points,
+)
 from tests.experiments.test_style_mixing import swinging  # noqa: E402
 
 WAYS = {"ann": (0.5, 0.6, 0.0), "bob": (1.0, 0.0, 0.6), "cleo": (0.7, 0.3, 0.3)}  # hertz, swing of the right and left arm

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -38,6 +39,18 @@ def follow(page: str, place: Path) -> str:
     return done.stdout
 
 
+def type_own(page: str, place: Path, *instead: str) -> str:
+    """Run the line ``python -c`` of a page, or its code with other arguments; what it prints."""
+    (line,) = re.findall(r"^python (-c .*)$", (ROOT / "docs" / page).read_text("utf-8"), re.M)
+    arguments = shlex.split(line)
+    done = subprocess.run(
+        [sys.executable, *(arguments[:2] if instead else arguments), *instead], cwd=place, capture_output=True, text=True,
+        check=False, env=os.environ | {"PYTHONIOENCODING": "utf-8"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
 def test_add_a_metric(tmp_path):
     pytest.importorskip("scipy", reason="metrics need scipy (cospeech[corpora])")
     table = follow("add_a_metric.md", tmp_path)
@@ -47,6 +60,7 @@ def test_add_a_metric(tmp_path):
     rows = {line.split("  ")[0].strip(): line for line in table.splitlines()}
     for row in ("calm", "ground truth", "frozen pose", "white noise", "shuffled speech", "another clip"):
         assert row in rows, table
+    assert "wrist_height" in type_own("add_a_metric.md", tmp_path, "list", "metrics")
 
 
 def test_add_a_corpus(tmp_path):
@@ -55,6 +69,7 @@ def test_add_a_corpus(tmp_path):
     said = follow("add_a_corpus.md", tmp_path)
     assert "'calm_1', 'lively_2', 'orator_3', 'seated_4'" in said
     assert "lost_5 dropped: 'lost_5.bvh' is not there" in said
+    assert "clips: 4" in type_own("add_a_corpus.md", tmp_path)
 
 
 def test_code_of_the_pages_is_as_tidy_as_ours(tmp_path):

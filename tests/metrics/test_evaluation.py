@@ -16,13 +16,16 @@ from cospeech.audio.speech import Speech, example
 from cospeech.cli.evaluate import register
 from cospeech.corpora import Clip, Semantic
 from cospeech.corpora.motion_files import load_motions
+from cospeech.corpora.prepare import prepare
 from cospeech.corpora.samples import POSE_STATISTICS, load_stored_clips, sample_of, track_of
+from cospeech.corpora.ted import read as ted
 from cospeech.errors import InputError
-from cospeech.evaluation import evaluate_clips, evaluate_store
+from cospeech.evaluation import LAYOUTS, evaluate_clips, evaluate_store
 from cospeech.metrics import METRICS, Score, Tools, load_metric
 from cospeech.metrics.controls import CONTROLS, UNSURE, WRONG, control_rows, faults_of_order
+from cospeech.metrics.interval import mean_score
 from cospeech.metrics.metric import About
-from cospeech.metrics.table import DEFAULT, Table
+from cospeech.metrics.table import COVERAGE, DEFAULT, Table
 from cospeech.motion.motion import Motion
 from cospeech.motion.points import Points
 from cospeech.motion.rotations import quat_angle
@@ -91,6 +94,42 @@ def test_metrics_that_reward_the_wrong_row_are_marked():
     assert "beat_align_ha2g ↑!" in text
     assert any(line.startswith("! beat_align_ha2g: white noise is not worse than ground truth") for line in text.splitlines())
     assert "fgd ↓ " in text
+
+
+@pytest.mark.parametrize(
+    ("value", "interval", "text"),
+    [
+        (16.1, (1.4, 46.4), "16.1 [1.4, 46.4]"),
+        (16.0, (10.0, 24.0), "16 ± 7"),
+        (0.0, (0.01, 0.03), "0 [0.01, 0.03]"),
+        (1.0, (1.0, 1.0), "1 ± 0"),
+        (1.0, (1.0, 1.0 + 1e-15), "1 ± 5.6e-16"),
+        (2.0, None, "2"),
+    ],
+)
+def test_an_interval_that_is_not_symmetric_is_shown_by_its_ends(value, interval, text):
+    shown = Table(("a",), ("pck",), {"a": {"pck": Score(value, interval)}}).to_text()
+    assert shown.splitlines()[2].split(maxsplit=1) == ["a", text]
+
+
+def test_intervals_over_few_clips_are_said_to_be_too_narrow():
+    assert "± is too narrow with so few clips: an interval over 4 clips holds the true value in some 80 of" in table().to_text()
+    assert json.loads(table().to_json())["clips"] == 4
+    for clips_scored in (0, 1, 10):
+        assert "too narrow" not in replace(table(), clips=clips_scored).to_text()
+    rng = np.random.default_rng(3)
+    held = 0
+    for seed, values in enumerate(rng.normal(size=(400, 4))):
+        low, high = mean_score(values, seed=seed).interval
+        held += low < 0 < high
+    assert held / 4 == pytest.approx(COVERAGE[4], abs=5)
+
+
+def test_a_score_is_shown_without_its_draws():
+    score = Score(0.5, (0.25, 0.75), 4, draws=(0.125,) * 200)
+    assert repr(score) == "Score(value=0.5, interval=(0.25, 0.75), count=4, note='')"
+    assert "0.125" not in repr(Table(("a",), ("pck",), {"a": {"pck": score}}))
+    assert score != replace(score, draws=())
 
 
 def test_the_text_is_aligned_and_fits():
@@ -212,8 +251,59 @@ def test_unknown_metrics_and_empty_references_are_refused():
         evaluate_clips({}, [], metrics=("pck",))
     with pytest.raises(InputError, match="no motion"):
         evaluate_clips({}, [replace(clips()[0], motion=None)], metrics=("pck",))
-    with pytest.raises(InputError, match="key points"):
-        evaluate_clips({"x": [c.motion for c in clips()]}, pats(), metrics=("pck_2d",))
+
+
+@cache
+def seen(layout):
+    """The clips as recordings of key points."""
+    return tuple(replace(clip, motion=None, points=LAYOUTS[layout](clip.motion)) for clip in clips())
+
+
+@pytest.mark.parametrize(("layout", "metric"), [("ted", "pck"), ("pats", "pck_2d")])
+def test_motions_are_converted_to_the_key_points_of_the_recordings(layout, metric, tmp_path):
+    for clip in clips():
+        clip.motion.retarget("mixamo").save(tmp_path / f"{clip.name}.bvh")
+    points = [clip.points for clip in seen(layout)]
+    late = [replace(p, values=np.concatenate([p.values[:1], p.values[:-2]])) for p in points]
+    systems = {"files": tmp_path, "motions": [clip.motion for clip in clips()], "points": points, "late": late}
+    found = evaluate_clips(systems, seen(layout), metrics=(metric, "ape", "jerk"))
+    assert found.cells["points"][metric].value == found.cells["motions"][metric].value == 1
+    assert found.cells["files"][metric].value > 0.99
+    if layout == "ted":
+        assert found.cells["files"]["ape"].value < found.cells["late"]["ape"].value
+
+
+def test_key_points_at_another_rate_are_brought_to_the_recording():
+    fast = [replace(clip.points, values=np.repeat(clip.points.values, 2, 0), fps=2 * FPS) for clip in seen("ted")]
+    assert evaluate_clips({"fast": fast}, seen("ted"), metrics=("pck",)).cells["fast"]["pck"].value == 1
+
+
+def test_a_folder_of_motions_is_evaluated_on_a_store_of_key_points(tmp_path):
+    ted.write([replace(clip, split="test") for clip in clips()[:2]], tmp_path / "raw")
+    prepare("ted", tmp_path / "raw", tmp_path / "store", filters=False)
+    folder = tmp_path / "motions"
+    folder.mkdir()
+    for entry, clip in zip(load_stored_clips(tmp_path / "store"), clips(), strict=False):
+        clip.motion.save(folder / f"{entry.name}.bvh")
+    scores = evaluate_store({"mine": str(folder)}, tmp_path / "store", metrics=("pck", "jerk")).cells
+    assert scores["mine"]["pck"].value > 0.99  # the recordings' own motion: bone lengths do not count
+    assert scores["mine"]["jerk"].value == pytest.approx(scores["ground truth"]["jerk"].value, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("made", "reference", "problem"),
+    [
+        (lambda: [clip.points for clip in seen("ted")], clips, "has joint rotations.*lift"),
+        (lambda: [clip.points for clip in seen("ted")], lambda: seen("pats"), "of layout 'ted'.*has layout 'pats'"),
+        (lambda: [replace(c.points, values=c.points.values[:50]) for c in seen("ted")], lambda: seen("ted"), "50 frames"),
+        (lambda: [clip.motion[:50] for clip in clips()], lambda: seen("ted"), "50 frames"),
+        (lambda: [c.motion for c in clips()], lambda: [replace(c, points=replace(c.points, layout="x")) for c in seen("ted")],
+         "layout 'x'"),
+    ],
+)  # fmt: skip
+def test_key_points_that_do_not_fit_are_refused(made, reference, problem):
+    with pytest.raises(InputError, match=problem):
+        evaluate_clips({"mine": made()}, reference(), metrics=("pck",))
 
 
 @pytest.mark.slow

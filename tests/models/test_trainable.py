@@ -35,6 +35,10 @@ class Least(Trainable):
         return {"all": Objective(self.parameters(), lambda batch, step: {"one": self.linear(batch["audio"]).mean()})}
 
 
+class NoConfig(Trainable):
+    """Lacks the settings."""
+
+
 class NoNetwork(torch.nn.Linear):
     Config = Settings
 
@@ -66,6 +70,15 @@ def test_what_a_network_leaves_out_has_a_default(registered):
 def test_a_network_that_says_nothing_of_what_it_takes_is_told(registered):
     with pytest.raises(InputError, match=r"no network that trains .a subclass of cospeech.models.nn.trainable.Trainable is"):
         network(registered(NoNetwork))
+    with pytest.raises(InputError, match=r"test_trainable:NoConfig has no Config .*frozen dataclass.*add_a_model"):
+        network(registered(NoConfig))
+
+
+def test_an_array_that_a_batch_does_not_hold_is_told():
+    batch = Batch({"pose": torch.zeros(2, 5, 3), "audio": torch.zeros(2, 5, 2)}, StepRandom(0, 0))
+    assert batch["audio"].shape == (2, 5, 2)
+    with pytest.raises(InputError, match=r"a batch has no 'face' \(it holds audio, pose; .* `arrays`"):
+        batch["face"]
 
 
 @pytest.mark.parametrize("name", sorted(NETWORKS))

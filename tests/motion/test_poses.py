@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
@@ -47,6 +50,28 @@ def test_dimensions_are_those_of_the_papers():
     published |= {"rot6d-smplx": 330, "rot6d-humanoid": 330}
     published |= {"expmap-humanoid": 57, "face": 55}  # ours
     assert {name: find_pose(name).dimensions for name in POSES} == published
+
+
+@pytest.mark.parametrize(("name", "layout"), [("direction-vectors", "ted"), ("keypoints2d", "pats")])
+def test_representations_of_key_points_take_motion(name, layout):
+    pose, motion = find_pose(name), moving(find_skeleton("humanoid"), frames=5)
+    points = importlib.import_module(f"cospeech.corpora.{layout}").points_of(motion)
+    assert points.layout == layout
+    assert (pose.encode(motion) == pose.encode(points)).all()
+    assert np.allclose(
+        pose.encode(motion.retarget("mixamo")), pose.encode(motion), atol=0.05 * np.abs(pose.encode(motion)).max()
+    )
+
+
+@pytest.mark.parametrize("name", [name for name in POSES if find_pose(name).source == "motion"])
+def test_motion_of_another_skeleton_is_refused_with_the_call_that_mends_it(name):
+    pose = find_pose(name)
+    other = "beat" if pose.skeleton == "humanoid" else "humanoid"
+    motion = replace(moving(find_skeleton(other), frames=3), face=np.zeros((3, 52)))
+    with pytest.raises(InputError) as caught:
+        pose.encode(motion)
+    assert caught.value.hint == f'motion.retarget("{pose.skeleton}") first'
+    assert pose.encode(motion.retarget(pose.skeleton)).shape == (3, pose.dimensions)
 
 
 def test_unknown_name_is_answered_with_the_nearest():

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from cospeech import InputError, Motion, Speech, humanoid
-from cospeech.corpora.pats.points import points_of as pats_points
-from cospeech.corpora.ted.write import points_of as ted_points
 from cospeech.motion.points import Points
 from cospeech.motion.poses import direction_vectors, find_pose, keypoints2d
+from cospeech.motion.poses.direction_vectors import points_of as ted_points
+from cospeech.motion.poses.keypoints2d import points_of as pats_points
 from cospeech.motion.poses.lift import lift
 from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_multiply
 from cospeech.motion.skeletons.ted import JOINTS

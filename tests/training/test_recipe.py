@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from cospeech.audio.features.reduce import REDUCTIONS
 from cospeech.errors import InputError
 from cospeech.training.recipe import SHIPPED, Data, Train, build, list_changes, load_recipe, read_recipe
 
@@ -43,6 +45,11 @@ def path(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(TEXT)
     return file
+
+
+def test_the_page_names_every_reduction_of_audio():
+    (row,) = [line for line in (ROOT / "docs" / "training.md").read_text("utf-8").splitlines() if line.startswith("| `audio`")]
+    assert set(REDUCTIONS) <= set(re.findall(r"[\w-]+", row))
 
 
 def test_a_recipe_is_read(path):

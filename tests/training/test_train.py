@@ -421,6 +421,23 @@ def test_what_does_not_fit_is_told(store, tmp_path, sections, says):
     assert says in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("loss", "says"),
+    [
+        (lambda net, batch, step: net.flow.log_prob(batch["pose"], batch["audio"]).mean(), "'flow' gives a Tensor (a dict of"),
+        (lambda net, batch, step: {}, "'flow' gives a {} (a dict of terms"),
+        (lambda net, batch, step: {"near": batch["pose"]}, "'flow' gives a {'near': tensor("),
+        (lambda net, batch, step: {"near": 1.0}, "'flow' gives a {'near': 1.0}"),
+        (lambda net, batch, step: {"near": batch["face"].mean()}, "a batch has no 'face' (it holds audio, clip, pose, speaker"),
+    ],
+)
+def test_a_loss_that_breaks_the_contract_is_told(store, tmp_path, monkeypatch, loss, says):
+    monkeypatch.setattr(tiny_models.TinyFlow, "loss", loss)
+    with pytest.raises(InputError) as caught:
+        run(plan(), store, tmp_path / "run")
+    assert says in str(caught.value)
+
+
 def test_a_figure_of_a_later_stage_says_what_is_best_from_then_on(store, tmp_path):
     done = run(plan("tiny-cascade", best="heard", steps=20, validate_every=5), store, tmp_path / "run")
     assert done.best["name"] == "heard"

@@ -157,13 +157,15 @@ def _add_prepare(app: typer.Typer) -> None:
             )  # fmt: skip
         if not quiet:
             typer.echo(f"{store}  {report.summary()}")
-            for reason, seconds in sorted(report.reasons.items(), key=lambda row: -row[1]):
+            for reason, seconds in sorted((report.reasons | report.cut).items(), key=lambda row: -row[1]):
                 typer.echo(f"  {seconds:8.1f} s  {reason}")
             whole = [row for row in report.dropped if "start" not in row]
             for row in whole[:5]:
                 typer.echo(f"  {row['name']}: {row['reason']}")
             if len(whole) > 5:
                 typer.echo(f"  and {len(whole) - 5} more: {store / 'report.json'}")
+            for note in report.notes:
+                typer.echo(f"note: {note}", err=True)
 
 
 def _add_synthesise(app: typer.Typer) -> None:

@@ -288,7 +288,10 @@ def main() -> None:
     except OSError as problem:  # a full disk, say
         code = _say(InternalError(problem.strerror or str(problem), "is there room on the disk, and in memory?"), 1)
     except Exception as problem:
-        code = _say(InternalError(f"{type(problem).__name__}: {problem}", "this is a bug of ours; --debug shows where"), 1)
+        from .unexpected import explain
+
+        error = explain(problem, next(iter(sys.argv[1:]), ""))
+        code = _say(error, 1 if isinstance(error, InternalError) else 2)
     sys.exit(code)
 
 

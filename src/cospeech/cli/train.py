@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer import Argument, Option
@@ -15,6 +15,9 @@ from typer import Argument, Option
 from ..errors import InputError
 from .options import Debug
 from .progress import show_progress
+
+if TYPE_CHECKING:
+    from ..training import recipe as recipes
 
 __all__ = ["register"]
 
@@ -87,7 +90,8 @@ def _add_train(app: typer.Typer) -> None:
     ) -> None:
         """Train a model as a recipe says.
 
-        If the command is stopped, run it again with --resume: the run continues.
+        If the command is stopped, run it again with --resume: the run continues with the recipe and the changes that it
+        began with. --set changes train.steps and other keys that may change.
 
         \b
         cospeech train laptop --store stores/laptop
@@ -98,6 +102,8 @@ def _add_train(app: typer.Typer) -> None:
         from ..training.recipe import load_recipe
 
         plan, folder = load_recipe(recipe, changes or ()), Path("runs", recipe.stem) if out is None else out
+        if resume and (folder / "config.json").exists():
+            plan = _continue(plan, folder, changes or [])
         data = _store(store, plan.data.store, plan.data.corpus)
         with _training():
             from ..training.train import train as run
@@ -108,6 +114,18 @@ def _add_train(app: typer.Typer) -> None:
             if report.best:
                 typer.echo(f"  best: {report.best['name']} {report.best['value']:.5g} at step {report.best['step']}")
         _leave_team()
+
+
+def _continue(plan: recipes.Recipe, folder: Path, changes: list[str]) -> recipes.Recipe:
+    """The recipe that a run began with, with the changes of now; what the file says otherwise is told."""
+    with _training():
+        from ..training.checkpoint import continue_recipe
+    own, others = continue_recipe(folder, plan, changes)
+    if others:
+        more = f" and {len(others) - 3} more" if len(others) > 3 else ""
+        told = f"note: the run goes on with its own recipe; the file says otherwise: {', '.join(others[:3])}{more}"
+        typer.echo(f"{told} (--set changes it)", err=True)
+    return own
 
 
 def _store(named: Path | None, recipe: str, corpus: str) -> Path:

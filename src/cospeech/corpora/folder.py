@@ -7,7 +7,7 @@ its face, ``talk.json`` in BEAT's layout. The first folder below the given one n
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 
@@ -30,13 +30,13 @@ def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
     """Clips in order of path, one at a time; the name is the path below the folder, without suffix.
 
     Where several files could be a clip's sound, motion or words, the first suffix of `SOUND`, of the formats, of `WORDS`
-    counts. A second sound of one name is reported as dropped.
+    counts. A second sound of one name is reported as dropped, and so is motion without a sound of its name.
 
     Raises:
         InputError: no such folder, or no sound file in it.
     """
     root = usable_folder(raw, "a corpus")
-    if next(_groups(root, []), None) is None:
+    if next(sounds(root), None) is None:
         raise InputError(f"there is no sound file in {str(root)!r}", f"known: {' '.join(SOUND)}")
     return _read(root)
 
@@ -52,8 +52,13 @@ def _sounds_among(files: dict[str, list[Path]]) -> list[Path]:
     return [path for suffix in SOUND for path in files.get(suffix, ())]
 
 
+def _motion_among(files: Mapping[str, Sequence[Path]]) -> Path | None:
+    """The motion of one name: of several, that of the first suffix in the order of the formats."""
+    return next((files[suffix][0] for suffix in suffixes(reads_body) if suffix in files), None)
+
+
 def _groups(root: Path, failed: list[OSError]) -> Iterator[tuple[str, dict[str, list[Path]]]]:
-    """Name → its files by suffix, for every sound, folder by folder; links to folders are not followed.
+    """Name → its files by suffix, folder by folder; links to folders are not followed.
 
     A suffix has several files where they differ in small and capital letters: ``a.wav`` and ``a.WAV``.
 
@@ -67,28 +72,30 @@ def _groups(root: Path, failed: list[OSError]) -> Iterator[tuple[str, dict[str, 
             if not name.startswith("."):
                 groups.setdefault(path.stem, {}).setdefault(path.suffix.lower(), []).append(path)
         for stem, files in groups.items():
-            if any(suffix in SOUND for suffix in files):
-                yield Path(place, stem).relative_to(root).as_posix(), files
+            yield Path(place, stem).relative_to(root).as_posix(), files
 
 
 def _read(root: Path) -> Iterator[Clip | Dropped]:
     failed: list[OSError] = []
     for name, files in _groups(root, failed):
-        first, *others = _sounds_among(files)
+        if not (among := _sounds_among(files)):
+            if (motion := _motion_among(files)) is not None and "/." not in f"/{name}":  # the parts of a store are hidden
+                yield Dropped(f"{name}{motion.suffix}", "no sound of this name is beside it")
+            continue
+        first, *others = among
         for other in others:
             yield Dropped(f"{name}{other.suffix}", f"{first.name!r} is the sound of this name already")
         parts = name.split("/")
         speaker = parts[0] if len(parts) > 1 else root.resolve().name or "speaker"
-        one = {suffix: paths[0] for suffix, paths in files.items()}
-        yield from read_each([name], lambda name, f=one, s=speaker, sound=first: _clip(name, s, sound, f))  # type: ignore[misc]
+        yield from read_each([name], lambda name, f=files, s=speaker, sound=first: _clip(name, s, sound, f))  # type: ignore[misc]
     for error in failed:
         yield Dropped(os.path.relpath(str(error.filename), root), f"cannot list it: {describe_os_error(error)}")
 
 
-def _clip(name: str, speaker: str, sound: Path, files: dict[str, Path]) -> Clip:
-    path = next((files[suffix] for suffix in suffixes(reads_body) if suffix in files), None)
-    face = files[".json"] if ".json" in files and _is_face(files[".json"]) else None
-    words = next((files[s] for s in WORDS if s in files and files[s] != face), None)
+def _clip(name: str, speaker: str, sound: Path, files: dict[str, list[Path]]) -> Clip:
+    path = _motion_among(files)
+    face = files[".json"][0] if ".json" in files and _is_face(files[".json"][0]) else None
+    words = next((files[s][0] for s in WORDS if s in files and files[s][0] != face), None)
     motion = None if path is None else load_motion(path)
     weights = None if face is None else load_motion(face)
     speech = load_sound(sound, words)

@@ -148,7 +148,9 @@ def load_stored_clips(
         raise InputError(f"no split is called {split!r}", nearest(str(split), SPLITS))
     entries = [entry for entry in store.clips if split in (None, entry.split)]
     if not entries:
-        raise InputError(f"no clip of {str(folder)!r} is in the {split or 'whole'} split")
+        there = [name for name in SPLITS if any(entry.split == name for entry in store.clips)]
+        hint = f"--split {' or '.join(there)}; --split all takes every clip"
+        raise InputError(f"no clip of {str(folder)!r} is in the {split or 'whole'} split", hint)
     pose = find_pose(store.pose)
     sounds = {} if raw is None else _sounds(store, entries, raw)
     clips = []

@@ -15,10 +15,10 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ..audio.speech import Speech
 from ..corpora.attributes import Attributes, attributes_of, body_of
-from ..corpora.pats.points import points_of
 from ..errors import InputError
 from ..models import Model
 from ..motion.motion import Motion
+from ..motion.poses.keypoints2d import points_of
 from ..motion.rotations import Array
 from ..rules.streaming import MOST_AT_ONCE
 from .figures.curves import PlottedCurve, draw_curves

@@ -1,8 +1,9 @@
 """GENEA's numbers: mean jerk, mean acceleration, and the Hellinger distance of speed histograms.
 
-Jerk and acceleration say nothing by themselves (a still body has none): they are best where they equal the reference's.
-GENEA multiplies by 30 whatever the frame rate is, and drops speeds above 49 cm/s from its histogram; ours use the rate of the
-motion and a last bin without an end. Everything is relative to the root.
+Jerk and acceleration are means over joints and frames of a clip, then over clips. They say nothing by themselves (a still body
+has none): they are best where they equal the reference's. GENEA multiplies by 30 whatever the frame rate is, and drops speeds
+above 49 cm/s from its histogram; ours use the rate of the motion and a last bin without an end. Everything is relative to the
+root.
 """
 
 from __future__ import annotations
@@ -40,13 +41,13 @@ def hellinger(a: Array, b: Array) -> float:
 
 @metric("positions", better="reference", unit="m/s³")
 def jerk(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """Mean jerk of the joints, m/s³; best where it equals the reference's."""
+    """Mean jerk of the joints, m/s³; every clip counts the same; best where it equals the reference's."""
     return mean_score([float(rates(sample, 3).mean()) for sample in generated], seed=tools.seed)
 
 
 @metric("positions", better="reference", unit="m/s²")
 def acceleration(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """Mean acceleration of the joints, m/s²; best where it equals the reference's."""
+    """Mean acceleration of the joints, m/s²; every clip counts the same; best where it equals the reference's."""
     return mean_score([float(rates(sample, 2).mean()) for sample in generated], seed=tools.seed)
 
 

@@ -71,7 +71,7 @@ def _shares(generated: Sequence[Sample], reference: Sequence[Sample], alpha: flo
 
 @metric("points", better="higher", paired=True)
 def pck_2d(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """Share of key points within α of the frame's box, mean of α = .1 and .2, as a plain mean over clips."""
+    """Share of key points within α of the frame's box, mean of α = .1 and .2; every frame counts the same."""
     low, high = (_shares(generated, reference, alpha) for alpha in ALPHAS)
     return mean_score([(a + b) / 2 for a, b in zip(low[0], high[0], strict=True)], low[1], seed=tools.seed)
 

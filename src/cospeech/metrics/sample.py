@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -65,14 +65,14 @@ class Sample:
         if not (np.isfinite(self.fps) and self.fps > 0):
             raise InputError(f"{self.name!r} at {self.fps} frames per second")
         lengths = set()
-        for field, dims in _SHAPES.items():
-            value = getattr(self, field)
+        for name, dims in _SHAPES.items():
+            value = getattr(self, name)
             if value is None:
                 continue
             if value.ndim != dims[0] or (dims[1] is not None and value.shape[-1] != dims[1]):
-                raise InputError(f"{field} of {self.name!r} have shape {value.shape}")
+                raise InputError(f"{name} of {self.name!r} have shape {value.shape}")
             if not np.isfinite(value).all():
-                raise InputError(f"{field} of {self.name!r} hold values that are not finite")
+                raise InputError(f"{name} of {self.name!r} hold values that are not finite")
             lengths.add(len(value))
         if len(lengths) > 1:
             raise InputError(f"arrays of {self.name!r} have {sorted(lengths)} frames", "all of one length")
@@ -181,4 +181,4 @@ class Score:
     interval: tuple[float, float] | None = None
     count: int = 1
     note: str = ""
-    draws: tuple[float, ...] = ()
+    draws: tuple[float, ...] = field(default=(), repr=False)

@@ -176,8 +176,8 @@ def recognise_file(
     still = _find_unnamed_parts(skeleton, found) if shaped else []
     if still:
         problem = f"{file}: the names of the joints say nothing, so the shape of the tree was used;"
-        told = f"{problem} {', '.join(still)} were not found and will not move (--map names them; bone_map in Python)"
-        warnings.warn(told, CospeechWarning, stacklevel=2)
+        hint = "a map names them: --map of generate, convert and render; bone_map in Python"
+        warnings.warn(f"{problem} {', '.join(still)} were not found and will not move ({hint})", CospeechWarning, stacklevel=2)
     return found
 
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 import json
 import os
 import warnings
-from collections.abc import Mapping
-from dataclasses import fields
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -28,7 +28,7 @@ from ..files import atomic, describe_os_error, read_regular, regular_file
 from ..limits import RUN_BYTES
 from ..models import NETWORKS
 from ..models.nn.trainable import Trainable
-from .recipe import build
+from .recipe import Recipe, build, change_recipe, list_changes
 from .renamed import RENAMED, add_former_values
 
 __all__ = [
@@ -36,6 +36,7 @@ __all__ = [
     "WHICH",
     "build_config",
     "build_model",
+    "continue_recipe",
     "load_run",
     "network",
     "read_facts",
@@ -61,6 +62,9 @@ def network(name: str) -> type[Trainable]:
     kind = getattr(import_module(module), attribute)
     if not (isinstance(kind, type) and issubclass(kind, Trainable)):
         raise InputError(f"{NETWORKS[name]} is no network that trains", f"a subclass of {Trainable.__module__}.Trainable is")
+    if not is_dataclass(getattr(kind, "Config", None)):
+        hint = "Config = a frozen dataclass, whose fields are the keys of [model] (docs/add_a_model.md)"
+        raise InputError(f"{NETWORKS[name]} has no Config", hint)
     return kind
 
 
@@ -128,6 +132,30 @@ def read_facts(folder: Path) -> dict[str, Any]:
     if not isinstance(facts, dict) or facts.get("format") != FORMAT:
         raise InputError(f"{str(folder)!r} is not a run of this version ({FORMAT})", "train it again")
     return facts
+
+
+def continue_recipe(folder: Path, file: Recipe, overrides: Sequence[str]) -> tuple[Recipe, list[str]]:
+    """The recipe with which a run goes on: the one that it began with, changed by what is given now.
+
+    Args:
+        folder: of the run.
+        file: the recipe that is named now, with the same changes.
+        overrides: ``"section.key=value"``.
+
+    Returns:
+        The recipe, and what the named one says otherwise, which does not count: ``["train.steps: 2000, now 500"]``.
+
+    Raises:
+        InputError: not a run, or one of another model.
+    """
+    try:
+        recipe = change_recipe(read_facts(folder)["recipe"], overrides)
+    except (KeyError, TypeError) as error:
+        raise InputError(f"the config.json of {str(folder)!r} is damaged: {error!r}"[:200], "train it again") from None
+    if recipe.model != file.model:
+        hint = "name the recipe that it began with; --out names another folder"
+        raise InputError(f"the run {str(folder)!r} is of the model {recipe.model!r}, the recipe of {file.model!r}", hint)
+    return recipe, list_changes(recipe.to_dict(), file.to_dict(), ("data.store",))
 
 
 def write_tensors(path: Path, tensors: Mapping[str, Tensor], state: Mapping[str, Any]) -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import torch
 from torch import Tensor, nn
 
 from ..errors import InputError, nearest
-from ..models.nn.objective import Objective
+from ..models.nn.objective import Batch, Objective
 from .recipe import Optimiser
 from .schedule import SCHEDULES
 
@@ -40,6 +42,20 @@ class ObjectiveOptimiser:
     def active(self, step: int) -> bool:
         """Whether it has begun and not ended, due or not."""
         return self.objective.start <= step and (self.objective.stop is None or step < self.objective.stop)
+
+    def terms(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """The named terms of its loss.
+
+        Raises:
+            InputError: the loss of the model gives something else.
+        """
+        found = self.objective.loss(batch, step)
+        fits = isinstance(found, Mapping) and found and all(isinstance(t, Tensor) and t.numel() == 1 for t in found.values())
+        if not fits:
+            given = type(found).__name__ if not isinstance(found, Mapping) else f"{found!r}"[:80]
+            hint = 'a dict of terms, each a tensor of one number: {"pose": loss} (docs/add_a_model.md)'
+            raise InputError(f"the loss of the objective {self.name!r} gives a {given}", hint)
+        return found
 
     def gradients(self, total: Tensor) -> list[Tensor]:
         """Of a loss, for these parameters alone; one that is not in the loss has none, and is not moved."""

@@ -7,7 +7,8 @@ from the store.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from os import PathLike
 from pathlib import Path
@@ -19,7 +20,18 @@ from ..files import parse_toml, read_regular
 from ..limits import RECIPE_BYTES
 from .renamed import suggest_key
 
-__all__ = ["Data", "Optimiser", "Recipe", "Train", "build", "list_changes", "list_recipes", "load_recipe", "read_recipe"]
+__all__ = [
+    "Data",
+    "Optimiser",
+    "Recipe",
+    "Train",
+    "build",
+    "change_recipe",
+    "list_changes",
+    "list_recipes",
+    "load_recipe",
+    "read_recipe",
+]
 
 SHIPPED = Path(__file__).with_name("recipes")
 """Where the recipes lie that come with the program: ``NAME.toml``."""
@@ -294,9 +306,19 @@ def load_recipe(path: str | PathLike[str], overrides: Iterable[str] = ()) -> Rec
         hint = f"a TOML file, or one that comes with the program: {', '.join(list_recipes())}"
         raise InputError(f"cannot read {str(path)!r}: No such file or directory", hint)
     sections = parse_toml(read_regular(file, "a recipe", RECIPE_BYTES), repr(str(path)), "see docs/training.md")
+    return change_recipe(sections, overrides)
+
+
+def change_recipe(sections: Mapping[str, Any], overrides: Iterable[str]) -> Recipe:
+    """A recipe from the sections of a file, some keys changed: ``"section.key=value"``.
+
+    Raises:
+        InputError: an override that is none, or no recipe; see `read_recipe`.
+    """
+    changed = deepcopy(dict(sections))
     for text in overrides:
-        _override(sections, text)
-    return read_recipe(sections)
+        _override(changed, text)
+    return read_recipe(changed)
 
 
 def _flat(sections: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
@@ -306,10 +328,10 @@ def _flat(sections: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return found
 
 
-def list_changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+def list_changes(old: Mapping[str, Any], new: Mapping[str, Any], free: Sequence[str] = FREE) -> list[str]:
     """The differences of two recipes as dicts, but for keys that may differ: ``["train.lr: 0.001, now 0.002"]``."""
     first, second = _flat(old), _flat(new)
-    pairs = ((key, first.get(key), second.get(key)) for key in sorted({*first, *second} - {*FREE}))
+    pairs = ((key, first.get(key), second.get(key)) for key in sorted({*first, *second} - {*free}))
     return [f"{key}: {_describe(a)}, now {_describe(b)}" for key, a, b in pairs if _describe(a) != _describe(b)]
 
 

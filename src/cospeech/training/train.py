@@ -7,6 +7,7 @@ gives up a step that takes long, puts back what was before it, and saves that.
 
 from __future__ import annotations
 
+import json
 import signal
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -98,6 +99,8 @@ class _Run:
             raise InputError(f"processes see different runs in {str(folder)!r}", "it must be the same folder for all machines")
         if team.rank == 0 and not there:
             write_facts(folder, work.facts, {"statistics": work.statistics, "examples": work.examples()})
+        elif team.rank == 0 and (facts := read_facts(folder))["recipe"] != (own := json.loads(json.dumps(recipe.to_dict()))):
+            write_facts(folder, facts | {"recipe": own}, {})  # steps, say: what was changed holds when it goes on again
 
     def _restore(self) -> None:
         saved = read_tensors(self.folder / "last.safetensors")
@@ -144,7 +147,7 @@ class _Run:
             if not part.objective.is_active_at(step):
                 continue
             with self.autocast():
-                terms = part.objective.loss(batch, step)
+                terms = part.terms(batch, step)
             total = torch.stack([term.float() for term in terms.values()]).sum()
             if self.slow:
                 let_signals_in(total)
@@ -214,7 +217,7 @@ class _Run:
         for part in self.parts if not found else ():
             if part.active(self.done - 1):
                 with self.autocast():
-                    terms = part.objective.loss(batch, part.objective.start)
+                    terms = part.terms(batch, part.objective.start)
                 found[part.name] = torch.stack([term.float() for term in terms.values()]).sum()
                 found |= {f"{part.name}.{name}": term for name, term in terms.items()}
         return found

@@ -1,22 +1,17 @@
-"""PATS' poses as numbers: the files' (T, 104) and our key points, the authors' transforms, key points of a motion."""
+"""PATS' poses as numbers: the files' (T, 104) and our key points, the authors' transforms."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ...errors import InputError
-from ...motion.motion import Motion
-from ...motion.points import Points
 from ...motion.rotations import Array
-from ...motion.skeletons.pats import JOINTS, LEFT, RIGHT, SOURCES
-from ..keypoints import joint_points
+from ...motion.skeletons.pats import JOINTS, LEFT, RIGHT
 
-__all__ = ["FPS", "from_points", "hold_arm", "mirror", "normalise_points", "points_of", "to_points"]
+__all__ = ["FPS", "from_points", "hold_arm", "mirror", "normalise_points", "to_points"]
 
 FPS = 15.0  # frames per second of all poses
 _SHOULDER = 167.0  # pixels from the neck to the right shoulder in pose/normalize
-_SCALE = 950.0  # pixels per metre; ours: our humanoid's shoulder measures 167 pixels, as the mean of the data
-_NECK = (640.0, -300.0)  # pixels, y up; ours: where the neck of the T-pose is in a picture of 1280 × 720
 
 
 def to_points(flat: Array) -> Array:
@@ -69,18 +64,3 @@ def normalise_points(flat: Array) -> Array:
     scale = np.repeat((_SHOULDER / length)[:, None], flat.shape[1], 1)
     scale[:, [0, len(JOINTS)]] = 1.0
     return flat * scale
-
-
-def points_of(motion: Motion) -> Points:
-    """The 52 key points of a motion on any skeleton that can be retargeted, seen from the front without perspective."""
-    values = joint_points(motion, SOURCES)[..., :2]
-    rest = _rest_neck()
-    return Points(motion.fps, (values - rest) * _SCALE + np.array(_NECK), "pats")
-
-
-def _rest_neck() -> Array:
-    from ...motion.skeleton import humanoid
-
-    body = humanoid()
-    name, offset = SOURCES[0]
-    return (body.tpose[body.index[name]] + np.array(offset))[:2]

@@ -22,12 +22,13 @@ import numpy as np
 from ...audio.speech import Speech, Word
 from ...errors import InputError
 from ...motion.points import Points
+from ...motion.poses.keypoints2d import points_of
 from ...motion.rotations import Array
 from ..clip import Clip, Dropped
 from ..hdf5_lmdb import Dataset, Hdf5LmdbReader
 from ..reading import usable_folder
 from .pandas_frame import read_frame
-from .points import FPS, from_points, hold_arm, mirror, points_of, to_points
+from .points import FPS, from_points, hold_arm, mirror, to_points
 from .statistics import CENTRES, load_statistics
 from .tables import TABLE, TRANSFORMS, Interval, read_table
 from .write import write

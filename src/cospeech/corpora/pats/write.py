@@ -16,14 +16,15 @@ from ...audio.features.mel import RATE, mel_triangles, spectra
 from ...audio.speech import Speech, Word
 from ...errors import InputError
 from ...files import atomic, describe_os_error
+from ...motion.keypoints import resample_points
 from ...motion.points import Points
+from ...motion.poses.keypoints2d import points_of
 from ...motion.rotations import Array
 from ...motion.skeletons.pats import JOINTS
 from ..clip import SPLITS, Clip, Dropped
-from ..keypoints import resample_points
 from ..layout import on_rate
 from .pandas_frame_writer import write_frame
-from .points import FPS, from_points, mirror, normalise_points, points_of
+from .points import FPS, from_points, mirror, normalise_points
 from .tables import TABLE, TRANSFORMS, Interval, write_table
 
 __all__ = ["write"]

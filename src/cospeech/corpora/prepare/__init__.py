@@ -13,7 +13,7 @@ import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from importlib import import_module
 from itertools import count
 from os import PathLike
@@ -26,7 +26,7 @@ from ...files import atomic, describe_os_error
 from ...motion.poses import find_pose
 from ...motion.skeletons.arkit import ARKIT
 from .. import CORPORA
-from ..attributes import Attributes, speaker_attributes
+from ..attributes import speaker_attributes
 from ..augment import faster, mirror_clip, shift_pitch
 from ..clip import Clip, Dropped
 from ..store import Store
@@ -35,6 +35,7 @@ from ..store_writer import write_store
 from .derive_speakers import Change, plan_derivations
 from .filters import FILTERS
 from .pieces import PreparationPlan, audio_names, make_part, read_part, select_extra, split_of, wav2vec_names
+from .report import PrepareReport, describe_reasons, join_notes
 
 __all__ = ["DEFAULT_POSES", "FILTERS", "PrepareReport", "prepare"]
 
@@ -47,42 +48,7 @@ DEFAULT_POSES = {
 _AHEAD = 4  # ours: clips read ahead per worker; bounds the memory
 
 
-@dataclass(frozen=True)
-class PrepareReport:
-    """What went into a store, and what did not; ``report.json`` beside the store's index."""
-
-    corpus: str
-    pose: str
-    fps: float
-    clips: int
-    """Read, without derived speakers and augmented ones."""
-    augmented: int
-    seconds: float
-    """Of motion in the store, derived speakers and augmented clips included."""
-    splits: dict[str, float]
-    """Seconds per split."""
-    speakers: dict[str, float]
-    """Seconds per speaker."""
-    reasons: dict[str, float]
-    """Reason → seconds that filters dropped for it."""
-    dropped: tuple[dict[str, Any], ...]
-    """Recordings and stretches left out: name, reason, and of stretches start and end in seconds."""
-    derived_speakers: int
-    """Clips of derived speakers; see `cospeech.corpora.derived_speakers`."""
-    attributes: dict[str, Attributes]
-    """Speaker → how they gesture, measured; see `cospeech.corpora.attributes`."""
-
-    def summary(self) -> str:
-        """One line."""
-        whole = sum("start" not in row for row in self.dropped)
-        parts = [f"{self.seconds / 60:.1f} min", f"clips: {self.clips}", f"speakers: {len(self.speakers)}"]
-        parts += [f"of derived speakers: {self.derived_speakers}"] if self.derived_speakers else []
-        parts += [f"by augmentation: {self.augmented}"] if self.augmented else []
-        parts += [f"dropped: {whole}"] if whole else []
-        parts += [f"filtered: {sum(self.reasons.values()):.1f} s"] if self.reasons else []
-        return ", ".join(parts)
-
-
+@join_notes()
 def prepare(
     corpus: str,
     raw: str | PathLike[str],
@@ -333,6 +299,7 @@ def _assemble(
     """Put the parts together and write the report."""
     pieces = []
     reasons: dict[str, float] = {}
+    cut: dict[str, float] = {}
     for path, meta, _ in made:
         pieces += read_part(path, meta, plan.fps)
         if meta["why"] is not None:
@@ -341,9 +308,11 @@ def _assemble(
             seconds = (end - first) / plan.fps
             reasons[reason] = reasons.get(reason, 0.0) + seconds
             dropped.append({"name": meta["name"], "reason": reason, "start": first / plan.fps, "end": end / plan.fps})
+        for start, end, reason in meta["cut"]:
+            cut[reason] = cut.get(reason, 0.0) + end - start
+            dropped.append({"name": meta["name"], "reason": reason, "start": start, "end": end})
     if not pieces:
-        first_reason = f"the first: {dropped[0]['name']}: {dropped[0]['reason']}" if dropped else "it holds no clips"
-        raise _NothingLeft(f"nothing of this {plan.corpus} corpus is left for a store", first_reason)
+        raise _NothingLeft(f"nothing of this {plan.corpus} corpus is left for a store", describe_reasons(dropped))
     names = {"pose": find_pose(plan.pose).names, "audio": audio_names(plan.corpus), "face": ARKIT}
     if plan.wav2vec is not None:
         names["wav2vec"] = wav2vec_names(plan.wav2vec)
@@ -359,7 +328,7 @@ def _assemble(
     origins = Counter(origin for _, meta, origin in made if meta["why"] is None)
     report = PrepareReport(
         plan.corpus, plan.pose, plan.fps, origins["read"], origins["augmented"], sum(splits.values()), splits, speakers,
-        reasons, tuple(dropped), origins["derived"], speaker_attributes(Store(target), find_pose(plan.pose).decode),
+        reasons, tuple(dropped), origins["derived"], speaker_attributes(Store(target), find_pose(plan.pose).decode), cut,
     )  # fmt: skip
     with atomic(target / "report.json") as temporary:
         temporary.write_text(json.dumps(asdict(report), indent=1, ensure_ascii=False), "utf-8", newline="\n")

@@ -40,6 +40,9 @@ __all__ = [
 ]
 
 _KEPT = ("pose", "audio", "face", "semantic", "emotion", "word", "wav2vec", "waveform")  # arrays of a part
+_SHORTEST = 0.5  # seconds; ours: no gesture is shorter, and a rest pose of one frame is no clip
+_CUT = 0.5  # seconds; ours: motion and sound of one take differ by less, where nothing is missing
+_CONVERT = "convert the files first: cospeech convert FILE NEW.bvh --map names.toml; see docs/skeletons.md"
 _READY = {"pats": ("audio/log_mel_400", LOG_MEL_NAMES)}
 """Corpus → the spectra that come with it, of which there are more than of the sound itself; ``extra``'s name and columns."""
 
@@ -107,7 +110,7 @@ def encode(clip: Clip, plan: PreparationPlan) -> dict[str, Array]:
     """Name → (T, …) of every array of the store that the clip has something for.
 
     Raises:
-        InputError: no motion, or motion that the representation cannot take.
+        InputError: no motion, motion that the representation cannot take, or hardly any.
     """
     pose = find_pose(plan.pose)
     vectors = np.asarray(pose.encode(_source(clip, pose, plan.fps)), np.float32)
@@ -116,8 +119,10 @@ def encode(clip: Clip, plan: PreparationPlan) -> dict[str, Array]:
     speech, frames = clip.speech, len(vectors)
     if speech is not None:
         frames = min(frames, speech.frames(plan.fps))
-    if not frames:
-        raise InputError(f"{clip.name!r} has no frames", "is it empty?")
+    if frames < _SHORTEST * plan.fps:
+        raise InputError(
+            f"{clip.name!r} is {frames / plan.fps:.2f} s long", f"a clip has motion and sound of {_SHORTEST:g} s at least"
+        )
     out: dict[str, Array] = {"pose": vectors[:frames]}
     face, rate = (clip.face, clip.face_fps) if clip.face is not None else _face(clip.motion)
     if face is not None and rate:
@@ -138,6 +143,16 @@ def encode(clip: Clip, plan: PreparationPlan) -> dict[str, Array]:
     if words is not None:
         out["word"] = _word_numbers(words, frames, plan.fps)
     return out
+
+
+def _cut(clip: Clip, frames: int, fps: float) -> list[tuple[float, float, str]]:
+    """Start and end in seconds of what of a clip is not among its frames, and why: motion or sound beyond the other's end."""
+    if clip.speech is None:
+        return []
+    sound, end = float(clip.speech.duration), frames / fps
+    longest = max(sound, clip.duration)
+    reason = "sound without motion" if sound > clip.duration else "motion without sound"
+    return [(end, longest, reason)] if longest - end > _CUT else []
 
 
 def _words(clip: Clip) -> tuple[Word, ...] | None:
@@ -172,7 +187,10 @@ def _source(clip: Clip, pose: Pose, fps: float) -> Any:
         raise InputError(f"{clip.name!r} has no joint rotations", f"{pose.name} takes rotations; choose another --pose")
     motion = clip.motion.resample(fps)
     wanted: str = pose.skeleton  # type: ignore[attr-defined]  # all that take motion have one
-    return motion if motion.skeleton.kind == wanted else motion.retarget(wanted)
+    try:
+        return motion if motion.skeleton.kind == wanted else motion.retarget(wanted)
+    except InputError as error:
+        raise InputError(error.problem, _CONVERT) from None
 
 
 def resample_points(points: Points, fps: float) -> Points:
@@ -235,7 +253,8 @@ def make_part(clip: Clip, plan: PreparationPlan, path: Path) -> dict[str, Any]:
     """Encode a clip and keep it at ``path`` (an uncompressed npz) unless it is there already.
 
     Returns:
-        What the report and the assembly need: name, seconds, kept stretches, losses; of a clip that cannot be used, why.
+        What the report and the assembly need: name, seconds, kept stretches, losses, what is cut;
+        of a clip that cannot be used, why.
     """
     mark = fingerprint(clip)
     if path.is_file():
@@ -252,8 +271,9 @@ def make_part(clip: Clip, plan: PreparationPlan, path: Path) -> dict[str, Any]:
         arrays = encode(clip, plan)
         runs, losses = keep(arrays["pose"], FILTERS.get(plan.corpus) if plan.filters else None)
         meta |= {"frames": len(arrays["pose"]), "runs": runs, "losses": [tuple(loss) for loss in losses], "why": None}
+        meta["cut"] = _cut(clip, meta["frames"], plan.fps)
     except CospeechError as error:
-        meta |= {"frames": 0, "runs": [], "losses": [], "why": str(error)}
+        meta |= {"frames": 0, "runs": [], "losses": [], "cut": [], "why": str(error)}
     meta["words"] = _vocabulary(_words(clip)) if "word" in arrays else []
     with atomic(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **{"meta": np.array(json.dumps(meta))} | arrays)  # type: ignore[arg-type]  # no allow_pickle in it

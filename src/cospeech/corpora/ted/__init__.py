@@ -1,3 +1,5 @@
 """TED: the corpus read as it lies on disk, and written in the same layout."""
 
-__all__: list[str] = []
+from ...motion.poses.direction_vectors import points_of
+
+__all__ = ["points_of"]

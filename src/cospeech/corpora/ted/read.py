@@ -21,13 +21,14 @@ import numpy as np
 from ...audio.speech import Speech, Word
 from ...errors import InputError
 from ...motion.points import Points
+from ...motion.poses.direction_vectors import points_of
 from ...motion.rotations import Array
 from ...motion.skeletons.ted import AXES, JOINTS
 from ..clip import Clip, Dropped
 from ..hdf5_lmdb import read_lmdb
 from ..reading import usable_folder
 from .legacy_arrow import PickledContent, decode
-from .write import RATE, SPLIT_FOLDERS, points_of, write
+from .write import RATE, SPLIT_FOLDERS, write
 
 __all__ = ["CACHE_FPS", "RATE", "SPLIT_FOLDERS", "points_of", "read", "write"]
 

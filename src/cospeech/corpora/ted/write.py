@@ -15,16 +15,16 @@ import numpy as np
 from ...audio.features.mel import mel_triangles, spectra
 from ...errors import InputError
 from ...files import describe_os_error
-from ...motion.motion import Motion
+from ...motion.keypoints import resample_points
 from ...motion.points import Points
+from ...motion.poses.direction_vectors import points_of
 from ...motion.rotations import Array
-from ...motion.skeletons.ted import AXES, JOINTS, SOURCES
+from ...motion.skeletons.ted import AXES, JOINTS
 from ..clip import SPLITS, Clip, Dropped
-from ..keypoints import joint_points, resample_points
 from ..layout import on_rate
 from .legacy_arrow_writer import encode
 
-__all__ = ["RATE", "SPLIT_FOLDERS", "VIDEO_FPS", "points_of", "write"]
+__all__ = ["RATE", "SPLIT_FOLDERS", "VIDEO_FPS", "write"]
 
 RATE = 16_000  # Hz; of audio_raw
 SPLIT_FOLDERS = {"train": "lmdb_train", "validation": "lmdb_val", "test": "lmdb_test"}
@@ -32,12 +32,6 @@ VIDEO_FPS = 25.0  # of TED's videos, or 30
 _GAP = 1.0  # seconds; ours: between the clips of one speaker, laid out as one talk
 _VID = 11  # characters of a YouTube id
 _MAP = 1 << 26  # bytes; ours: the first size of a database, doubled as it fills
-
-
-def points_of(motion: Motion) -> Points:
-    """The 10 key points of a motion on any skeleton that can be retargeted, from the spine, at the motion's rate."""
-    values = joint_points(motion, SOURCES)
-    return Points(motion.fps, values - values[:, :1], "ted")
 
 
 def write(clips: Iterable[Clip | Dropped], raw: str | PathLike[str]) -> list[str]:

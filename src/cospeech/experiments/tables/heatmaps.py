@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...corpora.pats.points import points_of
 from ...corpora.store import Store, gather
 from ...errors import InputError
 from ...motion.points import Points
 from ...motion.poses import find_pose
+from ...motion.poses.keypoints2d import points_of
 from ...motion.rotations import Array
 from ..figures.heat import FIGURES, draw_heat
 from .runs import PlayableRun

@@ -15,6 +15,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
+from ...errors import InputError
+
 __all__ = ["Batch", "Objective", "StepRandom"]
 
 
@@ -62,6 +64,14 @@ class Batch:
     chance: StepRandom
 
     def __getitem__(self, name: str) -> Tensor:
+        """An array.
+
+        Raises:
+            InputError: the batch does not hold it.
+        """
+        if name not in self.arrays:
+            hint = f"it holds {', '.join(sorted(self.arrays))}; a network names what it needs in `arrays` (docs/add_a_model.md)"
+            raise InputError(f"a batch has no {name!r}", hint)
         return self.arrays[name]
 
     def __len__(self) -> int:

@@ -12,11 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import InputError
+from ..keypoints import joint_points
+from ..motion import Motion
 from ..points import Points
 from ..rotations import Array
-from ..skeletons.ted import AXES, JOINTS
+from ..skeletons.ted import AXES, JOINTS, SOURCES
 
-__all__ = ["BONES", "DIRECTION_VECTORS", "JOINTS", "MEAN", "DirectionVectors", "to_points", "to_vectors"]
+__all__ = ["BONES", "DIRECTION_VECTORS", "JOINTS", "MEAN", "DirectionVectors", "points_of", "to_points", "to_vectors"]
 
 BONES = (
     (0, 1, 0.26), (1, 2, 0.18), (2, 3, 0.14), (1, 4, 0.22), (4, 5, 0.36), (5, 6, 0.33),
@@ -33,6 +35,16 @@ MEAN = np.array([
 
 _TURN = np.array(AXES)  # our axes to those of the data
 _FROM, _TO = (np.array(end) for end in list(zip(*BONES, strict=True))[:2])
+
+
+def points_of(motion: Motion) -> Points:
+    """The 10 key points of a motion in metres from the spine, at the motion's rate.
+
+    Raises:
+        InputError: it is on a skeleton that is not recognised.
+    """
+    values = joint_points(motion, SOURCES)
+    return Points(motion.fps, values - values[:, :1], "ted")
 
 
 def to_vectors(points: Array) -> Array:
@@ -60,7 +72,7 @@ def to_points(vectors: Array) -> Array:
 
 @dataclass(frozen=True)
 class DirectionVectors:
-    """TED's representation: ``encode(Points) -> (T, 27)``, ``decode((T, 27), fps) -> Points``."""
+    """TED's representation: ``encode(Points or Motion) -> (T, 27)``, ``decode((T, 27), fps) -> Points``."""
 
     name: str = "direction-vectors"
     source: str = "points"
@@ -71,8 +83,13 @@ class DirectionVectors:
     def names(self) -> tuple[str, ...]:
         return tuple(f"{JOINTS[a]}-{JOINTS[b]}.{axis}" for a, b, _ in BONES for axis in "xyz")
 
-    def encode(self, source: Points) -> Array:
-        return to_vectors(source.values)
+    def encode(self, source: Points | Motion) -> Array:
+        """Of a motion, its key points (`points_of`) are encoded.
+
+        Raises:
+            InputError: key points of another shape, or motion on a skeleton that is not recognised.
+        """
+        return to_vectors((points_of(source) if isinstance(source, Motion) else source).values)
 
     def decode(self, vectors: Array, fps: float = fps) -> Points:
         return Points(fps, to_points(vectors), "ted")

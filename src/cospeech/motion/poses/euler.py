@@ -58,7 +58,7 @@ class Euler:
         return tuple(f"{joint}.{axis}" for joint in self.joints for axis in "XYZ")
 
     def encode(self, source: Motion) -> Array:
-        return to_angles(pick(source, self.joints)).reshape(len(source), self.dimensions)
+        return to_angles(pick(source, self.joints, self.skeleton)).reshape(len(source), self.dimensions)
 
     def decode(self, vectors: Array, fps: float = fps, skeleton: Skeleton | None = None) -> Motion:
         """On BEAT's skeleton where none is given; joints that the vectors lack keep the T-pose."""

@@ -65,7 +65,7 @@ def _encode_hips(motion: Motion) -> Array:
     place, turn = walk(motion)
     back = axis_angle_to_quat(_UP, -turn)
     hips = quat_rotate(back, np.asarray(motion.root, float) - place)
-    own = quat_multiply(back, pick(motion, motion.skeleton.names[:1])[:, 0])
+    own = quat_multiply(back, pick(motion, motion.skeleton.names[:1], motion.skeleton.kind)[:, 0])
     own = quat_continuous(own * (-1.0 if own[0, 3] < 0 else 1.0))
     step = quat_rotate(back, np.diff(place, axis=0, prepend=place[:1]))
     return np.concatenate([hips, to_rotvecs(own), step[:, [0, 2]], np.diff(turn, prepend=turn[:1])[:, None]], -1)
@@ -113,7 +113,7 @@ class ExpMap:
         return tuple(f"{joint}.{axis}" for joint in self.joints for axis in "xyz") + (hips if self.hips else ())
 
     def encode(self, source: Motion) -> Array:
-        joints = to_rotvecs(pick(source, self.joints)).reshape(len(source), 3 * len(self.joints))
+        joints = to_rotvecs(pick(source, self.joints, self.skeleton)).reshape(len(source), 3 * len(self.joints))
         return np.concatenate([joints, _encode_hips(source)], -1) if self.hips else joints
 
     def decode(

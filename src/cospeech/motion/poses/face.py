@@ -48,7 +48,7 @@ class FacePose:
         check_humanoid(source)
         if source.face is None:
             raise InputError("a motion without a face", "this representation is of faces")
-        turns = pick(source, _CHAIN)
+        turns = pick(source, _CHAIN, self.skeleton)
         return np.concatenate([np.asarray(source.face, float), quat_to_rotvec(quat_multiply(turns[:, 0], turns[:, 1]))], -1)
 
     def decode(self, vectors: Array, fps: float = fps, skeleton: Skeleton | None = None, start: float = 0.0) -> Motion:

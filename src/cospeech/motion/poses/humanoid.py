@@ -97,7 +97,7 @@ class Humanoid:
         """
         check_humanoid(source)
         place = np.asarray(source.root, float) - source.skeleton.offsets[0]
-        turns = to_rotvecs(pick(source, JOINTS)).reshape(len(source), -1)
+        turns = to_rotvecs(pick(source, JOINTS, self.skeleton)).reshape(len(source), -1)
         return np.concatenate([place, turns, _encode_hands(source)], -1)
 
     def decode(self, vectors: Array, fps: float = fps, skeleton: Skeleton | None = None, start: float = 0.0) -> Motion:

@@ -31,17 +31,27 @@ def hand_columns(names: Sequence[str]) -> list[int]:
     return found
 
 
-def _gesture_space(skeleton: Skeleton, joints: Sequence[str]) -> list[int]:
+def _gesture_space(skeleton: Skeleton, joints: Sequence[str], hint: str = "") -> list[int]:
     missing = [name for name in joints if name not in skeleton.index]
     if missing:
         more = "" if len(missing) == 1 else f" and {len(missing) - 1} more"
-        raise InputError(f"a skeleton without the joint {missing[0]!r}{more}", f"it has {', '.join(skeleton.names[:6])}, …")
+        raise InputError(
+            f"a skeleton without the joint {missing[0]!r}{more}", hint or f"it has {', '.join(skeleton.names[:6])}, …"
+        )
     return [skeleton.index[name] for name in joints]
 
 
-def pick(motion: Motion, joints: Sequence[str]) -> Array:
-    """(T, K, 4) rotations of the named joints, in their order, without sign flips, the first with w ≥ 0, in float64."""
-    rotations = np.asarray(motion.rotations[:, _gesture_space(motion.skeleton, joints)], float)
+def pick(motion: Motion, joints: Sequence[str], kind: str) -> Array:
+    """(T, K, 4) rotations of the named joints, in their order, without sign flips, the first with w ≥ 0, in float64.
+
+    Args:
+        kind: of the skeleton that has these joints; the hint names it.
+
+    Raises:
+        InputError: the motion's skeleton lacks a joint.
+    """
+    columns = _gesture_space(motion.skeleton, joints, f'motion.retarget("{kind}") first')
+    rotations = np.asarray(motion.rotations[:, columns], float)
     if len(rotations):
         rotations[:1] *= np.where(rotations[:1, :, 3:] < 0, -1.0, 1.0)
     return quat_continuous(quat_normalize(rotations))
@@ -73,7 +83,7 @@ def check_humanoid(motion: Motion) -> None:
     InputError: a motion of another skeleton than our humanoid.
     """
     if motion.skeleton != humanoid():
-        raise InputError(f"a motion on a {motion.skeleton.kind!r} skeleton", "retarget('humanoid') first")
+        raise InputError(f"a motion on a {motion.skeleton.kind!r} skeleton", 'motion.retarget("humanoid") first')
 
 
 def humanoid_vectors(vectors: Array, dimensions: int, name: str, skeleton: Skeleton | None) -> Array:

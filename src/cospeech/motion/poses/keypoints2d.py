@@ -13,11 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import InputError
+from ..keypoints import joint_points
+from ..motion import Motion
 from ..points import Points
 from ..rotations import Array
-from ..skeletons.pats import JOINTS
+from ..skeleton import humanoid
+from ..skeletons.pats import JOINTS, SOURCES
 
-__all__ = ["FACE", "JOINTS", "KEPT", "KEYPOINTS2D", "SHOULDER", "KeyPoints2D", "to_points", "to_vectors"]
+__all__ = ["FACE", "JOINTS", "KEPT", "KEYPOINTS2D", "SHOULDER", "KeyPoints2D", "points_of", "to_points", "to_vectors"]
 
 MASKED = (0, 7, 8, 9)  # neck, nose, eyes: what all models of the paper leave out
 KEPT = tuple(k for k in range(len(JOINTS)) if k not in MASKED)
@@ -25,7 +28,20 @@ SHOULDER = 167.0  # pixels from neck to right shoulder after normalisation
 FACE = np.array([[-4.9, 173.0], [-35.8, 204.4], [26.0, 205.0]])
 """(3, 2) nose and eyes from the neck, y up: mean over the eight speakers whose statistics are published."""
 
+_SCALE = 950.0  # pixels per metre; ours: our humanoid's shoulder measures 167 pixels, as the mean of the data
+_NECK = (640.0, -300.0)  # pixels, y up; ours: where the neck of the T-pose is in a picture of 1280 × 720
 _RIGHT_SHOULDER = JOINTS.index("RShoulder")
+
+
+def points_of(motion: Motion) -> Points:
+    """The 52 key points of a motion, seen from the front without perspective, in pixels, at the motion's rate.
+
+    Raises:
+        InputError: it is on a skeleton that is not recognised.
+    """
+    body, (name, offset) = humanoid(), SOURCES[0]
+    rest = (body.tpose[body.index[name]] + np.array(offset))[:2]
+    return Points(motion.fps, (joint_points(motion, SOURCES)[..., :2] - rest) * _SCALE + np.array(_NECK), "pats")
 
 
 def to_vectors(points: Array) -> Array:
@@ -59,7 +75,7 @@ def to_points(vectors: Array) -> Array:
 
 @dataclass(frozen=True)
 class KeyPoints2D:
-    """PATS's representation: ``encode(Points) -> (T, 96)``, ``decode((T, 96), fps) -> Points``."""
+    """PATS's representation: ``encode(Points or Motion) -> (T, 96)``, ``decode((T, 96), fps) -> Points``."""
 
     name: str = "keypoints2d"
     source: str = "points"
@@ -70,8 +86,13 @@ class KeyPoints2D:
     def names(self) -> tuple[str, ...]:
         return tuple(f"{JOINTS[k]}.{axis}" for axis in "xy" for k in KEPT)
 
-    def encode(self, source: Points) -> Array:
-        return to_vectors(source.values)
+    def encode(self, source: Points | Motion) -> Array:
+        """Of a motion, its key points (`points_of`) are encoded.
+
+        Raises:
+            InputError: key points that cannot be encoded (`to_vectors`), or motion on a skeleton that is not recognised.
+        """
+        return to_vectors((points_of(source) if isinstance(source, Motion) else source).values)
 
     def decode(self, vectors: Array, fps: float = fps) -> Points:
         return Points(fps, to_points(vectors), "pats")

@@ -40,7 +40,7 @@ class Rot6D:
         return tuple(f"{joint}.{column}{axis}" for joint in self.joints for column in "xy" for axis in "XYZ")
 
     def encode(self, source: Motion) -> Array:
-        return quat_to_rot6d(pick(source, self.joints)).reshape(len(source), self.dimensions)
+        return quat_to_rot6d(pick(source, self.joints, self.skeleton)).reshape(len(source), self.dimensions)
 
     def decode(self, vectors: Array, fps: float = fps, skeleton: Skeleton | None = None) -> Motion:
         """On its own skeleton where none is given; joints that the vectors lack keep the T-pose."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -20,8 +19,6 @@ __all__ = ["StyleEmbedding", "StyleMixture", "encode_motion", "mix", "standardis
 
 LONGEST, PIECE = 120.0, 10.0  # s; ours: of a longer example, twelve pieces spread evenly over it are looked at
 ASIDE, FACING = 0.25, np.pi / 4  # metres and radians; ours: a place or a heading beyond belongs to the room, not to the person
-_POINTS = {"direction-vectors": "cospeech.corpora.ted.write", "keypoints2d": "cospeech.corpora.pats.points"}
-"""Representation of key points → the module whose ``points_of`` sees motion in its layout."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,10 +108,7 @@ def _standardise(motion: Motion, system: BundleFacts) -> Array:
 def encode_motion(body: Motion, system: BundleFacts) -> Array:
     """(T, D) standardised poses of motion on our humanoid, at whatever rate."""
     pose: Pose = find_pose(system.pose)
-    if pose.source == "points":
-        source: object = import_module(_POINTS[pose.name]).points_of(body)
-    else:
-        source = body.retarget(pose.skeleton)  # type: ignore[attr-defined]  # all that take motion have one
+    source = body if pose.source == "points" else body.retarget(pose.skeleton)  # type: ignore[attr-defined]  # the others have one
     s = system.statistics
     return ((pose.encode(source) - s.pose_mean) / s.pose_std).astype(np.float32)  # type: ignore[no-any-return]
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..motion.motion import Motion
-from ..motion.rotations import Array, quat_rotate
+from .motion import Motion
+from .rotations import Array, quat_rotate
 
 __all__ = ["joint_points", "resample_points"]
 

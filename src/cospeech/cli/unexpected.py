@@ -1,0 +1,62 @@
+"""What the command line says of an error that nobody raised on purpose: whose code it comes from, or that memory ran out."""
+
+from __future__ import annotations
+
+import sysconfig
+import traceback
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import CodeType
+
+from ..errors import CospeechError, InputError, InternalError
+
+__all__ = ["explain"]
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+_LIBRARIES = tuple(Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib"))
+_INSTALLED = ("site-packages", "dist-packages")  # where installers put packages; the latter is Debian's name
+_GROUPS = ("cospeech.formats", "cospeech.models")
+
+
+def explain(error: Exception, command: str) -> CospeechError:
+    """The error that is told for one that was not foreseen.
+
+    Args:
+        error: with its traceback.
+        command: the name of the command, such as "train".
+
+    Returns:
+        An `InputError` for an error in a file of the user's, such as a model of their own; else an `InternalError`.
+    """
+    what = f"{type(error).__name__}: {error}".removesuffix(": ")
+    if _is_memory(error):
+        hint = "a smaller train.batch needs less" if command == "train" else "close other programs, or give shorter pieces"
+        return InternalError(f"too little memory: {what}", hint)
+    if place := _find_own_code(error):
+        return InputError(f"{place}: {what}", "the error comes from this file, not from cospeech; --debug shows the whole way")
+    return InternalError(what, "this is a bug of ours; --debug shows where")
+
+
+def _is_memory(error: Exception) -> bool:
+    """Of Python or NumPy, of a graphics card, or of PyTorch's allocator, which raises a RuntimeError."""
+    return isinstance(error, MemoryError) or type(error).__name__ == "OutOfMemoryError" or "can't allocate memory" in str(error)
+
+
+def _find_own_code(error: Exception) -> str:
+    """File and line of the user's code that the error comes from; nothing where innermost, libraries aside, is our code."""
+    plugins = {entry.value.partition(":")[0].partition(".")[0] for group in _GROUPS for entry in entry_points(group=group)}
+    for frame, line in reversed([*traceback.walk_tb(error.__traceback__)]):
+        path = _file(frame.f_code)
+        if path is None:
+            continue
+        if path.is_relative_to(_PACKAGE):
+            return ""
+        installed = any(part in _INSTALLED for part in path.parts) or any(path.is_relative_to(place) for place in _LIBRARIES)
+        if not installed or frame.f_globals.get("__name__", "").partition(".")[0] in plugins:
+            return f"{str(path)!r}, line {line}"
+    return ""
+
+
+def _file(code: CodeType) -> Path | None:
+    """Where code was written; None for what stands in no file, such as Python's frozen modules."""
+    return None if code.co_filename.startswith("<") else Path(code.co_filename).resolve()

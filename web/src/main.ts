@@ -96,6 +96,7 @@ function drawState(state: State, takes: Takes): void {
   problem.hidden = !state.problem;
   const notice = find("notice");
   if (notice.textContent !== state.notice) notice.textContent = state.notice;
+  find("gave-way").hidden = !takes.hasLost;
   find<HTMLButtonElement>("undo").disabled = !takes.mayUndo;
   find<HTMLButtonElement>("redo").disabled = !takes.mayRedo;
   const link = writeLink(state.settings, state.takes.map((take) => take.seed));
@@ -115,6 +116,8 @@ function bindAvatar(wear: (file: File | null) => Promise<void>): void {
 function bindHeader(store: Store, takes: Takes): void {
   find("undo").addEventListener("click", () => takes.undo());
   find("redo").addEventListener("click", () => takes.redo());
+  find("bring-back").addEventListener("click", () => takes.bringBack());
+  find("let-go").addEventListener("click", () => takes.letGo());
   find("open-help").addEventListener("click", () => find<HTMLDialogElement>("help").showModal());
   find("copy-link").addEventListener("click", () => {
     const { settings, takes: shown } = store.state;

@@ -1,12 +1,14 @@
 // Making takes: asking for them, following them, undoing, and keeping what was made already.
 
 import * as api from "./api";
-import type { Plan, TakeEvent, TakeRequest } from "./messages";
+import type { Plan, TakeEvent, TakeRequest, UploadedSpeech } from "./messages";
 import type { Motion } from "./motion";
 import { makeTake, type Settings, type Store, type Take } from "./state";
 
 const MOST_TAKES = 8;
 const KEPT = 24; // results that undo and redo find again without asking [ours: three rounds of eight takes]
+const NUMBERS = ["intensity", "temperature"] as const; // of a plan: its gestures stay where one of them changes
+const OUTSIDE = ["fps", "parts"]; // settings that no plan holds: an edited plan is played with others
 const PATIENCE = 250; // milliseconds from the last change of a setting to the request [ours: a slider sends one request]
 
 interface Made { id: string; motion: Motion; plan: Plan | null; factor: number | null }
@@ -17,6 +19,8 @@ export class Takes {
   private readonly events = new Map<string, TakeEvent>();
   private past: Step[] = [];
   private future: Step[] = [];
+  /** The last step that has the edits which gave way to a setting, until the user has answered. */
+  private lost: Step | null = null;
   private timer = 0;
 
   constructor(private readonly store: Store) {
@@ -29,6 +33,17 @@ export class Takes {
   makeAll(): void {
     window.clearTimeout(this.timer);
     for (const take of this.store.state.takes) void this.make(take);
+  }
+
+  /** Another speech: what was planned for the last one is not right for it. */
+  openSpeech(speech: UploadedSpeech): void {
+    const forget = (step: Step): Step => ({ ...step, takes: step.takes.map((take) => ({ ...take, edited: null })) });
+    this.past = this.past.map(forget);
+    this.future = this.future.map(forget);
+    this.lost = null;
+    for (const take of this.store.state.takes) Object.assign(take, { plan: null, edited: null, motion: null, id: null, madeFrom: "" });
+    this.store.update({ speech, selection: null, gesture: null, notice: "" });
+    this.makeAll();
   }
 
   /** What was made is not right any more, since the words changed. */
@@ -134,21 +149,38 @@ export class Takes {
 
   // ------------------------------------------------------------------------------------------ changing
 
-  /** Change settings; plans that were edited give way, for they hold settings of their own. Undo brings them back. */
+  /**
+   * Change settings. An edited plan takes a new intensity and temperature, and is played at another frame rate and with other
+   * parts. Any other setting makes another plan: the edits give way until `bringBack`.
+   */
   changeSettings(change: Partial<Settings>): void {
-    this.remember();
-    const edited = this.store.state.takes.some((take) => take.edited !== null);
-    for (const take of this.store.state.takes) take.edited = null;
-    const notice = edited ? "the edits of the plan gave way to the new settings; undo brings them back" : "";
-    this.store.update({ settings: { ...this.store.state.settings, ...change }, notice });
+    const step = this.remember();
+    const { takes, settings } = this.store.state;
+    const numbers = Object.fromEntries(NUMBERS.filter((name) => name in change).map((name) => [name, change[name]]));
+    const stays = Object.keys(change).every((name) => name in numbers || OUTSIDE.includes(name));
+    for (const take of takes) {
+      if (take.edited === null) continue;
+      if (!stays) this.dropEdits(take, step);
+      else if (Object.keys(numbers).length) {
+        Object.assign(take, { edited: { ...take.edited, ...numbers }, plan: { ...(take.plan ?? take.edited), ...numbers } });
+      }
+    }
+    this.store.update({ settings: { ...settings, ...change }, notice: "" });
     this.makeSoon();
   }
 
   changeSeed(seed: number): void {
-    this.remember();
-    Object.assign(this.store.take, { seed, edited: null });
-    this.store.update();
+    const step = this.remember();
+    const { take } = this.store;
+    if (take.edited !== null) this.dropEdits(take, step);
+    take.seed = seed;
+    this.store.update({ notice: "" });
     this.makeSoon();
+  }
+
+  private dropEdits(take: Take, step: Step): void {
+    take.edited = null;
+    this.lost ??= step;
   }
 
   get mayAdd(): boolean {
@@ -181,6 +213,7 @@ export class Takes {
       let plan = take.plan;
       for (const edit of edits) ({ plan } = await api.editPlan({ plan, speech: state.speech.speech, edit }));
       this.remember();
+      this.lost = null;
       Object.assign(take, { edited: plan, plan });
       this.store.update({ problem: "", notice: "" });
       await this.make(take);
@@ -196,10 +229,30 @@ export class Takes {
     return { settings, takes: takes.map(({ seed, edited }) => ({ seed, edited })), chosen };
   }
 
-  private remember(): void {
-    this.past.push(this.step());
-    if (this.past.length > 100) this.past.shift();
+  private remember(): Step {
+    const step = this.step();
+    this.past.push(step);
+    if (this.past.length > 100 && this.past.shift() === this.lost) this.lost = null;
     this.future = [];
+    return step;
+  }
+
+  /** Whether edits gave way to a setting, and the user has neither brought them back nor let them go. */
+  get hasLost(): boolean {
+    return this.lost !== null;
+  }
+
+  /** Undo up to the edits that gave way. */
+  bringBack(): void {
+    if (this.lost === null) return;
+    const later = this.past.splice(this.past.indexOf(this.lost) + 1);
+    this.future.push(this.step(), ...later.reverse());
+    this.restore(this.past.pop() as Step);
+  }
+
+  letGo(): void {
+    this.lost = null;
+    this.store.update();
   }
 
   get mayUndo(): boolean {
@@ -225,6 +278,7 @@ export class Takes {
   }
 
   private restore(step: Step): void {
+    if (step === this.lost) this.lost = null;
     const { takes } = this.store.state;
     for (const gone of takes.splice(step.takes.length)) if (gone.making !== null) api.forgetTake(gone.making);
     step.takes.forEach((wanted, k) => {

@@ -67,9 +67,7 @@ export class SpeechPanel {
       const speech = await send();
       this.player.pause();
       this.player.open(api.soundOf(speech.speech));
-      for (const take of this.store.state.takes) Object.assign(take, { plan: null, edited: null, motion: null, id: null, madeFrom: "" });
-      this.store.update({ speech, selection: null, gesture: null, notice: "" });
-      this.takes.makeAll();
+      this.takes.openSpeech(speech);
     } catch (error) {
       this.store.update({ problem: error instanceof Error ? error.message : String(error), notice: "" });
     }

@@ -11,6 +11,7 @@ import pytest
 
 import cospeech
 from cospeech.audio.speech import example
+from cospeech.generate import generate_files
 from tests.support.browser import find_violations, open_chromium, scrub, wait_until
 from tests.support.study_raters import running
 
@@ -340,6 +341,43 @@ def test_an_edited_plan_is_played_at_another_rate_with_other_parts_and_of_anothe
         assert talking.evaluate("cospeechStudio.takes[0].edited")
         assert not talking.evaluate(HAS.format(gone))
         assert not talking.locator("#gave-way").is_visible()
+
+
+def test_a_plan_is_downloaded_played_by_generate_and_opened_after_a_reload(talking, wav, tmp_path):
+    asked: list[str] = []
+    talking.on("dialog", lambda dialog: (asked.append(dialog.type), dialog.accept()))
+    gone = remove_first(talking)
+    with talking.expect_download() as waiting:
+        talking.click("#save-plan")
+    path = tmp_path / waiting.value.suggested_filename
+    waiting.value.save_as(path)
+    assert path.name == "talk.plan.json"
+    assert gone not in {each.id for each in cospeech.Plan.load(path).gestures}
+    with talking.expect_download() as waiting:
+        talking.select_option("#format", ".bvh")
+        talking.click("#download")
+    waiting.value.save_as(tmp_path / "page.bvh")
+    generate_files(wav, [tmp_path / "command.bvh"], plan=path)
+    assert (tmp_path / "page.bvh").read_bytes() == (tmp_path / "command.bvh").read_bytes()
+    talking.reload()
+    wait_until(talking, "document.documentElement.dataset.ready === 'true'")
+    assert not asked  # the edits are in a file
+    drop(talking, path)
+    talking.locator("#problem:visible").wait_for()
+    assert "drop the speech first" in talking.inner_text("#problem")
+    talking.set_input_files("#speech-file", wav)
+    wait_until(talking, DONE)
+    drop(talking, path)
+    wait_until(talking, f"cospeechStudio.takes[0].edited && {DONE}")
+    assert not talking.evaluate(HAS.format(gone))
+    assert not talking.locator("#unsaved").is_visible()
+    talking.click("#next-seed")
+    talking.click("#bring-back")
+    remove_first(talking)
+    assert talking.locator("#unsaved").is_visible()
+    assert not find_violations(talking)
+    talking.reload()
+    assert asked == ["beforeunload"]
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import { readLink, writeLink } from "./link";
 import { Live } from "./live";
 import { Cards } from "./panels/cards";
 import { EditPanel } from "./panels/edits";
+import { PlanPanel } from "./panels/plan";
 import { SettingsPanel } from "./panels/settings";
 import { SpeechPanel } from "./panels/speech";
 import { Player } from "./player";
@@ -69,7 +70,10 @@ async function openStudio(): Promise<void> {
     find("mannequin").hidden = !crowd?.name;
   }
 
-  new SpeechPanel(store, takes, player, { avatar: (file) => void wear(file), clip: (file) => void settingsPanel.takeClip(file) });
+  const planPanel = new PlanPanel(store, takes);
+  new SpeechPanel(store, takes, player, {
+    avatar: (file) => void wear(file), clip: (file) => void settingsPanel.takeClip(file), plan: (file) => void planPanel.open(file),
+  });
   bindAvatar(wear);
   bindHeader(store, takes);
   bindTabs((tab) => {

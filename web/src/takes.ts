@@ -2,6 +2,7 @@
 
 import * as api from "./api";
 import type { Plan, TakeEvent, TakeRequest, UploadedSpeech } from "./messages";
+import { readMix } from "./link";
 import type { Motion } from "./motion";
 import { makeTake, type Settings, type Store, type Take } from "./state";
 
@@ -21,6 +22,7 @@ export class Takes {
   private future: Step[] = [];
   /** The last step that has the edits which gave way to a setting, until the user has answered. */
   private lost: Step | null = null;
+  private readonly saved = new WeakSet<Plan>();
   private timer = 0;
 
   constructor(private readonly store: Store) {
@@ -120,7 +122,7 @@ export class Takes {
   }
 
   private show(take: Take, { id, motion, plan, factor }: Made): void {
-    Object.assign(take, { id, motion, plan, factor, making: null, progress: null, problem: "" });
+    Object.assign(take, { id, motion, plan, factor, played: take.edited, making: null, progress: null, problem: "" });
     this.store.update();
   }
 
@@ -220,6 +222,34 @@ export class Takes {
     } catch (error) {
       this.store.update({ problem: error instanceof Error ? error.message : String(error) });
     }
+  }
+
+  // ------------------------------------------------------------------------------------------ plans in files
+
+  /** Whether a take has edits that are in no file. */
+  get hasUnsaved(): boolean {
+    return this.store.state.takes.some(({ edited }) => edited !== null && !this.saved.has(edited));
+  }
+
+  /** The plan is in a file. */
+  markSaved(plan: Plan | null): void {
+    if (plan !== null) this.saved.add(plan);
+    this.store.update();
+  }
+
+  /** Play a plan from a file as the chosen take; the settings become those of the plan. */
+  openPlan(plan: Plan): void {
+    this.remember();
+    this.lost = null;
+    this.saved.add(plan);
+    const { settings } = this.store.state;
+    const mix = readMix(plan.style?.includes(":") ? plan.style : "", this.store.model.styles);
+    const emotion = typeof plan.emotion === "string" ? plan.emotion : settings.emotion;
+    const { intensity = 1, temperature = 1, seed = 0 } = plan;
+    Object.assign(this.store.take, { edited: plan, plan, seed });
+    const style = mix ? "" : (plan.style ?? "");
+    this.store.update({ settings: { ...settings, style, mix, clip: null, emotion, intensity, temperature }, gesture: null });
+    this.makeAll();
   }
 
   // ------------------------------------------------------------------------------------------ undoing

@@ -17,7 +17,7 @@ from cospeech.studio import live_messages, messages
 
 TARGET = Path(__file__).resolve().parents[1] / "web" / "src" / "messages.ts"
 HEAD = "// Made by `python tools/write_types.py` from src/cospeech/studio/messages.py and live_messages.py: do not edit.\n"
-REQUESTS = (messages.TakeRequest, messages.PlanEditRequest, live_messages.LiveMessage)
+REQUESTS = (messages.TakeRequest, messages.PlanEditRequest, messages.PlanOpenRequest, live_messages.LiveMessage)
 _SIMPLE = {"string": "string", "number": "number", "integer": "number", "boolean": "boolean", "null": "null"}
 
 

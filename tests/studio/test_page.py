@@ -11,6 +11,7 @@ import pytest
 
 import cospeech
 from cospeech.audio.speech import example
+from cospeech.generate import generate_files
 from tests.support.browser import find_violations, open_chromium, scrub, wait_until
 from tests.support.study_raters import running
 
@@ -302,6 +303,108 @@ def stretches(page) -> list[tuple]:
     """From, to, style, emotion and intensity of each stretch of the first take."""
     found = page.evaluate("cospeechStudio.takes[0].plan.stretches ?? []")
     return [(each["from"], each["to"], *(each.get(name) for name in ("style", "emotion", "intensity"))) for each in found]
+
+
+def remove_first(page) -> str:
+    """Delete the first gesture of the first take; its name."""
+    gone = page.evaluate("cospeechStudio.takes[0].plan.gestures.find(each => each.form !== 'superimposed-beat').id")
+    page.locator(f'[data-id="{gone}"]').focus()
+    page.keyboard.press("Delete")
+    wait_until(page, f"cospeechStudio.takes[0].edited && {DONE}")
+    return gone
+
+
+HAS = "cospeechStudio.takes[0].plan.gestures.some(each => each.id === '{}')"
+
+
+def slide(page, name: str, value: float) -> None:
+    page.evaluate(
+        """([name, value]) => { const slider = document.getElementById(name);
+        slider.valueAsNumber = value;
+        slider.dispatchEvent(new Event('change')); }""",
+        [name, value],
+    )
+
+
+def test_an_edited_plan_is_played_at_another_rate_with_other_parts_and_of_another_size(talking):
+    gone = remove_first(talking)
+    steps = [
+        (lambda: talking.select_option("#fps", "60"), "cospeechStudio.takes[0].frames === 240"),
+        (lambda: talking.uncheck("#part-face"), "cospeechStudio.settings.parts.length === 2"),
+        (lambda: slide(talking, "intensity", 0.5), "cospeechStudio.takes[0].plan.intensity === 0.5"),
+        (lambda: slide(talking, "temperature", 0.3), "cospeechStudio.takes[0].plan.temperature === 0.3"),
+    ]
+    for change, expected in steps:
+        old = talking.evaluate("cospeechStudio.takes[0].id")
+        change()
+        wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {expected} && {DONE}")
+        assert talking.evaluate("cospeechStudio.takes[0].edited")
+        assert not talking.evaluate(HAS.format(gone))
+        assert not talking.locator("#gave-way").is_visible()
+
+
+def test_a_plan_is_downloaded_played_by_generate_and_opened_after_a_reload(talking, wav, tmp_path):
+    asked: list[str] = []
+    talking.on("dialog", lambda dialog: (asked.append(dialog.type), dialog.accept()))
+    gone = remove_first(talking)
+    with talking.expect_download() as waiting:
+        talking.click("#save-plan")
+    path = tmp_path / waiting.value.suggested_filename
+    waiting.value.save_as(path)
+    assert path.name == "talk.plan.json"
+    assert gone not in {each.id for each in cospeech.Plan.load(path).gestures}
+    with talking.expect_download() as waiting:
+        talking.select_option("#format", ".bvh")
+        talking.click("#download")
+    waiting.value.save_as(tmp_path / "page.bvh")
+    generate_files(wav, [tmp_path / "command.bvh"], plan=path)
+    assert (tmp_path / "page.bvh").read_bytes() == (tmp_path / "command.bvh").read_bytes()
+    talking.reload()
+    wait_until(talking, "document.documentElement.dataset.ready === 'true'")
+    assert not asked  # the edits are in a file
+    drop(talking, path)
+    talking.locator("#problem:visible").wait_for()
+    assert "drop the speech first" in talking.inner_text("#problem")
+    talking.set_input_files("#speech-file", wav)
+    wait_until(talking, DONE)
+    drop(talking, path)
+    wait_until(talking, f"cospeechStudio.takes[0].edited && {DONE}")
+    assert not talking.evaluate(HAS.format(gone))
+    assert not talking.locator("#unsaved").is_visible()
+    talking.click("#next-seed")
+    talking.click("#bring-back")
+    remove_first(talking)
+    assert talking.locator("#unsaved").is_visible()
+    assert not find_violations(talking)
+    talking.reload()
+    assert asked == ["beforeunload"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda page: page.select_option("#style", "lively"),
+        lambda page: page.select_option("#emotion", "anger"),
+        lambda page: page.click("#next-seed"),
+    ],
+)
+def test_edits_that_give_way_are_told_until_the_user_answers(talking, change):
+    gone = remove_first(talking)
+    mine = talking.evaluate("cospeechStudio.takes[0].id")
+    change(talking)
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{mine}' && {DONE}")
+    talking.select_option("#fps", "60")
+    wait_until(talking, f"cospeechStudio.takes[0].frames === 240 && {DONE}")
+    assert talking.locator("#gave-way").is_visible()
+    assert not find_violations(talking)
+    talking.click("#bring-back")
+    wait_until(talking, f"cospeechStudio.takes[0].id === '{mine}' && {DONE}")
+    assert talking.evaluate("cospeechStudio.takes[0].edited")
+    assert not talking.evaluate(HAS.format(gone))
+    assert not talking.locator("#gave-way").is_visible()
+    talking.click("#redo")
+    talking.click("#redo")
+    wait_until(talking, f"cospeechStudio.takes[0].frames === 240 && !cospeechStudio.takes[0].edited && {DONE}")
 
 
 def test_a_value_is_drawn_on_its_track_dragged_and_taken_off(talking):

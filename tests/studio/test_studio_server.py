@@ -198,6 +198,27 @@ def test_every_edit_is_that_of_the_plan(served, edit, same):
     assert Plan.model_validate(told["plan"]) == same(plan)
 
 
+def test_a_plan_from_a_file_is_one_of_the_speech_and_the_model(served):
+    port, _ = served
+    speech = ask_json(port, "/api/speech?name=hum.wav", sound_file())["speech"]
+    ask_json(port, f"/api/speech/{speech}/transcript?name=a.tsv", b"0.2\t0.9\thuge\n", method="PUT")
+    plan = Plan.model_validate({"seconds": 2.0}).add("huge", at=1.0).model_dump(mode="json", by_alias=True)
+    asked = {"plan": plan, "speech": speech, "model": "rules"}
+    opened = ask_json(port, "/api/plans/open", asked)
+    assert Plan.model_validate(opened["plan"]) == Plan.model_validate(plan)
+    assert opened["note"] == ""
+    words = plan | {"words": [{"text": "tiny", "start": 0.2, "end": 0.9}]}
+    assert "words" in ask_json(port, "/api/plans/open", asked | {"plan": words})["note"]
+    for wrong, told in (
+        ({"plan": plan | {"seconds": 9.0}}, "a speech of 9 s, and this one has 2 s"),
+        ({"plan": plan | {"style": "x"}}, "style: rules has no style"),
+        ({"model": "stylised-flow"}, "takes none"),
+    ):
+        status, _, content = ask(port, "/api/plans/open", asked | wrong)
+        assert status == 422
+        assert told in json.loads(content)["problem"]
+
+
 WRONG = {"id": "a", "form": "x", "stroke": 1.0}
 
 

@@ -1,7 +1,7 @@
 // What the page asks of the server. Every failure becomes a Problem: what is wrong, and how to mend it.
 
 import type {
-  Catalogue, ChangedPlan, CreatedTake, MessageWords, Plan, PlanEditRequest, StudioProblem, TakeEvent, TakeRequest, UploadedClip,
+  Catalogue, ChangedPlan, CreatedTake, MessageWords, OpenedPlan, Plan, PlanEditRequest, PlanOpenRequest, StudioProblem, TakeEvent, TakeRequest, UploadedClip,
   UploadedSpeech,
 } from "./messages";
 import { Motion } from "./motion";
@@ -51,6 +51,8 @@ export const soundOf = (speech: string): string => `/api/speech/${speech}/sound`
 export const createTake = (request: TakeRequest): Promise<CreatedTake> => askJson("/api/takes", "POST", request);
 export const readPlan = (take: string): Promise<Plan> => askJson(`/api/takes/${take}/plan`);
 export const editPlan = (request: PlanEditRequest): Promise<ChangedPlan> => askJson("/api/plans/edit", "POST", request);
+export const openPlan = (request: PlanOpenRequest): Promise<OpenedPlan> => askJson("/api/plans/open", "POST", request);
+export const readPlanFile = async (take: string): Promise<Blob> => (await ask(`/api/takes/${take}/plan`)).blob();
 export const fileOf = (take: string, suffix: string): string => `/api/takes/${take}/file?suffix=${encodeURIComponent(suffix)}`;
 
 export async function readMotion(take: string): Promise<Motion> {

@@ -48,6 +48,18 @@ export function fillSelect(select: HTMLSelectElement, rows: [value: string, text
   select.value = rows.some(([value]) => value === chosen) ? chosen : (rows[0]?.[0] ?? "");
 }
 
+/** Give the user a file to keep. */
+export function saveFile(file: Blob, name: string): void {
+  const url = URL.createObjectURL(file);
+  make("a", { href: url, download: name }).click();
+  window.setTimeout(() => URL.revokeObjectURL(url), 60_000);
+}
+
+/** A file's name without its suffix. */
+export function stemOf(name: string): string {
+  return name.replace(/\.[^.]*$/, "");
+}
+
 /** Minutes, seconds and tenths: 1:02.3. */
 export function formatTime(seconds: number): string {
   const tenths = Math.round(Math.max(seconds, 0) * 10);

@@ -51,7 +51,7 @@ function readNumber(text: string | null, least: number, most: number, usual: num
   return Number.isFinite(value) ? Math.min(Math.max(value, least), most) : usual;
 }
 
-function readMix(text: string, styles: string[]): Record<string, number> | null {
+export function readMix(text: string, styles: string[]): Record<string, number> | null {
   const rows = text.split(",").map((row) => row.split(":")).filter(([name]) => styles.includes(name));
   if (!rows.length) return null;
   return Object.fromEntries(rows.map(([name, share]) => [name, readNumber(share ?? null, 0, 1, 0)]));

@@ -8,6 +8,7 @@ import { readLink, writeLink } from "./link";
 import { Live } from "./live";
 import { Cards } from "./panels/cards";
 import { EditPanel } from "./panels/edits";
+import { PlanPanel } from "./panels/plan";
 import { SettingsPanel } from "./panels/settings";
 import { SpeechPanel } from "./panels/speech";
 import { Player } from "./player";
@@ -69,7 +70,10 @@ async function openStudio(): Promise<void> {
     find("mannequin").hidden = !crowd?.name;
   }
 
-  new SpeechPanel(store, takes, player, { avatar: (file) => void wear(file), clip: (file) => void settingsPanel.takeClip(file) });
+  const planPanel = new PlanPanel(store, takes);
+  new SpeechPanel(store, takes, player, {
+    avatar: (file) => void wear(file), clip: (file) => void settingsPanel.takeClip(file), plan: (file) => void planPanel.open(file),
+  });
   bindAvatar(wear);
   bindHeader(store, takes);
   bindTabs((tab) => {
@@ -96,6 +100,7 @@ function drawState(state: State, takes: Takes): void {
   problem.hidden = !state.problem;
   const notice = find("notice");
   if (notice.textContent !== state.notice) notice.textContent = state.notice;
+  find("gave-way").hidden = !takes.hasLost;
   find<HTMLButtonElement>("undo").disabled = !takes.mayUndo;
   find<HTMLButtonElement>("redo").disabled = !takes.mayRedo;
   const link = writeLink(state.settings, state.takes.map((take) => take.seed));
@@ -115,6 +120,8 @@ function bindAvatar(wear: (file: File | null) => Promise<void>): void {
 function bindHeader(store: Store, takes: Takes): void {
   find("undo").addEventListener("click", () => takes.undo());
   find("redo").addEventListener("click", () => takes.redo());
+  find("bring-back").addEventListener("click", () => takes.bringBack());
+  find("let-go").addEventListener("click", () => takes.letGo());
   find("open-help").addEventListener("click", () => find<HTMLDialogElement>("help").showModal());
   find("copy-link").addEventListener("click", () => {
     const { settings, takes: shown } = store.state;

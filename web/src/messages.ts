@@ -196,6 +196,12 @@ export interface NamedStyle {
   name: string;
 }
 
+/** A plan that can be played. */
+export interface OpenedPlan {
+  plan: Plan;
+  note: string;
+}
+
 /** What is gestured when: phrases, accents, gestures, gaze, emotions, seeds. */
 export interface Plan {
   cospeech_plan?: 1;
@@ -220,6 +226,13 @@ export interface PlanEditRequest {
   plan: Plan;
   speech?: string | null;
   edit: AddGesture | RemoveGesture | MoveGesture | ChangeGesture | ReseedStretch | SetStretch | ClearStretch | LockStretch | UnlockAll;
+}
+
+/** A plan from a file is wanted for a speech. */
+export interface PlanOpenRequest {
+  plan: Plan;
+  speech: string;
+  model: string;
 }
 
 /** A gesture: preparation, stroke, hold. Times are seconds; what is not given the planner chooses. */

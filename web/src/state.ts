@@ -26,6 +26,8 @@ export interface Take {
   /** A plan that was edited; null where the model plans by itself. */
   edited: Plan | null;
   plan: Plan | null;
+  /** The edited plan that the shown motion was made with. */
+  played: Plan | null;
   motion: Motion | null;
   /** The server's name of what is shown. */
   id: string | null;
@@ -55,7 +57,7 @@ let nextKey = 1;
 
 export function makeTake(seed: number): Take {
   return {
-    key: nextKey++, seed, edited: null, plan: null, motion: null, id: null, making: null, madeFrom: "", progress: null,
+    key: nextKey++, seed, edited: null, plan: null, played: null, motion: null, id: null, making: null, madeFrom: "", progress: null,
     factor: null, problem: "",
   };
 }

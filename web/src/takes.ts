@@ -1,12 +1,15 @@
 // Making takes: asking for them, following them, undoing, and keeping what was made already.
 
 import * as api from "./api";
-import type { Plan, TakeEvent, TakeRequest } from "./messages";
+import type { Plan, TakeEvent, TakeRequest, UploadedSpeech } from "./messages";
+import { readMix } from "./link";
 import type { Motion } from "./motion";
 import { makeTake, type Settings, type Store, type Take } from "./state";
 
 const MOST_TAKES = 8;
 const KEPT = 24; // results that undo and redo find again without asking [ours: three rounds of eight takes]
+const NUMBERS = ["intensity", "temperature"] as const; // of a plan: its gestures stay where one of them changes
+const OUTSIDE = ["fps", "parts"]; // settings that no plan holds: an edited plan is played with others
 const PATIENCE = 250; // milliseconds from the last change of a setting to the request [ours: a slider sends one request]
 
 interface Made { id: string; motion: Motion; plan: Plan | null; factor: number | null }
@@ -17,6 +20,9 @@ export class Takes {
   private readonly events = new Map<string, TakeEvent>();
   private past: Step[] = [];
   private future: Step[] = [];
+  /** The last step that has the edits which gave way to a setting, until the user has answered. */
+  private lost: Step | null = null;
+  private readonly saved = new WeakSet<Plan>();
   private timer = 0;
 
   constructor(private readonly store: Store) {
@@ -29,6 +35,17 @@ export class Takes {
   makeAll(): void {
     window.clearTimeout(this.timer);
     for (const take of this.store.state.takes) void this.make(take);
+  }
+
+  /** Another speech: what was planned for the last one is not right for it. */
+  openSpeech(speech: UploadedSpeech): void {
+    const forget = (step: Step): Step => ({ ...step, takes: step.takes.map((take) => ({ ...take, edited: null })) });
+    this.past = this.past.map(forget);
+    this.future = this.future.map(forget);
+    this.lost = null;
+    for (const take of this.store.state.takes) Object.assign(take, { plan: null, edited: null, motion: null, id: null, madeFrom: "" });
+    this.store.update({ speech, selection: null, gesture: null, notice: "" });
+    this.makeAll();
   }
 
   /** What was made is not right any more, since the words changed. */
@@ -105,7 +122,7 @@ export class Takes {
   }
 
   private show(take: Take, { id, motion, plan, factor }: Made): void {
-    Object.assign(take, { id, motion, plan, factor, making: null, progress: null, problem: "" });
+    Object.assign(take, { id, motion, plan, factor, played: take.edited, making: null, progress: null, problem: "" });
     this.store.update();
   }
 
@@ -134,21 +151,38 @@ export class Takes {
 
   // ------------------------------------------------------------------------------------------ changing
 
-  /** Change settings; plans that were edited give way, for they hold settings of their own. Undo brings them back. */
+  /**
+   * Change settings. An edited plan takes a new intensity and temperature, and is played at another frame rate and with other
+   * parts. Any other setting makes another plan: the edits give way until `bringBack`.
+   */
   changeSettings(change: Partial<Settings>): void {
-    this.remember();
-    const edited = this.store.state.takes.some((take) => take.edited !== null);
-    for (const take of this.store.state.takes) take.edited = null;
-    const notice = edited ? "the edits of the plan gave way to the new settings; undo brings them back" : "";
-    this.store.update({ settings: { ...this.store.state.settings, ...change }, notice });
+    const step = this.remember();
+    const { takes, settings } = this.store.state;
+    const numbers = Object.fromEntries(NUMBERS.filter((name) => name in change).map((name) => [name, change[name]]));
+    const stays = Object.keys(change).every((name) => name in numbers || OUTSIDE.includes(name));
+    for (const take of takes) {
+      if (take.edited === null) continue;
+      if (!stays) this.dropEdits(take, step);
+      else if (Object.keys(numbers).length) {
+        Object.assign(take, { edited: { ...take.edited, ...numbers }, plan: { ...(take.plan ?? take.edited), ...numbers } });
+      }
+    }
+    this.store.update({ settings: { ...settings, ...change }, notice: "" });
     this.makeSoon();
   }
 
   changeSeed(seed: number): void {
-    this.remember();
-    Object.assign(this.store.take, { seed, edited: null });
-    this.store.update();
+    const step = this.remember();
+    const { take } = this.store;
+    if (take.edited !== null) this.dropEdits(take, step);
+    take.seed = seed;
+    this.store.update({ notice: "" });
     this.makeSoon();
+  }
+
+  private dropEdits(take: Take, step: Step): void {
+    take.edited = null;
+    this.lost ??= step;
   }
 
   get mayAdd(): boolean {
@@ -181,12 +215,41 @@ export class Takes {
       let plan = take.plan;
       for (const edit of edits) ({ plan } = await api.editPlan({ plan, speech: state.speech.speech, edit }));
       this.remember();
+      this.lost = null;
       Object.assign(take, { edited: plan, plan });
       this.store.update({ problem: "", notice: "" });
       await this.make(take);
     } catch (error) {
       this.store.update({ problem: error instanceof Error ? error.message : String(error) });
     }
+  }
+
+  // ------------------------------------------------------------------------------------------ plans in files
+
+  /** Whether a take has edits that are in no file. */
+  get hasUnsaved(): boolean {
+    return this.store.state.takes.some(({ edited }) => edited !== null && !this.saved.has(edited));
+  }
+
+  /** The plan is in a file. */
+  markSaved(plan: Plan | null): void {
+    if (plan !== null) this.saved.add(plan);
+    this.store.update();
+  }
+
+  /** Play a plan from a file as the chosen take; the settings become those of the plan. */
+  openPlan(plan: Plan): void {
+    this.remember();
+    this.lost = null;
+    this.saved.add(plan);
+    const { settings } = this.store.state;
+    const mix = readMix(plan.style?.includes(":") ? plan.style : "", this.store.model.styles);
+    const emotion = typeof plan.emotion === "string" ? plan.emotion : settings.emotion;
+    const { intensity = 1, temperature = 1, seed = 0 } = plan;
+    Object.assign(this.store.take, { edited: plan, plan, seed });
+    const style = mix ? "" : (plan.style ?? "");
+    this.store.update({ settings: { ...settings, style, mix, clip: null, emotion, intensity, temperature }, gesture: null });
+    this.makeAll();
   }
 
   // ------------------------------------------------------------------------------------------ undoing
@@ -196,10 +259,30 @@ export class Takes {
     return { settings, takes: takes.map(({ seed, edited }) => ({ seed, edited })), chosen };
   }
 
-  private remember(): void {
-    this.past.push(this.step());
-    if (this.past.length > 100) this.past.shift();
+  private remember(): Step {
+    const step = this.step();
+    this.past.push(step);
+    if (this.past.length > 100 && this.past.shift() === this.lost) this.lost = null;
     this.future = [];
+    return step;
+  }
+
+  /** Whether edits gave way to a setting, and the user has neither brought them back nor let them go. */
+  get hasLost(): boolean {
+    return this.lost !== null;
+  }
+
+  /** Undo up to the edits that gave way. */
+  bringBack(): void {
+    if (this.lost === null) return;
+    const later = this.past.splice(this.past.indexOf(this.lost) + 1);
+    this.future.push(this.step(), ...later.reverse());
+    this.restore(this.past.pop() as Step);
+  }
+
+  letGo(): void {
+    this.lost = null;
+    this.store.update();
   }
 
   get mayUndo(): boolean {
@@ -225,6 +308,7 @@ export class Takes {
   }
 
   private restore(step: Step): void {
+    if (step === this.lost) this.lost = null;
     const { takes } = this.store.state;
     for (const gone of takes.splice(step.takes.length)) if (gone.making !== null) api.forgetTake(gone.making);
     step.takes.forEach((wanted, k) => {

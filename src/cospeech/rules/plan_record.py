@@ -17,13 +17,12 @@ from .mood import Mood
 from .plan_edits import Plan, Setting
 from .plan_model import AFTER_END, HeardAccent, HeardPhrase, PlannedGesture, words_of
 from .plan_player import PlanPlayer
-from .planned_words import PlannedWords
+from .planned_words import PlannedWords, describe_length
 from .styles import STYLES, Style, find_style
 
 __all__ = ["PlanRecord"]
 
 _DIGITS = 4
-_SAME_LENGTH = 0.1  # seconds by which a speech may be longer or shorter in another file [ours: what MP3 adds]
 
 
 class PlanRecord:
@@ -84,10 +83,7 @@ class PlanRecord:
         known = self.player.plan()
         left = ", ".join(each.id for each in _split_at_end(known.gestures, seconds)[1])
         told = f"gestures after the end of the speech are left out: {left}" if left else ""
-        if known.seconds is not None and abs(known.seconds - seconds) > _SAME_LENGTH:
-            other = f"the plan is of a speech of {known.seconds:.4g} s, and this one has {seconds:.4g} s"
-        else:
-            other = self.words.describe_difference(seconds)
+        other = describe_length(known.seconds, seconds) or self.words.describe_difference(seconds)
         told = "; ".join(part for part in (other, told) if part)
         if told:
             warnings.warn(told, CospeechWarning, stacklevel=2)

@@ -7,8 +7,9 @@ from collections.abc import Iterable, Sequence
 
 from ..audio.speech import Word
 
-__all__ = ["PlannedWords"]
+__all__ = ["PlannedWords", "describe_length"]
 
+_SAME_LENGTH = 0.1  # seconds by which a speech may be longer or shorter in another file [ours: what MP3 adds]
 _SAME_TIME = 1e-3  # seconds by which a word may be elsewhere [ours: SRT and WebVTT give milliseconds]
 
 
@@ -55,6 +56,18 @@ class PlannedWords:
         if not self._given or not known or _same(known, self.heard):
             return ""
         return "the words of the speech are not those of the plan, and are played in their place"
+
+
+def describe_length(planned: float | None, seconds: float) -> str:
+    """What to say if a plan is of a speech of another length; else nothing.
+
+    Args:
+        planned: seconds of the speech of the plan; None where nobody knows.
+        seconds: of the speech that is there.
+    """
+    if planned is None or abs(planned - seconds) <= _SAME_LENGTH:
+        return ""
+    return f"the plan is of a speech of {planned:.4g} s, and this one has {seconds:.4g} s"
 
 
 def _same(some: Sequence[Word], others: Sequence[Word]) -> bool:

@@ -16,8 +16,10 @@ from ..errors import CospeechError, InputError, nearest
 from ..export import FORMATS, reads_body
 from ..files import parse_json, sweep
 from ..limits import PLAN_VALUES
+from ..models import DEFAULT
 from ..rules.plan_edits import Plan
 from ..rules.plan_model import parse_plan, words_of
+from ..rules.planned_words import PlannedWords, describe_length
 from .catalogue import check_emotion, check_plan, check_style, find_model
 from .messages import (  # fmt: skip
     ChangedPlan,
@@ -26,7 +28,9 @@ from .messages import (  # fmt: skip
     MessageWords,
     MixedStyle,
     NamedStyle,
+    OpenedPlan,
     PlanEditRequest,
+    PlanOpenRequest,
     StudioProblem,
     TakeRequest,
     UploadedClip,
@@ -330,6 +334,21 @@ class StudioApi:
         """``POST /api/plans/edit``."""
         body = await request.body()
         return _answer(await _in_thread(self._edit, body))
+
+    async def open_plan(self, request: Any) -> Any:
+        """``POST /api/plans/open``: whether a plan from a file is one of this speech and of this model."""
+        asked = parse_message(PlanOpenRequest, await request.body())
+        model = find_model(await _in_thread(self._state.list_catalogue), asked.model)
+        held = self._state.speeches.find(asked.speech)
+        check_plan(model, asked.plan)
+        if asked.plan.gestures and not model.takes_gestures:
+            raise InputError(f"the plan lists gestures, and {model.name} takes none", f"choose the model {DEFAULT} first")
+        other = describe_length(asked.plan.seconds, held.seconds)
+        if other:
+            raise InputError(other, "drop the speech of the plan first")
+        words = PlannedWords(asked.plan.speech_words)
+        words.hear(held.words or None, held.seconds)
+        return _answer(OpenedPlan(plan=asked.plan, note=words.describe_difference(held.seconds)))
 
     def _edit(self, body: bytes) -> ChangedPlan:
         asked = parse_message(PlanEditRequest, body)

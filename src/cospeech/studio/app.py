@@ -81,6 +81,7 @@ def _api_routes(api: StudioApi) -> list[Any]:
         ("GET", "/api/takes/{take}/report"): api.give_report,
         ("GET", "/api/takes/{take}/file"): api.give_file,
         ("POST", "/api/plans/edit"): api.edit_plan,
+        ("POST", "/api/plans/open"): api.open_plan,
     }
     return [route(path, answer_errors(call), methods=[method]) for (method, path), call in calls.items()]
 

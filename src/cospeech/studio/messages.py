@@ -17,7 +17,7 @@ from ..rules.plan_model import HeardWord
 __all__ = [
     "AddGesture", "Catalogue", "ChangeGesture", "ChangedPlan", "ClearStretch", "ClipStyle", "CreatedTake", "FormRow",
     "FormatRow", "LockStretch", "MessageWords", "MixedStyle", "ModelRow", "MotionHeader", "MoveGesture", "NamedStyle",
-    "PlanEdit", "PlanEditRequest", "RemoveGesture", "ReseedStretch", "SetStretch", "StudioLimits", "StudioMessage",
+    "OpenedPlan", "PlanEdit", "PlanEditRequest", "PlanOpenRequest", "RemoveGesture", "ReseedStretch", "SetStretch", "StudioLimits", "StudioMessage",
     "StudioProblem", "TakeEvent", "TakeRequest", "UnlockAll", "UploadedClip", "UploadedSpeech",
 ]  # fmt: skip
 
@@ -324,6 +324,22 @@ class PlanEditRequest(StudioMessage):
     plan: Plan
     speech: Token | None = None
     edit: PlanEdit
+
+
+class PlanOpenRequest(StudioMessage):
+    """A plan from a file is wanted for a speech."""
+
+    plan: Plan
+    speech: Token
+    model: ShortText
+
+
+class OpenedPlan(StudioMessage):
+    """A plan that can be played."""
+
+    plan: Plan
+    note: str = ""
+    """That its words are not those of the speech; else empty."""
 
 
 class ChangedPlan(StudioMessage):

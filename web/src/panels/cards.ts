@@ -1,7 +1,7 @@
 // The takes under the characters: which is chosen, how far it is, what went wrong; and the downloads of the chosen one.
 
 import { fileOf, readFile } from "../api";
-import { fillSelect, find, make } from "../dom";
+import { fillSelect, find, make, saveFile, stemOf } from "../dom";
 import type { State, Store, Take } from "../state";
 import type { Takes } from "../takes";
 
@@ -61,10 +61,7 @@ export class Cards {
     const writing = this.follow(new AbortController());
     this.store.update({ notice: `writing ${suffix} …`, problem: "" });
     try {
-      const url = URL.createObjectURL(await readFile(take.id, suffix, writing.signal));
-      const stem = (state.speech?.name ?? "talk").replace(/\.[^.]*$/, "");
-      make("a", { href: url, download: `${stem}${suffix}` }).click();
-      window.setTimeout(() => URL.revokeObjectURL(url), 60_000);
+      saveFile(await readFile(take.id, suffix, writing.signal), `${stemOf(state.speech?.name ?? "talk")}${suffix}`);
       this.store.update({ notice: "" });
     } catch (error) {
       if (writing.signal.aborted) this.store.update({ notice: "cancelled" });

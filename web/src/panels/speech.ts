@@ -4,6 +4,7 @@ import * as api from "../api";
 import { find, formatTime } from "../dom";
 import type { UploadedSpeech } from "../messages";
 import type { Player } from "../player";
+import { isPlan } from "./plan";
 import type { State, Store } from "../state";
 import type { Takes } from "../takes";
 
@@ -15,6 +16,7 @@ const AVATAR = /\.(vrm|glb)$/i;
 export interface Receivers {
   avatar: (file: File) => void;
   clip: (file: File) => void;
+  plan: (file: File) => void;
 }
 
 export class SpeechPanel {
@@ -39,7 +41,7 @@ export class SpeechPanel {
       event.preventDefault();
       stage.classList.remove("over");
       const file = event.dataTransfer?.files[0];
-      if (file) this.sort(file);
+      if (file) void this.sort(file);
     });
     store.onChange((state) => this.draw(state));
   }
@@ -53,23 +55,23 @@ export class SpeechPanel {
     });
   }
 
-  /** A file that was dropped: the name's end says what it is. */
-  private sort(file: File): void {
+  /** A file that was dropped: the name's end says what it is, and the text of a JSON file. */
+  private async sort(file: File): Promise<void> {
     if (AVATAR.test(file.name)) this.others.avatar(file);
     else if (MOTION.test(file.name)) this.others.clip(file);
+    else if (await isPlan(file)) this.others.plan(file);
     else if (TRANSCRIPT.test(file.name)) void this.takeWords(file);
     else void this.take(() => api.sendSpeech(file, file.name));
   }
 
   private async take(send: () => Promise<UploadedSpeech>): Promise<void> {
+    if (this.takes.hasUnsaved && !window.confirm("Your edits are in no file. Open another speech without them?")) return;
     this.store.update({ problem: "", notice: "reading the speech …" });
     try {
       const speech = await send();
       this.player.pause();
       this.player.open(api.soundOf(speech.speech));
-      for (const take of this.store.state.takes) Object.assign(take, { plan: null, edited: null, motion: null, id: null, madeFrom: "" });
-      this.store.update({ speech, selection: null, gesture: null, notice: "" });
-      this.takes.makeAll();
+      this.takes.openSpeech(speech);
     } catch (error) {
       this.store.update({ problem: error instanceof Error ? error.message : String(error), notice: "" });
     }

@@ -84,7 +84,7 @@ def feature_tools(features: str | PathLike[str] | FeatureNet | None, clips: Sequ
             if (error.name or "").partition(".")[0] != "torch":
                 raise
             raise InputError(
-                "feature networks need torch, which is not installed", "in a clone: pip install '.[train]'"
+                "feature networks need torch, which is not installed", "in a clone: pip install -e '.[train]'"
             ) from None
     assert isinstance(net, FeatureNet)
     for clip in clips[:1]:

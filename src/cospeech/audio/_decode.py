@@ -145,7 +145,7 @@ def decode_container(file, container: str) -> int:  # type: ignore[no-untyped-de
         import av
     except ImportError:
         raise FileRefused(
-            f"{container} media need FFmpeg's decoders", "in a clone: pip install '.[av]'; or save it as WAV"
+            f"{container} media need FFmpeg's decoders", "in a clone: pip install -e '.[av]'; or save it as WAV"
         ) from None
     frames = 0
     try:

@@ -261,7 +261,7 @@ def _faster_whisper(path: str) -> Iterable[Word]:
     try:
         from faster_whisper import WhisperModel
     except ImportError:
-        raise InputError("word times from a recogniser need faster-whisper", "in a clone: pip install '.[asr]'") from None
+        raise InputError("word times from a recogniser need faster-whisper", "in a clone: pip install -e '.[asr]'") from None
     try:
         segments, _ = WhisperModel("tiny", device="cpu", compute_type="int8").transcribe(path, word_timestamps=True)
         for segment in segments:

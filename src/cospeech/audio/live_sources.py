@@ -223,7 +223,7 @@ def read_microphone(rate: int) -> Iterator[Samples]:
     try:
         import sounddevice
     except (ImportError, OSError) as error:  # OSError: the system has no PortAudio
-        hint = "in a clone: pip install '.[live]'" if isinstance(error, ImportError) else "apt install libportaudio2"
+        hint = "in a clone: pip install -e '.[live]'" if isinstance(error, ImportError) else "apt install libportaudio2"
         raise InputError("the microphone needs the package sounddevice and PortAudio", hint) from None
     size = max(1, round(PIECE * rate))
 

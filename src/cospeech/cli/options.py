@@ -143,7 +143,14 @@ Continue = Annotated[
         help="Motion file to continue from, so that two clips join. Only some models take it, such as chain-of-generation.",
     ),
 ]
-Parts = Annotated[str, option("--parts", metavar="LIST", help="Parts that move, separated by commas.")]
+Parts = Annotated[
+    str,
+    option(
+        "--parts",
+        metavar="LIST",
+        help="Parts that move, separated by commas; the rest stays neutral. Arms belong to the body, fingers to the hands.",
+    ),
+]
 _RIG = "a name (`cospeech list skeletons`) or your rig: a .bvh, .glb or .vrm file."
 Skeleton = Annotated[str, option("--skeleton", metavar="NAME|FILE", help=f"Skeleton of .bvh files: {_RIG}")]
 Retarget = Annotated[str | None, option("--skeleton", metavar="NAME|FILE", help=f"Retarget to this skeleton: {_RIG}")]

@@ -59,7 +59,8 @@ def _training() -> Iterator[None]:
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] not in ("torch", "onnx"):
             raise
-        raise InputError(f"training needs {error.name}, which is not installed", "in a clone: pip install '.[train]'") from None
+        problem = f"training needs {error.name}, which is not installed"
+        raise InputError(problem, "in a clone: pip install -e '.[train]'") from None
 
 
 def register(app: typer.Typer) -> None:

@@ -1,7 +1,7 @@
 """``.mp4``: preview video, H.264 in yuv420p with the speech as AAC; plays in browsers, chats and every editor.
 
 Motion and speech both start at time 0. The first bytes say where everything is ("faststart"), so that the film starts while
-it is still being loaded. Needs PyAV, which carries FFmpeg: ``pip install '.[av]'``.
+it is still being loaded. Needs PyAV, which carries FFmpeg: ``pip install -e '.[av]'``.
 """
 
 from __future__ import annotations
@@ -166,5 +166,5 @@ def _pyav() -> ModuleType:
     try:
         import av
     except ImportError:
-        raise InputError("writing .mp4 needs PyAV, which is not installed", "in a clone: pip install '.[av]'") from None
+        raise InputError("writing .mp4 needs PyAV, which is not installed", "in a clone: pip install -e '.[av]'") from None
     return av

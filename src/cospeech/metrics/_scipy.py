@@ -21,4 +21,5 @@ def scipy(module: str) -> Any:
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "scipy":
             raise
-        raise InputError("metrics and the statistics of movement need scipy", "in a clone: pip install '.[corpora]'") from None
+        problem = "metrics and the statistics of movement need scipy"
+        raise InputError(problem, "in a clone: pip install -e '.[corpora]'") from None

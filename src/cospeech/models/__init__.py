@@ -231,5 +231,5 @@ def _open(path: Path) -> Any:
         except ModuleNotFoundError as error:
             if (error.name or "").partition(".")[0] not in ("torch", "onnx"):
                 raise
-            raise InputError(f"a run needs {error.name} to become a bundle", "in a clone: pip install '.[train]'") from None
+            raise InputError(f"a run needs {error.name} to become a bundle", "in a clone: pip install -e '.[train]'") from None
         return TrainedModel.open(folder / f"run{BUNDLE}")

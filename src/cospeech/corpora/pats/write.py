@@ -112,7 +112,7 @@ def _h5py() -> Any:
     try:
         import h5py
     except ImportError:
-        raise InputError("writing PATS' layout needs h5py", "in a clone: pip install '.[corpora]'") from None
+        raise InputError("writing PATS' layout needs h5py", "in a clone: pip install -e '.[corpora]'") from None
     return h5py
 
 

@@ -258,7 +258,7 @@ def _workers(
     try:
         from joblib import Parallel, delayed, effective_n_jobs, parallel_config
     except ImportError:
-        raise InputError("several jobs need joblib", "in a clone: pip install '.[corpora]'") from None
+        raise InputError("several jobs need joblib", "in a clone: pip install -e '.[corpora]'") from None
     client = None
     try:
         client = _connect(backend, scheduler)

@@ -87,7 +87,7 @@ def _encoder(name: str) -> Any:
     try:
         from ...models.nn.speech_encoder import load_cnn
     except ImportError:
-        raise InputError("wav2vec 2.0 needs PyTorch", "in a clone: pip install '.[wav2vec]'") from None
+        raise InputError("wav2vec 2.0 needs PyTorch", "in a clone: pip install -e '.[wav2vec]'") from None
     return load_cnn(name)
 
 

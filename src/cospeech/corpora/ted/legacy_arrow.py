@@ -80,7 +80,7 @@ def load_pyarrow() -> Any:
         import pyarrow
         import pyarrow.ipc
     except ImportError:
-        raise InputError("reading and writing TED's files needs pyarrow", "in a clone: pip install '.[corpora]'") from None
+        raise InputError("reading and writing TED's files needs pyarrow", "in a clone: pip install -e '.[corpora]'") from None
     return pyarrow
 
 

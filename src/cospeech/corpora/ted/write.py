@@ -157,7 +157,7 @@ class _Store:
         try:
             import lmdb
         except ImportError:
-            raise InputError("writing TED's layout needs lmdb", "in a clone: pip install '.[corpora]'") from None
+            raise InputError("writing TED's layout needs lmdb", "in a clone: pip install -e '.[corpora]'") from None
         shutil.rmtree(folder, ignore_errors=True)
         self.folder, self.count, self._full = folder, 0, lmdb.MapFullError
         self._size = _MAP

@@ -27,7 +27,7 @@ def import_websockets() -> None:
     try:
         import websockets  # noqa: F401
     except ImportError:
-        raise InputError("WebSockets need the package websockets", "in a clone: pip install '.[live]'") from None
+        raise InputError("WebSockets need the package websockets", "in a clone: pip install -e '.[live]'") from None
 
 
 def serve_here(serve: Any, handler: Any, host: str, port: int) -> Any:

@@ -158,7 +158,7 @@ def copy_video(source: Path, target: Path, *, sound: bool) -> None:
     try:
         av: Any = import_module("av")
     except ModuleNotFoundError:
-        raise InputError("videos need PyAV", "in a clone: pip install '.[av]'") from None
+        raise InputError("videos need PyAV", "in a clone: pip install -e '.[av]'") from None
     try:
         with av.open(str(source)) as read, av.open(str(target), "w", format=target.suffix[1:]) as written:
             streams = [*read.streams.video[:1], *(read.streams.audio[:1] if sound else ())]

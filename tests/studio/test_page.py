@@ -538,6 +538,19 @@ def test_a_take_that_is_cancelled_leaves_what_was_shown(page, tmp_path):
     wait_until(page, "cospeechStudio.takes[0].making === null")
 
 
+def test_a_page_that_is_loaded_again_does_not_wait_for_its_last_take(page, wav, tmp_path):
+    import soundfile
+
+    samples, rate = soundfile.read(SPEECH, dtype="float32")
+    soundfile.write(tmp_path / "long.wav", np.tile(samples, 60), rate)
+    page.set_input_files("#speech-file", tmp_path / "long.wav")
+    wait_until(page, "cospeechStudio.takes[0].progress > 0", 30)
+    page.reload()
+    wait_until(page, "document.documentElement.dataset.ready === 'true'")
+    page.set_input_files("#speech-file", wav)
+    wait_until(page, DONE, 6)
+
+
 def test_takes_stand_side_by_side_and_a_link_brings_them_back(talking, chromium):
     talking.click("#add-take")
     talking.click("#add-take")

@@ -197,6 +197,7 @@ def test_no_script_keeps_the_page_longer_than_100_ms(talking):
         ("#style", "lively", "style", "lively"),
         ("#emotion", "anger", "emotion", "anger"),
         ("#fps", "60", "fps", 60),
+        ("#fps", "29.97", "fps", 29.97),
     ],
 )
 def test_each_choice_changes_the_motion(talking, selector, value, setting, expected):
@@ -274,7 +275,9 @@ def test_gestures_are_added_deleted_and_locked_by_keys_and_buttons(talking):
     talking.click("#add-dialog button[value=add]")
     wait_until(talking, f"cospeechStudio.takes[0].plan.gestures.some(each => each.form === 'big') && {DONE}")
     talking.locator('.gesture:has-text("big")').first.click()
-    talking.click("#lock")
+    talking.keyboard.press("l")
+    assert talking.get_attribute("#loop", "aria-pressed") == "true"
+    talking.keyboard.press("k")
     wait_until(talking, "cospeechStudio.takes[0].plan.locked.length === 1")
 
 
@@ -538,6 +541,19 @@ def test_a_take_that_is_cancelled_leaves_what_was_shown(page, tmp_path):
     wait_until(page, "cospeechStudio.takes[0].making === null")
 
 
+def test_a_page_that_is_loaded_again_does_not_wait_for_its_last_take(page, wav, tmp_path):
+    import soundfile
+
+    samples, rate = soundfile.read(SPEECH, dtype="float32")
+    soundfile.write(tmp_path / "long.wav", np.tile(samples, 60), rate)
+    page.set_input_files("#speech-file", tmp_path / "long.wav")
+    wait_until(page, "cospeechStudio.takes[0].progress > 0", 30)
+    page.reload()
+    wait_until(page, "document.documentElement.dataset.ready === 'true'")
+    page.set_input_files("#speech-file", wav)
+    wait_until(page, DONE, 6)
+
+
 def test_takes_stand_side_by_side_and_a_link_brings_them_back(talking, chromium):
     talking.click("#add-take")
     talking.click("#add-take")
@@ -573,6 +589,7 @@ def test_an_avatar_wears_the_motion_and_stays_in_the_browser(talking, shared, na
     talking.on("request", lambda request: sent.append(request.method) if request.method != "GET" else None)
     talking.set_input_files("#avatar-file", shared / "data" / "avatars" / name)
     wait_until(talking, f"document.getElementById('avatar-name').textContent === '{name}'")
+    assert "files hold the mannequin" in talking.inner_text("#avatar-note")
     places, mouths = [], []
     for at in np.arange(0.4, 4, 0.3):
         seek(talking, at)

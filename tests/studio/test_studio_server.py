@@ -481,6 +481,36 @@ def test_cancelling_is_told_and_ends_the_work(served):
     assert not any((state.place / "takes" / name).exists() for name in takes)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("code", [1001, 1006])
+def test_takes_of_a_page_that_has_left_are_cancelled(served, code, monkeypatch):
+    port, state = served
+    monkeypatch.setattr(state.pages, "_grace", 0.5)
+    long = ask_json(port, "/api/speech?name=long.wav", sound_file(900, 8000))["speech"]
+    body = {"speech": long, "model": "rules"}
+    with connected(port, "/api/events?page=other"), connected(port, "/api/events?page=mine") as mine:
+        takes = [ask_json(port, "/api/takes", body | {"page": "mine"})["take"] for _ in range(2)]
+        others = [ask_json(port, "/api/takes", body | {"page": page})["take"] for page in ("other", None)]
+        time.sleep(1)  # twice the grace: while the page is there, its takes are made
+        assert all(state.takes.find(name).in_use for name in (*takes, *others))
+        if code == 1001:
+            mine.close(code)
+        else:
+            mine.socket.shutdown(socket.SHUT_RDWR)
+        until = time.monotonic() + 10
+        while any((state.place / "takes" / name).exists() for name in takes) and time.monotonic() < until:
+            time.sleep(0.01)
+        assert not any((state.place / "takes" / name).exists() for name in takes)
+        assert all(state.takes.find(name).in_use for name in others)
+        for name in others:
+            assert ask(port, f"/api/takes/{name}", method="DELETE")[0] == 204
+        late = ask_json(port, "/api/takes", body | {"page": "mine"})["take"]  # asked for while it left
+        until = time.monotonic() + 10
+        while (state.place / "takes" / late).exists() and time.monotonic() < until:
+            time.sleep(0.01)
+        assert not (state.place / "takes" / late).exists()
+
+
 def test_a_file_is_written_no_longer_than_its_client_waits(served):
     port, state = served
     long = ask_json(port, "/api/speech?name=long.wav", sound_file(40))["speech"]

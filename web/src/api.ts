@@ -48,7 +48,7 @@ export const sendClip = (file: File): Promise<UploadedClip> => upload("/api/clip
 export const sendTranscript = (speech: string, file: File): Promise<MessageWords> =>
   upload(`/api/speech/${speech}/transcript`, "PUT", file, file.name);
 export const soundOf = (speech: string): string => `/api/speech/${speech}/sound`;
-export const createTake = (request: TakeRequest): Promise<CreatedTake> => askJson("/api/takes", "POST", request);
+export const createTake = (request: TakeRequest): Promise<CreatedTake> => askJson("/api/takes", "POST", { ...request, page: PAGE });
 export const readPlan = (take: string): Promise<Plan> => askJson(`/api/takes/${take}/plan`);
 export const editPlan = (request: PlanEditRequest): Promise<ChangedPlan> => askJson("/api/plans/edit", "POST", request);
 export const openPlan = (request: PlanOpenRequest): Promise<OpenedPlan> => askJson("/api/plans/open", "POST", request);
@@ -73,11 +73,12 @@ export function socketOf(path: string): WebSocket {
   return new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${path}`);
 }
 
+const PAGE = Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, "0")).join("");
 const AGAIN = 1000; // milliseconds until a lost connection is opened again [ours]
 
 /** Call `tell` with every event of a take; the connection is opened again whenever it is lost. */
 export function followEvents(tell: (event: TakeEvent) => void, state: (connected: boolean) => void): void {
-  const socket = socketOf("/api/events");
+  const socket = socketOf(`/api/events?page=${PAGE}`);
   socket.onopen = () => state(true);
   socket.onmessage = (message) => tell(JSON.parse(message.data as string) as TakeEvent);
   socket.onclose = () => {

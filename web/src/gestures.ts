@@ -92,7 +92,7 @@ export class GestureTrack {
     const sign = event.key === "ArrowLeft" ? -1 : event.key === "ArrowRight" ? 1 : 0;
     if (sign) void this.move(gesture, gesture.stroke + sign * NUDGE);
     else if (event.key === "Delete" || event.key === "Backspace") void this.takes.edit({ kind: "remove", gesture: gesture.id });
-    else if (event.key === "l" || event.key === "L") this.lock(gesture);
+    else if (event.key === "k" || event.key === "K") this.lock(gesture);
     else return;
     event.preventDefault();
     event.stopPropagation();

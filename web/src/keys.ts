@@ -59,6 +59,7 @@ function answer(event: KeyboardEvent, { store, takes, player, play, removeGestur
     Delete: removeGesture,
     Backspace: removeGesture,
     l: () => find("loop").click(),
+    k: () => find("lock").click(),
     f: () => find("frame").click(),
     n: () => takes.changeSeed(store.take.seed + 1),
     "?": () => find<HTMLDialogElement>("help").showModal(),

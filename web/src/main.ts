@@ -68,6 +68,7 @@ async function openStudio(): Promise<void> {
     }
     find("avatar-name").textContent = crowd?.name || "Mannequin";
     find("mannequin").hidden = !crowd?.name;
+    find("avatar-note").hidden = !crowd?.name;
   }
 
   const planPanel = new PlanPanel(store, takes);

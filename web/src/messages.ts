@@ -343,6 +343,7 @@ export interface TakeRequest {
   parts?: ("face" | "body" | "hands")[];
   fps?: number;
   plan?: Plan | null;
+  page?: string | null;
 }
 
 /** A receiver of a live session. */

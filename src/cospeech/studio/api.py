@@ -242,10 +242,12 @@ class StudioApi:
             "options": options,
         }  # fmt: skip
         try:
-            self._state.queue.add(name, folder, held, job)
+            self._state.queue.add(name, folder, held, job, asked.page)
         except QueueFull:
             shutil.rmtree(folder, ignore_errors=True)
             raise
+        if asked.page is not None:
+            self._state.pages.expect(asked.page)  # it may have left while it asked
         return _answer(CreatedTake(take=name))
 
     def _find_style(self, asked: TakeRequest) -> str | None:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections import deque
+from collections import Counter, deque
+from collections.abc import Callable
 from contextlib import suppress
 
 from .messages import TakeEvent
 
-__all__ = ["EventHub", "Listener"]
+__all__ = ["EventHub", "Listener", "OpenPages"]
 
 _MOST = 500  # events that may wait for a page; ours: half a minute of a busy server
+_GOING_AWAY = 1001  # code of a close: the page is left (RFC 6455)
+_GRACE = 5.0  # seconds; ours: a page tries a lost connection again every second
 
 
 class Listener:
@@ -41,6 +44,39 @@ class Listener:
             self._changed.clear()
             await self._changed.wait()
         return self._waiting.popleft()
+
+
+class OpenPages:
+    """Which pages are open. Of one that has left, and does not come back in time, the server is told once.
+
+    All calls come from one event loop.
+
+    Args:
+        leave: called in a thread with the name of a page that has left.
+        grace: seconds until a page whose connection was lost has left.
+    """
+
+    def __init__(self, leave: Callable[[str], None], grace: float = _GRACE) -> None:
+        self._leave, self._grace = leave, grace
+        self._open: Counter[str] = Counter()
+
+    def enter(self, page: str) -> None:
+        """A page listens."""
+        self._open[page] += 1
+
+    def close(self, page: str, code: int) -> None:
+        """A page listens no more; ``code``: of the end of its WebSocket."""
+        self._open[page] -= 1
+        self.expect(page, 0.0 if code == _GOING_AWAY else self._grace)
+
+    def expect(self, page: str, seconds: float | None = None) -> None:
+        """A page that does not listen after so many seconds (usually the grace) has left."""
+        asyncio.get_running_loop().call_later(self._grace if seconds is None else seconds, self._look, page)
+
+    def _look(self, page: str) -> None:
+        if self._open[page] <= 0:
+            del self._open[page]
+            asyncio.get_running_loop().run_in_executor(None, self._leave, page)
 
 
 class EventHub:

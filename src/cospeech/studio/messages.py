@@ -17,8 +17,9 @@ from ..rules.plan_model import HeardWord
 __all__ = [
     "AddGesture", "Catalogue", "ChangeGesture", "ChangedPlan", "ClearStretch", "ClipStyle", "CreatedTake", "FormRow",
     "FormatRow", "LockStretch", "MessageWords", "MixedStyle", "ModelRow", "MotionHeader", "MoveGesture", "NamedStyle",
-    "OpenedPlan", "PlanEdit", "PlanEditRequest", "PlanOpenRequest", "RemoveGesture", "ReseedStretch", "SetStretch", "StudioLimits", "StudioMessage",
-    "StudioProblem", "TakeEvent", "TakeRequest", "UnlockAll", "UploadedClip", "UploadedSpeech",
+    "OpenedPlan", "PlanEdit", "PlanEditRequest", "PlanOpenRequest", "RemoveGesture", "ReseedStretch", "SetStretch",
+    "StudioLimits", "StudioMessage", "StudioProblem", "TakeEvent", "TakeRequest", "UnlockAll", "UploadedClip",
+    "UploadedSpeech",
 ]  # fmt: skip
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -174,6 +175,8 @@ class TakeRequest(StudioMessage):
     fps: FrameRate = 30.0
     plan: Plan | None = None
     """Played in the place of style, emotion, intensity, seed and temperature, which are its own."""
+    page: Token | None = None
+    """The name with which a page listens to ``WS /api/events?page=``. When it has left, its takes are cancelled."""
 
 
 class CreatedTake(StudioMessage):

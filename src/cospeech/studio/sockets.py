@@ -23,6 +23,7 @@ from .state import StudioState
 __all__ = ["StudioSockets"]
 
 _STATUS_SECONDS = 1.0  # between two states of a live session; ours
+_LOST = 1006  # code of a connection that ended without a word (RFC 6455)
 _BEHIND = 1013  # code of a close: try again later (RFC 6455, IANA's registry)
 _LIVE: TypeAdapter[Any] = TypeAdapter(LiveMessage)
 
@@ -39,15 +40,17 @@ class StudioSockets:
 
     async def events(self, socket: Any) -> None:
         """``WS /api/events``: first the last event of each take that is kept, then all that happen."""
-        listener = Listener()
+        listener, page, end = Listener(), socket.query_params.get("page", "")[:64], _Ending()
         await socket.accept()
         self._state.hub.add(listener)
+        self._state.pages.enter(page)
         try:
             for take in self._state.takes.things:
                 await socket.send_text(take.event.model_dump_json())
-            await _until_first(_send_events(socket, listener), _wait_for_end(socket))
+            await _until_first(_send_events(socket, listener), end.wait(socket))
         finally:
             self._state.hub.remove(listener)
+            self._state.pages.close(page, end.code)
 
     async def live(self, socket: Any) -> None:
         """``WS /api/live``: one live session at a time."""
@@ -85,9 +88,17 @@ async def _send_events(socket: Any, listener: Listener) -> None:
     await socket.close(_BEHIND)
 
 
-async def _wait_for_end(socket: Any) -> None:
-    while (await socket.receive())["type"] != "websocket.disconnect":
-        pass
+class _Ending:
+    """How a connection ended."""
+
+    def __init__(self) -> None:
+        self.code = _LOST
+
+    async def wait(self, socket: Any) -> None:
+        """Until the client has closed the connection."""
+        while (message := await socket.receive())["type"] != "websocket.disconnect":
+            pass
+        self.code = message.get("code") or _LOST
 
 
 class _LiveClient:

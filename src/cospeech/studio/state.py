@@ -11,7 +11,7 @@ from types import TracebackType
 from ..errors import CospeechError
 from ..files import scratch, workplace
 from .catalogue import MOST_TAKES, make_catalogue
-from .events import EventHub
+from .events import EventHub, OpenPages
 from .live import LiveModels
 from .messages import Catalogue
 from .shelf import Shelf
@@ -49,6 +49,7 @@ class StudioState:
         self._stack.callback(self.writer.close)
         self.queue = TakeQueue(self.takes, self.maker, self.hub.publish)
         self._stack.callback(self.queue.close)
+        self.pages = OpenPages(self.queue.cancel_page)
         self.live_sessions = 0
         self.file_jobs = 0
         self._catalogue: Catalogue | None = None

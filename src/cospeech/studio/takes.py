@@ -6,6 +6,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,7 @@ class QueueFull(Exception):
     """Too many takes wait."""
 
 
-@dataclass
+@dataclass(eq=False)
 class HeldTake:
     """A take, wanted or made, in a folder of its own."""
 
@@ -37,6 +38,8 @@ class HeldTake:
     """What the worker process is asked for; see `cospeech.studio._jobs.Jobs.take`."""
     event: TakeEvent
     """The last thing that happened to it."""
+    page: str | None = None
+    """The page that asked for it, where a page did."""
 
     @property
     def in_use(self) -> bool:
@@ -71,13 +74,13 @@ class TakeQueue:
         self._thread = threading.Thread(target=self._work, name="cospeech takes", daemon=True)
         self._thread.start()
 
-    def add(self, name: str, folder: Path, speech: HeldSpeech, job: dict[str, Any]) -> None:
-        """Queue a take.
+    def add(self, name: str, folder: Path, speech: HeldSpeech, job: dict[str, Any], page: str | None = None) -> None:
+        """Queue a take; see `HeldTake`.
 
         Raises:
             QueueFull: `MOST_WAITING` takes wait already.
         """
-        take = HeldTake(name, folder, speech, job, TakeEvent(type="queued", take=name))
+        take = HeldTake(name, folder, speech, job, TakeEvent(type="queued", take=name), page)
         with self._changed:
             if len(self._waiting) >= MOST_WAITING:
                 raise QueueFull
@@ -99,9 +102,16 @@ class TakeQueue:
                 self._tell(take, "cancelled")
             elif take is self._running and take.in_use:
                 self._tell(take, "cancelled")
-                self._worker.cancel()
+                self._worker.cancel(take)
                 return  # its folder goes when the process has left it
         self._shelf.remove(name)
+
+    def cancel_page(self, page: str) -> None:
+        """Cancel the takes of a page that wait or are being made."""
+        for take in reversed(self._shelf.things):  # those that wait first, so that none of them begins
+            if take.page == page and take.in_use:
+                with suppress(LookupError):  # it went meanwhile
+                    self.cancel(take.name)
 
     def close(self) -> None:
         """End the worker process and the thread; takes that wait are not made."""
@@ -143,7 +153,7 @@ class TakeQueue:
 
         kind, facts = "error", dict[str, Any]()
         try:
-            made = self._worker.run("take", progress, **take.job)
+            made = self._worker.run("take", progress, owner=take, **take.job)
             kind, facts = (
                 "done",
                 {"done": made["seconds"], "total": made["seconds"], "realtime_factor": made["realtime_factor"]},

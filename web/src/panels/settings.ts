@@ -5,7 +5,7 @@ import { fillSelect, find, make, modelRows, readName } from "../dom";
 import { PARTS, type State, type Store } from "../state";
 import type { Takes } from "../takes";
 
-const RATES = [15, 24, 25, 30, 50, 60];
+const RATES = [15, 23.976, 24, 25, 29.97, 30, 50, 60];
 const MOST_SEED = 2 ** 31 - 1; // what a number field shows without an exponent
 
 export class SettingsPanel {

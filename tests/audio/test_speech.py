@@ -215,7 +215,7 @@ def test_without_the_extra_the_message_says_what_to_install(tmp_path, monkeypatc
     blocked.mkdir()
     (blocked / "av.py").write_text("raise ImportError('no av here')\n")
     monkeypatch.setattr(sys, "path", [str(blocked), *sys.path])
-    with pytest.raises(InputError, match=r"in a clone: pip install '\.\[av\]'"):
+    with pytest.raises(InputError, match=r"in a clone: pip install -e '\.\[av\]'"):
         Speech.load(tmp_path / "a.m4a")
 
 

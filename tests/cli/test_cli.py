@@ -112,7 +112,9 @@ def test_convert_and_render(cli, place):
 
 @pytest.mark.slow
 def test_demo_has_everything(cli, place, monkeypatch):
-    monkeypatch.setattr("cospeech.cli.demo.EXAMPLE", place / "talk.wav")
+    monkeypatch.setattr("cospeech.cli.demo.EXAMPLE", place / "talk.wav")  # short, with words of its own
+    (place / "talk.tsv").write_text("0.1\t0.4\tso\n")
+    monkeypatch.setattr("cospeech.cli.demo.EXAMPLE_WORDS", place / "talk.tsv")
     code, out, err = cli("demo", "--to", "show/me")
     assert (code, err) == (0, "")
     suffixes = {".bvh", ".glb", ".vrma", ".csv", ".json", ".npz", ".mp4", ".png"}

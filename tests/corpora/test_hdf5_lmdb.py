@@ -69,7 +69,7 @@ def test_without_the_library(file, monkeypatch):
     monkeypatch.setattr(sys, "path", [path for path in sys.path if "site-packages" not in path])
     with (
         Hdf5LmdbReader("hdf5") as reader,
-        pytest.raises(InputError, match=r"needs h5py \(in a clone: pip install '\.\[corpora\]'\)"),
+        pytest.raises(InputError, match=r"needs h5py \(in a clone: pip install -e '\.\[corpora\]'\)"),
     ):
         reader.hdf5(file)
 

@@ -260,6 +260,9 @@ def test_no_path_reaches_the_file_system(served, speech, take):
                 assert b"root:" not in got
                 assert str(state.place).encode() not in got
     base = {"speech": speech["speech"], "model": "rules"}
+    status, *_, told = ask(port, "/api/takes", base | {"speech": "0" * 16})
+    assert status == 404
+    assert json.loads(told)["problem"] == "this speech is no longer here"
     for payload in PAYLOADS:
         named = payload + ".bvh"
         bad = [{"style": {"name": named}}, {"style": {"clip": named[:60]}}, {"style": {"mix": {named: 1}}}, {"model": named}]
@@ -443,8 +446,9 @@ def test_fifty_slow_uploads_stop_nobody(served):
 
 
 @pytest.mark.slow
-def test_a_worker_that_is_killed_costs_its_take_alone(served, speech):
+def test_a_worker_that_is_killed_costs_its_take_alone(served):
     port, state = served
+    speech = ask_json(port, "/api/speech?name=hum.wav", sound_file())  # that of the module may have gone for newer ones
     body = {"speech": speech["speech"], "model": "chain-of-generation"}
     long = ask_json(port, "/api/speech?name=long.wav", sound_file(60))["speech"]
     first = ask_json(port, "/api/takes", body | {"speech": long})["take"]

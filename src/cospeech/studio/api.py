@@ -94,8 +94,9 @@ def answer_errors(call: Endpoint) -> Endpoint:
             return _refuse(429, "too many takes wait", "wait until some of them are done, or cancel them")
         except InputError as error:
             return _refuse(422, error.problem, error.hint)
-        except LookupError:
-            return _refuse(404, "there is no such thing", "the oldest ones go when too many are kept; send it again")
+        except LookupError as error:
+            known = type(error) is LookupError  # of ours
+            return _refuse(404, str(error) if known else "there is no such thing", "the oldest ones go when too many are kept; send it again")
         except CospeechError as error:
             return _refuse(500, error.problem, error.hint)
         except (JobCancelled, CancelledError):
@@ -364,5 +365,5 @@ class StudioApi:
 def _send_file(path: Path, kind: str, label: str | None = None) -> Any:
     """A file of ours; with a label, as a download of this name."""
     if not path.is_file():
-        raise LookupError
+        raise LookupError("this file is no longer here")
     return load_web("starlette.responses").FileResponse(path, media_type=kind, filename=label)

@@ -29,12 +29,14 @@ class Shelf(Generic[T]):
     """Things by their names. Names are made here, so that a name from outside is never a path.
 
     Args:
+        kind: what the things are, for messages: one word.
         parent: an existing folder; each thing has a folder in it.
         most: things that are kept.
         most_bytes: of the files of all things; a thing that is larger alone is kept until the next one comes.
     """
 
-    def __init__(self, parent: Path, most: int, most_bytes: int) -> None:
+    def __init__(self, kind: str, parent: Path, most: int, most_bytes: int) -> None:
+        self._kind = kind
         self._parent, self._most, self._most_bytes = parent, most, most_bytes
         self._things: dict[str, T] = {}
         self._lock = threading.Lock()
@@ -61,9 +63,11 @@ class Shelf(Generic[T]):
         """A thing by its name.
 
         Raises:
-            LookupError: there is none.
+            LookupError: there is none; it says of what kind.
         """
         with self._lock:
+            if name not in self._things:
+                raise LookupError(f"this {self._kind} is no longer here")
             return self._things[name]
 
     @property

@@ -41,9 +41,9 @@ class StudioState:
     def __init__(self) -> None:
         self._stack = ExitStack()
         place = self._stack.enter_context(workplace(scratch()))
-        self.speeches: Shelf[HeldSpeech] = Shelf(place / "speeches", _MOST_SPEECHES, _DISK)
-        self.clips: Shelf[HeldClip] = Shelf(place / "clips", _MOST_CLIPS, _DISK)
-        self.takes: Shelf[HeldTake] = Shelf(place / "takes", MOST_TAKES, _DISK)
+        self.speeches: Shelf[HeldSpeech] = Shelf("speech", place / "speeches", _MOST_SPEECHES, _DISK)
+        self.clips: Shelf[HeldClip] = Shelf("clip", place / "clips", _MOST_CLIPS, _DISK)
+        self.takes: Shelf[HeldTake] = Shelf("take", place / "takes", MOST_TAKES, _DISK)
         self.place, self.hub, self.uploads, self.live_models = place, EventHub(), Uploads(), LiveModels()
         self.maker, self.writer = StudioWorker(), StudioWorker()
         self._stack.callback(self.writer.close)

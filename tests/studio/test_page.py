@@ -563,7 +563,26 @@ def test_takes_stand_side_by_side_and_a_link_brings_them_back(talking, chromium)
     other.goto(talking.url)
     wait_until(other, "document.documentElement.dataset.ready === 'true'")
     assert [take["seed"] for take in other.evaluate("cospeechStudio.takes")] == [0, 1, 2]
+    assert other.text_content("#notice") == ""
     other.close()
+
+
+@pytest.mark.parametrize(
+    ("link", "told"),
+    [
+        ("#style=nonsense&emotion=foo&fps=24&seeds=a,1", "style=nonsense, emotion=foo, seeds=a,1"),
+        ("#intensity=9", "intensity=9"),
+        ("#style=lively&intensity=0.50&seeds=2,3", ""),
+        ("#controls", ""),
+    ],
+)
+def test_a_link_that_says_what_does_not_exist_is_told(chromium, address, link, told):
+    page = chromium.new_page()
+    page.goto(address + link)
+    wait_until(page, "document.documentElement.dataset.ready === 'true'")
+    notice = page.text_content("#notice")
+    assert notice.endswith(f"left out: {told}") if told else notice == ""
+    page.close()
 
 
 def test_loop_speed_and_keys(talking):

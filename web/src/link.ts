@@ -46,6 +46,20 @@ export function readLink(text: string, catalogue: Catalogue): { settings: Settin
   return { settings, seeds: seeds.slice(0, 8) };
 }
 
+const USUAL: Record<string, string> = {
+  model: "", style: "", mix: "", emotion: "auto", intensity: "1", temperature: "1", parts: PARTS.join(","), fps: "30", seeds: "0",
+};
+
+/** What such a text says that was not taken over, as KEY=VALUE; an address without settings says nothing. */
+export function listIgnored(text: string, settings: Settings, seeds: number[]): string[] {
+  const said = new URLSearchParams(text.replace(/^#/, ""));
+  const kept = new URLSearchParams(writeLink(settings, seeds).slice(1));
+  const differs = (a: string, b: string) => a !== b && !(a.trim() !== "" && Number(a) === Number(b));
+  return Object.keys(USUAL)
+    .filter((key) => said.has(key) && differs(said.get(key) ?? "", kept.get(key) ?? USUAL[key] ?? ""))
+    .map((key) => `${key}=${said.get(key)}`);
+}
+
 function readNumber(text: string | null, least: number, most: number, usual: number): number {
   const value = text === null || text.trim() === "" ? NaN : Number(text);
   return Number.isFinite(value) ? Math.min(Math.max(value, least), most) : usual;

@@ -4,7 +4,7 @@ import { readCatalogue } from "./api";
 import { Crowd } from "./crowd";
 import { find } from "./dom";
 import { listenToKeys } from "./keys";
-import { readLink, writeLink } from "./link";
+import { listIgnored, readLink, writeLink } from "./link";
 import { Live } from "./live";
 import { Cards } from "./panels/cards";
 import { EditPanel } from "./panels/edits";
@@ -22,8 +22,10 @@ import { Transport } from "./transport";
 async function openStudio(): Promise<void> {
   const catalogue = await readCatalogue();
   const { settings, seeds } = readLink(location.hash, catalogue);
+  const ignored = listIgnored(location.hash, settings, seeds);
   const store = new Store({
-    catalogue, settings, takes: seeds.map(makeTake), chosen: 0, speech: null, selection: null, gesture: null, problem: "", notice: "",
+    catalogue, settings, takes: seeds.map(makeTake), chosen: 0, speech: null, selection: null, gesture: null, problem: "",
+    notice: ignored.length ? `the link has settings that do not exist here, so these were left out: ${ignored.join(", ")}` : "",
   });
   const player = new Player();
   const takes = new Takes(store);

@@ -376,8 +376,9 @@ def test_a_plan_is_downloaded_played_by_generate_and_opened_after_a_reload(talki
     assert not talking.locator("#unsaved").is_visible()
     talking.click("#next-seed")
     talking.click("#bring-back")
+    wait_until(talking, f"cospeechStudio.takes[0].edited && {DONE}")
     remove_first(talking)
-    assert talking.locator("#unsaved").is_visible()
+    talking.locator("#unsaved:visible").wait_for()
     assert not find_violations(talking)
     talking.reload()
     assert asked == ["beforeunload"]

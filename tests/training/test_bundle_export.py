@@ -138,7 +138,7 @@ def test_what_is_made_has_mean_and_deviation_of_the_style(bundle):
     player = TrainedModel.open(bundle)
     s = player.system.statistics
     assert (np.abs(s.free_mean) > 0.05).any()
-    speech = Speech.load(example()[0]).window(0, 9)
+    speech = Speech.load(example()[0])  # all of it: nine seconds hold few gestures
     pose, rows = find_pose("expmap-humanoid"), []
     for seed in range(6):
         motion = player.generate(speech, style="big", seed=seed, fps=FPS, parts=("body", "hands"))

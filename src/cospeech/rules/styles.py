@@ -215,7 +215,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         "reserved": Style(
             "folded hands, gestures with one hand, gaze often averted",
             variation=6000,
-            rate=0.62,
+            rate=0.55,
             amplitude=0.85,
             height=0.0,
             breadth=-0.02,

@@ -96,7 +96,11 @@ def answer_errors(call: Endpoint) -> Endpoint:
             return _refuse(422, error.problem, error.hint)
         except LookupError as error:
             known = type(error) is LookupError  # of ours
-            return _refuse(404, str(error) if known else "there is no such thing", "the oldest ones go when too many are kept; send it again")
+            return _refuse(
+                404,
+                str(error) if known else "there is no such thing",
+                "the oldest ones go when too many are kept; send it again",
+            )
         except CospeechError as error:
             return _refuse(500, error.problem, error.hint)
         except (JobCancelled, CancelledError):

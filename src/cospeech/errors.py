@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-__all__ = ["CospeechError", "CospeechWarning", "InputError", "InternalError", "nearest"]
+__all__ = ["CospeechError", "CospeechWarning", "InputError", "InternalError", "describe_extra", "nearest"]
 
 _LONGEST = 2000  # characters; ours: above what lists of all known names take
 
@@ -41,6 +41,15 @@ class InternalError(CospeechError, RuntimeError):
 
 class CospeechWarning(UserWarning):
     """What was done is not quite what was asked for: a line ``note: …`` on the command line."""
+
+
+def describe_extra(name: str) -> str:
+    """A hint for what needs an extra of the package.
+
+    >>> describe_extra("train")
+    "in a clone: pip install -e '.[train]'"
+    """
+    return f"in a clone: pip install -e '.[{name}]'"  # cospeech is on no index; editable, so that `make studio` reaches it
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

@@ -18,7 +18,7 @@ import numpy as np
 from .corpora.clip import Clip
 from .corpora.motion_files import load_motions
 from .corpora.samples import POSE_STATISTICS, load_stored_clips, sample_of
-from .errors import InputError, nearest
+from .errors import InputError, describe_extra, nearest
 from .metrics import METRICS, FeatureNet, Sample, Score, Tools, load_metric
 from .metrics.controls import CONTROLS, control_rows, faults_of_order
 from .metrics.table import DEFAULT, Table
@@ -83,9 +83,7 @@ def feature_tools(features: str | PathLike[str] | FeatureNet | None, clips: Sequ
         except ModuleNotFoundError as error:
             if (error.name or "").partition(".")[0] != "torch":
                 raise
-            raise InputError(
-                "feature networks need torch, which is not installed", "in a clone: pip install -e '.[train]'"
-            ) from None
+            raise InputError("feature networks need torch, which is not installed", describe_extra("train")) from None
     assert isinstance(net, FeatureNet)
     for clip in clips[:1]:
         net.poses(sample_of(clip, track=False))

@@ -555,6 +555,8 @@ def test_who_sends_or_takes_too_much_loses_sound_or_frames():
         sound.put(np.full(100, k, np.float32), wait=False)
     assert [int(sound.take(0.0)[0]) for _ in range(10)] == list(range(40, 50))
     assert sound.take(0.0) is None
+    sound.put(np.arange(1500, dtype=np.float32), wait=False)
+    np.testing.assert_array_equal(sound.take(0.0), np.arange(500, 1500))
 
     async def slow():
         frames = FrameBox(30)

@@ -5,26 +5,35 @@ import { PARTS, type Part, type Settings } from "./state";
 
 const MOST_SEED = 2 ** 31; // the server refuses what is too large; this only keeps numbers whole
 
+const USUAL: Settings = {
+  model: "", style: "", clip: null, mix: null, emotion: "auto", intensity: 1, temperature: 1, parts: [...PARTS], fps: 30,
+};
+
 /** The settings that a model has where nothing else is said. */
 export function usualSettings(catalogue: Catalogue): Settings {
+  return { ...USUAL, model: catalogue.default_model, parts: [...PARTS] };
+}
+
+/** Every setting and the seeds as text; a clip is not among them, for it is on this machine only. */
+function describe(settings: Settings, seeds: number[]): Record<string, string> {
   return {
-    model: catalogue.default_model, style: "", clip: null, mix: null, emotion: "auto", intensity: 1, temperature: 1,
-    parts: [...PARTS], fps: 30,
+    model: settings.model,
+    style: settings.style,
+    mix: Object.entries(settings.mix ?? {}).map(([name, share]) => `${name}:${share}`).join(","),
+    emotion: settings.emotion,
+    intensity: String(settings.intensity),
+    temperature: String(settings.temperature),
+    parts: (settings.parts.length < PARTS.length ? settings.parts : PARTS).join(","),
+    fps: String(settings.fps),
+    seeds: seeds.join(","),
   };
 }
 
-/** Settings and seeds of takes as text; a clip is not in it, for it is on this machine only. */
+/** Settings and seeds of takes as text: what is not as usual, and always the model and the seeds. */
 export function writeLink(settings: Settings, seeds: number[]): string {
-  const fields = new URLSearchParams({ model: settings.model });
-  if (settings.style) fields.set("style", settings.style);
-  if (settings.mix) fields.set("mix", Object.entries(settings.mix).map(([name, share]) => `${name}:${share}`).join(","));
-  if (settings.emotion !== "auto") fields.set("emotion", settings.emotion);
-  if (settings.intensity !== 1) fields.set("intensity", String(settings.intensity));
-  if (settings.temperature !== 1) fields.set("temperature", String(settings.temperature));
-  if (settings.parts.length < PARTS.length) fields.set("parts", settings.parts.join(","));
-  if (settings.fps !== 30) fields.set("fps", String(settings.fps));
-  fields.set("seeds", seeds.join(","));
-  return `#${fields.toString().replace(/%2C/g, ",").replace(/%3A/g, ":")}`;
+  const usual = describe(USUAL, []);
+  const said = Object.entries(describe(settings, seeds)).filter(([key, value]) => key === "model" || key === "seeds" || value !== usual[key]);
+  return `#${new URLSearchParams(said).toString().replace(/%2C/g, ",").replace(/%3A/g, ":")}`;
 }
 
 /** Settings and seeds out of such a text; what cannot be read has its usual value. */
@@ -46,18 +55,13 @@ export function readLink(text: string, catalogue: Catalogue): { settings: Settin
   return { settings, seeds: seeds.slice(0, 8) };
 }
 
-const USUAL: Record<string, string> = {
-  model: "", style: "", mix: "", emotion: "auto", intensity: "1", temperature: "1", parts: PARTS.join(","), fps: "30", seeds: "0",
-};
-
 /** What such a text says that was not taken over, as KEY=VALUE; an address without settings says nothing. */
 export function listIgnored(text: string, settings: Settings, seeds: number[]): string[] {
   const said = new URLSearchParams(text.replace(/^#/, ""));
-  const kept = new URLSearchParams(writeLink(settings, seeds).slice(1));
   const differs = (a: string, b: string) => a !== b && !(a.trim() !== "" && Number(a) === Number(b));
-  return Object.keys(USUAL)
-    .filter((key) => said.has(key) && differs(said.get(key) ?? "", kept.get(key) ?? USUAL[key] ?? ""))
-    .map((key) => `${key}=${said.get(key)}`);
+  return Object.entries(describe(settings, seeds))
+    .filter(([key, kept]) => said.has(key) && differs(said.get(key) ?? "", kept))
+    .map(([key]) => `${key}=${said.get(key)}`);
 }
 
 function readNumber(text: string | null, least: number, most: number, usual: number): number {

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import InputError, describe_extra
 from ..limits import WORDS
 from .features.prosody import Features, ProsodyStream, analyse, find_pauses
 from .speech import RATE, Speech, SpeechSource, Word, open_speech
@@ -261,7 +261,7 @@ def _faster_whisper(path: str) -> Iterable[Word]:
     try:
         from faster_whisper import WhisperModel
     except ImportError:
-        raise InputError("word times from a recogniser need faster-whisper", "in a clone: pip install -e '.[asr]'") from None
+        raise InputError("word times from a recogniser need faster-whisper", describe_extra("asr")) from None
     try:
         segments, _ = WhisperModel("tiny", device="cpu", compute_type="int8").transcribe(path, word_timestamps=True)
         for segment in segments:

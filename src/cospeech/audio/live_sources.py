@@ -15,7 +15,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import InputError, describe_extra
 from .speech import Speech
 from .waiting_sound import WaitingSound
 
@@ -223,7 +223,7 @@ def read_microphone(rate: int) -> Iterator[Samples]:
     try:
         import sounddevice
     except (ImportError, OSError) as error:  # OSError: the system has no PortAudio
-        hint = "in a clone: pip install -e '.[live]'" if isinstance(error, ImportError) else "apt install libportaudio2"
+        hint = describe_extra("live") if isinstance(error, ImportError) else "apt install libportaudio2"
         raise InputError("the microphone needs the package sounddevice and PortAudio", hint) from None
     size = max(1, round(PIECE * rate))
 

@@ -322,7 +322,7 @@ class SpeechSource:
     def _load_words(self, transcript: str | PathLike[str]) -> None:
         from .transcripts import load_words
 
-        self.words = load_words(transcript, speech=self)
+        self.words = load_words(transcript, speech=self, speech_seconds=self.expected_seconds)
 
     def close(self) -> None:
         """End the decoder; no process and no pipe is left."""

@@ -52,7 +52,7 @@ def load_words(
         path: .TextGrid (long or short, any encoding Praat writes), .tsv (start, end, word; Audacity's and Whisper's too),
             .srt, .vtt, .json (a list of words with times, or what Whisper, Gentle, Vosk or PocketSphinx write), or plain text.
         speech: what the words belong to: plain text is aligned to it, times past its end are cut off.
-        speech_seconds: its length, where the speech itself is not at hand; plain text is then spread evenly.
+        speech_seconds: its length, where the speech is not at hand, or does not know it yet; plain text alone is spread evenly.
 
     Raises:
         InputError: it cannot be read, makes no sense, or lies wholly past the end of the speech.
@@ -60,7 +60,7 @@ def load_words(
     data, name = read_regular(path, "a transcript", TRANSCRIPT_BYTES), Path(os.fsdecode(path)).name
     text = _decode(data, name)
     if speech_seconds is None and speech is not None:
-        speech_seconds = getattr(speech, "expected_seconds", None) if speech.seconds is None else speech.seconds
+        speech_seconds = speech.seconds
     reader = _READERS.get(Path(name).suffix.lower()) or _sniff(text)
     if reader is None:
         tokens = tokenise(text)

@@ -44,14 +44,17 @@ class WaitingSound:
 
         Args:
             block: (n,) samples.
-            wait: until there is room; else the oldest blocks go.
+            wait: until there is room; else the oldest samples go, so that never more than ``most`` wait.
         """
         with self._changed:
             self.received += len(block)
             end = self.received
-            while not wait and self._blocks and self._count + len(block) > self._most:
-                self._forget_oldest()
-            self._changed.wait_for(lambda: not wait or self._count < self._most or self.dropped >= end)
+            if wait:
+                self._changed.wait_for(lambda: self._count < self._most or self.dropped >= end)
+            else:
+                block = block[-self._most :]
+                while self._count + len(block) > self._most:
+                    self._forget_oldest()
             if self.dropped < end:
                 self._blocks.append((end, block))
                 self._count += len(block)

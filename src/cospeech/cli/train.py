@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Argument, Option
 
-from ..errors import InputError
+from ..errors import InputError, describe_extra
 from .options import Debug
 from .progress import show_progress
 
@@ -60,7 +60,7 @@ def _training() -> Iterator[None]:
         if (error.name or "").partition(".")[0] not in ("torch", "onnx"):
             raise
         problem = f"training needs {error.name}, which is not installed"
-        raise InputError(problem, "in a clone: pip install -e '.[train]'") from None
+        raise InputError(problem, describe_extra("train")) from None
 
 
 def register(app: typer.Typer) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..audio.speech import SpeechSource, open_speech
-from ..errors import InputError
+from ..errors import InputError, describe_extra
 from ..motion.skeleton import Skeleton
 from .render.patch import Patch
 from .video_writer import MovingWriter
@@ -166,5 +166,5 @@ def _pyav() -> ModuleType:
     try:
         import av
     except ImportError:
-        raise InputError("writing .mp4 needs PyAV, which is not installed", "in a clone: pip install -e '.[av]'") from None
+        raise InputError("writing .mp4 needs PyAV, which is not installed", describe_extra("av")) from None
     return av

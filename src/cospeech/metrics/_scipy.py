@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from ..errors import InputError
+from ..errors import InputError, describe_extra
 
 __all__ = ["scipy"]
 
@@ -22,4 +22,4 @@ def scipy(module: str) -> Any:
         if (error.name or "").partition(".")[0] != "scipy":
             raise
         problem = "metrics and the statistics of movement need scipy"
-        raise InputError(problem, "in a clone: pip install -e '.[corpora]'") from None
+        raise InputError(problem, describe_extra("corpora")) from None

@@ -8,7 +8,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from ..errors import InputError, nearest
+from ..errors import InputError, describe_extra, nearest
 from ..files import scratch, workplace
 from ..motion.parts import PARTS
 from .registry import ENTRIES, MODELS, NETWORKS, ModelEntry
@@ -231,5 +231,5 @@ def _open(path: Path) -> Any:
         except ModuleNotFoundError as error:
             if (error.name or "").partition(".")[0] not in ("torch", "onnx"):
                 raise
-            raise InputError(f"a run needs {error.name} to become a bundle", "in a clone: pip install -e '.[train]'") from None
+            raise InputError(f"a run needs {error.name} to become a bundle", describe_extra("train")) from None
         return TrainedModel.open(folder / f"run{BUNDLE}")

@@ -12,7 +12,7 @@ from .curves import smoothstep
 from .motion import Motion
 from .rotations import Array, quat_conjugate, quat_continuous, quat_multiply, quat_to_rotvec, rotvec_to_quat
 
-__all__ = ["BLEND", "OffsetFade", "cut", "join", "loop", "replace_face"]
+__all__ = ["BLEND", "OffsetFade", "cut", "decay", "join", "loop", "replace_face"]
 
 BLEND = 0.4  # seconds in which a joint comes from one clip to the other, at least; ours: about a preparation of a gesture
 _HAND_SPEED, _HIP_SPEED = 1.2, 0.2
@@ -132,8 +132,8 @@ def _go_on(before: Motion, motion: Motion, blend: float | None) -> Motion:
     rotations = quat_multiply(rotvec_to_quat(back), motion.rotations[0].astype(float))
     root = motion.root[0].astype(float) + way_back
     fade = OffsetFade(before.rotations[-1], before.root[-1], rotations, root, turning=turning + back, moving=moving + way_back)
-    left = _decay(len(motion), motion.fps, seconds)
-    slower = _decay(len(motion), motion.fps, min(seconds, BLEND))
+    left = decay(len(motion), motion.fps, seconds)
+    slower = decay(len(motion), motion.fps, min(seconds, BLEND))
     drift = np.square(slower) * (1 + np.arange(len(motion)))
     turned, placed = fade.apply(motion.rotations, motion.root, left, drift)
     face = motion.face
@@ -167,6 +167,7 @@ def _last_step(motion: Motion) -> tuple[Array, Array]:
     return _turn_between(motion.rotations[last], motion.rotations[-1]), way
 
 
-def _decay(frames: int, fps: float, blend: float) -> Array:
-    """(frames,) share of an offset that is left: all of it a frame before the first, none after ``blend`` seconds."""
-    return np.clip(1 - (np.arange(frames) + 1) / max(blend * fps, 1), 0, 1)
+def decay(frames: int, fps: float, blend: float, first: int = 0) -> Array:
+    """(frames,) share of an offset that is left in the frames from ``first`` on: all of it a frame before frame 0, none after
+    ``blend`` seconds."""
+    return np.clip(1 - (first + np.arange(frames) + 1) / max(blend * fps, 1), 0, 1)

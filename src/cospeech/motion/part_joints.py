@@ -28,9 +28,12 @@ def resting_joints(parts: tuple[str, ...]) -> list[int]:
 
 
 def select_parts(rotations: Array, root: Array, parts: tuple[str, ...]) -> tuple[Array, Array]:
-    """Neutral rotations, and the hips at their place, for parts that were not asked for."""
+    """Neutral rotations, and the hips at their place, for parts that were not asked for; the same arrays if there are none."""
+    resting = resting_joints(parts)
+    if not resting:
+        return rotations, root
     rotations = rotations.copy()
-    rotations[:, resting_joints(parts)] = quat_identity(1)
+    rotations[:, resting] = quat_identity(1)
     if "body" not in parts:
         root = np.broadcast_to(humanoid().offsets[0].astype(np.float32), root.shape).copy()
     return rotations, root

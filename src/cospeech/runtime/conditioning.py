@@ -9,7 +9,7 @@ from os import PathLike
 import numpy as np
 
 from ..errors import InputError
-from ..motion.edit import OffsetFade
+from ..motion.edit import OffsetFade, decay
 from ..motion.motion import Motion
 from ..motion.rotations import Array
 from .network import Network
@@ -159,5 +159,4 @@ class Seam:
             self._gap = OffsetFade(self._rotations, self._root, rotations[0], root[0])
             self._gap.turns[self._still] = 0.0
             self._gap.way *= self._placed
-        left = np.clip(1 - (first + np.arange(len(rotations)) + 1) / (FADE * self._fps), 0, 1)  # all of it a frame before
-        return self._gap.apply(rotations, root, left)
+        return self._gap.apply(rotations, root, decay(len(rotations), self._fps, FADE, first))

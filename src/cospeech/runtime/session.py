@@ -339,8 +339,7 @@ class TrainedSession:
         for take, (vectors, kept, signs) in enumerate(zip(rows, self._bodies, self._signs, strict=True)):
             rotations, root = self._poses[take].push(vectors)
             rotations = rotations if self._rest is None else self._rest.lead(rotations, shares)
-            if "body" not in self._parts or "hands" not in self._parts:
-                rotations, root = select_parts(rotations, root, self._parts)
+            rotations, root = select_parts(rotations, root, self._parts)
             rotations = signs.push(rotations)
             kept.push(self._stances[take].push(rotations, root) if self._stances else (rotations, root))
 

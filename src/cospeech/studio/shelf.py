@@ -66,9 +66,12 @@ class Shelf(Generic[T]):
             LookupError: there is none; it says of what kind.
         """
         with self._lock:
-            if name not in self._things:
-                raise LookupError(f"this {self._kind} is no longer here")
-            return self._things[name]
+            return self._find(name)
+
+    def _find(self, name: str) -> T:
+        if name not in self._things:
+            raise LookupError(f"this {self._kind} is no longer here")
+        return self._things[name]
 
     @property
     def things(self) -> list[T]:
@@ -80,10 +83,11 @@ class Shelf(Generic[T]):
         """Forget a thing, and delete its files.
 
         Raises:
-            LookupError: there is none.
+            LookupError: as in `find`.
         """
         with self._lock:
-            thing = self._things.pop(name)
+            thing = self._find(name)
+            del self._things[name]
         shutil.rmtree(thing.folder, ignore_errors=True)
 
     def _choose_oldest(self, new: str) -> list[str]:

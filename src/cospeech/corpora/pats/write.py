@@ -14,7 +14,7 @@ import numpy as np
 from ...audio.features.log_mel import log_mel_400
 from ...audio.features.mel import RATE, mel_triangles, spectra
 from ...audio.speech import Speech, Word
-from ...errors import InputError
+from ...errors import InputError, describe_extra
 from ...files import atomic, describe_os_error
 from ...motion.keypoints import resample_points
 from ...motion.points import Points
@@ -112,7 +112,7 @@ def _h5py() -> Any:
     try:
         import h5py
     except ImportError:
-        raise InputError("writing PATS' layout needs h5py", "in a clone: pip install -e '.[corpora]'") from None
+        raise InputError("writing PATS' layout needs h5py", describe_extra("corpora")) from None
     return h5py
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...audio.features.waveform import WAVEFORM_NAMES
-from ...errors import CospeechError, InputError, nearest
+from ...errors import CospeechError, InputError, describe_extra, nearest
 from ...files import atomic, describe_os_error
 from ...motion.poses import find_pose
 from ...motion.skeletons.arkit import ARKIT
@@ -258,7 +258,7 @@ def _workers(
     try:
         from joblib import Parallel, delayed, effective_n_jobs, parallel_config
     except ImportError:
-        raise InputError("several jobs need joblib", "in a clone: pip install -e '.[corpora]'") from None
+        raise InputError("several jobs need joblib", describe_extra("corpora")) from None
     client = None
     try:
         client = _connect(backend, scheduler)

@@ -15,7 +15,7 @@ from ...audio.features.log_mel import log_mel_at, log_mel_count
 from ...audio.features.waveform import waveform_rows
 from ...audio.features.words import word_ids
 from ...audio.speech import Word
-from ...errors import CospeechError, InputError
+from ...errors import CospeechError, InputError, describe_extra
 from ...files import atomic
 from ...motion.motion import Motion
 from ...motion.points import Points
@@ -87,7 +87,7 @@ def _encoder(name: str) -> Any:
     try:
         from ...models.nn.speech_encoder import load_cnn
     except ImportError:
-        raise InputError("wav2vec 2.0 needs PyTorch", "in a clone: pip install -e '.[wav2vec]'") from None
+        raise InputError("wav2vec 2.0 needs PyTorch", describe_extra("wav2vec")) from None
     return load_cnn(name)
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, describe_extra
 
 __all__ = ["ALIGN", "HEADER", "KINDS", "PickledContent", "decode", "load_pyarrow"]
 
@@ -80,7 +80,7 @@ def load_pyarrow() -> Any:
         import pyarrow
         import pyarrow.ipc
     except ImportError:
-        raise InputError("reading and writing TED's files needs pyarrow", "in a clone: pip install -e '.[corpora]'") from None
+        raise InputError("reading and writing TED's files needs pyarrow", describe_extra("corpora")) from None
     return pyarrow
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...audio.features.mel import mel_triangles, spectra
-from ...errors import InputError
+from ...errors import InputError, describe_extra
 from ...files import describe_os_error
 from ...motion.keypoints import resample_points
 from ...motion.points import Points
@@ -157,7 +157,7 @@ class _Store:
         try:
             import lmdb
         except ImportError:
-            raise InputError("writing TED's layout needs lmdb", "in a clone: pip install -e '.[corpora]'") from None
+            raise InputError("writing TED's layout needs lmdb", describe_extra("corpora")) from None
         shutil.rmtree(folder, ignore_errors=True)
         self.folder, self.count, self._full = folder, 0, lmdb.MapFullError
         self._size = _MAP

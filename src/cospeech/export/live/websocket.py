@@ -7,7 +7,7 @@ import threading
 from contextlib import ExitStack, suppress
 from typing import Any
 
-from ...errors import InputError
+from ...errors import InputError, describe_extra
 
 __all__ = ["CLIENT", "WebSocketServer", "WebSocketWire", "import_websockets", "serve_here"]
 
@@ -27,7 +27,7 @@ def import_websockets() -> None:
     try:
         import websockets  # noqa: F401
     except ImportError:
-        raise InputError("WebSockets need the package websockets", "in a clone: pip install -e '.[live]'") from None
+        raise InputError("WebSockets need the package websockets", describe_extra("live")) from None
 
 
 def serve_here(serve: Any, handler: Any, host: str, port: int) -> Any:

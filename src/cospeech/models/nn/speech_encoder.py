@@ -19,7 +19,7 @@ from torch.nn import functional as F
 
 from ...audio.features.at_16_khz import At16kHz
 from ...audio.features.mel import RATE
-from ...errors import InputError
+from ...errors import InputError, describe_extra
 from ...motion.rotations import Array
 
 if TYPE_CHECKING:
@@ -173,7 +173,7 @@ def _load_wav2vec(name: str) -> Any:
     try:
         from transformers import AutoConfig, Wav2Vec2Model
     except ImportError:
-        raise InputError("wav2vec 2.0 needs transformers", "in a clone: pip install -e '.[wav2vec]'") from None
+        raise InputError("wav2vec 2.0 needs transformers", describe_extra("wav2vec")) from None
     hint = "a folder with config.json and model.safetensors, or a name such as facebook/wav2vec2-base-960h"
     try:
         with _quiet():

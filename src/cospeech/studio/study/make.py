@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ...convert import convert_file
-from ...errors import InputError, nearest
+from ...errors import InputError, describe_extra, nearest
 from ...export.registry import suffixes
 from ...files import workplace
 from .plan import CLIPS, StudyClip, StudyPlan, save_plan
@@ -158,7 +158,7 @@ def copy_video(source: Path, target: Path, *, sound: bool) -> None:
     try:
         av: Any = import_module("av")
     except ModuleNotFoundError:
-        raise InputError("videos need PyAV", "in a clone: pip install -e '.[av]'") from None
+        raise InputError("videos need PyAV", describe_extra("av")) from None
     try:
         with av.open(str(source)) as read, av.open(str(target), "w", format=target.suffix[1:]) as written:
             streams = [*read.streams.video[:1], *(read.streams.audio[:1] if sound else ())]

@@ -184,9 +184,9 @@ class Posture:
         if self.style.seated:  # on a chair the head goes along, and the trunk hardly
             part[turned] *= 0.3
         else:
-            part[Body.HIPS_X] = min(max(side * 0.05 * way[0], -0.012), 0.012) * torso
-            part[Body.HIPS_Z] = min(max(0.05 * way[2], -0.014), 0.014) * torso
-            part[Body.SINK] = min(max(-0.018 * way[1], -0.002), 0.006) * torso
+            part[Body.HIPS_X] = min(max(side * 0.09 * way[0] + self._gauss(0.004), -0.022), 0.022) * torso
+            part[Body.HIPS_Z] = min(max(0.09 * way[2], -0.024), 0.024) * torso
+            part[Body.SINK] = min(max(-0.03 * way[1], -0.003), 0.011) * torso
         lead = self._random.uniform(0.06, 0.13)
         wind = -self._random.uniform(0.2, 0.5) * part
         ready = onset - lead

@@ -7,7 +7,7 @@ from .repertoire import HandPose as P
 __all__ = ["RESTS"]
 
 RESTS: dict[str, tuple[P, P]] = {
-    "hang": (P(0.13, -0.955, 0.10, 2, 4, 4, "relaxed"), P(0.13, -0.95, 0.12, 4, 6, 3, "relaxed")),
+    "hang": (P(0.13, -0.97, 0.0, 2, 4, 4, "relaxed"), P(0.13, -0.965, 0.02, 4, 6, 3, "relaxed")),
     "low": (P(0.12, -0.90, 0.20, 6, 6, 2, "relaxed"), P(0.12, -0.90, 0.19, 4, 8, 0, "relaxed")),
     "waist": (P(0.07, -0.68, 0.29, 16, 8, 0, "relaxed"), P(0.09, -0.72, 0.27, 24, 4, 3, "soft_open")),
     "folded": (P(-0.20, -0.66, 0.45, 42, 8, 0, "soft_open"), P(-0.17, -0.60, 0.51, 48, 10, 0, "loose_fist")),

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..motion.kinematics.body import BODY_CHANNELS, Body
-from ..motion.kinematics.legs import STANCE, TOE_OUT
+from ..motion.kinematics.legs import BALL, STANCE, TOE_OUT
 from ..motion.rotations import Array
 from .minimum_jerk import MinimumJerkTrack
 
@@ -30,7 +30,9 @@ CONTRAPPOSTO = 24.0
 _MOST_TURN = 17.0  # degrees that pelvis and feet turn away from the listener
 _OVER = 0.175  # metres above the floor of the sole of a leg that lies over the other's knee: thigh over thigh
 _WIDTHS = (1.0, 1.6)  # of a stance, over `STANCE`: ankles .21 to .34 m apart (CMU's takes that stand: .24 to .57)
-_ROOM = (0.13, 0.11)  # metres sideways and in depth that feet keep around the first place
+_SHIFTS = (1.4, 4.2)  # seconds between shifts of the weight (ours: sway peaks at .15 to .65 Hz, motion.md §1)
+_PIVOTS = 10.0  # degrees of tip from which a free foot may turn about its ball (ours)
+_ROOM = (0.18, 0.16)  # metres sideways and in depth that feet keep around the first place
 _FREE = {False: Body.LEFT_TIP, True: Body.RIGHT_TIP}  # the free foot's tip, by whether the weight is on the left
 
 
@@ -70,11 +72,19 @@ def _leg_columns(left: bool) -> tuple[slice, int, int]:
     return foot if left else (Body.RIGHT_FOOT, Body.RIGHT_LIFT, Body.RIGHT_TIP)
 
 
-def _hump(column: int, height: float) -> Array:
-    """(channels,) of an arc on one of them."""
+def _hump(columns: int | slice, height: float | Array) -> Array:
+    """(channels,) of an arc on some of them."""
     arc = np.zeros(BODY_CHANNELS)
-    arc[column] = height
+    arc[columns] = height
     return arc
+
+
+def _pivot(foot: Array, yaw: float) -> tuple[Array, Array]:
+    """Where a foot ``(x, z, yaw)`` is after it has turned about its ball, and by how much its way there leaves the chord."""
+    angles = np.radians([foot[2], (foot[2] + yaw) / 2, yaw])
+    turned = BALL * np.stack([np.sin(angles), np.cos(angles)], 1)
+    middle = turned[0] - turned[1] - (turned[0] - turned[2]) / 2
+    return np.array([*(foot[:2] + turned[0] - turned[2]), yaw]), np.array([*middle, 0.0])
 
 
 class Stance:
@@ -115,9 +125,9 @@ class Stance:
         if now >= self._next["turn"]:
             self._turn(now)
             self._next["turn"] = now + self._random.uniform(1.0, 2.8) * calm
-        if now >= self._next["shift"]:
+        if now >= max(self._next["shift"], self._down):
             self._shift(now)
-            self._next["shift"] = now + self._random.uniform(2.2, 6.0) * calm / max(self.amounts.sway, 0.4) ** 0.5
+            self._next["shift"] = now + self._random.uniform(*_SHIFTS) * calm / max(self.amounts.sway, 0.4) ** 0.5
         if now >= max(self._next["step"], self._down):
             self._step(now)
         if now >= self._next["legs"]:
@@ -185,12 +195,24 @@ class Stance:
                 -side * self._random.uniform(0.0, 1.5) * sway,
             ]
         )
-        length = self._random.uniform(0.85, 1.5)
+        length = self._random.uniform(0.65, 1.25)
         columns = [Body.HIPS_X, Body.HIPS_Z, Body.SINK, Body.HIPS_ROLL]
         self.track.move(now + 0.02, length, goal, columns, skew=self._gauss(0.25))
-        tip = self._random.uniform(5, 16) if depth > 0.6 and self._random.random() < 0.4 else 0.0
+        self._free_heel(now, length, depth)
+
+    def _free_heel(self, now: float, length: float, depth: float) -> None:
+        """Where the weight leaves a foot, its heel often rises, and the foot turns about its ball."""
         self.track.move(now + 0.02, 0.5, np.array([0.0]), [_FREE[not self._left]])
+        tip = self._random.uniform(6, 24) * min(self.amounts.sway, 1.2) if self._random.random() < 1.2 * depth - 0.1 else 0.0
         self.track.move(now + 0.35 * length, 0.7, np.array([tip]), [_FREE[self._left]])
+        if tip < _PIVOTS or self._random.random() < 0.3:
+            return
+        foot, _, _ = _leg_columns(not self._left)
+        side = -1.0 if self._left else 1.0
+        goal, arc = _pivot(self.track.target[foot], self._heading + side * (TOE_OUT + self._random.uniform(-8, 14)))
+        begin, turning = now + 0.35 * length + 0.3, self._random.uniform(0.45, 0.75)
+        self.track.move(begin, turning, goal, foot, arc=_hump(foot, arc))
+        self._down = begin + turning
 
     def _shift_seat(self, now: float) -> None:
         """From one side of the seat to the other, upright or sunk."""
@@ -272,7 +294,7 @@ class Stance:
         left_goes = not self._left
         foot, other = (Body.LEFT_FOOT, Body.RIGHT_FOOT) if left_goes else (Body.RIGHT_FOOT, Body.LEFT_FOOT)
         side, still = (1 if left_goes else -1), self.track.target[other]
-        apart, ahead = 2 * STANCE * self._random.uniform(*_WIDTHS), self._random.uniform(-0.09, 0.09)
+        apart, ahead = 2 * STANCE * self._random.uniform(*_WIDTHS), self._random.uniform(-0.13, 0.13)
         turn = np.radians(self._heading)
         goal = np.array(
             [

@@ -11,7 +11,7 @@ from ..rotations import Array, cross, euler_to_quat, matrix_to_quat, quat_conjug
 from ..skeleton import humanoid
 from .body import Body
 
-__all__ = ["SEAT", "STANCE", "TOE_OUT", "carry", "place_feet", "plant", "read_feet", "stand", "weight_shift"]
+__all__ = ["BALL", "SEAT", "STANCE", "TOE_OUT", "carry", "place_feet", "plant", "read_feet", "stand", "weight_shift"]
 
 SEAT = 0.515  # metres from the floor to the hips' joint of a seated body (ours: a chair of 0.43 m)
 STANCE = 0.105  # metres from the middle to each ankle (ours: a little wider than the hips)
@@ -22,8 +22,8 @@ _AHEAD = 0.42  # metres that the ankles of a seated body are in front of its hip
 _SITTING, _STANDING = 0.62, 0.78  # hips' height in metres up to which a body sits, from which it stands (ours)
 _STRAIGHT = 0.9994  # most of the leg's length that is used: knees never lock (ours; ≈ 4° of flexion)
 _TILT = 73.0  # degrees of pelvic roll per metre of sideways shift: the free side sinks (contrapposto; size ours, by eye)
-_BALL, _HEEL = 0.125, -0.03  # metres in front of the ankle about which a foot rolls (ours: the mannequin's shoe)
-_SPREAD = (_BALL - _HEEL) / 2  # metres
+BALL, _HEEL = 0.125, -0.03  # metres in front of the ankle about which a foot rolls (ours: the mannequin's shoe)
+_SPREAD = (BALL - _HEEL) / 2  # metres
 _TURNS_OVER = 3.0
 """Radians for each metre of lift: how gently a foot in the air goes from ball to heel (ours, or the knee jerks by 4° a frame).
 Its sole comes down by a quarter of the lift at most."""
@@ -96,10 +96,10 @@ def _ankles(feet: Array, lift: Array, tip: Array) -> Array:
         lift, tip: (N, 2) metres, radians.
     """
     flat = _leg()[3]
-    turn, pivot, edge = np.radians(feet[..., 2]), np.where(tip > 0, _BALL, _HEEL), np.sin(tip)
+    turn, pivot, edge = np.radians(feet[..., 2]), np.where(tip > 0, BALL, _HEEL), np.sin(tip)
     ahead = pivot + flat[1] * edge - pivot * np.cos(tip)
     soft = _TURNS_OVER * np.maximum(lift, 0.0)
-    rise = (_BALL + _HEEL) / 2 * edge + _SPREAD * (np.sqrt(edge * edge + soft * soft) - soft)
+    rise = (BALL + _HEEL) / 2 * edge + _SPREAD * (np.sqrt(edge * edge + soft * soft) - soft)
     height = flat[1] * np.cos(tip) + rise + lift
     return np.stack([feet[..., 0] + np.sin(turn) * ahead, height, feet[..., 1] + flat[2] + np.cos(turn) * ahead], -1)
 

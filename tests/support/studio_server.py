@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -50,5 +51,6 @@ def wait_for(state: StudioState, take: str, seconds: float = 60.0) -> Any:
 
 
 def list_files(folder: Path) -> list[str]:
-    """All files below a folder."""
-    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+    """All files below a folder; a folder that goes away meanwhile has none."""
+    walk = os.walk(folder)  # Path.rglob raises where a folder goes away
+    return sorted(os.path.relpath(Path(place, name), folder) for place, _, names in walk for name in names)

@@ -184,7 +184,7 @@ def test_a_changed_gesture_is_another_there_alone(fields):
 def test_a_place_is_where_the_hand_comes():
     old = plan().find(a_gesture())
     low, high = (play(plan().change(old.id, place=(0.3, up, 0.5), hands="right", hold=0.5)) for up in (-0.6, 0.1))
-    k = at(old.end) + 3
+    k = at(old.end)
     assert wrists(high)[k, 1, 1] - wrists(low)[k, 1, 1] > 0.25
 
 
@@ -334,7 +334,7 @@ def test_edits_leave_the_plan_as_it_was():
 
 def test_commands_are_edits():
     edits = PlanCommands(
-        lock=["0:0.9"], remove=[a_gesture()], move=["@1.8@2.0"], stretch=["8:9:style=calm:0.5,lively:0.5,intensity=1.2"],
+        lock=["0:0.4"], remove=[a_gesture()], move=["@1.8@2.0"], stretch=["8:9:style=calm:0.5,lively:0.5,intensity=1.2"],
         reseed=["9:10:4"], gesture=["huge@6", "point_left@word:tiny"],
     )  # fmt: skip
     edited = edits.apply(plan())

@@ -13,10 +13,10 @@ from ..audio.prosodic_events import Phrase
 
 __all__ = ["Bouts"]
 
-_BUSY, _QUIET = (2.75, 7.5), (1.45, 3.2)
+_BUSY, _QUIET = (4.0, 9.5), (2.4, 4.8)
 """Seconds of a stretch with gestures, and of one without. [ours: stillness of two recorded speakers]"""
 _AFTER_PAUSE = 0.75  # how often a phrase that follows a pause begins a bout with gestures [ours]
-_EAGER = {True: 1.35, False: 0.3}  # factor on the share of accents with a stroke, in a bout and between bouts [ours]
+_EAGER = {True: 1.42, False: 0.04}  # factor on the share of accents with a stroke, in a bout and between bouts [ours]
 
 
 class Bouts:

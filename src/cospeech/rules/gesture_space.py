@@ -36,7 +36,8 @@ _FASTEST = 2.0  # m/s; no single move peaks above it (ours: 99 % of wrist speeds
 _HAND_VARIETY = (11.0, 12.0, 7.0)
 """Degrees of pronation, flexion and deviation by which a hand is turned otherwise than in the table. [ours: the wrist of a
 recorded speaker turns twice as far and as fast as one that keeps to the table]"""
-_PARALLEL, _ALONG = 0.3, -0.7
+_MOST_HIGHER = 0.24  # arm lengths by which a gesture is higher or lower than usual, at most (ours)
+_PARALLEL, _ALONG = 0.5, -0.7
 """How often both hands go to the same side, and how far the other hand goes there, to the leader (ours: two recorded speakers
 move both hands at once, but mirror them little)."""
 
@@ -79,7 +80,8 @@ class GesturePlacement:
             return [self._shape_pose(t, 0.0, effort, modifier, free) for t in table]
         middle = np.mean([t[:3] for t in table], axis=0)
         low = self._random.uniform
-        shift = np.array([self._random.gauss(0, 0.045), self._random.gauss(0, 0.14), self._random.gauss(0, 0.04)]) * free
+        higher = min(max(self._random.gauss(0, 0.14), -_MOST_HIGHER), _MOST_HIGHER)
+        shift = np.array([self._random.gauss(0, 0.045), higher, self._random.gauss(0, 0.04)]) * free
         centre = middle + shift
         centre += (style.breadth + modifier.breadth, style.height + modifier.height, style.forward)
         centre += _SPACE

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from random import Random
 
 from ..motion.rotations import Array
 from .minimum_jerk import MinimumJerkTrack
@@ -34,6 +35,17 @@ class HandState:
     pose: Array | None = None
     keeps: bool = False
     """Whether it stays up until then, even if the speaker falls silent."""
+    eased: bool = False
+    """Whether it has gone a part of the way back since its last stroke."""
+    chance: float = 0.0
+    """Drawn with its last stroke."""
+
+    def dice(self) -> Random:
+        """Random numbers for what the hand does next.
+
+        They depend on its last stroke and not on the tick, so a change before that stroke does not change them.
+        """
+        return Random(f"{self.chance}/{self.place}/{self.eased}")
 
     def can_beat(self) -> bool:
         """Whether it is up with a form that beats, and at ease there."""

@@ -21,14 +21,15 @@ from ..motion.rotations import Array
 from .bouts import Bouts
 from .emotion_modifiers import EmotionModifier
 from .gesture import CHAINED, LEFT, RIGHT, RUN_UP, Gesture, GestureOverride
-from .gesture_space import SHAPES, GesturePlacement, keep_beside_face, reach_time, stroke_time, stroke_times
+from .gesture_space import GesturePlacement, keep_beside_face, reach_time, stroke_time, stroke_times
 from .hand_state import HandState, effort_of
 from .lexicon import form_for
 from .minimum_jerk import MinimumJerkTrack, peak_share, skew_for
 from .posture import Posture
 from .repertoire import FORMS, LEXICAL_FORMS, Form, weigh_forms
 from .rest_poses import RESTS
-from .strokes import draw_arc, draw_beat, draw_skew, draw_twist, recoil
+from .retraction import retract
+from .strokes import LOWEST, draw_arc, draw_beat, draw_skew, draw_twist, recoil
 from .styles import Style
 
 __all__ = ["LEFT", "RIGHT", "Planner"]
@@ -43,8 +44,13 @@ _CHAINED = 0.65  # share of the way back to where the hand already is that a pre
 _FROM_HANGING = 0.3  # share of its wind-up that a hand at the hip keeps: the body is in the way (ours, by the laws of the body)
 _HUNG, _STAYS_OUT = 2.5, 0.4  # seconds that a hand hangs; how often, after that, a gesture leaves it out, to usually (ours)
 _HURRIED = 0.6  # share of the usual length of a stroke at least, where a plan leaves little time for it (ours)
-_STIRS, _STIRRED = 0.5, 0.7  # how often a hand beats on an accent without a gesture, in a bout; and how large (ours)
+_STIRS, _STIRRED = 0.7, 0.75  # how often a hand beats on an accent without a gesture, in a bout; and how large (ours)
 _BEATS = 0.5  # how often a raised hand beats in place of a new gesture (ours)
+_DRIFT = (0.04, 0.06, 0.04)  # arm lengths by which a raised hand drifts after a stroke (ours)
+_EASES = 0.7  # how often a raised hand in a bout first goes a part of the way to rest (ours)
+_PARKS = 0.4  # how often a raised hand comes down while the other makes a gesture alone (ours)
+_ALONG = 0.85  # how often the right hand comes down with the left one (ours)
+_LULL = 0.5  # seconds after its last stroke for which a hand stays up between bouts (ours)
 _DROPS = 0.8  # how often a hand hangs after the last gesture before a pause (ours)
 _LEAST = (0.36, 0.25)  # share of an unhurried preparation that a gesture needs: without a word, with one (ours)
 _AGAIN, _WEARY = 2.2, 4.0  # seconds after a stroke in which another follows in place; after a gesture in which hands beat
@@ -69,7 +75,7 @@ class Planner:
         places = [RESTS[style.idle][hand].values() for hand in (LEFT, RIGHT)]
         self.hands = [HandState(MinimumJerkTrack(place, LAGS), place) for place in places]
         self._gesture_space = GesturePlacement(style, self._random, intensity, temperature)
-        self._bouts = Bouts(Random(f"{seed + style.variation}/bouts"))
+        self.bouts = Bouts(Random(f"{seed + style.variation}/bouts"))
         self._planned: list[Gesture] = []
         self.placed = (0.0, 0.0, 0.0, 0.0)
         """Of the last gesture: seconds of its hold, and where its first stroke ends: out, up and forward, arm lengths."""
@@ -87,7 +93,7 @@ class Planner:
         self._gesture_space.style, self._gesture_space.intensity = style, intensity
         self.posture.restyle(style, intensity)
         for hand in [h for h, state in enumerate(self.hands) if moved and state.place != "up" and now > state.busy]:
-            self._retract(now, hand, self.hands[hand], self.hands[hand].place, modifier, self._random)
+            self._retract(now, hand, self.hands[hand].place, modifier, self._random)
 
     @property
     def body(self) -> MinimumJerkTrack:
@@ -102,7 +108,7 @@ class Planner:
         speaking = any(p.start <= now + 0.5 and p.end >= now - 0.1 for p in phrases)
         self._heard = list(accents)
         self.posture.decide(now, phrases=phrases, modifier=modifier, speaking=speaking)
-        self._bouts.decide(now, phrases)
+        self.bouts.decide(now, phrases)
         for accent in accents:
             if self._last_accent < accent.time <= now + self.horizon:
                 self._last_accent = accent.time
@@ -137,14 +143,14 @@ class Planner:
                 return
         if soon:
             return
-        willing = self._bouts.willingness(self.style.rate * modifier.rate, accent.strength, self.intensity)
+        willing = self.bouts.willingness(self.style.rate * modifier.rate, accent.strength, self.intensity)
         held = [s for s in self.hands if s.can_beat() and accent.time - s.raised < _WEARY]
-        beats = self._bouts.busy and (held or [s for s in self.hands if s.place == "rest"])
+        beats = self.bouts.busy and (held or [s for s in self.hands if s.place == "rest"])
         if self._random.random() >= willing:
             if beats and self._random.random() < _STIRS:
                 self._beat(now, accent, beats, modifier, _STIRRED)
             return
-        again = held and self._bouts.busy and accent.time - min(s.last_stroke for s in held) < _AGAIN
+        again = held and self.bouts.busy and accent.time - min(s.last_stroke for s in held) < _AGAIN
         if again and self._random.random() < _BEATS:
             self._beat(now, accent, held, modifier, 1.0)
             return
@@ -233,9 +239,9 @@ class Planner:
                 self.hands[hand].up_until, self.hands[hand].keeps = end + asked.hold, True
         for hand in {LEFT, RIGHT} - set(hands):
             other = self.hands[hand]
-            if other.place == "up" and onset > other.busy and self._random.random() < 0.8:
+            if other.place == "up" and onset > other.busy and self._random.random() < _PARKS:
                 later = max(start, other.busy) + self._random.uniform(0.0, 0.25)
-                self._retract(later, hand, other, "rest", modifier, self._random)
+                self._retract(later, hand, "rest", modifier, self._random)
             else:
                 self._sympathy(other, leader, start, prepare, onset, stroke, poses)
         self.posture.on_stroke(start, onset, stroke, poses, hands, modifier)
@@ -246,7 +252,7 @@ class Planner:
 
     def _preparation(self, at: float, onset: float, wanted: float, available: float) -> tuple[float, float]:
         """Seconds and skew of an unhurried preparation; its speed peaks on an accent before, where one fits."""
-        prepare = min(1.25 * wanted, available)
+        prepare = min(1.7 * wanted, available)
         for accent in reversed(self._heard):
             if accent.time < at - 0.15:
                 for length in (prepare, 0.8 * prepare, min(1.9 * wanted, available)):
@@ -289,16 +295,20 @@ class Planner:
         hold = poses[-1].copy()
         sink = (1.05 - self.style.hold) * self._random.uniform(0.03, 0.35)  # the hand tires: down towards its resting place
         sink = max(sink, 0.3 * effort_of(hold) * self._random.uniform(0.8, 1.2))
-        hold[:3] += (state.home[:3] - hold[:3]) * np.array([0.3 + 0.6 * effort_of(hold), 0.55, 0.4]) * sink
-        hold[:3] += [self._random.gauss(0, 0.02) for _ in range(3)]
+        rest = RESTS[self.style.rest][LEFT if state is self.hands[LEFT] else RIGHT].values()
+        hold[:3] += (rest[:3] - hold[:3]) * np.array([0.3 + 0.6 * effort_of(hold), 0.55, 0.4]) * sink
+        hold[:3] += [self._random.gauss(0, size) for size in _DRIFT]
+        hold[1] = max(hold[1], LOWEST)
         hold[5] *= 0.6
         at_ease = 1.0 - 0.7 * effort_of(poses[-1])
-        state.track.move(end + self._random.uniform(0.15, 0.5) * at_ease, self._random.uniform(0.8, 1.6) / tempo, hold)
+        holds = asked.hold if asked and asked.hold else 0.0
+        state.track.move(end + holds + self._random.uniform(0.05, 0.35) * at_ease, self._random.uniform(0.8, 1.6) / tempo, hold)
         state.pose = poses[-1]
         return end
 
     def _mark(self, state: HandState, name: str, peak: float, end: float, modifier: EmotionModifier) -> None:
         state.busy, state.place, state.form, state.last_stroke, state.keeps = end - 0.08, "up", name, peak, False
+        state.eased, state.chance = False, self._random.random()
         state.up_until = end + (0.24 + 1.5 * self.style.hold) * self._random.uniform(0.7, 1.4) / modifier.tempo
         state.up_until = end + (state.up_until - end) * (1.0 - 0.7 * effort_of(state.track.target))
 
@@ -346,7 +356,7 @@ class Planner:
         poses: list[Array],
     ) -> None:
         """The idle hand stirs along with a one-handed gesture."""
-        share = (0.12 + 0.40 * self.style.symmetry) * (0.45 if state.place == "idle" or start < state.busy else 1.0)
+        share = (0.22 + 0.40 * self.style.symmetry) * (0.45 if state.place == "idle" or start < state.busy else 1.0)
         for onset_, length, delta in (
             (start + 0.03, prepare * 1.1, poses[0] - leader.home),
             (onset + 0.02, stroke, poses[1] - poses[0]),
@@ -361,38 +371,28 @@ class Planner:
         state.track.add(onset + stroke + self._random.uniform(0.15, 0.5), self._random.uniform(0.7, 1.2), undo)
 
     def _let_go(self, now: float, phrases: Sequence[Phrase], modifier: EmotionModifier) -> None:
-        """Retract hands that have nothing to hold; drop them for good in long pauses."""
+        """Retract hands that have nothing to hold, mostly both at once; drop them for good in pauses."""
         quiet = not any(p.end > now - 0.05 and p.start < now + self.horizon for p in phrases)
         last = max((p.end for p in phrases if p.start <= now), default=0.0)
+        along = False
         for hand, state in enumerate(self.hands):
-            draw = Random(self._random.random())  # each hand has its own numbers, whatever the other one does
+            if now <= state.busy:
+                continue
             tired = now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold and not state.keeps)
-            if state.place == "up" and now > state.busy and tired:
-                place = "idle" if draw.random() < (_DROPS if quiet else 1.0 - 0.5 * self.style.hold) else "rest"
-                self._retract(now, hand, state, place, modifier, draw)
-            elif state.place == "rest" and quiet and now > last + 1.1 + 1.2 * self.style.hold and now > state.busy:
-                self._retract(now, hand, state, "idle", modifier, draw)
+            tired = tired or (not self.bouts.busy and not state.keeps and now > state.last_stroke + _LULL)
+            if state.place == "up" and (tired or (along and not state.keeps)):
+                draw = state.dice()
+                if self.bouts.busy and not quiet and not state.eased and draw.random() < _EASES:
+                    self._retract(now, hand, "up", modifier, draw)
+                    continue
+                idle = draw.random() < (_DROPS if quiet else 0.8 - 0.5 * self.style.hold)
+                idle = self.hands[LEFT].place == "idle" if along else idle
+                along = hand == LEFT and draw.random() < _ALONG
+                self._retract(now, hand, "idle" if idle else "rest", modifier, draw)
+            elif state.place == "rest" and quiet and now > last + 0.6 + self.style.hold:
+                self._retract(now, hand, "idle", modifier, state.dice())
 
-    def _retract(self, now: float, hand: int, state: HandState, place: str, modifier: EmotionModifier, draw: Random) -> None:
-        table = RESTS[self.style.rest if place == "rest" else self.style.idle]
-        goal = table[hand].values()
-        free = 0.35 if self.style.seated or place == "idle" else 1.0
-        goal[:3] += [draw.gauss(0, size) * free for size in (0.035, 0.03, 0.025)]
-        if draw.random() < 0.5 and not self.style.seated:
-            goal[7:19] = SHAPES["curl"].values()
-        goal[7:19] += [draw.gauss(0, 4) for _ in range(12)]
-        goal[19] += modifier.shrug
-        length = reach_time(state.track.target, goal, 0.80 * self.style.tempo * modifier.tempo)
-        swing = draw_arc(draw, goal - state.track.target, goal, draw.uniform(0.05, 0.22))
-        skew = draw_skew(draw, 0.2, 0.2)
-        start = self._on_the_beat(now + SLACK, 1.15 * length * peak_share(skew), draw)
-        state.track.move(start, length * 1.15, goal, skew=skew, arc=swing)
-        state.place, state.home, state.busy, state.form = place, goal, start + 0.45 * length, ""
-
-    def _on_the_beat(self, earliest: float, to_peak: float, draw: Random) -> float:
-        """When to begin a move so that its speed peaks with an accent to come: hands fall back in the rhythm of the speech."""
-        for accent in self._heard:
-            start = accent.time - LEAD - to_peak
-            if earliest <= start <= earliest + 0.4:
-                return start
-        return earliest + draw.uniform(0, 0.12)
+    def _retract(self, now: float, hand: int, place: str, modifier: EmotionModifier, draw: Random) -> None:
+        """Let a hand come down; see `retract`."""
+        beats = [accent.time - LEAD for accent in self._heard]
+        retract(self.hands[hand], hand, place, self.style, modifier, draw, now + SLACK, beats)

@@ -229,6 +229,7 @@ class PlanPlayer(Planner):
                     self._follow(decision)
         self._perform_due(now)
         self._set(source.before_letting_go)
+        self.bouts = source.bouts
         self._let_go(now, phrases, modifier)
         planned, self._planned = self._planned, []
         return planned

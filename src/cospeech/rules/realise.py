@@ -29,6 +29,7 @@ from ..motion.rotations import (
     rotvec_to_quat,
 )
 from ..motion.skeleton import humanoid
+from .hand_noise import add_hand_noise, limit
 from .minimum_jerk import MinimumJerkTrack
 from .stance import BREATH_PITCH, CONTRAPPOSTO, PELVIS_SHARE
 from .styles import Style
@@ -46,12 +47,6 @@ _MIDDLE_OF_HAND = 0.6  # share of the way from the wrist to the palm, where two 
 _APART = 0.115  # metres between the palms below which hands make room for each other
 _STAYING = 0.7  # share of a seated trunk's lean that the hands do not take part in (ours: hands rest on the thighs)
 _CROSSED = 0.09  # metres by which a leg over the other's knee raises the lap
-_WANDER_HZ, _WANDER = 0.8, np.array([0.04, 0.05, 0.04])
-"""How often, and how far in arm lengths, a raised hand wanders about its place. [ours: held up, the hands of a recorded speaker
-are seldom slower than .13 m/s; without this, ours were at .05]"""
-_TOGETHER, _ALONE = 0.75, 0.65  # shares of it that both hands have in common, and that each has alone [ours]
-_HANGS, _RAISED = -0.85, 0.4  # arm lengths above the shoulder of a hand that hangs; and from there to one that is raised [ours]
-_FINGERS_HZ = 1.2  # of fingers that are never still: half of what recorded fingers move, in the median (ours)
 _CLEAR = 0.010  # metres of air kept between hand and body
 
 
@@ -251,12 +246,12 @@ def _arms(
     tremor: Array,
 ) -> None:
     h = np.stack([hands[0].at(times), hands[1].at(times)], 1)
-    _add_hand_noise(h, times, seed, size, tremor)
+    add_hand_noise(h, times, seed, size, tremor)
     frames = _frames(places, neck, b, rotations, style)
     o = _offsets()
     length = arms.arm_lengths().total
     angles = np.radians(h[..., 4:7])
-    angles = np.stack([_limit(angles[..., k], low, high) for k, (low, high) in enumerate(_WRIST_LIMITS)], -1)
+    angles = np.stack([limit(angles[..., k], low, high) for k, (low, high) in enumerate(_WRIST_LIMITS)], -1)
     target = o["leftShoulder"] + o["leftUpperArm"] + quat_rotate(frames.gesture, h[..., :3] * length) + frames.stay
     raised = h[..., Channel.UP]
     along = _ON_CHAIRS if style.seated else 1.0
@@ -285,47 +280,19 @@ falls as the hand goes inward and outward; arm lengths outward. [ours: one recor
 length inward; `cospeech.motion.kinematics.arms` says where an elbow is by nature]"""
 
 
+_UNDER, _SHOULDER_HIGH = 0.85, -0.25
+"""Share of it that goes where a hand is above its shoulder, and arm lengths from which on: elbows stay below hands [ours]."""
+
+
 def _lift_elbows(h: Array) -> Array:
     """(N, 2) radians of swivel that follow from where the hands ``h (N, 2, channels)`` are; arms that hang have none."""
-    raised = smoothstep((h[..., Channel.UP] + 1.0) / 0.3)
+    up = h[..., Channel.UP]
+    raised = smoothstep((up + 1.0) / 0.3) * (1 - _UNDER * smoothstep((up - _SHOULDER_HIGH) / 0.6))
     return raised * (_ELBOW + _OUTWARD * np.tanh((_MIDDLE - h[..., Channel.OUT]) / _WIDTH))
 
 
-_KNUCKLE_LIMITS, _MIDDLE_LIMITS = (-18.0, 94.0), (-2.0, 106.0)  # degrees; active ranges of adult fingers (Hume et al. 1990)
-_SPREAD_LIMITS = (-5.0, 17.0)  # degrees between neighbours: the little finger shows half as much again (ours)
 _WRIST_LIMITS = tuple((np.radians(a), np.radians(z)) for a, z in ((-84.0, 84.0), (-66.0, 62.0), (-20.0, 30.0)))
 """Pronation, flexion, deviation: within the active ranges of adults (Boone & Azen 1979)."""
-
-
-def _limit(x: Array, low: float, high: float) -> Array:
-    """Smooth clip: the identity inside, bent within the last fifth of the range."""
-    middle, half = (low + high) / 2, (high - low) / 2
-    u = (x - middle) / half
-    over = np.abs(u) - 0.8
-    bent = np.sign(u) * (0.8 + 0.2 * np.tanh(np.maximum(over, 0) / 0.2))
-    return middle + half * np.where(over > 0, bent, u)
-
-
-def _add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: Array) -> None:
-    n = smooth_noise(seed + 2, 14, times, 0.40, octaves=3, gain=0.45)
-    bends = smooth_noise(seed + 4, 8, times, _FINGERS_HZ, octaves=2, gain=0.5)
-    wander = smooth_noise(seed + 5, 9, times, _WANDER_HZ, octaves=2, gain=0.5)
-    still = 0.55 + 0.45 * min(size, 1.0)
-    for side in (0, 1):
-        k = n[:, side * 7 : side * 7 + 7] * still
-        raised = np.minimum(np.maximum((h[:, side, 1:2] - _HANGS) / _RAISED, 0.0), 1.0) * still
-        h[:, side, :3] += k[:, :3] * (0.011, 0.010, 0.011)
-        h[:, side, :3] += raised * (_TOGETHER * wander[:, :3] + _ALONE * wander[:, 3 + 3 * side : 6 + 3 * side]) * _WANDER
-        h[:, side, 3:7] += k[:, 3:7] * (4.0, 5.0, 5.0, 3.0)
-        fingers = bends[:, side * 4 : side * 4 + 4] * still * (8.6, 9.2, 9.2, 9.8)
-        h[:, side, Channel.KNUCKLES] += fingers
-        h[:, side, Channel.MIDDLES] += fingers * 1.3
-    h[:, :, Channel.KNUCKLES] = _limit(h[:, :, Channel.KNUCKLES], *_KNUCKLE_LIMITS)
-    h[:, :, Channel.MIDDLES] = _limit(h[:, :, Channel.MIDDLES], *_MIDDLE_LIMITS)
-    h[:, :, Channel.SPREAD] = _limit(h[:, :, Channel.SPREAD], *_SPREAD_LIMITS)
-    if tremor.any():
-        shake = smooth_noise(seed + 3, 6, times, 7.0, octaves=1) * (0.003 * tremor[:, None])
-        h[:, :, :3] += shake.reshape(-1, 2, 3)
 
 
 def _hand_points(h: Array) -> Array:

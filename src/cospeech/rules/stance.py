@@ -119,7 +119,7 @@ class Stance:
             self._settled = True
             self._shift(-5.0)
             self._turn(-5.0)
-        calm = 1.0 if speaking else 1.5
+        calm = 1.0 if speaking else 1.8
         if now >= self._next["breath"]:
             self._breathe(now, now + 0.02, self._random.uniform(0.9, 1.3), self._random.uniform(1.5, 2.4))
         if now >= self._next["turn"]:
@@ -127,7 +127,7 @@ class Stance:
             self._next["turn"] = now + self._random.uniform(1.0, 2.8) * calm
         if now >= max(self._next["shift"], self._down):
             self._shift(now)
-            self._next["shift"] = now + self._random.uniform(*_SHIFTS) * calm / max(self.amounts.sway, 0.4) ** 0.5
+            self._next["shift"] = now + self._random.uniform(*_SHIFTS) * calm / min(max(self.amounts.sway, 0.4), 1.0)
         if now >= max(self._next["step"], self._down):
             self._step(now)
         if now >= self._next["legs"]:
@@ -205,7 +205,7 @@ class Stance:
         self.track.move(now + 0.02, 0.5, np.array([0.0]), [_FREE[not self._left]])
         tip = self._random.uniform(6, 24) * min(self.amounts.sway, 1.2) if self._random.random() < 1.2 * depth - 0.1 else 0.0
         self.track.move(now + 0.35 * length, 0.7, np.array([tip]), [_FREE[self._left]])
-        if tip < _PIVOTS or self._random.random() < 0.3:
+        if tip < _PIVOTS or self.amounts.steps <= 0 or self._random.random() < 0.3:
             return
         foot, _, _ = _leg_columns(not self._left)
         side = -1.0 if self._left else 1.0

@@ -14,13 +14,14 @@ import numpy as np
 from ..motion.kinematics.hands import CHANNELS, Channel
 from ..motion.rotations import Array
 
-__all__ = ["draw_arc", "draw_beat", "draw_skew", "draw_twist", "recoil"]
+__all__ = ["LOWEST", "draw_arc", "draw_beat", "draw_skew", "draw_twist", "recoil"]
 
 _LONGEST = 0.22  # arm lengths off the chord at most
 _OUT_UP_AHEAD = np.array([0.45, 0.30, 0.75])  # where paths bulge: around the body, as arms turn about the shoulder
 _DRAG = 85.0  # degrees of wrist per arm length of way up or down that a hand trails behind its forearm
 _MOST_DRAG = 36.0  # degrees of it at most
-_LOWEST, _FURTHEST = -0.76, 0.60  # arm lengths up and forward that beats leave a raised hand at: its arm stays bent
+LOWEST, _FURTHEST = -0.76, 0.60
+"""Arm lengths up and forward that a raised hand stays at: its arm stays bent. [ours]"""
 _LEAST_CHORD = 0.03  # arm lengths; shorter ways have no direction
 
 
@@ -86,6 +87,6 @@ def recoil(way: Array, target: Array) -> Array:
     """
     back = -way
     back[:3] *= 0.65
-    back[1] += max(_LOWEST - (target + back)[1], 0.0)
+    back[1] += max(LOWEST - (target + back)[1], 0.0)
     back[2] -= max((target + back)[2] - _FURTHEST, 0.0)
     return back

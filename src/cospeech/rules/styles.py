@@ -111,10 +111,10 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         "natural": Style(
             "an even-tempered conversationalist; the default",
             rate=0.82,
-            amplitude=1.15,
+            amplitude=1.22,
             head=1.06,
-            both=0.84,
-            symmetry=0.58,
+            both=0.86,
+            symmetry=0.56,
             torso=0.93,
         ),
         "lively": Style(
@@ -140,7 +140,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         "calm": Style(
             "fewer and smaller gestures close to the body; the hands are folded between them",
             variation=2000,
-            rate=0.66,
+            rate=0.63,
             amplitude=0.95,
             height=-0.03,
             breadth=0.0,
@@ -158,12 +158,12 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         "lecturer": Style(
             "precise gestures: counting, framing and pinching in front of the chest",
             variation=3000,
-            rate=0.8,
+            rate=0.66,
             amplitude=0.95,
             height=0.07,
             breadth=0.0,
             forward=0.0,
-            hold=0.8,
+            hold=0.6,
             hand=0.85,
             both=0.68,
             symmetry=0.7,
@@ -240,7 +240,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         "storyteller": Style(
             "acts the story out: wide gestures at changing heights; the body moves along",
             variation=7000,
-            rate=0.7,
+            rate=0.66,
             amplitude=1.2,
             height=0.03,
             breadth=0.02,
@@ -279,7 +279,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         "restless": Style(
             "short, small, low beat gestures; shifts the weight from foot to foot",
             variation=9000,
-            rate=0.585,
+            rate=0.56,
             amplitude=0.8,
             height=-0.04,
             breadth=-0.02,

@@ -16,6 +16,8 @@ __all__ = ["Bouts"]
 _BUSY, _QUIET = (4.0, 9.5), (2.4, 4.8)
 """Seconds of a stretch with gestures, and of one without. [ours: stillness of two recorded speakers]"""
 _AFTER_PAUSE = 0.75  # how often a phrase that follows a pause begins a bout with gestures [ours]
+_RESTED, _LONGER = 1.2, 1.5
+"""Seconds of a pause in which hands have rested; and how much longer the bout after it is. [ours]"""
 _EAGER = {True: 1.42, False: 0.04}  # factor on the share of accents with a stroke, in a bout and between bouts [ours]
 
 
@@ -30,15 +32,19 @@ class Bouts:
         self._random = random
         self.busy = True
         """Whether gestures are to be made now."""
-        self._until, self._phrase = random.uniform(*_BUSY), -1.0
+        self._until, self._phrase, self._ended = random.uniform(*_BUSY), -1.0, -1.0
 
     def decide(self, now: float, phrases: Sequence[Phrase]) -> None:
         """One tick, at ``now`` seconds, with the phrases that are known."""
         begun = next((p for p in phrases if self._phrase < p.start <= now + 0.6), None)
         if begun is not None:
             self._phrase = begun.start
-            if not self.busy and self._random.random() < _AFTER_PAUSE:
+            before = max((p.end for p in phrases if p.end <= begun.start), default=self._ended)
+            if begun.start - before > _RESTED:
+                self._begin(now, busy=True, longer=_LONGER)
+            elif not self.busy and self._random.random() < _AFTER_PAUSE:
                 self._begin(now, busy=True)
+        self._ended = max((p.end for p in phrases if p.end <= now), default=self._ended)
         if now >= self._until:
             self._begin(now, busy=not self.busy)
 
@@ -52,6 +58,6 @@ class Bouts:
         """
         return rate * _EAGER[self.busy] * (0.62 + 0.75 * strength) * (0.4 + 0.6 * min(size, 1.0))
 
-    def _begin(self, now: float, *, busy: bool) -> None:
+    def _begin(self, now: float, *, busy: bool, longer: float = 1.0) -> None:
         self.busy = busy
-        self._until = now + self._random.uniform(*(_BUSY if busy else _QUIET))
+        self._until = now + longer * self._random.uniform(*(_BUSY if busy else _QUIET))

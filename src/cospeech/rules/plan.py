@@ -28,8 +28,8 @@ from .minimum_jerk import MinimumJerkTrack, peak_share, skew_for
 from .posture import Posture
 from .repertoire import FORMS, LEXICAL_FORMS, Form, weigh_forms
 from .rest_poses import RESTS
-from .retraction import retract
-from .strokes import LOWEST, draw_arc, draw_beat, draw_skew, draw_twist, recoil
+from .retraction import retract, sink
+from .strokes import draw_arc, draw_beat, draw_skew, draw_twist, recoil
 from .styles import Style
 
 __all__ = ["LEFT", "RIGHT", "Planner"]
@@ -46,13 +46,13 @@ _HUNG, _STAYS_OUT = 2.5, 0.4  # seconds that a hand hangs; how often, after that
 _HURRIED = 0.6  # share of the usual length of a stroke at least, where a plan leaves little time for it (ours)
 _STIRS, _STIRRED = 0.7, 0.75  # how often a hand beats on an accent without a gesture, in a bout; and how large (ours)
 _BEATS = 0.5  # how often a raised hand beats in place of a new gesture (ours)
-_DRIFT = (0.04, 0.06, 0.04)  # arm lengths by which a raised hand drifts after a stroke (ours)
 _EASES = 0.7  # how often a raised hand in a bout first goes a part of the way to rest (ours)
 _PARKS = 0.4  # how often a raised hand comes down while the other makes a gesture alone (ours)
 _ALONG = 0.85  # how often the right hand comes down with the left one (ours)
 _LULL = 0.5  # seconds after its last stroke for which a hand stays up between bouts (ours)
 _DROPS = 0.8  # how often a hand hangs after the last gesture before a pause (ours)
 _LEAST = (0.36, 0.25)  # share of an unhurried preparation that a gesture needs: without a word, with one (ours)
+_UNHURRIED = 1.6  # factor on it for an arm that hangs: it does not fly up (ours)
 _AGAIN, _WEARY = 2.2, 4.0  # seconds after a stroke in which another follows in place; after a gesture in which hands beat
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
 
@@ -76,6 +76,7 @@ class Planner:
         self.hands = [HandState(MinimumJerkTrack(place, LAGS), place) for place in places]
         self._gesture_space = GesturePlacement(style, self._random, intensity, temperature)
         self.bouts = Bouts(Random(f"{seed + style.variation}/bouts"))
+        """When it gestures, and when not."""
         self._planned: list[Gesture] = []
         self.placed = (0.0, 0.0, 0.0, 0.0)
         """Of the last gesture: seconds of its hold, and where its first stroke ends: out, up and forward, arm lengths."""
@@ -221,7 +222,9 @@ class Planner:
         ready = max(earliest, max(self.hands[h].busy for h in hands))
         wanted = reach_time(leader.track.target, poses[0], tempo)
         available = onset - ready
-        if (onset - earliest if asked else available) < max(0.2, 0.0 if asked else _LEAST[word is not None] * min(wanted, 0.9)):
+        least = _LEAST[word is not None] * min(wanted, 0.9)
+        least *= _UNHURRIED if leader.place == "idle" and not self.style.seated else 1.0
+        if (onset - earliest if asked else available) < max(0.2, 0.0 if asked else least):
             return False
         prepare, wind_up = self._preparation(at, onset, wanted, max(available, 0.2))
         prepare = max(onset - max(asked.start, earliest), 0.2) if asked else prepare
@@ -292,18 +295,8 @@ class Planner:
             state.track.move(end, length, poses[k] + over, skew=skews[1] if k == 1 else draw_skew(draw, 0.05, 0.3), arc=arc)
             state.track.move(end + 0.78 * length, 0.34 / tempo, poses[k], skew=0.2)
             end += length * (CHAINED if k < len(lengths) else 1.0)
-        hold = poses[-1].copy()
-        sink = (1.05 - self.style.hold) * self._random.uniform(0.03, 0.35)  # the hand tires: down towards its resting place
-        sink = max(sink, 0.3 * effort_of(hold) * self._random.uniform(0.8, 1.2))
-        rest = RESTS[self.style.rest][LEFT if state is self.hands[LEFT] else RIGHT].values()
-        hold[:3] += (rest[:3] - hold[:3]) * np.array([0.3 + 0.6 * effort_of(hold), 0.55, 0.4]) * sink
-        hold[:3] += [self._random.gauss(0, size) for size in _DRIFT]
-        hold[1] = max(hold[1], LOWEST)
-        hold[5] *= 0.6
-        at_ease = 1.0 - 0.7 * effort_of(poses[-1])
-        holds = asked.hold if asked and asked.hold else 0.0
-        state.track.move(end + holds + self._random.uniform(0.05, 0.35) * at_ease, self._random.uniform(0.8, 1.6) / tempo, hold)
-        state.pose = poses[-1]
+        hand, holds = LEFT if state is self.hands[LEFT] else RIGHT, (asked.hold or 0.0 if asked else 0.0)
+        sink(state, hand, poses[-1], self.style, draw, end + holds, tempo)
         return end
 
     def _mark(self, state: HandState, name: str, peak: float, end: float, modifier: EmotionModifier) -> None:
@@ -393,6 +386,5 @@ class Planner:
                 self._retract(now, hand, "idle", modifier, state.dice())
 
     def _retract(self, now: float, hand: int, place: str, modifier: EmotionModifier, draw: Random) -> None:
-        """Let a hand come down; see `retract`."""
         beats = [accent.time - LEAD for accent in self._heard]
         retract(self.hands[hand], hand, place, self.style, modifier, draw, now + SLACK, beats)

@@ -172,8 +172,8 @@ class Posture:
         part = np.zeros(BODY_CHANNELS)
         side = 0 if len(hands) == 2 else 1 if hands[0] == 0 else -1
         part[Body.YAW] = side * (10.5 * way[0] - 9.5 * way[2]) * torso + self._gauss(0.7 * torso)
-        part[Body.ROLL] = -side * 4.8 * way[0] * torso + self._gauss(0.6 * torso)
-        part[Body.PITCH] = (8.6 * way[2] - 8.6 * way[1]) * torso
+        part[Body.ROLL] = -side * 7.5 * way[0] * torso + self._gauss(0.9 * torso)
+        part[Body.PITCH] = (9.5 * way[2] - 9.5 * way[1]) * torso
         turned = [Body.YAW, Body.PITCH, Body.ROLL]
         part[turned] = np.minimum(np.maximum(part[turned], -8.0), 8.0)
         head = self.style.head * modifier.head * self.size
@@ -193,6 +193,6 @@ class Posture:
         begin = max(start, ready - 0.7)
         self.track.add(begin, max(ready - begin, 0.25) * 1.2, wind)
         self.track.add(ready, stroke + 0.04, part - wind, skew=0.15)
-        back = self._random.uniform(0.25, 0.45)
+        back = self._random.uniform(0.2, 0.4)
         self.track.add(onset + stroke * 0.9, 0.34, -back * part)
-        self.track.add(onset + stroke + self._random.uniform(0.25, 0.8), self._random.uniform(0.7, 1.2), -(1 - back) * part)
+        self.track.add(onset + stroke + self._random.uniform(0.3, 1.1), self._random.uniform(0.7, 1.2), -(1 - back) * part)

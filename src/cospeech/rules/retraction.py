@@ -1,24 +1,27 @@
-"""Hands that come down after a gesture: all the way to a resting place, or a part of the way."""
+"""Hands after a gesture: they tire, and come down all the way to a resting place, or a part of the way."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from random import Random
 
+import numpy as np
+
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
 from .gesture_space import SHAPES, reach_time
-from .hand_state import HandState
+from .hand_state import HandState, effort_of
 from .minimum_jerk import peak_share
 from .rest_poses import RESTS
 from .strokes import LOWEST, draw_arc, draw_skew
 from .styles import Style
 
-__all__ = ["retract"]
+__all__ = ["retract", "sink"]
 
 _PACE = 0.80  # of the speaker's tempo: hands come down without hurry (ours)
 _EASED = (0.25, 0.55)  # share of the way to rest that a hand goes which stays ready (ours)
 _READY = (0.5, 1.4)  # seconds for which it then stays (ours)
+_DRIFT = (0.04, 0.06, 0.04)  # arm lengths by which a raised hand drifts after a stroke (ours)
 _WAITS = 0.4  # seconds that a hand waits for an accent to come down with (ours)
 
 
@@ -49,6 +52,26 @@ def retract(
         state.pose, state.eased, state.up_until = goal, True, start + length + draw.uniform(*_READY)
     else:
         state.place, state.home, state.form = place, goal, ""
+
+
+def sink(state: HandState, hand: int, pose: Array, style: Style, draw: Random, end: float, tempo: float) -> None:
+    """Let a raised hand tire after a stroke: it drifts, and down towards its resting place.
+
+    Args:
+        state, hand, style, draw: as of `retract`.
+        pose: (CHANNELS,) where the stroke ends.
+        end: seconds from which on it does so.
+        tempo: of the speaker in this mood.
+    """
+    hold, effort = pose.copy(), effort_of(pose)
+    share = max((1.05 - style.hold) * draw.uniform(0.03, 0.35), 0.45 * effort * draw.uniform(0.8, 1.2))
+    way = RESTS[style.rest][hand].values()[:3] - hold[:3]
+    hold[:3] += way * np.array([0.3 + 0.6 * effort, 0.55, 0.4]) * share
+    hold[:3] += [draw.gauss(0, size) for size in _DRIFT]
+    hold[1] = max(hold[1], LOWEST)
+    hold[5] *= 0.6
+    state.track.move(end + draw.uniform(0.05, 0.35) * (1.0 - 0.7 * effort), draw.uniform(0.8, 1.6) / tempo, hold)
+    state.pose = pose
 
 
 def _resting_place(goal: Array, style: Style, place: str, modifier: EmotionModifier, draw: Random) -> Array:

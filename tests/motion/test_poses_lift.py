@@ -21,7 +21,7 @@ INDEX = humanoid().index
 
 @pytest.fixture(scope="module", params=["lively", "seated", "southpaw"])
 def made(request) -> Motion:
-    return RuleBasedModel().generate(Speech(babble(4, 5.0), 16_000), style=request.param, seed=2, fps=15)
+    return RuleBasedModel().generate(Speech(babble(4, 15.0), 16_000), style=request.param, seed=2, fps=15)
 
 
 def far(a: np.ndarray, b: np.ndarray) -> float:
@@ -51,9 +51,9 @@ def test_only_directions_count(made):
 
 def test_elbows_bend_about_their_hinge(made):
     """The arm's twist is that of the rules, whose elbows are hinges, although no point tells of it."""
-    motion = lift(ted_points(made))
     arms = [INDEX["leftUpperArm"], INDEX["rightUpperArm"]]
-    assert np.degrees(quat_angle(motion.rotations[:, arms], made.rotations[:, arms])).mean() < 3
+    lifted, own = (m.skeleton.forward(m.rotations, m.root)[1][:, arms] for m in (lift(ted_points(made)), made))
+    assert np.degrees(quat_angle(lifted, own)).mean() < 3  # in the world: a shoulder that breathes turns the arm's parent
 
 
 def test_the_mean_of_the_data_is_an_upright_person():

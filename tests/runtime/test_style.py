@@ -65,7 +65,7 @@ def talk(seconds: float = 3.0, rate: int = 16_000, seed: int = 0) -> Speech:
 @cache
 def acted(hand: float, height: float = 0.0, seconds: float = 9.0, fps: float = 30.0, style: str = "lively") -> Motion:
     """The rule-based gesturer with one hand only, the left one (0) or the right one (1), low or high."""
-    one = replace(STYLES[style], hand=hand, both=0.0, symmetry=0.0, height=height, rest="low")
+    one = replace(STYLES[style], hand=hand, both=0.0, symmetry=0.0, height=height, rest="low", rate=1.0, hold=1.0)
     return RuleBasedModel().generate(talk(seconds), style=one, fps=fps, parts=BODY, emotion="neutral")
 
 

@@ -28,7 +28,7 @@ _LAP = -0.46
 """Arm lengths above the shoulder at which the strokes of a seated body end, at the lowest. Ours: palms touch the mannequin's
 thighs at -.60, and a beat from there needs room."""
 _BOX = np.array([(-0.30, -0.76, 0.06), (0.62, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
-_BESIDE = np.array([(-0.30, -0.30), (-0.06, 0.18)])
+_BESIDE = np.array([(-0.36, -0.30), (-0.10, 0.19), (0.15, 0.34)])
 """Arm lengths above and outward of the shoulder: how far inward a hand may go at what height. Ours: a hand as high as the
 mouth is beside it, or it hides what is said."""
 
@@ -36,7 +36,7 @@ _FASTEST = 2.0  # m/s; no single move peaks above it (ours: 99 % of wrist speeds
 _HAND_VARIETY = (11.0, 12.0, 7.0)
 """Degrees of pronation, flexion and deviation by which a hand is turned otherwise than in the table. [ours: the wrist of a
 recorded speaker turns twice as far and as fast as one that keeps to the table]"""
-_MOST_HIGHER = 0.24  # arm lengths by which a gesture is higher or lower than usual, at most (ours)
+_MOST_HIGHER = 0.2  # arm lengths by which a gesture is higher or lower than usual, at most (ours)
 _PARALLEL, _ALONG = 0.5, -0.7
 """How often both hands go to the same side, and how far the other hand goes there, to the leader (ours: two recorded speakers
 move both hands at once, but mirror them little)."""

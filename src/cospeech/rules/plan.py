@@ -45,6 +45,7 @@ _FROM_HANGING = 0.3  # share of its wind-up that a hand at the hip keeps: the bo
 _HUNG, _STAYS_OUT = 2.5, 0.4  # seconds that a hand hangs; how often, after that, a gesture leaves it out, to usually (ours)
 _HURRIED = 0.6  # share of the usual length of a stroke at least, where a plan leaves little time for it (ours)
 _STIRS, _STIRRED = 0.7, 0.75  # how often a hand beats on an accent without a gesture, in a bout; and how large (ours)
+_BEATS_TO = -0.9  # arm lengths above the shoulder that beats go down to: those of a low hand are smaller (ours)
 _BEATS = 0.5  # how often a raised hand beats in place of a new gesture (ours)
 _EASES = 0.7  # how often a raised hand in a bout first goes a part of the way to rest (ours)
 _PARKS = 0.4  # how often a raised hand comes down while the other makes a gesture alone (ours)
@@ -321,7 +322,8 @@ class Planner:
         for state in held:
             jitter = self._random.uniform(0, 0.03)
             share = 1.0 if state is lead or len(held) == 1 else self._random.uniform(0.3 + 0.5 * self.style.symmetry, 1.1)
-            up, down = draw_beat(self._random, share * size)
+            room = max(1.4 * (float(state.track.target[1]) - _BEATS_TO), 0.12)
+            up, down = draw_beat(self._random, share * min(size, room))
             top = (state.track.target if state.pose is None else state.pose) + up
             aside = top[0]
             keep_beside_face(top)

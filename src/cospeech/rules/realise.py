@@ -280,14 +280,9 @@ falls as the hand goes inward and outward; arm lengths outward. [ours: one recor
 length inward; `cospeech.motion.kinematics.arms` says where an elbow is by nature]"""
 
 
-_UNDER, _SHOULDER_HIGH = 0.85, -0.25
-"""Share of it that goes where a hand is above its shoulder, and arm lengths from which on: elbows stay below hands [ours]."""
-
-
 def _lift_elbows(h: Array) -> Array:
     """(N, 2) radians of swivel that follow from where the hands ``h (N, 2, channels)`` are; arms that hang have none."""
-    up = h[..., Channel.UP]
-    raised = smoothstep((up + 1.0) / 0.3) * (1 - _UNDER * smoothstep((up - _SHOULDER_HIGH) / 0.6))
+    raised = smoothstep((h[..., Channel.UP] + 1.0) / 0.3)
     return raised * (_ELBOW + _OUTWARD * np.tanh((_MIDDLE - h[..., Channel.OUT]) / _WIDTH))
 
 

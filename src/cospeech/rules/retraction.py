@@ -9,7 +9,7 @@ import numpy as np
 
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
-from .gesture_space import SHAPES, reach_time
+from .gesture_space import SHAPES, keep_beside_face, reach_time
 from .hand_state import HandState, effort_of
 from .minimum_jerk import peak_share
 from .rest_poses import RESTS
@@ -69,6 +69,7 @@ def sink(state: HandState, hand: int, pose: Array, style: Style, draw: Random, e
     hold[:3] += way * np.array([0.3 + 0.6 * effort, 0.55, 0.4]) * share
     hold[:3] += [draw.gauss(0, size) for size in _DRIFT]
     hold[1] = max(hold[1], LOWEST)
+    keep_beside_face(hold)
     hold[5] *= 0.6
     state.track.move(end + draw.uniform(0.05, 0.35) * (1.0 - 0.7 * effort), draw.uniform(0.8, 1.6) / tempo, hold)
     state.pose = pose

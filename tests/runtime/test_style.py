@@ -63,9 +63,11 @@ def talk(seconds: float = 3.0, rate: int = 16_000, seed: int = 0) -> Speech:
 
 
 @cache
-def acted(hand: float, height: float = 0.0, seconds: float = 9.0, fps: float = 30.0, style: str = "lively") -> Motion:
+def acted(
+    hand: float, height: float = 0.0, seconds: float = 9.0, fps: float = 30.0, style: str = "lively", hold: float = 0.8
+) -> Motion:
     """The rule-based gesturer with one hand only, the left one (0) or the right one (1), low or high."""
-    one = replace(STYLES[style], hand=hand, both=0.0, symmetry=0.0, height=height, rest="low", rate=1.0, hold=1.0)
+    one = replace(STYLES[style], hand=hand, both=0.0, symmetry=0.0, height=height, rest="low", hold=hold)
     return RuleBasedModel().generate(talk(seconds), style=one, fps=fps, parts=BODY, emotion="neutral")
 
 
@@ -137,7 +139,7 @@ def test_weights():
 @pytest.mark.slow
 def test_mixtures_lie_between():
     """Without movement what is left is the mean pose, which follows the examples even where nothing was learnt."""
-    speech, low, high = talk(1.5), acted(1.0, -0.2), acted(1.0, 0.25)
+    speech, low, high = talk(1.5), acted(1.0, -0.2, hold=1.0), acted(1.0, 0.25, hold=1.0)
     heights = []
     for weight in (0.0, 0.25, 0.5, 0.75, 1.0):
         style = {high: weight, low: 1 - weight}

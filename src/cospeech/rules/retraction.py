@@ -20,7 +20,8 @@ __all__ = ["retract", "sink"]
 
 _PACE = 0.80  # of the speaker's tempo: hands come down without hurry (ours)
 _EASED = (0.25, 0.55)  # share of the way to rest that a hand goes which stays ready (ours)
-_READY = (0.5, 1.4)  # seconds for which it then stays (ours)
+_INWARD = 0.4  # share of the way inward on top: an arm does not wait stretched out to the side (ours)
+_READY = (0.3, 1.0)  # seconds for which it then stays (ours)
 _DRIFT = (0.04, 0.06, 0.04)  # arm lengths by which a raised hand drifts after a stroke (ours)
 _WAITS = 0.4  # seconds that a hand waits for an accent to come down with (ours)
 
@@ -89,7 +90,9 @@ def _resting_place(goal: Array, style: Style, place: str, modifier: EmotionModif
 def _part_of_the_way(state: HandState, home: Array, draw: Random) -> Array:
     """(CHANNELS,) between where a hand is and where it would rest."""
     goal = state.track.target.copy()
-    goal[:7] += (home - goal)[:7] * draw.uniform(*_EASED)
+    share = draw.uniform(*_EASED)
+    goal[0] += (home - goal)[0] * (share + _INWARD)
+    goal[1:7] += (home - goal)[1:7] * share
     goal[:3] += [draw.gauss(0, 0.03) for _ in range(3)]
     goal[1] = max(goal[1], LOWEST)
     goal[4:7] += [draw.gauss(0, size) for size in (10, 8, 5)]

@@ -186,7 +186,7 @@ class Stance:
         depth = self._random.uniform(0.55, 0.9) if kind < 0.55 else self._random.uniform(0.2, 0.5) if kind < 0.85 else 0.05
         self._left = not self._left if self._random.random() < 0.75 else self._left
         side = 1.0 if self._left else -1.0
-        width = min((left[0] - right[0]) / 2, 0.135)
+        width = min((left[0] - right[0]) / 2, 0.12)
         goal = np.array(
             [
                 (left[0] + right[0]) / 2 + side * width * depth * min(0.35 + 0.65 * sway, 1.1),

@@ -186,7 +186,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             tempo=1.02,
             hold=0.95,
             hand=0.75,
-            both=0.75,
+            both=0.72,
             symmetry=0.57,
             tension=0.65,
             torso=0.72,
@@ -260,7 +260,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         "seated": Style(
             "relaxed on a chair, hands above the lap between phrases",
             variation=8000,
-            rate=0.74,
+            rate=0.7,
             amplitude=1.18,
             height=-0.02,
             hold=0.6,

@@ -1,4 +1,4 @@
-"""Curves between 0 and 1."""
+"""Curves between 0 and 1, and bounds."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from .rotations import Array
 
-__all__ = ["clip", "smoothstep"]
+__all__ = ["clip", "smoothstep", "soft_clip"]
 
 
 def clip(x: Array, low: Array | float, high: Array | float) -> Array:
@@ -18,3 +18,12 @@ def smoothstep(u: Array) -> Array:
     """From 0 to 1 without a slope at either end; ``u`` of any shape is clipped to 0 … 1."""
     u = clip(u, 0, 1)
     return u * u * (3 - 2 * u)  # type: ignore[no-any-return]
+
+
+def soft_clip(x: Array, low: float, high: float) -> Array:
+    """The identity inside, bent within the last fifth of the range on either side; never at ``low`` or ``high``."""
+    middle, half = (low + high) / 2, (high - low) / 2
+    u = (x - middle) / half
+    over = np.abs(u) - 0.8
+    bent = np.sign(u) * (0.8 + 0.2 * np.tanh(np.maximum(over, 0) / 0.2))
+    return middle + half * np.where(over > 0, bent, u)

@@ -32,19 +32,18 @@ class Bouts:
         self._random = random
         self.busy = True
         """Whether gestures are to be made now."""
-        self._until, self._phrase, self._ended = random.uniform(*_BUSY), -1.0, -1.0
+        self._until, self._phrase = random.uniform(*_BUSY), -1.0
 
     def decide(self, now: float, phrases: Sequence[Phrase]) -> None:
         """One tick, at ``now`` seconds, with the phrases that are known."""
         begun = next((p for p in phrases if self._phrase < p.start <= now + 0.6), None)
         if begun is not None:
             self._phrase = begun.start
-            before = max((p.end for p in phrases if p.end <= begun.start), default=self._ended)
+            before = max((p.end for p in phrases if p.end <= begun.start), default=-1.0)
             if begun.start - before > _RESTED:
                 self._begin(now, busy=True, longer=_LONGER)
             elif not self.busy and self._random.random() < _AFTER_PAUSE:
                 self._begin(now, busy=True)
-        self._ended = max((p.end for p in phrases if p.end <= now), default=self._ended)
         if now >= self._until:
             self._begin(now, busy=not self.busy)
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..motion.curves import soft_clip
 from ..motion.kinematics.hands import Channel
 from ..motion.noise import smooth_noise
 from ..motion.rotations import Array
 
-__all__ = ["add_hand_noise", "limit"]
+__all__ = ["add_hand_noise"]
 
 _WANDER_HZ, _WANDER = 0.8, np.array([0.04, 0.05, 0.04])
 """How often, and how far in arm lengths, a raised hand wanders about its place. [ours: held up, the hands of a recorded speaker
@@ -18,15 +19,6 @@ _HANGS, _RISE = -0.85, 0.4  # arm lengths above the shoulder of a hand that hang
 _FINGERS_HZ = 1.2  # of fingers that are never still: half of what recorded fingers move, in the median (ours)
 _KNUCKLE_LIMITS, _MIDDLE_LIMITS = (-18.0, 94.0), (-2.0, 106.0)  # degrees; active ranges of adult fingers (Hume et al. 1990)
 _SPREAD_LIMITS = (-5.0, 17.0)  # degrees between neighbours: the little finger shows half as much again (ours)
-
-
-def limit(x: Array, low: float, high: float) -> Array:
-    """Smooth clip: the identity inside, bent within the last fifth of the range."""
-    middle, half = (low + high) / 2, (high - low) / 2
-    u = (x - middle) / half
-    over = np.abs(u) - 0.8
-    bent = np.sign(u) * (0.8 + 0.2 * np.tanh(np.maximum(over, 0) / 0.2))
-    return middle + half * np.where(over > 0, bent, u)
 
 
 def add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: Array) -> None:
@@ -52,9 +44,9 @@ def add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: Array
         fingers = bends[:, side * 4 : side * 4 + 4] * still * (8.6, 9.2, 9.2, 9.8)
         h[:, side, Channel.KNUCKLES] += fingers
         h[:, side, Channel.MIDDLES] += fingers * 1.3
-    h[:, :, Channel.KNUCKLES] = limit(h[:, :, Channel.KNUCKLES], *_KNUCKLE_LIMITS)
-    h[:, :, Channel.MIDDLES] = limit(h[:, :, Channel.MIDDLES], *_MIDDLE_LIMITS)
-    h[:, :, Channel.SPREAD] = limit(h[:, :, Channel.SPREAD], *_SPREAD_LIMITS)
+    h[:, :, Channel.KNUCKLES] = soft_clip(h[:, :, Channel.KNUCKLES], *_KNUCKLE_LIMITS)
+    h[:, :, Channel.MIDDLES] = soft_clip(h[:, :, Channel.MIDDLES], *_MIDDLE_LIMITS)
+    h[:, :, Channel.SPREAD] = soft_clip(h[:, :, Channel.SPREAD], *_SPREAD_LIMITS)
     if tremor.any():
         shake = smooth_noise(seed + 3, 6, times, 7.0, octaves=1) * (0.003 * tremor[:, None])
         h[:, :, :3] += shake.reshape(-1, 2, 3)

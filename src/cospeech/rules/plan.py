@@ -234,9 +234,7 @@ class Planner:
         for hand in hands:
             own = poses if hand == hands[0] else self._gesture_space.follower(poses, strength, mirrors=name not in FORMS)
             late = 0.0 if hand == hands[0] else self._random.uniform(-0.01, 0.03)
-            end = self._schedule(
-                self.hands[hand], own, start + late, prepare, onset + late, usual, tempo, modifier, (wind_up, skew), asked
-            )
+            end = self._schedule(hand, own, start + late, prepare, onset + late, usual, tempo, modifier, (wind_up, skew), asked)
             self._mark(self.hands[hand], name, onset + stroke / 2, end, modifier)
             self.hands[hand].raised = end
             if asked and asked.hold is not None:
@@ -267,7 +265,7 @@ class Planner:
 
     def _schedule(
         self,
-        state: HandState,
+        hand: int,
         poses: list[Array],
         start: float,
         prepare: float,
@@ -282,7 +280,7 @@ class Planner:
 
         It winds up on one side of the chord and strikes on the other, goes a little too far and settles.
         """
-        draw = self._random
+        draw, state = self._random, self.hands[hand]
         bulge = draw.uniform(0.05, 0.30) * (_FROM_HANGING if state.place == "idle" else 1.0)
         wind = draw_arc(draw, poses[0] - state.track.target, poses[0], -bulge)
         state.track.move(start, prepare * (1 + _BLEND), poses[0], skew=skews[0], arc=wind)
@@ -296,7 +294,7 @@ class Planner:
             state.track.move(end, length, poses[k] + over, skew=skews[1] if k == 1 else draw_skew(draw, 0.05, 0.3), arc=arc)
             state.track.move(end + 0.78 * length, 0.34 / tempo, poses[k], skew=0.2)
             end += length * (CHAINED if k < len(lengths) else 1.0)
-        hand, holds = LEFT if state is self.hands[LEFT] else RIGHT, (asked.hold or 0.0 if asked else 0.0)
+        holds = asked.hold or 0.0 if asked else 0.0
         sink(state, hand, poses[-1], self.style, draw, end + holds, tempo)
         return end
 
@@ -373,9 +371,9 @@ class Planner:
         for hand, state in enumerate(self.hands):
             if now <= state.busy:
                 continue
-            tired = now >= state.up_until or (quiet and now > last + 0.7 * self.style.hold and not state.keeps)
-            tired = tired or (not self.bouts.busy and not state.keeps and now > state.last_stroke + _LULL)
-            if state.place == "up" and (tired or (along and not state.keeps)):
+            over = quiet and now > last + 0.7 * self.style.hold
+            over = over or along or (not self.bouts.busy and now > state.last_stroke + _LULL)
+            if state.place == "up" and (now >= state.up_until or (over and not state.keeps)):
                 draw = state.dice()
                 if self.bouts.busy and not quiet and not state.eased and draw.random() < _EASES:
                     self._retract(now, hand, "up", modifier, draw)
@@ -388,5 +386,6 @@ class Planner:
                 self._retract(now, hand, "idle", modifier, state.dice())
 
     def _retract(self, now: float, hand: int, place: str, modifier: EmotionModifier, draw: Random) -> None:
+        """Let a hand come down, where it can with an accent that is heard; see `retract`."""
         beats = [accent.time - LEAD for accent in self._heard]
         retract(self.hands[hand], hand, place, self.style, modifier, draw, now + SLACK, beats)

@@ -78,7 +78,7 @@ class _Source(Planner):
         self.decisions = list[_Decision]()
         self._count = 0
         self._looks = 0
-        self.at_start = self.before_letting_go = self.states()
+        self.at_start = self.states()
         self.schedule = self.posture.schedule()
         self.saccade: GazeShift | None = None
 
@@ -105,10 +105,6 @@ class _Source(Planner):
             Planner._nod(player, now, accent, player.modifier, has_stroke)
 
         self.decisions.append(_Decision(states, nod, accent.time))
-
-    def _let_go(self, now: float, phrases: Sequence[Phrase], modifier: EmotionModifier) -> None:
-        self.before_letting_go = self.states()
-        super()._let_go(now, phrases, modifier)
 
     def _perform(
         self, now: float, at: float, strength: float, name: str, modifier: EmotionModifier, word: Word | None,
@@ -228,8 +224,7 @@ class PlanPlayer(Planner):
                 if self._belongs(decision, each):
                     self._follow(decision)
         self._perform_due(now)
-        self._set(source.before_letting_go)
-        self.bouts = source.bouts
+        self.bouts = source.bouts  # hands that come down draw nothing: their last strokes drew for them
         self._let_go(now, phrases, modifier)
         planned, self._planned = self._planned, []
         return planned

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..motion.curves import smoothstep
+from ..motion.curves import smoothstep, soft_clip
 from ..motion.kinematics import arms
 from ..motion.kinematics.body import NECK_SHARE, SPINE, Body
 from ..motion.kinematics.body_volume import HEAD_CENTRE, THIGH_TOP, push_from_head, push_from_thighs, push_from_torso
@@ -29,7 +29,7 @@ from ..motion.rotations import (
     rotvec_to_quat,
 )
 from ..motion.skeleton import humanoid
-from .hand_noise import add_hand_noise, limit
+from .hand_noise import add_hand_noise
 from .minimum_jerk import MinimumJerkTrack
 from .stance import BREATH_PITCH, CONTRAPPOSTO, PELVIS_SHARE
 from .styles import Style
@@ -251,7 +251,7 @@ def _arms(
     o = _offsets()
     length = arms.arm_lengths().total
     angles = np.radians(h[..., 4:7])
-    angles = np.stack([limit(angles[..., k], low, high) for k, (low, high) in enumerate(_WRIST_LIMITS)], -1)
+    angles = np.stack([soft_clip(angles[..., k], low, high) for k, (low, high) in enumerate(_WRIST_LIMITS)], -1)
     target = o["leftShoulder"] + o["leftUpperArm"] + quat_rotate(frames.gesture, h[..., :3] * length) + frames.stay
     raised = h[..., Channel.UP]
     along = _ON_CHAIRS if style.seated else 1.0

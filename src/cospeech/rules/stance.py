@@ -110,7 +110,7 @@ class Stance:
         }
         self._crossed = ""  # the leg that lies over the other's knee
         self._follow: float | None = None
-        self._down = 0.0  # when the foot that steps stands again
+        self._down = 0.0  # when the foot that steps, or turns about its ball, stands again
         self._settled = False
 
     def decide(self, now: float, *, speaking: bool = True) -> None:

@@ -13,12 +13,12 @@ from ..audio.prosodic_events import Phrase
 
 __all__ = ["Bouts"]
 
-_BUSY, _QUIET = (4.0, 9.5), (2.4, 4.8)
+_BUSY, _QUIET = (4.0, 9.5), (2.2, 4.4)
 """Seconds of a stretch with gestures, and of one without. [ours: stillness of two recorded speakers]"""
 _AFTER_PAUSE = 0.75  # how often a phrase that follows a pause begins a bout with gestures [ours]
 _RESTED, _LONGER = 1.2, 1.5
 """Seconds of a pause in which hands have rested; and how much longer the bout after it is. [ours]"""
-_EAGER = {True: 1.42, False: 0.04}  # factor on the share of accents with a stroke, in a bout and between bouts [ours]
+_EAGER = {True: 1.55, False: 0.04}  # factor on the share of accents with a stroke, in a bout and between bouts [ours]
 
 
 class Bouts:

@@ -24,7 +24,7 @@ _LEFT = 0  # row of `RESTS`
 _SPACE = np.array([0.09, 0.055, -0.13])  # arm lengths from the table's places to where speakers gesture most (motion.md §1)
 _ROOM = np.array([0.95, 1.5, 1.1])  # strokes of speakers are higher than those of the table (motion.md: SD of height)
 _OWN_SIDE = -0.18  # arm lengths outward of its shoulder: the other hand comes no further inward, to the leader's side (ours)
-_LAP = -0.46
+_LAP = -0.42
 """Arm lengths above the shoulder at which the strokes of a seated body end, at the lowest. Ours: palms touch the mannequin's
 thighs at -.60, and a beat from there needs room."""
 _BOX = np.array([(-0.30, -0.76, 0.06), (0.62, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
@@ -36,7 +36,7 @@ _FASTEST = 2.0  # m/s; no single move peaks above it (ours: 99 % of wrist speeds
 _HAND_VARIETY = (11.0, 12.0, 7.0)
 """Degrees of pronation, flexion and deviation by which a hand is turned otherwise than in the table. [ours: the wrist of a
 recorded speaker turns twice as far and as fast as one that keeps to the table]"""
-_MOST_HIGHER = 0.2  # arm lengths by which a gesture is higher or lower than usual, at most (ours)
+_MOST_HIGHER = 0.3  # arm lengths by which a gesture is higher or lower than usual, at most (ours)
 _PARALLEL, _ALONG = 0.5, -0.7
 """How often both hands go to the same side, and how far the other hand goes there, to the leader (ours: two recorded speakers
 move both hands at once, but mirror them little)."""
@@ -80,7 +80,7 @@ class GesturePlacement:
             return [self._shape_pose(t, 0.0, effort, modifier, free) for t in table]
         middle = np.mean([t[:3] for t in table], axis=0)
         low = self._random.uniform
-        higher = min(max(self._random.gauss(0, 0.14), -_MOST_HIGHER), _MOST_HIGHER)
+        higher = min(max(self._random.gauss(0.09, 0.19), -_MOST_HIGHER), _MOST_HIGHER)
         shift = np.array([self._random.gauss(0, 0.045), higher, self._random.gauss(0, 0.04)]) * free
         centre = middle + shift
         centre += (style.breadth + modifier.breadth, style.height + modifier.height, style.forward)

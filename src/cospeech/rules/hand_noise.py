@@ -11,11 +11,11 @@ from ..motion.rotations import Array
 
 __all__ = ["add_hand_noise"]
 
-_WANDER_HZ, _WANDER = 0.8, np.array([0.04, 0.05, 0.04])
+_WANDER_HZ, _WANDER = 1.0, np.array([0.055, 0.065, 0.055])
 """How often, and how far in arm lengths, a raised hand wanders about its place. [ours: held up, the hands of a recorded speaker
 are seldom slower than .13 m/s; without this, ours were at .05]"""
 _TOGETHER, _ALONE = 0.75, 0.65  # shares of it that both hands have in common, and that each has alone [ours]
-_HANGS, _RISE = -0.85, 0.4  # arm lengths above the shoulder of a hand that hangs; and from there to one that is raised [ours]
+_HANGS, _RISE = -0.60, 0.22  # arm lengths above the shoulder of a hand that hangs; and from there to one that is raised [ours]
 _FINGERS_HZ = 1.2  # of fingers that are never still: half of what recorded fingers move, in the median (ours)
 _KNUCKLE_LIMITS, _MIDDLE_LIMITS = (-18.0, 94.0), (-2.0, 106.0)  # degrees; active ranges of adult fingers (Hume et al. 1990)
 _SPREAD_LIMITS = (-5.0, 17.0)  # degrees between neighbours: the little finger shows half as much again (ours)
@@ -33,7 +33,7 @@ def add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: Array
     """
     n = smooth_noise(seed + 2, 14, times, 0.40, octaves=3, gain=0.45)
     bends = smooth_noise(seed + 4, 8, times, _FINGERS_HZ, octaves=2, gain=0.5)
-    wander = smooth_noise(seed + 5, 9, times, _WANDER_HZ, octaves=2, gain=0.5)
+    wander = smooth_noise(seed + 5, 9, times, _WANDER_HZ, octaves=1)
     still = 0.55 + 0.45 * min(size, 1.0)
     for side in (0, 1):
         k = n[:, side * 7 : side * 7 + 7] * still

@@ -37,6 +37,8 @@ class HandState:
     """Whether it stays up until then, even if the speaker falls silent."""
     eased: bool = False
     """Whether it has gone a part of the way back since its last stroke."""
+    effort: float = 0.0
+    """Of its last gesture, as of `effort_of`."""
     chance: float = 0.0
     """Drawn with its last stroke."""
 

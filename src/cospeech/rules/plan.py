@@ -44,7 +44,7 @@ _CHAINED = 0.65  # share of the way back to where the hand already is that a pre
 _FROM_HANGING = 0.3  # share of its wind-up that a hand at the hip keeps: the body is in the way (ours, by the laws of the body)
 _HUNG, _STAYS_OUT = 2.5, 0.4  # seconds that a hand hangs; how often, after that, a gesture leaves it out, to usually (ours)
 _HURRIED = 0.6  # share of the usual length of a stroke at least, where a plan leaves little time for it (ours)
-_STIRS, _STIRRED = 0.7, 0.75  # how often a hand beats on an accent without a gesture, in a bout; and how large (ours)
+_STIRS, _STIRRED = 0.75, 0.75  # how often a hand beats on an accent without a gesture, in a bout; and how large (ours)
 _BEATS_TO = -0.9  # arm lengths above the shoulder that beats go down to: those of a low hand are smaller (ours)
 _BEATS = 0.5  # how often a raised hand beats in place of a new gesture (ours)
 _EASES = 0.7  # how often a raised hand in a bout first goes a part of the way to rest (ours)
@@ -54,7 +54,8 @@ _LULL = 0.5  # seconds after its last stroke for which a hand stays up between b
 _DROPS = 0.8  # how often a hand hangs after the last gesture before a pause (ours)
 _LEAST = (0.36, 0.25)  # share of an unhurried preparation that a gesture needs: without a word, with one (ours)
 _UNHURRIED = 1.6  # factor on it for an arm that hangs: it does not fly up (ours)
-_AGAIN, _WEARY = 2.2, 4.0  # seconds after a stroke in which another follows in place; after a gesture in which hands beat
+_AGAIN, _WEARY = 2.2, 3.0  # seconds after a stroke in which another follows in place; after a gesture in which hands beat
+_SOONER = 0.65  # share of the latter that is lost where the gesture was far out or high (ours)
 _BLEND = 0.30  # share of the preparation that the stroke overlaps, so that the path is round
 
 
@@ -146,7 +147,7 @@ class Planner:
         if soon:
             return
         willing = self.bouts.willingness(self.style.rate * modifier.rate, accent.strength, self.intensity)
-        held = [s for s in self.hands if s.can_beat() and accent.time - s.raised < _WEARY]
+        held = [s for s in self.hands if s.can_beat() and accent.time - s.raised < _WEARY * (1 - _SOONER * s.effort)]
         beats = self.bouts.busy and (held or [s for s in self.hands if s.place == "rest"])
         if self._random.random() >= willing:
             if beats and self._random.random() < _STIRS:
@@ -236,7 +237,7 @@ class Planner:
             late = 0.0 if hand == hands[0] else self._random.uniform(-0.01, 0.03)
             end = self._schedule(hand, own, start + late, prepare, onset + late, usual, tempo, modifier, (wind_up, skew), asked)
             self._mark(self.hands[hand], name, onset + stroke / 2, end, modifier)
-            self.hands[hand].raised = end
+            self.hands[hand].raised, self.hands[hand].effort = end, effort_of(own[-1])
             if asked and asked.hold is not None:
                 self.hands[hand].up_until, self.hands[hand].keeps = end + asked.hold, True
         for hand in {LEFT, RIGHT} - set(hands):
@@ -301,7 +302,7 @@ class Planner:
     def _mark(self, state: HandState, name: str, peak: float, end: float, modifier: EmotionModifier) -> None:
         state.busy, state.place, state.form, state.last_stroke, state.keeps = end - 0.08, "up", name, peak, False
         state.eased, state.chance = False, self._random.random()
-        state.up_until = end + (0.24 + 1.5 * self.style.hold) * self._random.uniform(0.7, 1.4) / modifier.tempo
+        state.up_until = end + (0.2 + 1.25 * self.style.hold) * self._random.uniform(0.7, 1.4) / modifier.tempo
         state.up_until = end + (state.up_until - end) * (1.0 - 0.7 * effort_of(state.track.target))
 
     def _beat(self, now: float, accent: Accent, held: list[HandState], modifier: EmotionModifier, scale: float) -> bool:
@@ -349,7 +350,7 @@ class Planner:
         poses: list[Array],
     ) -> None:
         """The idle hand stirs along with a one-handed gesture."""
-        share = (0.22 + 0.40 * self.style.symmetry) * (0.45 if state.place == "idle" or start < state.busy else 1.0)
+        share = (0.22 + 0.40 * self.style.symmetry) * (0.2 if state.place == "idle" or start < state.busy else 1.0)
         for onset_, length, delta in (
             (start + 0.03, prepare * 1.1, poses[0] - leader.home),
             (onset + 0.02, stroke, poses[1] - poses[0]),

@@ -6,7 +6,6 @@ the pieces.
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ import numpy as np
 from ..motion.curves import smoothstep, soft_clip
 from ..motion.kinematics import arms
 from ..motion.kinematics.body import NECK_SHARE, SPINE, Body
-from ..motion.kinematics.body_volume import HEAD_CENTRE, THIGH_TOP, push_from_head, push_from_thighs, push_from_torso
+from ..motion.kinematics.body_volume import push_from_head, push_from_thighs, push_from_torso
 from ..motion.kinematics.hands import Channel
 from ..motion.kinematics.legs import stand, weight_shift
 from ..motion.noise import smooth_noise
@@ -29,6 +28,7 @@ from ..motion.rotations import (
     rotvec_to_quat,
 )
 from ..motion.skeleton import humanoid
+from .arm_frames import MIRROR_Q, MIRROR_V, ArmFrames, arm_frames, lay_on_lap, offsets
 from .hand_noise import add_hand_noise
 from .minimum_jerk import MinimumJerkTrack
 from .stance import BREATH_PITCH, CONTRAPPOSTO, PELVIS_SHARE
@@ -37,6 +37,7 @@ from .styles import Style
 __all__ = ["Pieces", "gaze_only", "realise"]
 
 _STABLE = 0.65  # share of the torso's motion that the head does not follow (gaze stabilisation)
+_BENDS = (-24.0, 49.0)  # degrees back and forward that a trunk bends, whatever adds up (ours, by the laws of the body)
 _RAISED = 2.2  # degrees by which a breath lifts the clavicles (ours: about 1 cm)
 _LIFTED, _REACHED, _DRAWN = 22.0, 14.0, 4.0
 """Degrees by which a clavicle rises with a raised arm, comes forward with one that reaches, is drawn back with one that hangs:
@@ -45,8 +46,6 @@ _ON_CHAIRS = 0.76  # of that on a chair, where shoulders would otherwise move wi
 _PALM, _TIP = 0.080, 0.172  # metres from the wrist to the middle of the palm, to the fingertips
 _MIDDLE_OF_HAND = 0.6  # share of the way from the wrist to the palm, where two hands are kept apart (ours)
 _APART = 0.115  # metres between the palms below which hands make room for each other
-_STAYING = 0.7  # share of a seated trunk's lean that the hands do not take part in (ours: hands rest on the thighs)
-_CROSSED = 0.09  # metres by which a leg over the other's knee raises the lap
 _CLEAR = 0.010  # metres of air kept between hand and body
 
 
@@ -57,13 +56,6 @@ class Pieces(NamedTuple):
     root: Array
     gaze: Array
     """(N, 2) planned, relative to the listener: yaw to the left and pitch up, radians; see `cospeech.face.gaze`."""
-
-
-@lru_cache(1)
-def _offsets() -> dict[str, Array]:
-    s = humanoid()
-    names = ("hips", "spine", "chest", "upperChest", "neck", "head", "leftShoulder", "leftUpperArm")
-    return {n: s.offsets[s.index[n]] for n in names} | {"t:" + n: s.tpose[s.index[n]] for n in names}
 
 
 def realise(
@@ -111,10 +103,10 @@ def realise(
     for name, share in SPINE:
         local = rotvec_to_quat(bend * share)
         rotations[:, joint[name]] = local
-        position = position + quat_rotate(world, _offsets()[name])
+        position = position + quat_rotate(world, offsets()[name])
         world = quat_multiply(world, local)
         places[name] = (position, world)
-    neck = position + quat_rotate(world, _offsets()["neck"])
+    neck = position + quat_rotate(world, offsets()["neck"])
     _arms(times, hands, places, neck, b, rotations, style, seed, size, breath, tremor)
     return Pieces(rotations, quat_rotate(facing, root), gaze)
 
@@ -149,6 +141,7 @@ def _add_body_noise(b: Array, times: Array, style: Style, seed: int, size: float
         b[:, Body.ROLL] -= CONTRAPPOSTO * weight_shift(b)
     feet = 0.0 if style.seated else 0.5 * (b[:, Body.LEFT_FOOT.stop - 1] + b[:, Body.RIGHT_FOOT.stop - 1])
     b[:, Body.YAW] += PELVIS_SHARE * (b[:, Body.HIPS_YAW] + feet)
+    b[:, Body.PITCH] = soft_clip(b[:, Body.PITCH], *_BENDS)
 
 
 _SWAYING = [Body.PITCH, Body.ROLL, Body.YAW, Body.HEAD_PITCH, Body.HEAD_ROLL, Body.HEAD_YAW, Body.HIPS_X, Body.HIPS_Z] + [
@@ -168,70 +161,6 @@ def _head(b: Array, torso: Array, turn: float) -> Array:
 # ---------------------------------------------------------------------------------------------------------- arms
 
 
-class _Frames(NamedTuple):
-    """The torso as both arms see it: (N, 2, …), the right side mirrored; positions relative to the upper chest's joint."""
-
-    to_hips: Array
-    from_hips: Array
-    hips_at: Array
-    gesture: Array
-    head_at: Array
-    to_seat: Array
-    from_seat: Array
-    seat_at: Array
-    lap: Array
-    """(N, 1) height of the lap where the hips of the T-pose are: it stays level when the pelvis tilts."""
-    stay: Array
-    """By which the hands of a seated body stay where they are when the trunk leans."""
-
-
-def _both(left: Array, mirror: Array) -> Array:
-    both = np.empty((len(left), 2, left.shape[1]))
-    both[:, 0] = left
-    np.multiply(left, mirror, out=both[:, 1])
-    return both
-
-
-_MIRROR_V, _MIRROR_Q = np.array([-1.0, 1.0, 1.0]), np.array([1.0, -1.0, -1.0, 1.0])
-
-
-def _frames(places: dict[str, tuple[Array, Array]], neck: Array, b: Array, rotations: Array, style: Style) -> _Frames:
-    chest_at, chest = places["upperChest"]
-    hips_at, hips = places["hips"]
-    back = quat_conjugate(chest)
-    upright = b.copy()
-    upright[:, [Body.PITCH, Body.ROLL]] *= 0.5  # ours: gesture space follows the chest's turn, but only half its bend
-    gesture = quat_multiply(back, _euler(upright, (Body.YAW, Body.PITCH, Body.ROLL)))
-    joint = humanoid().index
-    neck_world = quat_multiply(chest, rotations[:, joint["neck"]])
-    head_joint = neck + quat_rotate(neck_world, _offsets()["head"])
-    head_world = quat_multiply(neck_world, rotations[:, joint["head"]])
-    head = quat_rotate(back, head_joint + quat_rotate(head_world, HEAD_CENTRE) - chest_at)
-    to_hips = quat_multiply(quat_conjugate(hips), chest)
-    hips_from = quat_rotate(quat_conjugate(hips), chest_at - hips_at)
-    o, stay = _offsets(), np.zeros((len(b), 3))
-    if style.seated:
-        usual = quat_rotate(
-            euler_to_quat(np.array([0.0, np.radians(0.6 * style.lean), 0.0]), "YXZ"), o["t:upperChest"] - o["t:hips"]
-        )
-        stay = quat_rotate(back, _STAYING * (usual - (chest_at - hips_at)))
-    crossed = smoothstep(b[:, [Body.LEFT_LIFT, Body.RIGHT_LIFT]].max(1, keepdims=True) / 0.18)
-    lap = float(o["t:hips"][1]) - 0.04 + THIGH_TOP + _CROSSED * crossed
-    both_to_hips, to_seat = _both(to_hips, _MIRROR_Q), _both(chest, _MIRROR_Q)
-    return _Frames(
-        both_to_hips,
-        quat_conjugate(both_to_hips),
-        _both(hips_from, _MIRROR_V),
-        _both(gesture, _MIRROR_Q),
-        _both(head, _MIRROR_V),
-        to_seat,
-        quat_conjugate(to_seat),
-        _both(chest_at - hips_at, _MIRROR_V),
-        lap,
-        _both(stay, _MIRROR_V),
-    )
-
-
 def _arms(
     times: Array,
     hands: list[MinimumJerkTrack],
@@ -247,13 +176,16 @@ def _arms(
 ) -> None:
     h = np.stack([hands[0].at(times), hands[1].at(times)], 1)
     add_hand_noise(h, times, seed, size, tremor)
-    frames = _frames(places, neck, b, rotations, style)
-    o = _offsets()
+    frames = arm_frames(places, neck, b, rotations, style)
+    o = offsets()
     length = arms.arm_lengths().total
     angles = np.radians(h[..., 4:7])
     angles = np.stack([soft_clip(angles[..., k], low, high) for k, (low, high) in enumerate(_WRIST_LIMITS)], -1)
-    target = o["leftShoulder"] + o["leftUpperArm"] + quat_rotate(frames.gesture, h[..., :3] * length) + frames.stay
+    place = _bend_elbows(h[..., :3], _ON_THIGHS if style.seated else _LOW) * length
+    target = o["leftShoulder"] + o["leftUpperArm"] + quat_rotate(frames.gesture, place) + frames.stay
     raised = h[..., Channel.UP]
+    if style.seated:
+        target = lay_on_lap(target, place, raised, frames, style)
     along = _ON_CHAIRS if style.seated else 1.0
     lift = (
         np.radians(h[..., Channel.SHRUG])
@@ -272,6 +204,26 @@ def _arms(
         rel = _make_room(rel, shoulder, quat_multiply(arms.solve_arm(rel, swivel)[1], hand), points, frames, style)
     upper, fore = arms.solve_arm(rel, swivel)
     _write_arms(rotations, clavicle, upper, quat_multiply(fore, pronation), wrist, h)
+
+
+_EASY, _MORE = 0.58, 0.32
+"""Arm lengths up to which a raised hand goes where it was planned, and by how much it goes further at most. [ours: the raised
+hands of a recorded speaker are .59 to .92 arm lengths from the shoulder, 5 to 99 %]"""
+_LOW, _ON_THIGHS, _RAISED_BY = -0.94, -0.70, 0.32
+"""Arm lengths above the shoulder of an arm that may be straight, of a standing and of a seated body; and up to one that is
+raised. [ours]"""
+
+
+def _bend_elbows(place: Array, low: float) -> Array:
+    """Places of hands ``(N, 2, 3)`` from their shoulders, arm lengths, so near that the elbow of a raised arm stays bent.
+
+    ``low`` is the height above the shoulder up to which an arm may be straight.
+    """
+    far = np.sqrt(np.einsum("nij,nij->ni", place, place))[..., None]
+    easy = np.minimum(far, _EASY) + _MORE * np.tanh(np.maximum(far - _EASY, 0.0) / _MORE)
+    raised = smoothstep((place[..., 1:2] - low) / _RAISED_BY)
+    result: Array = place * (1.0 + raised * (easy / np.maximum(far, 1e-6) - 1.0))
+    return result
 
 
 _ELBOW, _OUTWARD, _MIDDLE, _WIDTH = np.radians(13.0), np.radians(40.0), 0.15, 0.55
@@ -301,7 +253,7 @@ def _hand_points(h: Array) -> Array:
     return points
 
 
-def _make_room(rel: Array, shoulder: Array, hand: Array, points: Array, frames: _Frames, style: Style) -> Array:
+def _make_room(rel: Array, shoulder: Array, hand: Array, points: Array, frames: ArmFrames, style: Style) -> Array:
     """Move wrists so that wrist, palm and fingertips stay out of torso, head, lap and the other hand.
 
     Args:
@@ -317,17 +269,17 @@ def _make_room(rel: Array, shoulder: Array, hand: Array, points: Array, frames: 
         if style.seated:
             wrist_at = wrist_at + _push_from_lap(wrist_at if offset is None else wrist_at + offset, flat, frames)
     point = wrist_at + _MIDDLE_OF_HAND * palm
-    apart = point[:, 0] - point[:, 1] * _MIRROR_V
+    apart = point[:, 0] - point[:, 1] * MIRROR_V
     distance = np.sqrt(np.einsum("ni,ni->n", apart, apart))[:, None] + 1e-6
     need = 0.5 * 0.012 * np.logaddexp(0.0, (_APART - distance) / 0.012)
     way = (apart + np.array([0.02, 0.0, 0.0])) / (distance + 0.02)
-    wrist_at = wrist_at + np.stack([way, -way * _MIRROR_V], 1) * need[:, None]
+    wrist_at = wrist_at + np.stack([way, -way * MIRROR_V], 1) * need[:, None]
     return arms.reach(wrist_at - shoulder)
 
 
-def _push(point: Array, radius: float, frames: _Frames) -> Array:
+def _push(point: Array, radius: float, frames: ArmFrames) -> Array:
     """Displacement of points (N, 2, 3), relative to the upper chest in its frame, out of the body."""
-    o = _offsets()
+    o = offsets()
     upper = point + o["t:upperChest"]
     in_hips = quat_rotate(frames.to_hips, point) + frames.hips_at
     lower = in_hips + o["t:hips"]
@@ -339,9 +291,9 @@ def _push(point: Array, radius: float, frames: _Frames) -> Array:
     return out + push_from_head(point + out, frames.head_at, radius)  # type: ignore[no-any-return]
 
 
-def _push_from_lap(point: Array, radius: float, frames: _Frames) -> Array:
+def _push_from_lap(point: Array, radius: float, frames: ArmFrames) -> Array:
     """As `_push`, out of the thighs of a seated body; a palm lies flat on them."""
-    level = quat_rotate(frames.to_seat, point) + frames.seat_at + _offsets()["t:hips"]
+    level = quat_rotate(frames.to_seat, point) + frames.seat_at + offsets()["t:hips"]
     return quat_rotate(frames.from_seat, push_from_thighs(level, frames.lap, 0.46, radius))
 
 
@@ -355,8 +307,8 @@ def _write_arms(rotations: Array, clavicle: Array, upper: Array, forearm: Array,
     }
     for name, q in locals_.items():
         rotations[:, joint["left" + name]] = q[:, 0]
-        rotations[:, joint["right" + name]] = q[:, 1] * _MIRROR_Q
+        rotations[:, joint["right" + name]] = q[:, 1] * MIRROR_Q
     fingers = arms.finger_rotations(h)
     left, right = arms.finger_joints()
     rotations[:, left] = fingers[:, 0]
-    rotations[:, right] = fingers[:, 1] * _MIRROR_Q
+    rotations[:, right] = fingers[:, 1] * MIRROR_Q

@@ -21,7 +21,7 @@ __all__ = ["retract", "sink"]
 _PACE = 0.80  # of the speaker's tempo: hands come down without hurry (ours)
 _EASED = (0.25, 0.55)  # share of the way to rest that a hand goes which stays ready (ours)
 _INWARD = 0.4  # share of the way inward on top: an arm does not wait stretched out to the side (ours)
-_READY = (0.3, 1.0)  # seconds for which it then stays (ours)
+_READY = (0.2, 0.7)  # seconds for which it then stays (ours)
 _DRIFT = (0.04, 0.06, 0.04)  # arm lengths by which a raised hand drifts after a stroke (ours)
 _WAITS = 0.4  # seconds that a hand waits for an accent to come down with (ours)
 

@@ -22,6 +22,9 @@ _DRAG = 85.0  # degrees of wrist per arm length of way up or down that a hand tr
 _MOST_DRAG = 36.0  # degrees of it at most
 LOWEST, _FURTHEST = -0.76, 0.60
 """Arm lengths up and forward that a raised hand stays at: its arm stays bent. [ours]"""
+_BESIDE, _BEFORE, _COMES_IN = 0.22, 0.42, 0.3
+"""Arm lengths outward and forward of its shoulder that a hand beats at for long; and the share of what is more that it loses
+with every beat: nobody holds an arm out for a whole sentence. [ours]"""
 _LEAST_CHORD = 0.03  # arm lengths; shorter ways have no direction
 
 
@@ -87,6 +90,8 @@ def recoil(way: Array, target: Array) -> Array:
     """
     back = -way
     back[:3] *= 0.65
+    back[0] -= _COMES_IN * max((target + back)[0] - _BESIDE, 0.0)
+    back[2] -= _COMES_IN * max((target + back)[2] - _BEFORE, 0.0)
     back[1] += max(LOWEST - (target + back)[1], 0.0)
     back[2] -= max((target + back)[2] - _FURTHEST, 0.0)
     return back

@@ -18,6 +18,7 @@ _BUSY, _QUIET = (4.0, 9.5), (2.2, 4.4)
 _AFTER_PAUSE = 0.75  # how often a phrase that follows a pause begins a bout with gestures [ours]
 _RESTED, _LONGER = 1.2, 1.5
 """Seconds of a pause in which hands have rested; and how much longer the bout after it is. [ours]"""
+_SHORTER = -0.4  # power of the style's stillness: bouts of one who is often still are also shorter [ours]
 _EAGER = {True: 1.55, False: 0.04}  # factor on the share of accents with a stroke, in a bout and between bouts [ours]
 
 
@@ -26,10 +27,13 @@ class Bouts:
 
     Args:
         random: drawn from in tick order.
+        stillness: of the style, `cospeech.rules.styles.Style.stillness`.
     """
 
-    def __init__(self, random: Random) -> None:
+    def __init__(self, random: Random, stillness: float = 1.0) -> None:
         self._random = random
+        self.stillness = stillness
+        """Of the style; may change."""
         self.busy = True
         """Whether gestures are to be made now."""
         self._until, self._phrase = random.uniform(*_BUSY), -1.0
@@ -59,4 +63,5 @@ class Bouts:
 
     def _begin(self, now: float, *, busy: bool, longer: float = 1.0) -> None:
         self.busy = busy
-        self._until = now + longer * self._random.uniform(*(_BUSY if busy else _QUIET))
+        length = self._random.uniform(*(_BUSY if busy else _QUIET))
+        self._until = now + longer * length * self.stillness ** (_SHORTER if busy else 1.0)

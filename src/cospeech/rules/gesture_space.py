@@ -28,7 +28,7 @@ _LAP = -0.42
 """Arm lengths above the shoulder at which the strokes of a seated body end, at the lowest. Ours: palms touch the mannequin's
 thighs at -.60, and a beat from there needs room."""
 _BOX = np.array([(-0.30, -0.76, 0.06), (0.62, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
-_BESIDE = np.array([(-0.36, -0.30), (-0.10, 0.19), (0.15, 0.34)])
+_BESIDE = np.array([(-0.40, -0.30), (-0.12, 0.22), (0.15, 0.38)])
 """Arm lengths above and outward of the shoulder: how far inward a hand may go at what height. Ours: a hand as high as the
 mouth is beside it, or it hides what is said."""
 

@@ -77,7 +77,7 @@ class Planner:
         places = [RESTS[style.idle][hand].values() for hand in (LEFT, RIGHT)]
         self.hands = [HandState(MinimumJerkTrack(place, LAGS), place) for place in places]
         self._gesture_space = GesturePlacement(style, self._random, intensity, temperature)
-        self.bouts = Bouts(Random(f"{seed + style.variation}/bouts"))
+        self.bouts = Bouts(Random(f"{seed + style.variation}/bouts"), style.stillness)
         """When it gestures, and when not."""
         self._planned: list[Gesture] = []
         self.placed = (0.0, 0.0, 0.0, 0.0)
@@ -95,6 +95,7 @@ class Planner:
         self.style, self.intensity, self._forms = style, intensity, weigh_forms(style.repertoire)
         self._gesture_space.style, self._gesture_space.intensity = style, intensity
         self.posture.restyle(style, intensity)
+        self.bouts.stillness = style.stillness
         for hand in [h for h, state in enumerate(self.hands) if moved and state.place != "up" and now > state.busy]:
             self._retract(now, hand, self.hands[hand].place, modifier, self._random)
 

@@ -87,7 +87,7 @@ class GesturePlacement:
         centre += _SPACE
         scale = effort * low(1 - 0.15 * free, 1 + 0.18 * free)
         spread = min(1.0, 0.3 + 0.7 * modifier.amplitude * style.amplitude * self.intensity)  # small movers stay near the body
-        home = np.array([0.04, -0.62, 0.36])
+        home = np.array([0.04, -0.52, 0.34])
         centre = home + (centre - home) * spread
         turn = self._random.gauss(0, 7) * free
         out = []

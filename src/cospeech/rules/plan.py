@@ -42,12 +42,13 @@ _EARLIEST = 0.35  # share of a preparation at which its speed may peak first; an
 _MERGED = 0.03  # seconds by which the end of the preparation brings the peak of speed forward (ours, measured)
 _CHAINED = 0.65  # share of the way back to where the hand already is that a preparation leaves out: gestures chain up
 _FROM_HANGING = 0.3  # share of its wind-up that a hand at the hip keeps: the body is in the way (ours, by the laws of the body)
-_HUNG, _STAYS_OUT = 2.5, 0.4  # seconds that a hand hangs; how often, after that, a gesture leaves it out, to usually (ours)
+_HUNG, _STAYS_OUT = 1.5, 0.3  # seconds that a hand hangs; how often, after that, a gesture leaves it out, to usually (ours)
 _HURRIED = 0.6  # share of the usual length of a stroke at least, where a plan leaves little time for it (ours)
 _STIRS, _STIRRED = 0.75, 0.75  # how often a hand beats on an accent without a gesture, in a bout; and how large (ours)
 _BEATS_TO = -0.9  # arm lengths above the shoulder that beats go down to: those of a low hand are smaller (ours)
 _BEATS = 0.5  # how often a raised hand beats in place of a new gesture (ours)
 _EASES = 0.7  # how often a raised hand in a bout first goes a part of the way to rest (ours)
+_GOES_ALONG = (0.3, 0.7)  # of a beat of one hand: how much the other one makes of it, if it is raised (ours)
 _PARKS = 0.4  # how often a raised hand comes down while the other makes a gesture alone (ours)
 _ALONG = 0.85  # how often the right hand comes down with the left one (ours)
 _LULL = 0.5  # seconds after its last stroke for which a hand stays up between bouts (ours)
@@ -319,9 +320,12 @@ class Planner:
         lift = min(0.52 / tempo, onset - max(now + SLACK, max(s.busy for s in held) - 0.1))
         if lift < 0.16:
             return False
-        for state in held:
-            jitter = self._random.uniform(0, 0.03)
+        for state in self.hands:
+            beats, jitter = state in held, self._random.uniform(0, 0.03)
+            if not beats and (state.place != "up" or onset - lift < state.busy):
+                continue
             share = 1.0 if state is lead or len(held) == 1 else self._random.uniform(0.3 + 0.5 * self.style.symmetry, 1.1)
+            share *= 1.0 if beats else self._random.uniform(*_GOES_ALONG)
             room = max(1.4 * (float(state.track.target[1]) - _BEATS_TO), 0.12)
             up, down = draw_beat(self._random, share * min(size, room))
             top = (state.track.target if state.pose is None else state.pose) + up
@@ -332,9 +336,9 @@ class Planner:
             state.track.add(onset + jitter, stroke, down, skew=skew, arc=draw_twist(self._random, down, 0.22))
             back = recoil(up + down, state.track.target) if state.place == "up" else -(up + down)
             state.track.add(onset + stroke + 0.05, 0.85 / tempo, back, skew=0.1)
-            if state.place == "up":
+            if beats and state.place == "up":
                 self._mark(state, state.form, onset + stroke / 2, onset + stroke, modifier)
-            else:
+            elif beats:
                 state.busy = onset + stroke - 0.08
         label = "both" if len(held) == 2 else ("left" if held[0] is self.hands[LEFT] else "right")
         self._planned.append(Gesture(onset - lift, onset + stroke / 2, onset + stroke, "beat", label, "", 0.1))
@@ -351,13 +355,15 @@ class Planner:
         poses: list[Array],
     ) -> None:
         """The idle hand stirs along with a one-handed gesture."""
-        share = (0.22 + 0.40 * self.style.symmetry) * (0.2 if state.place == "idle" or start < state.busy else 1.0)
+        share = (0.28 + 0.42 * self.style.symmetry) * (0.25 if state.place == "idle" or start < state.busy else 1.0)
+        side = self._random.choice((1.0, -1.0))  # mirrored, or to the same side
         for onset_, length, delta in (
             (start + 0.03, prepare * 1.1, poses[0] - leader.home),
             (onset + 0.02, stroke, poses[1] - poses[0]),
         ):
             part = np.zeros(CHANNELS)
             part[:3] = np.minimum(np.maximum(delta[:3], -0.35), 0.35) * share * self._random.uniform(0.6, 1.2)
+            part[0] *= side
             part[5] = delta[5] * share * 0.5
             state.track.add(onset_, length, part)
         undo = np.zeros(CHANNELS)

@@ -122,7 +122,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         "lively": Style(
             "many wide and quick gestures with short rests: a show host",
             variation=1000,
-            stillness=0.85,
+            stillness=1.05,
             rate=0.8,
             amplitude=1.6,
             height=0.1,
@@ -130,7 +130,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             tempo=1.2,
             hold=1.0,
             both=0.82,
-            symmetry=0.52,
+            symmetry=0.57,
             torso=1.15,
             head=1.15,
             sway=1.2,
@@ -163,7 +163,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         "lecturer": Style(
             "precise gestures: counting, framing and pinching in front of the chest",
             variation=3000,
-            stillness=1.15,
+            stillness=1.35,
             rate=0.66,
             amplitude=0.75,
             height=0.1,
@@ -184,7 +184,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         "orator": Style(
             "large and high gestures that chop, point and push: a politician",
             variation=4000,
-            stillness=0.8,
+            stillness=1.0,
             rate=0.76,
             amplitude=1.6,
             height=0.12,
@@ -248,7 +248,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         "storyteller": Style(
             "acts the story out: wide gestures at changing heights; the body moves along",
             variation=7000,
-            stillness=0.8,
+            stillness=0.9,
             rate=0.66,
             amplitude=1.5,
             height=0.03,
@@ -269,7 +269,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         "seated": Style(
             "relaxed on a chair, hands above the lap between phrases",
             variation=8000,
-            stillness=1.0,
+            stillness=1.3,
             rate=0.58,
             amplitude=1.0,
             height=0.02,
@@ -289,7 +289,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         "restless": Style(
             "short, small, low beat gestures; shifts the weight from foot to foot",
             variation=9000,
-            stillness=0.75,
+            stillness=1.35,
             rate=0.6,
             amplitude=0.6,
             height=-0.04,
@@ -299,7 +299,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             both=0.7,
             symmetry=0.6,
             tension=0.45,
-            torso=1.2,
+            torso=1.25,
             head=1.1,
             sway=1.3,
             steps=10,

@@ -59,7 +59,7 @@ class Bouts:
             strength: of the accent, 0 … 1.
             size: intensity of the take; small movers also move less often.
         """
-        return rate * _EAGER[self.busy] * (0.62 + 0.75 * strength) * (0.4 + 0.6 * min(size, 1.0))
+        return rate * _EAGER[self.busy] * (0.62 + 0.75 * strength) * (0.2 + 0.8 * min(size, 1.0))
 
     def _begin(self, now: float, *, busy: bool, longer: float = 1.0) -> None:
         self.busy = busy

@@ -17,7 +17,7 @@ from .repertoire import FORMS, Form, HandPose
 from .rest_poses import RESTS
 from .styles import Style
 
-__all__ = ["SHAPES", "GesturePlacement", "keep_beside_face", "reach_time", "stroke_time", "stroke_times"]
+__all__ = ["SHAPES", "GesturePlacement", "hurried_time", "keep_beside_face", "reach_time", "stroke_time", "stroke_times"]
 
 _WORDED = 0.5  # semantic score from which the hand shape of a form is part of what it says (ours)
 _LEFT = 0  # row of `RESTS`
@@ -33,6 +33,7 @@ _BESIDE = np.array([(-0.40, -0.30), (-0.12, 0.22), (0.15, 0.38)])
 mouth is beside it, or it hides what is said."""
 
 _FASTEST = 2.0  # m/s; no single move peaks above it (ours: 99 % of wrist speeds of people are below 2.8, motion.md §1)
+_HURRY = 2.3  # m/s at which the fastest reach peaks (ours, from the same figure)
 _HAND_VARIETY = (11.0, 12.0, 7.0)
 """Degrees of pronation, flexion and deviation by which a hand is turned otherwise than in the table. [ours: the wrist of a
 recorded speaker turns twice as far and as fast as one that keeps to the table]"""
@@ -186,3 +187,8 @@ def reach_time(a: Array, b: Array, tempo: float) -> float:
     way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
     turn = abs(float(b[4] - a[4])) / 90
     return max(max(0.40, 0.38 + 0.72 * way**0.8, 0.36 * turn + 0.28) / tempo**0.7, PEAK * way / _FASTEST)
+
+
+def hurried_time(a: Array, b: Array) -> float:
+    """Seconds of the fastest reach."""
+    return PEAK * float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total / _HURRY

@@ -21,7 +21,7 @@ from ..motion.rotations import Array
 from .bouts import Bouts
 from .emotion_modifiers import EmotionModifier
 from .gesture import CHAINED, LEFT, RIGHT, RUN_UP, Gesture, GestureOverride
-from .gesture_space import GesturePlacement, keep_beside_face, reach_time, stroke_time, stroke_times
+from .gesture_space import GesturePlacement, hurried_time, keep_beside_face, reach_time, stroke_time, stroke_times
 from .hand_state import HandState, effort_of
 from .lexicon import form_for
 from .minimum_jerk import MinimumJerkTrack, peak_share, skew_for
@@ -207,7 +207,8 @@ class Planner:
         form = FORMS.get(name) or LEXICAL_FORMS[name]
         hands, label = self._which_hands(form, now)
         hands, label = asked.choose_hands(hands, label) if asked else (hands, label)
-        leader = self.hands[hands[0]]
+        moved = [self.hands[h] for h in hands]
+        leader = moved[0]
         tempo = self.style.tempo * modifier.tempo * (0.85 + 0.3 * strength) * self._random.uniform(0.92, 1.1)
         effort = (1.15 + 0.9 * strength) * self.style.amplitude * modifier.amplitude * self.intensity
         effort = effort if effort < 1.8 else 1.8 + 0.6 * float(np.tanh((effort - 1.8) / 0.6))  # arms are only so long
@@ -223,17 +224,17 @@ class Planner:
         stroke = stroke_times(usual, poses, tempo, modifier, asked)[0]
         skew = draw_skew(self._random, 0.1 - 0.3 * modifier.abrupt, 0.33)
         onset = asked.stroke - stroke / 2 if asked else at - LEAD + _MERGED - stroke * peak_share(skew)
-        ready = max(earliest, max(self.hands[h].busy for h in hands))
+        ready = max(earliest, *(s.busy for s in moved))
         wanted = reach_time(leader.track.target, poses[0], tempo)
         available = onset - ready
-        least = _LEAST[word is not None] * min(wanted, 0.9)
-        least *= _UNHURRIED if leader.place == "idle" and not self.style.seated else 1.0
+        slower = [_UNHURRIED if s.place == "idle" and not self.style.seated else 1.0 for s in moved]
+        hurries = [hurried_time(s.track.target, poses[0]) * by for s, by in zip(moved, slower, strict=True)]
+        least = max(_LEAST[word is not None] * min(wanted, 0.9) * slower[0], *hurries)
         if (onset - earliest if asked else available) < max(0.2, 0.0 if asked else least):
             return False
         prepare, wind_up = self._preparation(at, onset, wanted, max(available, 0.2))
         prepare = max(onset - max(asked.start, earliest), 0.2) if asked else prepare
-        start = onset - prepare
-        end = onset
+        start, end = onset - prepare, onset
         for hand in hands:
             own = poses if hand == hands[0] else self._gesture_space.follower(poses, strength, mirrors=name not in FORMS)
             late = 0.0 if hand == hands[0] else self._random.uniform(-0.01, 0.03)

@@ -181,7 +181,7 @@ def _arms(
     length = arms.arm_lengths().total
     angles = np.radians(h[..., 4:7])
     angles = np.stack([soft_clip(angles[..., k], low, high) for k, (low, high) in enumerate(_WRIST_LIMITS)], -1)
-    place = _bend_elbows(h[..., :3], _ON_THIGHS if style.seated else _LOW) * length
+    place = _bend_elbows(_pass_before_shoulder(h[..., :3]), _ON_THIGHS if style.seated else _LOW) * length
     target = o["leftShoulder"] + o["leftUpperArm"] + quat_rotate(frames.gesture, place) + frames.stay
     raised = h[..., Channel.UP]
     if style.seated:
@@ -223,6 +223,20 @@ def _bend_elbows(place: Array, low: float) -> Array:
     easy = np.minimum(far, _EASY) + _MORE * np.tanh(np.maximum(far - _EASY, 0.0) / _MORE)
     raised = smoothstep((place[..., 1:2] - low) / _RAISED_BY)
     result: Array = place * (1.0 + raised * (easy / np.maximum(far, 1e-6) - 1.0))
+    return result
+
+
+_NEAR, _SOFT = 0.44, 0.04
+"""Arm lengths before its shoulder at which a hand passes it, and over which this sets in. [ours: a path through the shoulder
+would throw the hand around it in one frame]"""
+
+
+def _pass_before_shoulder(place: Array) -> Array:
+    """Places of hands ``(N, 2, 3)`` from their shoulders, arm lengths, in front of them where they come near."""
+    aside = np.einsum("nij,nij->ni", place[..., :2], place[..., :2])
+    front = (_NEAR**2 - aside) / _NEAR
+    result: Array = place.copy()
+    result[..., 2] += _SOFT * np.logaddexp(0.0, (front - place[..., 2]) / _SOFT)
     return result
 
 

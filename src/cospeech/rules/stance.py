@@ -30,7 +30,8 @@ CONTRAPPOSTO = 24.0
 _MOST_TURN = 17.0  # degrees that pelvis and feet turn away from the listener
 _OVER = 0.175  # metres above the floor of the sole of a leg that lies over the other's knee: thigh over thigh
 _WIDTHS = (1.0, 1.6)  # of a stance, over `STANCE`: ankles .21 to .34 m apart (CMU's takes that stand: .24 to .57)
-_SHIFTS = (1.4, 4.2)  # seconds between shifts of the weight (ours: sway peaks at .15 to .65 Hz, motion.md §1)
+_SHIFTS = (1.0, 3.0)  # seconds between shifts of the weight (ours: sway peaks at .15 to .65 Hz, motion.md §1)
+_LASTS = (0.9, 2.4)  # seconds of a shift (ours: hips that wait for the next shift look nailed down; a speaker's glide)
 _PIVOTS = 10.0  # degrees of tip from which a free foot may turn about its ball (ours)
 _ROOM = (0.18, 0.16)  # metres sideways and in depth that feet keep around the first place
 _FREE = {False: Body.LEFT_TIP, True: Body.RIGHT_TIP}  # the free foot's tip, by whether the weight is on the left
@@ -119,7 +120,7 @@ class Stance:
             self._settled = True
             self._shift(-5.0)
             self._turn(-5.0)
-        calm = 1.0 if speaking else 1.8
+        calm = 1.0 if speaking else 2.4
         if now >= self._next["breath"]:
             self._breathe(now, now + 0.02, self._random.uniform(0.9, 1.3), self._random.uniform(1.5, 2.4))
         if now >= self._next["turn"]:
@@ -183,19 +184,19 @@ class Stance:
         left, right = self._feet()
         sway = min(self.amounts.sway, 1.35)
         kind = self._random.random()
-        depth = self._random.uniform(0.55, 0.9) if kind < 0.55 else self._random.uniform(0.2, 0.5) if kind < 0.85 else 0.05
+        depth = self._random.uniform(0.65, 1.0) if kind < 0.6 else self._random.uniform(0.2, 0.5) if kind < 0.85 else 0.05
         self._left = not self._left if self._random.random() < 0.75 else self._left
         side = 1.0 if self._left else -1.0
-        width = min((left[0] - right[0]) / 2, 0.12)
+        width = min((left[0] - right[0]) / 2, 0.14)
         goal = np.array(
             [
                 (left[0] + right[0]) / 2 + side * width * depth * min(0.35 + 0.65 * sway, 1.1),
-                (left[1] + right[1]) / 2 + self._gauss(0.017 * sway),
+                (left[1] + right[1]) / 2 + self._gauss(0.024 * sway),
                 self._random.uniform(0.0, 0.003) + (1 - depth) * self._random.uniform(0.0, 0.030) * sway,
                 -side * self._random.uniform(0.0, 1.5) * sway,
             ]
         )
-        length = self._random.uniform(0.65, 1.25)
+        length = self._random.uniform(*_LASTS)
         columns = [Body.HIPS_X, Body.HIPS_Z, Body.SINK, Body.HIPS_ROLL]
         self.track.move(now + 0.02, length, goal, columns, skew=self._gauss(0.25))
         self._free_heel(now, length, depth)

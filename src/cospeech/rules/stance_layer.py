@@ -56,7 +56,7 @@ _TRUNK = 0.45  # share of its own bend that a motion's trunk keeps (ours: the re
 _USUAL, _HEIGHT = np.array([0.3, 0.0, 0.0]), -0.6
 """Arm lengths ahead, aside, apart, and above the shoulder at which hands turn and bend nobody (ours: medians of people)."""
 _FULL = 0.2  # arm lengths from there at which the trunk has gone along nearly as far as it will (ours)
-_LESS = 0.76  # share of a stance's sway that goes under hips which move by themselves ([ours])
+_LESS = 0.8  # share of a stance's sway that goes under hips which move by themselves ([ours])
 _SWAY = np.radians([1.2, 1.08, 2.2])  # pitch, roll, yaw of a chest that is never still ([ours], as the rules')
 _LOOKS = np.radians([2.6, 3.6, 6.4])
 """Pitch, roll and yaw of a head that is never still ([ours]); eyes are turned against it."""

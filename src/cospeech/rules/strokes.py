@@ -25,6 +25,7 @@ LOWEST, _FURTHEST = -0.76, 0.60
 _BESIDE, _BEFORE, _COMES_IN = 0.22, 0.42, 0.3
 """Arm lengths outward and forward of its shoulder that a hand beats at for long; and the share of what is more that it loses
 with every beat: nobody holds an arm out for a whole sentence. [ours]"""
+_AHEAD = 0.30  # arm lengths forward of its shoulder at which a raised hand still is halfway [ours]
 _LEAST_CHORD = 0.03  # arm lengths; shorter ways have no direction
 
 
@@ -46,6 +47,8 @@ def draw_arc(random: Random, way: Array, pose: Array, size: float) -> Array:
     across = bulge - chord * (bulge @ chord) / length**2
     across /= max(float(np.sqrt(across @ across)), 1e-6)
     arc[:3] = across * min(max(size * length, -_LONGEST), _LONGEST)
+    start = float(pose[2] - chord[2])
+    arc[2] += max(min(_AHEAD, start, float(pose[2])) - (start + 0.5 * float(chord[2]) + arc[2]), 0.0)
     turn = np.radians(pose[Channel.PRONATION])
     drag = min(max(_DRAG * float(chord[1]), -_MOST_DRAG), _MOST_DRAG)
     arc[Channel.FLEXION] = drag * np.sin(turn)

@@ -17,7 +17,7 @@ from .repertoire import FORMS, Form, HandPose
 from .rest_poses import RESTS
 from .styles import Style
 
-__all__ = ["SHAPES", "GesturePlacement", "hurried_time", "keep_beside_face", "reach_time", "stroke_time", "stroke_times"]
+__all__ = ["SHAPES", "GesturePlacement", "shortest_reach_time", "keep_beside_face", "reach_time", "stroke_time", "stroke_times"]
 
 _WORDED = 0.5  # semantic score from which the hand shape of a form is part of what it says (ours)
 _LEFT = 0  # row of `RESTS`
@@ -189,6 +189,6 @@ def reach_time(a: Array, b: Array, tempo: float) -> float:
     return max(max(0.40, 0.38 + 0.72 * way**0.8, 0.36 * turn + 0.28) / tempo**0.7, PEAK * way / _FASTEST)
 
 
-def hurried_time(a: Array, b: Array) -> float:
+def shortest_reach_time(a: Array, b: Array) -> float:
     """Seconds of the fastest reach."""
     return PEAK * float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total / _HURRY

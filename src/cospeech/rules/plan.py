@@ -21,7 +21,7 @@ from ..motion.rotations import Array
 from .bouts import Bouts
 from .emotion_modifiers import EmotionModifier
 from .gesture import CHAINED, LEFT, RIGHT, RUN_UP, Gesture, GestureOverride
-from .gesture_space import GesturePlacement, hurried_time, keep_beside_face, reach_time, stroke_time, stroke_times
+from .gesture_space import GesturePlacement, shortest_reach_time, keep_beside_face, reach_time, stroke_time, stroke_times
 from .hand_state import HandState, effort_of
 from .lexicon import form_for
 from .minimum_jerk import MinimumJerkTrack, peak_share, skew_for
@@ -228,7 +228,7 @@ class Planner:
         wanted = reach_time(leader.track.target, poses[0], tempo)
         available = onset - ready
         slower = [_UNHURRIED if s.place == "idle" and not self.style.seated else 1.0 for s in moved]
-        hurries = [hurried_time(s.track.target, poses[0]) * by for s, by in zip(moved, slower, strict=True)]
+        hurries = [shortest_reach_time(s.track.target, poses[0]) * by for s, by in zip(moved, slower, strict=True)]
         least = max(_LEAST[word is not None] * min(wanted, 0.9) * slower[0], *hurries)
         if (onset - earliest if asked else available) < max(0.2, 0.0 if asked else least):
             return False

@@ -21,7 +21,7 @@ from ..motion.rotations import Array
 from .bouts import Bouts
 from .emotion_modifiers import EmotionModifier
 from .gesture import CHAINED, LEFT, RIGHT, RUN_UP, Gesture, GestureOverride
-from .gesture_space import GesturePlacement, shortest_reach_time, keep_beside_face, reach_time, stroke_time, stroke_times
+from .gesture_space import GesturePlacement, keep_beside_face, reach_time, shortest_reach_time, stroke_time, stroke_times
 from .hand_state import HandState, effort_of
 from .lexicon import form_for
 from .minimum_jerk import MinimumJerkTrack, peak_share, skew_for

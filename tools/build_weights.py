@@ -2,7 +2,7 @@
 
     python tools/build_weights.py stylised-flow --speech FOLDER_OF_SPEECH --work FOLDER --hours 4 [--set train.steps=3000]
     python tools/build_weights.py mix-stage --speech FOLDER_OF_SPEECH --work FOLDER --hours 4
-    python tools/build_weights.py chain-of-generation --speech FOLDER_OF_SPEECH --work FOLDER --hours 2.5
+    python tools/build_weights.py chain-of-generation --speech FOLDER_OF_SPEECH --work FOLDER --hours 4
     python tools/build_weights.py speech-to-face --faces FOLDER_OF_TRACKED_FACES --work FOLDER [--without SPEAKER --out BUNDLE]
     python tools/build_weights.py NAME --follow FILE       # what benchmarks/models.py --follow has printed, into the card
 
@@ -158,7 +158,7 @@ It makes no steps and does not sit down: feet stay planted. Real voices' emotion
 things. Hands have six numbers each: no finger spelling, no counting. Poses are interpolated from {fps:g} a second: nothing is
 sudden.
 
-Rebuild: `python tools/build_weights.py chain-of-generation --speech FOLDER_OF_SPEECH --work FOLDER --hours 2.5`. Licence of
+Rebuild: `python tools/build_weights.py chain-of-generation --speech FOLDER_OF_SPEECH --work FOLDER --hours 4`. Licence of
 the weights: Apache-2.0.
 """
 

@@ -15,7 +15,7 @@ from cospeech.metrics.macro_f1 import macro_f1, mean_f1
 from cospeech.metrics.wrists import Wrists, against, wrists_of
 
 FOLLOW = {
-    "rules": ("distance", ("natural",) * 4),
+    "rules": ("distance", ("natural",) * 10),
     "chain-of-generation": ("box", ("ada", "ben", "cleo", "dan", "elif", "femi", "gita", "hugo")),
 }
 """Models whose gestures follow the emotion that they are given; by what they are wider, and who performs, each by another seed.

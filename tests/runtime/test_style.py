@@ -381,7 +381,7 @@ def learnt() -> TrainedModel:
 @cache
 def one_armed(hand: float) -> Motion:
     """Still more so: the other arm hangs still."""
-    motion, idle = acted(hand, seconds=12.0, style="natural"), "right" if hand == 0 else "left"
+    motion, idle = acted(hand, seconds=12.0, style="lively"), "right" if hand == 0 else "left"
     rotations = motion.rotations.copy()
     arm = [k for k, name in enumerate(humanoid().names) if name.startswith((f"{idle}Upper", f"{idle}Lower", f"{idle}Hand"))]
     arm = [k for k in arm if "Leg" not in humanoid().names[k]]

@@ -52,7 +52,7 @@ class EmotionModifier:
 MANNERS: Mapping[str, EmotionModifier] = MappingProxyType(
     {
         "neutral": EmotionModifier(),
-        "happiness": EmotionModifier(1.34, 1.3, 1.18, breadth=0.13, height=0.08, chin=3, bow=-2, torso=1.25, head=1.15),
+        "happiness": EmotionModifier(1.34, 1.4, 1.25, breadth=0.18, height=0.08, chin=3, bow=-2, torso=1.25, head=1.15),
         "anger": EmotionModifier(
             1.28, 1.3, 1.32, breadth=0.0, height=0.05, abrupt=0.9, tension=0.5, bow=4, chin=-3, shrug=3, torso=1.2
         ),

@@ -189,6 +189,6 @@ def reach_time(a: Array, b: Array, tempo: float) -> float:
     return max(max(0.40, 0.38 + 0.72 * way**0.8, 0.36 * turn + 0.28) / tempo**0.7, PEAK * way / _FASTEST)
 
 
-def shortest_reach_time(a: Array, b: Array) -> float:
+def shortest_reach_time(a: Array, b: Array, tempo: float) -> float:
     """Seconds of the fastest reach."""
-    return PEAK * float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total / _HURRY
+    return PEAK * float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total / (_HURRY * tempo**0.7)

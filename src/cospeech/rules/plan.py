@@ -96,7 +96,6 @@ class Planner:
         self.style, self.intensity, self._forms = style, intensity, weigh_forms(style.repertoire)
         self._gesture_space.style, self._gesture_space.intensity = style, intensity
         self.posture.restyle(style, intensity)
-        self.bouts.stillness = style.stillness
         for hand in [h for h, state in enumerate(self.hands) if moved and state.place != "up" and now > state.busy]:
             self._retract(now, hand, self.hands[hand].place, modifier, self._random)
 
@@ -113,6 +112,7 @@ class Planner:
         speaking = any(p.start <= now + 0.5 and p.end >= now - 0.1 for p in phrases)
         self._heard = list(accents)
         self.posture.decide(now, phrases=phrases, modifier=modifier, speaking=speaking)
+        self.bouts.stillness = self.style.stillness / modifier.rate**0.5  # lively moods rest for less long
         self.bouts.decide(now, phrases)
         for accent in accents:
             if self._last_accent < accent.time <= now + self.horizon:
@@ -228,7 +228,7 @@ class Planner:
         wanted = reach_time(leader.track.target, poses[0], tempo)
         available = onset - ready
         slower = [_UNHURRIED if s.place == "idle" and not self.style.seated else 1.0 for s in moved]
-        hurries = [shortest_reach_time(s.track.target, poses[0]) * by for s, by in zip(moved, slower, strict=True)]
+        hurries = [shortest_reach_time(s.track.target, poses[0], tempo) * by for s, by in zip(moved, slower, strict=True)]
         least = max(_LEAST[word is not None] * min(wanted, 0.9) * slower[0], *hurries)
         if (onset - earliest if asked else available) < max(0.2, 0.0 if asked else least):
             return False

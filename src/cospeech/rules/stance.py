@@ -309,7 +309,7 @@ class Stance:
         self.track.move(now + 0.02, 0.55, np.array([0.72 * still[0] + 0.28 * goal[0], 0.006]), [Body.HIPS_X, Body.SINK])
         self.track.move(now + 0.02, 0.4, np.array([0.0]), [_FREE[not self._left]])
         length = self._random.uniform(0.36, 0.48)
-        self._down = now + 0.42 + length + 0.2
+        self._down = now + 0.42 + length + 0.3
         self._swing(now + 0.42, foot, goal, length, 0.04)
         middle = (goal[:2] + still[:2]) / 2 + np.array([side * 0.02, 0.0])
         self.track.move(
@@ -320,9 +320,9 @@ class Stance:
     def _swing(self, onset: float, foot: slice, goal: Array, length: float, height: float) -> None:
         """Heel off, foot through the air, heel down, sole down; the foot travels only while it is off the floor."""
         _, lift, tip = _leg_columns(foot == Body.LEFT_FOOT)
-        self.track.move(onset - 0.16, 0.30, np.array([16.0]), [tip])
-        self.track.move(onset - 0.08, 0.24, np.array([height]), [lift])
+        self.track.move(onset - 0.34, 0.50, np.array([16.0]), [tip])
+        self.track.move(onset - 0.11, 0.30, np.array([height]), [lift])
         self.track.move(onset + 0.06, length, goal, foot)
         self.track.move(onset + 0.12, length * 0.8, np.array([-7.0]), [tip])
-        self.track.move(onset + length - 0.06, 0.24, np.array([0.0]), [lift])
-        self.track.move(onset + length + 0.12, 0.22, np.array([0.0]), [tip])
+        self.track.move(onset + length - 0.06, 0.30, np.array([0.0]), [lift])
+        self.track.move(onset + length + 0.14, 0.28, np.array([0.0]), [tip])

@@ -118,7 +118,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             amplitude=1.22,
             head=1.06,
             both=0.86,
-            symmetry=0.53,
+            symmetry=0.49,
             torso=0.93,
         ),
         "lively": Style(

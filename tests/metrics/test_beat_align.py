@@ -62,10 +62,10 @@ def rows(shared_speech):
 
 @pytest.fixture(scope="module")
 def shared_speech(shared):
-    files = sorted((shared / "data" / "speech" / "ljspeech").glob("*.flac"))[:18]
+    files = sorted((shared / "data" / "speech" / "ljspeech").glob("*.flac"))[:24]
     pause = np.zeros(8000, np.float32)
     loaded = [np.concatenate([Speech.load(path).samples, pause]) for path in files]
-    return [Speech(np.concatenate(loaded[6 * k : 6 * k + 6]), 16000) for k in range(3)]
+    return [Speech(np.concatenate(loaded[6 * k : 6 * k + 6]), 16000) for k in range(4)]
 
 
 def test_as_coded_noise_is_a_better_speaker_than_a_speaker(rows):

@@ -240,9 +240,9 @@ def test_a_gesture_that_is_dragged_moves_in_the_motion(talking):
     mine, by = next(  # a plan refuses two strokes within 0.1 s of each other
         (each, by)
         for each in gestures
-        for by in (0.5, 0.4, 0.3)
+        for by in (0.5, 0.4, 0.3, -0.3, -0.4, 0.7)
         if each["form"] != "superimposed-beat" and each["stroke"] > 0.8
-        if all(abs(each["stroke"] + by - other) > 0.2 for other in strokes) and each["stroke"] + by < 3.8
+        if all(abs(each["stroke"] + by - other) > 0.2 for other in strokes) and 0.6 < each["stroke"] + by < 3.8
     )
     button = talking.locator(f'[data-id="{mine["id"]}"]')
     box, lanes = button.bounding_box(), talking.locator("#lanes").bounding_box()

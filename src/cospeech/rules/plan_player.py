@@ -226,8 +226,16 @@ class PlanPlayer(Planner):
         self._perform_due(now)
         self.bouts = source.bouts  # hands that come down draw nothing: their last strokes drew for them
         self._let_go(now, phrases, modifier)
+        self._rest_as(source, now, modifier)
         planned, self._planned = self._planned, []
         return planned
+
+    def _rest_as(self, source: _Source, now: float, modifier: EmotionModifier) -> None:
+        """Hands that rest go where those of the source rest, or what an edit did to one would last as long as it has no gesture."""
+        for hand, (state, other) in enumerate(zip(self.hands, source.hands, strict=True)):
+            free = now > max(state.busy, other.busy) + _DUE
+            if free and {state.place, other.place} == {"rest", "idle"}:
+                self._retract(now, hand, other.place, modifier, Random(round(now / TICK)))
 
     def beat_in_place(self, now: float, accent: Accent, hands: list[int], scale: float) -> bool:
         """A superimposed beat of those of these hands that do not hang."""

@@ -248,7 +248,7 @@ class Stance:
         """A seated body's foot to another place on the floor."""
         side = 1.0 if left else -1.0
         goal = np.array([side * aside, ahead, side * (TOE_OUT + out)])
-        self._swing(now + 0.2, Body.LEFT_FOOT if left else Body.RIGHT_FOOT, goal, 0.4, 0.022)
+        self._swing(now + 0.38, Body.LEFT_FOOT if left else Body.RIGHT_FOOT, goal, 0.4, 0.022)
 
     def _cross(self, now: float, left: bool) -> None:
         """One leg over the other's knee: it rises in front, goes across, and comes to lie."""
@@ -256,7 +256,7 @@ class Stance:
         begin = now + 0.1
         if np.abs(self.track.target[other] - [-side * STANCE, 0.03, -side * TOE_OUT]).max() > 0.05:  # below the other knee
             self._put(now, not left, STANCE, 0.03, 0.0)
-            begin = now + 0.7
+            begin = now + 0.9
         foot, lift, tip = _leg_columns(left)
         self.track.move(begin, 0.9, np.array([_OVER]), [lift], arc=_hump(lift, 0.04))
         self.track.move(begin, 0.8, np.array([self._random.uniform(4.0, 12.0)]), [tip])

@@ -231,7 +231,7 @@ class PlanPlayer(Planner):
         return planned
 
     def _rest_as(self, source: _Source, now: float, modifier: EmotionModifier) -> None:
-        """Hands that rest go where those of the source rest, or what an edit did to one would last as long as it has no gesture."""
+        """Hands that rest go where those of the source rest; what an edit did to one would last until its next gesture."""
         for hand, (state, other) in enumerate(zip(self.hands, source.hands, strict=True)):
             free = now > max(state.busy, other.busy) + _DUE
             if free and {state.place, other.place} == {"rest", "idle"}:

@@ -44,7 +44,7 @@ EXTRA = {
     "head speed median, deg/s": BodyRange(19.0, 27.0),
     "old rows inside, %": BodyRange(80.0, 100.0),
     "old rows, distance from the mean": BodyRange(0.0, 1.0),  # 1: the ends of what people do; styles need not be average
-} | {name: BodyRange(REFERENCE[name].low, REFERENCE[name].high) for name in SHOWN}
+} | {name: REFERENCE[name] for name in SHOWN}
 """Rows of this table that `body_statistics` does not give; docs/models/rules.md, and the laws of the body."""
 
 

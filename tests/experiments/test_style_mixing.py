@@ -142,9 +142,8 @@ def test_ticks_are_round_and_take_all_in():
 
 @pytest.mark.parametrize(("pair", "measures"), RULES.items())
 def test_the_rules_styles_mix_monotonically(pair, measures):
-    mixing = measure_mixing(
-        models.load("rules"), [Speech.load(EXAMPLE)], pair, takes=16
-    )  # with six, chance alone moves the means by a third
+    takes = 16  # with six, chance alone moves the means by a third
+    mixing = measure_mixing(models.load("rules"), [Speech.load(EXAMPLE)], pair, takes=takes)
     for measure in measures:
         assert mixing.contrast(measure) > 2
         assert mixing.monotone(measure, FALLS), mixing.means(measure)

@@ -29,9 +29,8 @@ def speech() -> Speech:
 def look(style: str, seed: int) -> list[float]:
     """What a viewer notices of a take: `COLUMNS`. Whether the body sits or is turned is left out; that would be too easy."""
     motion = RuleBasedModel().generate(speech(), style=style, seed=seed, emotion="neutral", parts=("body", "hands"))
-    places, names = body_of(motion)
-    seen, index = attributes_of([places], names, motion.fps), humanoid().index
-    points = motion.positions()
+    points, names = body_of(motion)
+    seen, index = attributes_of([points], names, motion.fps), humanoid().index
     wrists = points[:, [index["leftHand"], index["rightHand"]]] - points[:, [index["chest"]]]
     speed = np.linalg.norm(np.diff(wrists, axis=0), axis=-1).mean() * motion.fps
     trunk = np.linalg.norm(np.diff(points[:, index["chest"]] - points[:, index["hips"]], axis=0), axis=-1).mean() * motion.fps

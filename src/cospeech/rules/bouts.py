@@ -27,29 +27,32 @@ class Bouts:
 
     Args:
         random: drawn from in tick order.
-        stillness: of the style, `cospeech.rules.styles.Style.stillness`.
     """
 
-    def __init__(self, random: Random, stillness: float = 1.0) -> None:
+    def __init__(self, random: Random) -> None:
         self._random = random
-        self.stillness = stillness
-        """Of the style; may change."""
         self.busy = True
         """Whether gestures are to be made now."""
         self._until, self._phrase = random.uniform(*_BUSY), -1.0
 
-    def decide(self, now: float, phrases: Sequence[Phrase]) -> None:
-        """One tick, at ``now`` seconds, with the phrases that are known."""
+    def decide(self, now: float, phrases: Sequence[Phrase], stillness: float) -> None:
+        """One tick, at ``now`` seconds, with the phrases that are known.
+
+        Args:
+            now: seconds.
+            phrases: that are known.
+            stillness: of the style and the mood, as `cospeech.rules.styles.Style.stillness`.
+        """
         begun = next((p for p in phrases if self._phrase < p.start <= now + 0.6), None)
         if begun is not None:
             self._phrase = begun.start
             before = max((p.end for p in phrases if p.end <= begun.start), default=-1.0)
             if begun.start - before > _RESTED:
-                self._begin(now, busy=True, longer=_LONGER)
+                self._begin(now, stillness, busy=True, longer=_LONGER)
             elif not self.busy and self._random.random() < _AFTER_PAUSE:
-                self._begin(now, busy=True)
+                self._begin(now, stillness, busy=True)
         if now >= self._until:
-            self._begin(now, busy=not self.busy)
+            self._begin(now, stillness, busy=not self.busy)
 
     def willingness(self, rate: float, strength: float, size: float) -> float:
         """How likely an accent gets a stroke of hands that are free, 0 … 1 and above.
@@ -61,7 +64,7 @@ class Bouts:
         """
         return rate * _EAGER[self.busy] * (0.62 + 0.75 * strength) * (0.2 + 0.8 * min(size, 1.0))
 
-    def _begin(self, now: float, *, busy: bool, longer: float = 1.0) -> None:
+    def _begin(self, now: float, stillness: float, *, busy: bool, longer: float = 1.0) -> None:
         self.busy = busy
         length = self._random.uniform(*(_BUSY if busy else _QUIET))
-        self._until = now + longer * length * self.stillness ** (_SHORTER if busy else 1.0)
+        self._until = now + longer * length * stillness ** (_SHORTER if busy else 1.0)

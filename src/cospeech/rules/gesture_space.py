@@ -17,7 +17,9 @@ from .repertoire import FORMS, Form, HandPose
 from .rest_poses import RESTS
 from .styles import Style
 
-__all__ = ["SHAPES", "GesturePlacement", "shortest_reach_time", "keep_beside_face", "reach_time", "stroke_time", "stroke_times"]
+__all__ = [
+    "SHAPES", "GesturePlacement", "keep_beside_face", "reach_time", "shortest_reach_time", "stroke_time", "stroke_times",
+]  # fmt: skip
 
 _WORDED = 0.5  # semantic score from which the hand shape of a form is part of what it says (ours)
 _LEFT = 0  # row of `RESTS`
@@ -164,7 +166,7 @@ class GesturePlacement:
 
 def stroke_time(a: Array, b: Array, tempo: float, modifier: EmotionModifier) -> float:
     """Seconds for a stroke: longer ways take longer, but less than in proportion (ours, to motion.md's stroke rows)."""
-    way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
+    way = _metres(a, b)
     usual = (0.36 + 0.56 * way) / tempo * (1 - 0.26 * modifier.abrupt)
     return max(0.26, usual, PEAK * way / _FASTEST)
 
@@ -184,11 +186,16 @@ def keep_beside_face(pose: Array) -> None:
 
 def reach_time(a: Array, b: Array, tempo: float) -> float:
     """Seconds for an unhurried reach, peak speed about 1.2 m/s."""
-    way = float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total
+    way = _metres(a, b)
     turn = abs(float(b[4] - a[4])) / 90
     return max(max(0.40, 0.38 + 0.72 * way**0.8, 0.36 * turn + 0.28) / tempo**0.7, PEAK * way / _FASTEST)
 
 
 def shortest_reach_time(a: Array, b: Array, tempo: float) -> float:
     """Seconds of the fastest reach."""
-    return PEAK * float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total / (_HURRY * tempo**0.7)
+    return PEAK * _metres(a, b) / (_HURRY * tempo**0.7)
+
+
+def _metres(a: Array, b: Array) -> float:
+    """From one pose of a hand to another."""
+    return float(np.linalg.norm(b[:3] - a[:3])) * arm_lengths().total

@@ -78,7 +78,7 @@ class Planner:
         places = [RESTS[style.idle][hand].values() for hand in (LEFT, RIGHT)]
         self.hands = [HandState(MinimumJerkTrack(place, LAGS), place) for place in places]
         self._gesture_space = GesturePlacement(style, self._random, intensity, temperature)
-        self.bouts = Bouts(Random(f"{seed + style.variation}/bouts"), style.stillness)
+        self.bouts = Bouts(Random(f"{seed + style.variation}/bouts"))
         """When it gestures, and when not."""
         self._planned: list[Gesture] = []
         self.placed = (0.0, 0.0, 0.0, 0.0)
@@ -112,8 +112,7 @@ class Planner:
         speaking = any(p.start <= now + 0.5 and p.end >= now - 0.1 for p in phrases)
         self._heard = list(accents)
         self.posture.decide(now, phrases=phrases, modifier=modifier, speaking=speaking)
-        self.bouts.stillness = self.style.stillness / modifier.rate**0.5  # lively moods rest for less long
-        self.bouts.decide(now, phrases)
+        self.bouts.decide(now, phrases, self.style.stillness / modifier.rate**0.5)  # lively moods rest for less long
         for accent in accents:
             if self._last_accent < accent.time <= now + self.horizon:
                 self._last_accent = accent.time

@@ -235,7 +235,7 @@ class PlanPlayer(Planner):
         for hand, (state, other) in enumerate(zip(self.hands, source.hands, strict=True)):
             free = now > max(state.busy, other.busy) + _DUE
             if free and {state.place, other.place} == {"rest", "idle"}:
-                self._retract(now, hand, other.place, modifier, Random(round(now / TICK)))
+                self._retract(now, hand, other.place, modifier, state.dice())
 
     def beat_in_place(self, now: float, accent: Accent, hands: list[int], scale: float) -> bool:
         """A superimposed beat of those of these hands that do not hang."""

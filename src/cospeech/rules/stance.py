@@ -318,7 +318,10 @@ class Stance:
         self._next["shift"] = max(self._next["shift"], now + 0.42 + length + 0.9)
 
     def _swing(self, onset: float, foot: slice, goal: Array, length: float, height: float) -> None:
-        """Heel off, foot through the air, heel down, sole down; the foot travels only while it is off the floor."""
+        """Heel off, foot through the air, heel down, sole down; the foot travels only while it is off the floor.
+
+        The heel comes off .34 s before ``onset``, and that must not be in the past.
+        """
         _, lift, tip = _leg_columns(foot == Body.LEFT_FOOT)
         self.track.move(onset - 0.34, 0.50, np.array([16.0]), [tip])
         self.track.move(onset - 0.11, 0.30, np.array([height]), [lift])

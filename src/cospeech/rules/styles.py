@@ -271,7 +271,6 @@ STYLES: Mapping[str, Style] = MappingProxyType(
         "seated": Style(
             "relaxed on a chair, hands above the lap between phrases",
             variation=8000,
-            stillness=1.0,
             rate=0.58,
             amplitude=1.0,
             height=0.02,

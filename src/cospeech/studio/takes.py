@@ -100,9 +100,10 @@ class TakeQueue:
             if take in self._waiting:
                 self._waiting.remove(take)
                 self._tell(take, "cancelled")
-            elif take is self._running and take.in_use:
-                self._tell(take, "cancelled")
-                self._worker.cancel(take)
+            elif take is self._running and take.event.type not in ("done", "error"):
+                if take.in_use:
+                    self._tell(take, "cancelled")
+                    self._worker.cancel(take)
                 return  # its folder goes when the process has left it
         self._shelf.remove(name)
 
@@ -132,7 +133,8 @@ class TakeQueue:
             with self._changed:
                 self._running = None
             if take.event.type == "cancelled":
-                self._shelf.remove(take.name)
+                with suppress(LookupError):  # newer takes have pushed it from the shelf
+                    self._shelf.remove(take.name)
             if self._worker.process_id is None:
                 self._warm_up()
 

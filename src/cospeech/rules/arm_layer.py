@@ -17,8 +17,9 @@ from ..motion.skeleton import humanoid
 
 __all__ = ["move_fingers", "raise_clavicles"]
 
-_LIFTED, _REACHED, _RAISED = np.radians([10.0, 7.0, 2.2])
-"""Radians by which a clavicle rises with a raised arm, comes forward with one that reaches, and rises with a breath. Ours: less
+_LIFTED, _REACHED, _ROLLED, _RAISED = np.radians([5.0, 3.5, 14.0, 2.2])
+"""Radians by which a clavicle rises with a raised arm, comes forward with one that reaches, rolls back about itself with a
+raised arm, and rises with a breath. Ours: less
 than in the rules (`cospeech.rules.realise`), because the other system's clavicles move a little too."""
 _HANGS, _ABOVE, _AT_HAND, _AWAY = -1.0, 1.3, 0.05, 0.75  # arm lengths: where these begin, and over which ways they grow
 _USUAL_UP, _USUAL_FORWARD = -0.6, 0.31  # arm lengths at which a clavicle stays as it is ([ours]: medians of people)
@@ -48,7 +49,8 @@ def raise_clavicles(q: Array, wrists: Array, breath: Array, times: Array, seed: 
     joint = humanoid().index
     shrugs = smooth_noise(seed + 24, 4, times, 0.42, octaves=3, gain=0.55)
     for side, name in enumerate(("left", "right")):
-        lift = _LIFTED * (_rise(wrists[:, side, 1]) - _rise(np.array(_USUAL_UP))) + _RAISED * breath
+        risen = _rise(wrists[:, side, 1]) - _rise(np.array(_USUAL_UP))
+        lift = _LIFTED * risen + _RAISED * breath
         ahead = _REACHED * (_reach(wrists[:, side, 2]) - _reach(np.array(_USUAL_FORWARD)))
         lift, ahead = lift + _SHRUGS[0] * shrugs[:, 2 * side], ahead + _SHRUGS[1] * shrugs[:, 2 * side + 1]
         shoulder, upper = joint[name + "Shoulder"], joint[name + "UpperArm"]
@@ -56,7 +58,8 @@ def raise_clavicles(q: Array, wrists: Array, breath: Array, times: Array, seed: 
         turned = 2 * np.arccos(np.minimum(np.abs(before[:, 3]), 1.0))
         share = (1.0 - 2.0 * side) * amount * smoothstep((_MOST_TURNED - turned) / _FREELY)
         turn = quat_multiply(_about(2, share * lift), _about(1, -share * ahead))
-        q[:, shoulder] = quat_multiply(turn, before)
+        roll = _about(0, -np.abs(share) * _ROLLED * risen)
+        q[:, shoulder] = quat_multiply(quat_multiply(turn, before), roll)
         back = quat_multiply(quat_conjugate(q[:, shoulder]), before)
         q[:, upper] = quat_multiply(back, q[:, upper])
 

@@ -233,9 +233,10 @@ class Planner:
             return False
         prepare, wind_up = self._preparation(at, onset, wanted, max(available, 0.2))
         prepare = max(onset - max(asked.start, earliest), 0.2) if asked else prepare
-        start, end = onset - prepare, onset
+        start, end, stroked = onset - prepare, onset, dict[int, list[Array]]()
         for hand in hands:
             own = poses if hand == hands[0] else self._gesture_space.follower(poses, strength, mirrors=name not in FORMS)
+            stroked[hand] = own
             late = 0.0 if hand == hands[0] else self._random.uniform(-0.01, 0.03)
             end = self._schedule(hand, own, start + late, prepare, onset + late, usual, tempo, modifier, (wind_up, skew), asked)
             self._mark(self.hands[hand], name, onset + stroke / 2, end, modifier)
@@ -249,7 +250,7 @@ class Planner:
                 self._retract(later, hand, "rest", modifier, self._random)
             else:
                 self._sympathy(other, leader, start, prepare, onset, stroke, poses)
-        self.posture.on_stroke(start, onset, stroke, poses, hands, modifier)
+        self.posture.on_stroke(start, onset, stroke, stroked, modifier)
         text, score = (word.text, form.score) if word is not None else ("", form.score)
         self._planned.append(Gesture(start, onset + stroke / 2, end, name, label, text, score))
         self.placed = (leader.up_until - end, *poses[1][:3].tolist())

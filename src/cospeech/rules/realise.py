@@ -36,12 +36,16 @@ from .styles import Style
 
 __all__ = ["Pieces", "gaze_only", "realise"]
 
+_ASIDE, _BEFORE, _TURNED = 13.0, 7.0, 10.0
+"""Degrees by which the chest turns per arm length that both hands are aside, and that one is before the other, and at most.
+[ours: of one recorded speaker, 32°/m and 65°/m explain .79 of the yaw of the shoulders; gestures and clavicles make the rest]"""
 _STABLE = 0.65  # share of the torso's motion that the head does not follow (gaze stabilisation)
 _BENDS = (-24.0, 49.0)  # degrees back and forward that a trunk bends, whatever adds up (ours, by the laws of the body)
 _RAISED = 2.2  # degrees by which a breath lifts the clavicles (ours: about 1 cm)
-_LIFTED, _REACHED, _DRAWN = 22.0, 14.0, 4.0
-"""Degrees by which a clavicle rises with a raised arm, comes forward with one that reaches, is drawn back with one that hangs:
-the scapulohumeral rhythm, about a third of the arm's elevation (Inman, Saunders & Abbott 1944; shares ours)."""
+_LIFTED, _REACHED, _DRAWN, _ROLLED = 11.0, 7.0, 3.0, 24.0
+"""Degrees by which a clavicle rises with a raised arm, comes forward with one that reaches, is drawn back with one that hangs,
+and rolls backward about itself as the arm rises: 6, 15 and 30 degrees in an elevation by 120 (Ludewig et al. 2009; sizes ours,
+so that the line of the shoulders follows the hands by 10°/m as that of a recorded speaker)."""
 _ON_CHAIRS = 0.76  # of that on a chair, where shoulders would otherwise move with nothing but the hands (ours)
 _PALM, _TIP = 0.080, 0.172  # metres from the wrist to the middle of the palm, to the fingertips
 _MIDDLE_OF_HAND = 0.6  # share of the way from the wrist to the palm, where two hands are kept apart (ours)
@@ -86,12 +90,17 @@ def realise(
     rotations = quat_identity(len(times), len(humanoid()))
     breath = b[:, Body.BREATH]
     turn = np.radians(style.turn)
-    hips, root = stand(b, style.seated, None if hands is None else rotations)
+    h = None
+    if hands is not None:
+        h = np.stack([track.at(times) for track in hands], 1)
+        add_hand_noise(h, times, seed, size, tremor)
+        b[:, Body.YAW] += min(style.torso, 1.0) * (_ON_CHAIRS if style.seated else 1.0) * _turn_to_hands(h)
+    hips, root = stand(b, style.seated, None if h is None else rotations)
     torso = _euler(b, (Body.YAW, Body.PITCH, Body.ROLL))
     torso = quat_multiply(torso, arms._about(0, np.radians(-BREATH_PITCH) * breath))
     head, gaze = _head(b, torso, turn), _gaze(b)
     facing = np.array([0.0, np.sin(turn / 2), 0.0, np.cos(turn / 2)])
-    if hands is None:
+    if h is None:
         return Pieces(rotations, quat_rotate(facing, root), gaze)
     rotations[:, 0] = quat_multiply(facing, hips)
     nod = quat_to_rotvec(quat_multiply(quat_conjugate(torso), head))
@@ -107,7 +116,7 @@ def realise(
         world = quat_multiply(world, local)
         places[name] = (position, world)
     neck = position + quat_rotate(world, offsets()["neck"])
-    _arms(times, hands, places, neck, b, rotations, style, seed, size, breath, tremor)
+    _arms(h, places, neck, b, rotations, style, breath)
     return Pieces(rotations, quat_rotate(facing, root), gaze)
 
 
@@ -133,7 +142,7 @@ def _add_body_noise(b: Array, times: Array, style: Style, seed: int, size: float
     head, torso, sway = style.head * still, min(style.torso, 1.0) * still * (2.7 if style.seated else 1.0), style.sway * still
     moved = sway * (0.15 if style.seated else 1.0)
     scale = np.array(
-        [1.1 * torso, 1.0 * torso, 1.8 * torso, 1.6 * head, 1.5 * head, 2.1 * head, 0.012 * moved, 0.012 * moved]
+        [0.9 * torso, 1.0 * torso, 1.8 * torso, 1.6 * head, 1.5 * head, 2.1 * head, 0.018 * moved, 0.013 * moved]
         + [1.4 * sway, 0.9 * sway, 0.9 * sway]
     )
     b[:, _SWAYING] += n * scale
@@ -161,21 +170,16 @@ def _head(b: Array, torso: Array, turn: float) -> Array:
 # ---------------------------------------------------------------------------------------------------------- arms
 
 
+def _turn_to_hands(h: Array) -> Array:
+    """(N,) degrees by which the chest turns to the left, because of where both hands ``h (N, 2, channels)`` are."""
+    aside = (h[:, 0, Channel.OUT] - h[:, 1, Channel.OUT]) / 2
+    before = h[:, 1, Channel.FORWARD] - h[:, 0, Channel.FORWARD]
+    return soft_clip(_ASIDE * aside + _BEFORE * before, -_TURNED, _TURNED)
+
+
 def _arms(
-    times: Array,
-    hands: list[MinimumJerkTrack],
-    places: dict[str, tuple[Array, Array]],
-    neck: Array,
-    b: Array,
-    rotations: Array,
-    style: Style,
-    seed: int,
-    size: float,
-    breath: Array,
-    tremor: Array,
+    h: Array, places: dict[str, tuple[Array, Array]], neck: Array, b: Array, rotations: Array, style: Style, breath: Array
 ) -> None:
-    h = np.stack([hands[0].at(times), hands[1].at(times)], 1)
-    add_hand_noise(h, times, seed, size, tremor)
     frames = arm_frames(places, neck, b, rotations, style)
     o = offsets()
     length = arms.arm_lengths().total
@@ -187,14 +191,16 @@ def _arms(
     if style.seated:
         target = lay_on_lap(target, place, raised, frames, style)
     along = _ON_CHAIRS if style.seated else 1.0
+    risen = along * smoothstep((raised + 1.0) / 1.3)
     lift = (
         np.radians(h[..., Channel.SHRUG])
         + np.radians(b[:, Body.SHOULDERS])[:, None]
-        + along * np.radians(_LIFTED) * smoothstep((raised + 1.0) / 1.3)
+        + np.radians(_LIFTED) * risen
         + np.radians(_RAISED) * breath[:, None]
     )
     reach_out = along * np.radians(_REACHED) * smoothstep((h[..., Channel.FORWARD] - 0.05) / 0.75) - np.radians(_DRAWN)
     clavicle = quat_multiply(arms._about(2, lift), arms._about(1, -reach_out))
+    clavicle = quat_multiply(clavicle, arms._about(0, -np.radians(_ROLLED) * risen))
     shoulder = o["leftShoulder"] + quat_rotate(clavicle, np.broadcast_to(o["leftUpperArm"], target.shape))
     swivel = np.radians(h[..., Channel.SWIVEL]) + _lift_elbows(h)
     rel = arms.reach(target - shoulder)

@@ -20,7 +20,7 @@ from cospeech.errors import InputError
 from cospeech.generate import generate_files
 from cospeech.models import BUNDLE, SHIPPED
 from cospeech.motion.motion import Motion
-from cospeech.motion.rotations import axis_angle_to_quat, quat_multiply, quat_rotate
+from cospeech.motion.rotations import axis_angle_to_quat, quat_conjugate, quat_multiply, quat_rotate
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import STYLES, RuleBasedModel
 from cospeech.runtime.flow.latent_sources import CodeSource, NormalSource, SegmentSource
@@ -396,6 +396,15 @@ def performed(hand: float, seed: int = 0) -> np.ndarray:
     return wrists(learnt().generate(talk(8.0, seed=3), style=one_armed(hand), seed=seed, parts=BODY, emotion="neutral"))
 
 
+@cache
+def seen_from_chest(hand: float, seed: int) -> np.ndarray:
+    """(T, 2, 3) the same wrists without what the body does."""
+    motion = learnt().generate(talk(8.0, seed=3), style=one_armed(hand), seed=seed, parts=BODY, emotion="neutral")
+    points, turns = motion.skeleton.forward(motion.rotations, motion.root)
+    chest = humanoid().index["upperChest"]
+    return quat_rotate(quat_conjugate(turns[:, [chest]]), wrists(motion) - points[:, [chest]])
+
+
 def travel(path: np.ndarray) -> np.ndarray:
     """(2,) metres a second, left and right."""
     return np.linalg.norm(np.diff(path, axis=0), axis=-1).mean(0) * 30
@@ -403,8 +412,8 @@ def travel(path: np.ndarray) -> np.ndarray:
 
 @pytest.mark.slow
 def test_the_hand_of_the_example_gestures():
-    """In every performance more than the other; how much more is left to chance: mostly a great deal, in one of 16 little."""
-    spread = [[np.linalg.norm(performed(hand, seed).std(0), axis=-1) for hand in (0.0, 1.0)] for seed in range(8)]
+    """Seen from the chest, more than the other in every performance; how much more is left to chance."""
+    spread = [[np.linalg.norm(seen_from_chest(hand, seed).std(0), axis=-1) for hand in (0.0, 1.0)] for seed in range(8)]
     left, right = (np.array([pair[k] for pair in spread]) for k in (0, 1))
     more = np.concatenate([left[:, 0] / left[:, 1], right[:, 1] / right[:, 0]])
     assert more.min() > 1.0

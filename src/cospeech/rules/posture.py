@@ -32,6 +32,7 @@ _LEANS = np.array([0.0, -1.0, -8.0, 0.0])
 _ANSWERS = np.array([12.0, 8.0, 0.10])
 """Degrees of pitch, degrees of roll and metres of hips, either way, with which a body answers a stroke of an arm length. [ours:
 mid-shoulder and wrist of people move fast together (r .3 to .5), but a recorded trunk does not go where the hands go]"""
+_SEATED = 0.65  # share of a standing trunk's part in a stroke that a seated one has (ours)
 _ANSWERED = [Body.PITCH, Body.ROLL, Body.HIPS_X, Body.HIPS_Z]
 _LONGER = 0.16  # seconds by which an answer takes longer than its stroke (ours)
 _MOST = 10.0  # degrees that a stroke turns or bends the trunk (ours)
@@ -197,13 +198,12 @@ class Posture:
             modifier: of the emotion.
         """
         torso = min(self.style.torso * modifier.torso * self.size, 1.8) * (0.6 if self.style.seated else 1.0)
-        ready, struck = (_place({hand: own[k] for hand, own in poses.items()}) for k in (0, 1))
-        way, both = struck - ready, len(poses) == 2
+        prepared, struck = (_place({hand: own[k] for hand, own in poses.items()}) for k in (0, 1))
+        way, both = struck - prepared, len(poses) == 2
         far = float(np.hypot(way[1], way[2])) ** 0.5
         part = np.zeros(BODY_CHANNELS)
         turned = [Body.YAW, Body.PITCH, Body.ROLL]
-        turn = struck if both else way  # two hands that are before the body equally turn nobody
-        part[Body.YAW] = (turn @ _TURNS) * torso + self._gauss(0.7 * torso)
+        part[Body.YAW] = float((struck if both else way) @ _TURNS) * torso + self._gauss(0.7 * torso)
         part[Body.PITCH] = (way @ _LEANS + self._gauss(_ANSWERS[0] * far)) * torso
         part[Body.ROLL] = self._gauss(_ANSWERS[1] * far) * torso
         part[turned] = np.minimum(np.maximum(part[turned], -_MOST), _MOST)
@@ -213,15 +213,16 @@ class Posture:
         part[Body.HEAD_ROLL] = 0.5 * part[Body.ROLL] + self._gauss(3.0 * head)
         part[Body.HIPS_YAW] = part[Body.YAW]
         if self.style.seated:  # on a chair the head goes along, and the trunk hardly
-            part[turned] *= 0.65
+            part[turned] *= _SEATED
         else:
             part[Body.HIPS_X] = min(max(-0.05 * way[0] + self._gauss(_ANSWERS[2] * far), -0.035), 0.035) * torso
             part[Body.HIPS_Z] = min(max(-0.04 * way[2] + self._gauss(_ANSWERS[2] * far), -0.035), 0.035) * torso
             part[Body.SINK] = min(max(-0.02 * way[1], -0.003), 0.011) * torso
         lead = self._random.uniform(0.06, 0.13)
         wind = -self._random.uniform(0.2, 0.5) * part
-        if both:
-            wind[Body.YAW] = part[Body.YAW] * float(ready @ _TURNS) / (float(struck @ _TURNS) or 1.0)
+        if both:  # two hands that are equally before the body turn nobody, others turn it from the preparation on
+            turn = min(max(float(prepared @ _TURNS) * torso, -_MOST), _MOST) * (_SEATED if self.style.seated else 1.0)
+            wind[[Body.YAW, Body.HIPS_YAW, Body.HEAD_YAW]] = turn, turn, 0.65 * turn
         ready = onset - lead
         begin = max(start, ready - 0.7)
         self.track.add(begin, max(ready - begin, 0.25) * 1.2, wind)

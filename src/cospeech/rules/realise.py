@@ -41,6 +41,7 @@ _ASIDE, _BEFORE, _TURNED = 13.0, 7.0, 10.0
 [ours: of one recorded speaker, 32°/m and 65°/m explain .79 of the yaw of the shoulders; gestures and clavicles make the rest]"""
 _STABLE = 0.65  # share of the torso's motion that the head does not follow (gaze stabilisation)
 _BENDS = (-24.0, 49.0)  # degrees back and forward that a trunk bends, whatever adds up (ours, by the laws of the body)
+_MOST_YAW = 25.0  # degrees that a chest turns from the listener, whatever adds up (ours: hands must not come before the face)
 _RAISED = 2.2  # degrees by which a breath lifts the clavicles (ours: about 1 cm)
 _LIFTED, _REACHED, _DRAWN, _ROLLED = 11.0, 7.0, 3.0, 24.0
 """Degrees by which a clavicle rises with a raised arm, comes forward with one that reaches, is drawn back with one that hangs,
@@ -95,6 +96,7 @@ def realise(
         h = np.stack([track.at(times) for track in hands], 1)
         add_hand_noise(h, times, seed, size, tremor)
         b[:, Body.YAW] += min(style.torso, 1.0) * (_ON_CHAIRS if style.seated else 1.0) * _turn_to_hands(h)
+        b[:, Body.YAW] = soft_clip(b[:, Body.YAW], -_MOST_YAW, _MOST_YAW)
     hips, root = stand(b, style.seated, None if h is None else rotations)
     torso = _euler(b, (Body.YAW, Body.PITCH, Body.ROLL))
     torso = quat_multiply(torso, arms._about(0, np.radians(-BREATH_PITCH) * breath))
@@ -185,6 +187,7 @@ def _arms(
     length = arms.arm_lengths().total
     angles = np.radians(h[..., 4:7])
     angles = np.stack([soft_clip(angles[..., k], low, high) for k, (low, high) in enumerate(_WRIST_LIMITS)], -1)
+    _stay_beside_face(h, b[:, Body.YAW])
     place = _bend_elbows(_pass_before_shoulder(h[..., :3]), _ON_THIGHS if style.seated else _LOW) * length
     target = o["leftShoulder"] + o["leftUpperArm"] + quat_rotate(frames.gesture, place) + frames.stay
     raised = h[..., Channel.UP]
@@ -210,6 +213,19 @@ def _arms(
         rel = _make_room(rel, shoulder, quat_multiply(arms.solve_arm(rel, swivel)[1], hand), points, frames, style)
     upper, fore = arms.solve_arm(rel, swivel)
     _write_arms(rotations, clavicle, upper, quat_multiply(fore, pronation), wrist, h)
+
+
+_HIGH, _HIGHER = -0.25, 0.3
+"""Arm lengths above the shoulder from which on a hand stays beside the face of a body that turns, and over which this grows. [ours:
+a chest that turns by 20° carries a hand sideways by .2 m]"""
+
+
+def _stay_beside_face(h: Array, yaw: Array) -> None:
+    """Move high hands ``h (N, 2, channels)`` outward by as much as the chest's ``yaw (N,)``, degrees, carries them inward."""
+    carried = np.sin(np.radians(yaw))[:, None] * (-1.0, 1.0)
+    inward = 0.05 * np.logaddexp(0.0, carried / 0.05)
+    high = smoothstep((h[..., Channel.UP] - _HIGH) / _HIGHER)
+    h[..., Channel.OUT] += 1.2 * inward * high * np.maximum(h[..., Channel.FORWARD], 0.0)
 
 
 _EASY, _MORE = 0.58, 0.32

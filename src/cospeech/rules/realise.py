@@ -38,7 +38,7 @@ __all__ = ["Pieces", "gaze_only", "realise"]
 
 _ASIDE, _BEFORE, _TURNED = 13.0, 7.0, 10.0
 """Degrees by which the chest turns per arm length that both hands are aside, and that one is before the other, and at most.
-[ours: of one recorded speaker, 32°/m and 65°/m explain .79 of the yaw of the shoulders; gestures and clavicles make the rest]"""
+[ours: 32°/m and 65°/m explain .79 of the yaw of a recorded speaker's shoulders; strokes and clavicles make the rest of ours]"""
 _STABLE = 0.65  # share of the torso's motion that the head does not follow (gaze stabilisation)
 _BENDS = (-24.0, 49.0)  # degrees back and forward that a trunk bends, whatever adds up (ours, by the laws of the body)
 _MOST_YAW = 25.0  # degrees that a chest turns from the listener, whatever adds up (ours: hands must not come before the face)
@@ -216,8 +216,8 @@ def _arms(
 
 
 _HIGH, _HIGHER = -0.25, 0.3
-"""Arm lengths above the shoulder from which on a hand stays beside the face of a body that turns, and over which this grows. [ours:
-a chest that turns by 20° carries a hand sideways by .2 m]"""
+"""Arm lengths above the shoulder from which on a hand stays beside the face of a body that turns, and over which this grows.
+[ours: a chest that turns by 20° carries a hand sideways by .2 m]"""
 
 
 def _stay_beside_face(h: Array, yaw: Array) -> None:

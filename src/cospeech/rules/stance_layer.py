@@ -48,9 +48,9 @@ REACH = 0.24
 _TRUNK_AND_HEAD = ("hips", *(name for name, _ in SPINE), "neck", "head")
 _LEAD = 0.08  # seconds by which the trunk is before the hands (ours: as in the rules, .06 to .13)
 _FOLLOWS, _BENDS = np.radians([30.0, 10.8, 40.0]), np.radians(24.0)
-"""Pitch, roll and yaw of the chest per arm length that the hands are ahead, aside, and one before the other; pitch per arm length
-that they come down (ours). A trunk turns to where the hands are. It bends when they move, but mostly not to where they go:
-of one recorded speaker, their place explains .79 of the yaw of the shoulders, and .09 of the lean."""
+"""Pitch, roll and yaw of the chest per arm length that the hands are ahead, aside, and one before the other; pitch per arm
+length that they come down (ours). A trunk turns to where the hands are. It bends when they move, but mostly not to where they
+go: of one recorded speaker, their place explains .79 of the yaw of the shoulders, and .09 of the lean."""
 _ASIDE = np.radians(18.0)  # yaw of the chest per arm length that both hands are aside (ours)
 _EITHER_WAY = 0.25  # lattice points per second of the noise that says which way a trunk bends (ours)
 _KNEES, _HIPS = 0.1, 0.7  # metres that knees give way per radian of bend; share of the yaw that the pelvis takes (ours)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cospeech.errors import InputError
 from cospeech.experiments.tables import TABLES
 from cospeech.experiments.tables.paper_tables import Claim
 from cospeech.experiments.tables.report import summary
@@ -229,10 +230,7 @@ def test_a_table_that_is_kept_is_judged_as_it_was():
             for k in range(6)
         ]  # fmt: skip
     evidence = Evidence(rows, {}, dict.fromkeys(("nll", "hearing_gain", "fgd", "diversity_gfge"), "x"), {})
-    table = {
-        "table": "flow-2", "corpus": "ted", "columns": evidence.heads, "faults": {}, "controls": {}, "seeds": [*range(6)],
-        "rows": {name: {"cells": {metric: summary(row, metric) for metric in evidence.heads}} for name, row in rows.items()},
-    }  # fmt: skip
+    table = keep(rows, evidence, range(6))
     expected = judge(part.claims, evidence)
     assert {told["verdict"] for told in expected} == {HOLDS, UNDECIDED}
     assert write_tables().judge_again(table)["verdicts"] == expected
@@ -240,6 +238,45 @@ def test_a_table_that_is_kept_is_judged_as_it_was():
         for cell in row["cells"].values():
             del cell["draws"]
     assert write_tables().judge_again(table)["verdicts"] != expected  # as older tables are: over seeds alone
+
+
+def keep(rows, evidence, seeds):
+    """A table as files hold it, of some of the seeds."""
+    return {
+        "table": "flow-2", "corpus": "ted", "pose": "expmap", "small": True, "columns": evidence.heads, "faults": {},
+        "controls": {}, "seeds": [*seeds], "head": f"synthetic; seeds {', '.join(map(str, seeds))}; features: none",
+        "rows": {
+            name: {"facts": "tiny", "cells": {metric: summary([row[k] for k in seeds], metric) for metric in evidence.heads}}
+            for name, row in rows.items()
+        },
+    }  # fmt: skip
+
+
+def test_parts_with_other_seeds_join_to_the_table_of_all():
+    part = next(part for part in TABLES["flow-2"].parts if part.corpus == "ted")
+    rng = np.random.default_rng(3)
+    heads = dict.fromkeys(("nll", "hearing_gain", "fgd", "diversity_gfge"), "x")
+    rows = {
+        row.name: [
+            {metric: {"value": float(rng.normal()), "draws": [*rng.normal(size=20)]} for metric in heads} for _ in range(6)
+        ]
+        for row in part.rows
+    }
+    evidence, tool = Evidence(rows, {}, heads, {}), write_tables()
+    whole, parts = keep(rows, evidence, range(6)), [keep(rows, evidence, range(2)), keep(rows, evidence, range(2, 6))]
+    joined = tool.join(parts)
+    assert joined["seeds"] == [*range(6)]
+    assert joined["head"] == whole["head"]
+    for name, row in whole["rows"].items():
+        for metric, cell in row["cells"].items():
+            found = joined["rows"][name]["cells"][metric]
+            assert found["values"] == cell["values"]
+            assert (found["mean"], found["half"]) == (cell["mean"], cell["half"])
+            np.testing.assert_allclose(found["draws"], cell["draws"], atol=1e-5)
+    assert [each["verdict"] for each in joined["verdicts"]] == [each["verdict"] for each in tool.judge_again(whole)["verdicts"]]
+    for wrong in ([parts[0], parts[0]], [parts[0], parts[1] | {"corpus": "trinity"}]):
+        with pytest.raises(InputError, match=r"seeds 0, 1, 0, 1|parts of different"):
+            tool.join(wrong)
 
 
 def test_lists_of_numbers_are_kept_in_one_line(tmp_path):

@@ -43,7 +43,7 @@ _STABLE = 0.65  # share of the torso's motion that the head does not follow (gaz
 _BENDS = (-24.0, 49.0)  # degrees back and forward that a trunk bends, whatever adds up (ours, by the laws of the body)
 _MOST_YAW = 25.0  # degrees that a chest turns from the listener, whatever adds up (ours: hands must not come before the face)
 _RAISED = 2.2  # degrees by which a breath lifts the clavicles (ours: about 1 cm)
-_LIFTED, _REACHED, _DRAWN, _ROLLED = 11.0, 7.0, 3.0, 19.0
+_LIFTED, _REACHED, _DRAWN, _ROLLED = 11.0, 7.0, 3.0, 16.0
 """Degrees by which a clavicle rises with a raised arm, comes forward with one that reaches, is drawn back with one that hangs,
 and rolls backward about itself as the arm rises: 6, 15 and 30 degrees in an elevation by 120 (Ludewig et al. 2009; sizes ours,
 so that the line of the shoulders follows the hands by 10°/m as that of a recorded speaker)."""
@@ -203,7 +203,8 @@ def _arms(
     )
     reach_out = along * np.radians(_REACHED) * smoothstep((h[..., Channel.FORWARD] - 0.05) / 0.75) - np.radians(_DRAWN)
     clavicle = quat_multiply(arms._about(2, lift), arms._about(1, -reach_out))
-    clavicle = quat_multiply(clavicle, arms._about(0, -np.radians(_ROLLED) * risen))
+    rolled = along * np.radians(_ROLLED) * smoothstep((raised + 1.0) / 0.9)
+    clavicle = quat_multiply(clavicle, arms._about(0, -rolled))
     shoulder = o["leftShoulder"] + quat_rotate(clavicle, np.broadcast_to(o["leftUpperArm"], target.shape))
     swivel = np.radians(h[..., Channel.SWIVEL]) + _lift_elbows(h)
     rel = arms.reach(target - shoulder)

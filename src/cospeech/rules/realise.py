@@ -45,8 +45,8 @@ _MOST_YAW = 25.0  # degrees that a chest turns from the listener, whatever adds 
 _RAISED = 2.2  # degrees by which a breath lifts the clavicles (ours: about 1 cm)
 _LIFTED, _REACHED, _DRAWN, _ROLLED = 11.0, 7.0, 3.0, 16.0
 """Degrees by which a clavicle rises with a raised arm, comes forward with one that reaches, is drawn back with one that hangs,
-and rolls backward about itself as the arm rises. Of these, the roll is the largest in people (Ludewig et al. 2009). [sizes ours:
-the line of a recorded speaker's shoulders follows the hands by 10°/m]"""
+and rolls backward about itself as the arm rises. The roll is the largest in people, too (Ludewig et al. 2009). [sizes ours: the
+line of a recorded speaker's shoulders follows the hands by 10°/m]"""
 _ON_CHAIRS = 0.76  # of that on a chair, where shoulders would otherwise move with nothing but the hands (ours)
 _PALM, _TIP = 0.080, 0.172  # metres from the wrist to the middle of the palm, to the fingertips
 _MIDDLE_OF_HAND = 0.6  # share of the way from the wrist to the palm, where two hands are kept apart (ours)

@@ -391,15 +391,19 @@ def one_armed(hand: float) -> Motion:
 
 
 @cache
+def performance(hand: float, seed: int = 0) -> Motion:
+    """Eight seconds of speech in the style of an example of one hand."""
+    return learnt().generate(talk(8.0, seed=3), style=one_armed(hand), seed=seed, parts=BODY, emotion="neutral")
+
+
 def performed(hand: float, seed: int = 0) -> np.ndarray:
-    """(T, 2, 3) wrists on eight seconds of speech."""
-    return wrists(learnt().generate(talk(8.0, seed=3), style=one_armed(hand), seed=seed, parts=BODY, emotion="neutral"))
+    """(T, 2, 3) its wrists."""
+    return wrists(performance(hand, seed))
 
 
-@cache
 def seen_from_chest(hand: float, seed: int) -> np.ndarray:
     """(T, 2, 3) the same wrists without what the body does."""
-    motion = learnt().generate(talk(8.0, seed=3), style=one_armed(hand), seed=seed, parts=BODY, emotion="neutral")
+    motion = performance(hand, seed)
     points, turns = motion.skeleton.forward(motion.rotations, motion.root)
     chest = humanoid().index["upperChest"]
     return quat_rotate(quat_conjugate(turns[:, [chest]]), wrists(motion) - points[:, [chest]])

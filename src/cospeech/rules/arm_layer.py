@@ -19,8 +19,8 @@ __all__ = ["move_fingers", "raise_clavicles"]
 
 _LIFTED, _REACHED, _ROLLED, _RAISED = np.radians([5.0, 3.5, 14.0, 2.2])
 """Radians by which a clavicle rises with a raised arm, comes forward with one that reaches, rolls back about itself with a
-raised arm, and rises with a breath. Ours: less
-than in the rules (`cospeech.rules.realise`), because the other system's clavicles move a little too."""
+raised arm, and rises with a breath. Ours: less than in the rules (`cospeech.rules.realise`), because the other system's
+clavicles move a little too."""
 _HANGS, _ABOVE, _AT_HAND, _AWAY = -1.0, 1.3, 0.05, 0.75  # arm lengths: where these begin, and over which ways they grow
 _USUAL_UP, _USUAL_FORWARD = -0.6, 0.31  # arm lengths at which a clavicle stays as it is ([ours]: medians of people)
 _SHRUGS = np.radians([3.0, 2.3])  # rise and reach of shoulders that are never still ([ours])

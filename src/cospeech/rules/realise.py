@@ -219,14 +219,15 @@ def _arms(
 _HIGH, _HIGHER = -0.25, 0.3
 """Arm lengths above the shoulder from which on a hand stays beside the face of a body that turns, and over which this grows.
 [ours: a chest that turns by 20° carries a hand sideways by .2 m]"""
+_EARLY, _SAFELY = 0.05, 1.2  # sine of the turn over which this sets in; factor for fingertips ahead of the wrist (ours)
 
 
 def _stay_beside_face(h: Array, yaw: Array) -> None:
     """Move high hands ``h (N, 2, channels)`` outward by as much as the chest's ``yaw (N,)``, degrees, carries them inward."""
     carried = np.sin(np.radians(yaw))[:, None] * (-1.0, 1.0)
-    inward = 0.05 * np.logaddexp(0.0, carried / 0.05)
+    inward = _EARLY * np.logaddexp(0.0, carried / _EARLY)
     high = smoothstep((h[..., Channel.UP] - _HIGH) / _HIGHER)
-    h[..., Channel.OUT] += 1.2 * inward * high * np.maximum(h[..., Channel.FORWARD], 0.0)
+    h[..., Channel.OUT] += _SAFELY * inward * high * np.maximum(h[..., Channel.FORWARD], 0.0)
 
 
 _EASY, _MORE = 0.58, 0.32

@@ -4,8 +4,9 @@
 
 SPEECH is files or folders; short utterances of one folder are joined as in movement_statistics.py. Five minutes in all are
 wanted. `--model` is a name that `cospeech.load` knows (the rules where not given); without `--style` the rules play all
-of theirs. A system without legs plays with the stance that files have; `--bare` leaves it out. `--recordings 2 4 5` takes
-only these of the joined recordings (0 is the first), so that figures come from speech that nothing was tuned on.
+of theirs. A trained system plays with stance and beat alignment, as files have them; `--bare` leaves both out.
+`--recordings 2 4 5` takes only these of the joined recordings (0 is the first), so that figures come from speech that nothing
+was tuned on.
 `cospeech.metrics.body` defines the statistics. The old rows are the 86 of movement_statistics.py, exempt ones left out.
 """
 
@@ -130,7 +131,7 @@ def main() -> int:
     parser.add_argument("speech", nargs="*", type=Path, default=[EXAMPLE], help="files or folders of speech")
     parser.add_argument("--model", default="rules", help="a model by name or bundle (default: rules)")
     parser.add_argument("--style", action="append", help="only this style (may be repeated)")
-    parser.add_argument("--bare", action="store_true", help="a trained model without the stance under it")
+    parser.add_argument("--bare", action="store_true", help="a trained model without stance and beat alignment")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="takes of each recording (default: 0)")
     parser.add_argument("--recordings", type=int, nargs="+", help="only these of the joined recordings, from 0")
     parser.add_argument("--emotion", default="neutral")
@@ -147,7 +148,7 @@ def main() -> int:
     for style in styles:
         settings = {"fps": 30.0, "emotion": options.emotion} | ({} if style is None else {"style": style})
         if options.model != "rules":
-            settings["stance"] = not options.bare
+            settings["stance"] = settings["beat_alignment"] = not options.bare
         takes = [(samples, seed) for seed in options.seeds for samples in speech]
         pairs = [(samples, model.generate(Speech(samples, RATE), seed=seed, **settings)) for samples, seed in takes]
         exempt = STYLES[style].exempt if style in STYLES else ()

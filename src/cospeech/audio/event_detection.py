@@ -113,6 +113,11 @@ class EventDetector:
         """Seconds for which normalised prosody is ready."""
         return self._loudness.end / RATE
 
+    @property
+    def judged_until(self) -> float:
+        """Seconds up to which all accents are known."""
+        return self._judged / RATE
+
     def push(self, samples: Array) -> None:
         """Hear more samples at the announced rate."""
         self.hear(samples)

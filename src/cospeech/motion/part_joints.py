@@ -6,10 +6,23 @@ from functools import cache
 
 import numpy as np
 
+from .parts import PARTS
 from .rotations import Array, quat_identity
 from .skeleton import humanoid
 
-__all__ = ["eye_joints", "resting_joints", "select_parts"]
+__all__ = ["arm_joints", "eye_joints", "resting_joints", "select_parts"]
+
+
+_ARMS = ("Shoulder", "UpperArm", "LowerArm", "Hand")
+
+
+@cache
+def arm_joints(parts: tuple[str, ...] = PARTS) -> list[int]:
+    """Indices of what moves the hands: clavicles and arms of a body, fingers of hands."""
+    s = humanoid()
+    fingers = {*s.left_hand, *s.right_hand}
+    arms = [k for k, name in enumerate(s.names) if name.endswith(_ARMS) and k not in fingers]
+    return (arms if "body" in parts else []) + (sorted(fingers) if "hands" in parts else [])
 
 
 @cache

@@ -59,6 +59,10 @@ class GenerationOptions:
     """Whether a stance of the rules carries a body without legs (`cospeech.rules.stance_layer`). Files of `cospeech generate`
     and frames of `cospeech stream` have it. In Python it is there only when it is asked for: `generate` gives what the network
     makes, which metrics measure."""
+    beat_alignment: bool = False
+    """Whether the arms of a trained model are moved in time, so that their strokes fall on the accents of the speech
+    (`cospeech.runtime.beat_alignment`). Files of `cospeech generate` have it. It waits for more speech, so a stream has it only
+    when it is asked for; and it sets what beat lift measures, so `generate` in Python does, too."""
     calibrated: bool = True
     """Whether a trained model plays what was measured when it was bundled: means and amplitudes of its styles, the size of its
     noise, and hands that rest in silence. Without it, its network plays alone."""
@@ -88,7 +92,7 @@ class GenerationOptions:
         check_range("seed", self.seed, (0, SEEDS - int(self.takes)))
         for name in ("intensity", "temperature", "fps"):
             object.__setattr__(self, name, float(getattr(self, name)))
-        for name in ("stance", "calibrated"):
+        for name in ("stance", "beat_alignment", "calibrated"):
             if not isinstance(getattr(self, name), bool):
                 raise InputError(f"{name} is {getattr(self, name)!r}", "True or False")
         for name in ("seed", "takes"):

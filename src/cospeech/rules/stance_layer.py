@@ -15,7 +15,7 @@ from random import Random
 
 import numpy as np
 
-from ..motion.kinematics.arms import arm_lengths
+from ..motion.kinematics.arms import wrists_in_chest
 from ..motion.kinematics.body import NECK_SHARE, SPINE, Body
 from ..motion.kinematics.legs import carry, stand, weight_shift
 from ..motion.motion import Motion
@@ -28,7 +28,6 @@ from ..motion.rotations import (
     quat_conjugate,
     quat_multiply,
     quat_normalize,
-    quat_rotate,
     quat_to_rotvec,
     rotvec_to_quat,
 )
@@ -91,6 +90,9 @@ class StanceLayer:
         waits: seconds of motion after a frame that it waits for; with less than `REACH` the trunk follows the hands later.
     """
 
+    sound_ahead = 0.0
+    """It does not listen (`cospeech.runtime.motion_layers.MotionLayer`)."""
+
     def __init__(
         self, *, seed: int, fps: float, amount: float = 1.0, steps: float = 6.0, fingers: bool = True, waits: float = REACH
     ) -> None:
@@ -128,7 +130,7 @@ class StanceLayer:
         if not len(rotations):
             return self._layer(0)
         q = np.asarray(rotations, float)
-        wrists = _wrists_in_chest(q)
+        wrists = wrists_in_chest(q)
         if self._stance is None:
             self._begin(seated=float(root[0, 1]) < SEATED)
             self._wrists = np.repeat(wrists[:1], self._behind, 0)
@@ -314,20 +316,6 @@ def _chain(rotations: list[Array]) -> Array:
     for local in rotations[1:]:
         world = quat_multiply(world, local)
     return world
-
-
-def _wrists_in_chest(q: Array) -> Array:
-    """(n, 2, 3) of left and right wrist from the own shoulder in the frame of the upper chest, arm lengths."""
-    s = humanoid()
-    found = []
-    for side in ("left", "right"):
-        turn, at = q[:, s.index[side + "Shoulder"]], np.zeros((len(q), 3))
-        turn = quat_multiply(turn, q[:, s.index[side + "UpperArm"]])
-        for name in ("LowerArm", "Hand"):
-            at = at + quat_rotate(turn, s.offsets[s.index[side + name]])
-            turn = quat_multiply(turn, q[:, s.index[side + name]])
-        found.append(at)
-    return np.stack(found, 1) / arm_lengths().total
 
 
 def add_stance(motion: Motion, *, seed: int = 0, amount: float = 1.0) -> Motion:

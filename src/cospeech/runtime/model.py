@@ -26,11 +26,13 @@ from ..rules.foresight import LEAST_FACE
 from ..rules.options import GenerationOptions, MotionLike
 from ..rules.stance_layer import REACH, StanceLayer
 from ..rules.streaming import MOST_AT_ONCE, check_speech, stream_motion
+from .beat_alignment import AccentTrack, BeatAlignment
 from .conditioning import NOTHING, Conditioning, read_conditioning
 from .decoder import Decoder
 from .decoders import is_mouth, needs_stance, options_for_files, start_decoder
 from .face_override import FaceOverride
 from .flow.latent_sources import Transfer, flow_of
+from .motion_layers import LayerStack, MotionLayer
 from .mouth import POSE, BundleMouth, open_default_mouth
 from .pose_resampler import PoseResampler
 from .rest_in_silence import RestInSilence
@@ -121,31 +123,39 @@ class TrainedModel:
         rules = self._speaking(options.style)
         of_face: dict[str, Any] = {"parts": ("face",), "emotion": decoder.moods or options.emotion, "fps": options.fps}
         of_face |= {"intensity": options.intensity, "temperature": options.temperature, "face_gain": options.face_gain}
-        stances = self._stances(options)
+        aligns = options.beat_alignment and "body" in options.parts and self.system.pose != POSE
+        accents = AccentTrack() if aligns else None
+        layers = self._layers(options, accents)
         rest = None
         if self.system.rests and self.system.pose != POSE:
             rest = RestInSilence(options.fps, latency_of_body(self.system, frontend, decoder, ()), options.parts)
         if options.look_ahead is not None:  # the face looks as far ahead as the body, and no further
-            body = latency_of_body(self.system, frontend, decoder, stances)
+            body = latency_of_body(self.system, frontend, decoder, layers)
             of_face["look_ahead"] = options.look_ahead if is_mouth(self.system) else max(body - DELAY, LEAST_FACE)
         heads = [rules.session(seed=seed, moving=shown, aimed=False, **of_face) for seed in options.seeds]
         faces = heads if conditioning.face is None else [FaceOverride(head, conditioning.face) for head in heads]
         shared = SharedProsody()
-        for each in (frontend, *([] if rest is None else [rest]), *faces):
+        for each in (frontend, *(listener for listener in (rest, accents) if listener is not None), *faces):
             each.share(shared)
         return TrainedSession(
             self.system, frontend, decoder, faces, fps=options.fps, parts=options.parts, resolved_style=resolved_style,
-            direct=self._resolve_style, intensity=options.intensity, before=conditioning.before, stances=stances,
-            rest=rest, prosody=shared,
+            direct=self._resolve_style, intensity=options.intensity, before=conditioning.before, layers=layers,
+            accents=accents, rest=rest, prosody=shared,
         )  # fmt: skip
 
-    def _stances(self, options: GenerationOptions) -> list[StanceLayer]:
-        """One for each take, of a system that needs one, where the body is wanted and a stance is asked for."""
-        if not options.stance or "body" not in options.parts or not needs_stance(self.system):
-            return []
+    def _layers(self, options: GenerationOptions, accents: AccentTrack | None) -> list[LayerStack]:
+        """What comes after the network, for each take: strokes on accents, where these are heard; and a stance, where a system
+        needs one, the body is wanted and a stance is asked for."""
+        stands = options.stance and "body" in options.parts and needs_stance(self.system)
         amount, fingers = min(options.intensity, 1.5), "hands" in options.parts
         waits = REACH if options.look_ahead is None or options.look_ahead >= _UNHURRIED else 0.0
-        return [StanceLayer(seed=seed, fps=options.fps, amount=amount, fingers=fingers, waits=waits) for seed in options.seeds]
+        stacks = []
+        for seed in options.seeds:
+            layers: list[MotionLayer] = [] if accents is None else [BeatAlignment(options.fps, accents)]
+            if stands:
+                layers.append(StanceLayer(seed=seed, fps=options.fps, amount=amount, fingers=fingers, waits=waits))
+            stacks.append(LayerStack(layers))
+        return stacks
 
     def _speaking(self, style: object) -> RuleBasedModel:
         """The model that makes the face; for a system of faces, one whose mouth is this system in that style."""
@@ -195,6 +205,8 @@ class TrainedModel:
                 and hands instead of from its own, and which is shown; for chains trained so, and not while they stream.
             stance: True puts the stance of the rules under a body without legs, as `cospeech generate` does for its files:
                 weight shifts, steps, a trunk that follows the hands. False, the default, gives the network's own motion.
+            beat_alignment: True moves the arms in time, so that their strokes fall on accents, as `cospeech generate` does for
+                its files. False, the default, keeps the network's own timing.
             calibrated: False plays the network alone, without means, amplitudes and noise measured when it was bundled, and
                 without hands that rest in silence.
             continue_from: a `Motion`, or a file of one, at whose last poses the motion begins, so that clips can be joined; for

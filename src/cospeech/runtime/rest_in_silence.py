@@ -19,6 +19,7 @@ from ..audio.features.frames import FrameFeatures
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech
 from ..motion.curves import smoothstep
+from ..motion.part_joints import arm_joints
 from ..motion.rotations import Array
 from ..motion.skeleton import humanoid
 from ..rules import RuleBasedModel
@@ -36,7 +37,6 @@ _LOUD = 20.0  # dB below the loudest lately, above which there is speech without
 _FLOOR = -50.0  # dB; [ours] what is quieter is no speech unless it has a voice
 _RELEASE = 3.0  # dB a second by which the loudest falls, as of `prosody.RELEASE`
 _BLIP = 2  # decisions in four that must be speech: clicks are shorter [ours]
-_ARMS = ("Shoulder", "UpperArm", "LowerArm", "Hand")
 _TRUNK = ("spine", "chest", "upperChest")
 _CALM = 0.7  # how far the trunk is led [ours: it moves a little, as somebody who breathes and shifts the weight]
 _ENERGY, _VOICING = 80, 82  # columns of `cospeech.audio.features.frames.AUDIO_NAMES`
@@ -56,7 +56,7 @@ class RestInSilence:
     def __init__(self, fps: float, waits: float, parts: tuple[str, ...]) -> None:
         self._features, self._fps = FrameFeatures(_RATE), fps
         self._ahead = min(max(floor((waits - self._features.delay) * _RATE) - 1, 0), round(_FORESEEN * _RATE))
-        self._joints = _joints(parts)
+        self._joints = arm_joints(parts)
         self._trunk = [humanoid().index[name] for name in _TRUNK] if "body" in parts else []
         self._loudest = -inf
         self._raw = deque[bool](maxlen=4)
@@ -146,11 +146,3 @@ def resting_pose() -> Array:
     silence = Speech(np.zeros(8000, np.float32))
     still: Array = RuleBasedModel().generate(silence, emotion="neutral", fps=10.0, parts=("body", "hands")).rotations[-1]
     return still
-
-
-def _joints(parts: tuple[str, ...]) -> list[int]:
-    """Joints that are led: arms of a body, fingers of hands."""
-    s = humanoid()
-    fingers = {*s.left_hand, *s.right_hand}
-    arms = [k for k, name in enumerate(s.names) if name.endswith(_ARMS) and k not in fingers]
-    return (arms if "body" in parts else []) + (sorted(fingers) if "hands" in parts else [])

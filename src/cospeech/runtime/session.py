@@ -29,12 +29,13 @@ from ..motion.skeleton import humanoid
 from ..rules import Session as RuleSession
 from ..rules.arousal import amplitude
 from ..rules.options import INTENSITY_RANGE, check_range
-from ..rules.stance_layer import StanceLayer
 from ..rules.streaming import check_speech, in_short
+from .beat_alignment import AccentTrack
 from .conditioning import Seam
 from .crossfade import Crossfade
 from .decoder import Decoder
 from .face_override import FaceOverride
+from .motion_layers import LayerStack
 from .pose_decoder import PoseDecoder
 from .pose_resampler import PoseResampler
 from .rest_in_silence import RestInSilence
@@ -61,11 +62,11 @@ class ResolvedStyle:
 
 
 def latency_of_body(
-    system: System, frontend: SpeechFrontend | SpeechTextFrontend, decoder: Decoder, stances: Sequence[StanceLayer]
+    system: System, frontend: SpeechFrontend | SpeechTextFrontend, decoder: Decoder, layers: Sequence[LayerStack]
 ) -> float:
-    """Seconds that body and hands wait: for the network, the features, smoothing, the cubic, and a stance."""
-    behind = (system.smooth + 1) / system.fps + max((s.look_ahead for s in stances), default=0.0)
-    return decoder.latency + behind + frontend.delay
+    """Seconds that body and hands wait: for the network, the features, smoothing, the cubic, and layers."""
+    behind = (system.smooth + 1) / system.fps + max((stack.look_ahead for stack in layers), default=0.0)
+    return max(decoder.latency + behind + frontend.delay, *(stack.sound_ahead for stack in layers), 0.0)
 
 
 class TrainedSession:
@@ -82,7 +83,8 @@ class TrainedSession:
         intensity: how far poses stray from the mean one, as the decoder was told.
         direct: understands a style, as `TrainedModel.generate` describes them.
         before: motion that it goes on from, where some is given.
-        stances: what carries the body of each take; none for a body that has legs of its own.
+        layers: what comes after the network, of each take.
+        accents: that layers listen to, if any do.
         rest: what lets the hands rest in silence, if anything does.
         prosody: with which all of them hear.
     """
@@ -100,18 +102,20 @@ class TrainedSession:
         direct: Callable[[object], ResolvedStyle],
         intensity: float = 1.0,
         before: Motion | None = None,
-        stances: Sequence[StanceLayer] = (),
+        layers: Sequence[LayerStack],
+        accents: AccentTrack | None = None,
         rest: RestInSilence | None = None,
         prosody: SharedProsody,
     ) -> None:
-        self._stances, self._rest, self._prosody = stances, rest, prosody
+        self._layers, self._rest, self._prosody = layers, rest, prosody
+        self._listeners = [listener for listener in (rest, accents) if listener is not None]
         self._poses = [PoseDecoder(find_pose(system.pose), fps, system.fps / fps) for _ in faces]
         self._frontend, self._decoder, self._rate_of_poses = frontend, decoder, system.fps
         self._sampled = PoseResampler(decoder.takes, decoder.width, smooth=system.smooth, step=system.fps / fps)
         self._faces, self._fps, self._parts = faces, fps, parts
         self._resolved_style, self._direct, self._intensity = resolved_style, direct, intensity
         self._sizes = Crossfade(np.ones((1, 1, 1)), system.fps)  # over the intensity of the decoder
-        self._latency = self._look_ahead = body = latency_of_body(system, frontend, decoder, stances)
+        self._latency = self._look_ahead = body = latency_of_body(system, frontend, decoder, layers)
         if "face" in parts:
             self._latency = max(self._latency, *(face.latency for face in faces))
             self._look_ahead = max(self._look_ahead, *(face.look_ahead for face in faces))
@@ -255,16 +259,17 @@ class TrainedSession:
         self._catch_up()
         for face in self._faces:
             face.hear_rest()
-        if self._rest is not None:
-            self._rest.finish()
+        for listener in self._listeners:
+            listener.finish()
         rest = self._decoder.push(self._frontend.finish())
         rest = np.concatenate([rest, self._decoder.finish(self._frontend.silence)], 1)
         for face, kept in zip(self._faces, self._heads, strict=True):
             self._see(kept, face.finish())
         self._keep(rest, total, self._frontend.frames - 1)
         self._decode()
-        for stance, body in zip(self._stances, self._bodies, strict=False):
-            body.push(stance.finish())
+        for stack, body in zip(self._layers, self._bodies, strict=True):
+            for piece in stack.finish():
+                body.push(piece)
         if (count := self._count()) > 0:
             self._ready.append(self._make_motions(count))
         return self._next_frames()
@@ -295,8 +300,8 @@ class TrainedSession:
         piece = self._held.take(until)
         if piece is None:
             return None
-        if self._rest is not None:
-            self._rest.push(piece)
+        for listener in self._listeners:
+            listener.push(piece)
         return self._decoder.push(self._frontend.push(piece))
 
     def _catch_up(self) -> None:
@@ -340,8 +345,7 @@ class TrainedSession:
             rotations, root = self._poses[take].push(vectors)
             rotations = rotations if self._rest is None else self._rest.lead(rotations, shares)
             rotations, root = select_parts(rotations, root, self._parts)
-            rotations = signs.push(rotations)
-            kept.push(self._stances[take].push(rotations, root) if self._stances else (rotations, root))
+            kept.push(self._layers[take].push(signs.push(rotations), root))
 
     def _see(self, kept: WaitingFrames, made: Iterator[Motion]) -> None:
         """Of the motion of a face: the rotations (n, 2, 4) of its eyes, and its weights, where they are wanted."""

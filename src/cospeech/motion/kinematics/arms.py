@@ -12,13 +12,22 @@ from typing import NamedTuple
 import numpy as np
 
 from ..curves import clip
-from ..rotations import Array, cross, matrix_to_quat, quat_conjugate, quat_identity, quat_multiply, vector_normalize
+from ..rotations import (
+    Array,
+    cross,
+    matrix_to_quat,
+    quat_conjugate,
+    quat_identity,
+    quat_multiply,
+    quat_rotate,
+    vector_normalize,
+)
 from ..skeleton import humanoid
 from .hands import Channel
 
 __all__ = [
     "FINGERS", "ArmLengths", "arm_lengths", "bone_frame", "finger_angles", "finger_joints", "finger_rotations", "reach",
-    "solve_arm",
+    "solve_arm", "wrists_in_chest",
 ]  # fmt: skip
 
 MOST_REACH = 0.992  # of the arm's full length: an elbow never locks quite straight (ours; motion.md: flexion 5 % = 16–54°)
@@ -177,3 +186,21 @@ _THUMB_HINGE = vector_normalize(np.array([-0.35, 0.87, 0.35]))  # at right angle
 def to_parent(parent: Array, child: Array) -> Array:
     """Local rotation of ``child`` under ``parent``, both given in one frame."""
     return quat_multiply(quat_conjugate(parent), child)
+
+
+def wrists_in_chest(q: Array) -> Array:
+    """Where the wrists are, of local rotations (n, J, 4).
+
+    Returns:
+        (n, 2, 3) of left and right wrist from the own shoulder in the frame of the upper chest, arm lengths.
+    """
+    s = humanoid()
+    found = []
+    for side in ("left", "right"):
+        turn, at = q[:, s.index[side + "Shoulder"]], np.zeros((len(q), 3))
+        turn = quat_multiply(turn, q[:, s.index[side + "UpperArm"]])
+        for name in ("LowerArm", "Hand"):
+            at = at + quat_rotate(turn, s.offsets[s.index[side + name]])
+            turn = quat_multiply(turn, q[:, s.index[side + name]])
+        found.append(at)
+    return np.stack(found, 1) / arm_lengths().total

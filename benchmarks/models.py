@@ -166,7 +166,11 @@ def players(bundles: Sequence[str] | None, options: dict[str, Any]) -> Iterator[
     for file in bundles or [SHIPPED / f"{name}.cospeech" for name in SHOWN]:
         model: Any = cospeech.load(str(file))
         two = {"make", "live"} <= set(model.system.networks)
-        yield f"{Path(file).stem}{', offline' if two else ''}", model, options | model.for_files | {"stance": False}
+        yield (
+            f"{Path(file).stem}{', offline' if two else ''}",
+            model,
+            options | model.for_files | {"stance": False, "beat_alignment": False},
+        )
         if two:
             yield f"{Path(file).stem}, live", model, options
 

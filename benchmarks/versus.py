@@ -5,7 +5,7 @@ old, new, old, new. Processor time per second of speech, so that other work on t
 least and median of all runs, and their ratios. A process runs each job once before it counts.
 
 Jobs are MODEL:HOW. ``offline`` is `generate` of a speech in memory with the options of `cospeech generate` (``offline-bare``:
-without a stance under the motion); ``live`` is a live session that gets pieces of 20 ms and gives 60 frames a second.
+without stance and beat alignment); ``live`` is a live session that gets pieces of 20 ms and gives 60 frames a second.
 """
 
 from __future__ import annotations
@@ -42,7 +42,9 @@ def prepare(job: str) -> tuple[Callable[[], None], float]:
     one = Speech.load(EXAMPLE)
     speech = Speech(np.resize(one.samples, int(seconds * one.rate)), one.rate)
     pieces, model = list(speech.chunks(0.02)), cospeech.load(name)
-    options = dict(getattr(model, "for_files", {})) | ({"stance": False} if how == "offline-bare" else {})
+    options = dict(getattr(model, "for_files", {}))
+    if how == "offline-bare":
+        options |= {name: False for name in ("stance", "beat_alignment") if name in options}
 
     def play() -> None:
         if how != "live":

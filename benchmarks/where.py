@@ -34,6 +34,7 @@ WATCHED = {
         "runtime.autoregressive_decoder:AutoregressiveDecoder.push",
     ),
     "decoding": ("runtime.session:TrainedSession._keep", "runtime.session:TrainedSession._decode"),
+    "beat alignment": ("runtime.beat_alignment:BeatAlignment.push", "runtime.beat_alignment:AccentTrack.push"),
     "stance": ("rules.stance_layer:StanceLayer.push",),
     "rest in silence": (
         "runtime.rest_in_silence:RestInSilence.push", "runtime.rest_in_silence:RestInSilence.lead",

@@ -37,7 +37,9 @@ def perform(name: str, speech: Speech) -> tuple[str, Motion]:
         take = take if take.skeleton.kind == "humanoid" else take.retarget("humanoid")
         return f"motion capture, take {Path(name).stem}", _face_the_camera(take.resample(FPS))
     model, _, style = name.partition(":")
-    options = {"emotion": "neutral", "fps": FPS, "seed": 0} | ({"style": style} if style else {"stance": True})
+    options = {"emotion": "neutral", "fps": FPS, "seed": 0} | (
+        {"style": style} if style else {"stance": True, "beat_alignment": True}
+    )
     return name.replace(":", ", "), cospeech.load(model).generate(speech, **options)
 
 

@@ -22,6 +22,7 @@ from cospeech.errors import InputError
 from cospeech.experiments.tables import TABLES
 from cospeech.experiments.tables.report import summary, to_markdown
 from cospeech.experiments.tables.verdicts import Evidence, below, judge
+from cospeech.files import atomic
 
 ROOT = Path(__file__).resolve().parents[1]
 KEPT, MEDIA, PAGE = ROOT / "benchmarks" / "tables", ROOT / "docs" / "media", ROOT / "docs" / "results.md"
@@ -103,16 +104,22 @@ def main(files: list[Path]) -> None:
     for path in files:
         text = path.read_text("utf-8")
         json.loads(text)["rows"]  # it is a table
-        (KEPT / path.name).write_text(NUMBERS.sub(lambda found: " ".join(found[0].split()), text), "utf-8")
+        write(KEPT / path.name, NUMBERS.sub(lambda found: " ".join(found[0].split()), text))
         picture = path.with_suffix(".png")
         if picture.is_file():
             shutil.copyfile(picture, MEDIA / picture.name)
-    PAGE.write_text(page(), "utf-8")
+    write(PAGE, page())
+
+
+def write(path: Path, text: str) -> None:
+    """A file, whole or not at all."""
+    with atomic(path) as part:
+        part.write_text(text, "utf-8")
 
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--join"]:
         whole = join([json.loads(Path(name).read_text("utf-8")) for name in sys.argv[3:]])
-        Path(sys.argv[2]).write_text(json.dumps(whole, indent=1, ensure_ascii=False) + "\n", "utf-8")
+        write(Path(sys.argv[2]), json.dumps(whole, indent=1, ensure_ascii=False) + "\n")
     else:
         main([Path(name) for name in sys.argv[1:]])

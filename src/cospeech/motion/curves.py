@@ -6,7 +6,7 @@ import numpy as np
 
 from .rotations import Array
 
-__all__ = ["clip", "smoothstep", "soft_clip"]
+__all__ = ["clip", "smoothstep", "soft_clip", "soft_positive"]
 
 
 def clip(x: Array, low: Array | float, high: Array | float) -> Array:
@@ -18,6 +18,11 @@ def smoothstep(u: Array) -> Array:
     """From 0 to 1 without a slope at either end; ``u`` of any shape is clipped to 0 … 1."""
     u = clip(u, 0, 1)
     return u * u * (3 - 2 * u)  # type: ignore[no-any-return]
+
+
+def soft_positive(x: Array, width: float) -> Array:
+    """The larger of 0 and ``x``, rounded off over about ``width`` to either side of 0, where it is .69 widths."""
+    return width * np.logaddexp(0.0, x / width)  # type: ignore[no-any-return]
 
 
 def soft_clip(x: Array, low: float, high: float) -> Array:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..motion.curves import smoothstep, soft_clip
+from ..motion.curves import smoothstep, soft_clip, soft_positive
 from ..motion.kinematics import arms
 from ..motion.kinematics.body import NECK_SHARE, SPINE, Body
 from ..motion.kinematics.body_volume import push_from_head, push_from_thighs, push_from_torso
@@ -51,6 +51,7 @@ _ON_CHAIRS = 0.76  # of that on a chair, where shoulders would otherwise move wi
 _PALM, _TIP = 0.080, 0.172  # metres from the wrist to the middle of the palm, to the fingertips
 _MIDDLE_OF_HAND = 0.6  # share of the way from the wrist to the palm, where two hands are kept apart (ours)
 _APART = 0.115  # metres between the palms below which hands make room for each other
+_NEARLY = 0.012  # metres over which they begin to part (ours)
 _CLEAR = 0.010  # metres of air kept between hand and body
 
 
@@ -225,7 +226,7 @@ _EARLY, _SAFELY = 0.05, 1.2  # sine of the turn over which this sets in; factor 
 def _stay_beside_face(h: Array, yaw: Array) -> None:
     """Move high hands ``h (N, 2, channels)`` outward by as much as the chest's ``yaw (N,)``, degrees, carries them inward."""
     carried = np.sin(np.radians(yaw))[:, None] * (-1.0, 1.0)
-    inward = _EARLY * np.logaddexp(0.0, carried / _EARLY)
+    inward = soft_positive(carried, _EARLY)
     high = smoothstep((h[..., Channel.UP] - _HIGH) / _HIGHER)
     h[..., Channel.OUT] += _SAFELY * inward * high * np.maximum(h[..., Channel.FORWARD], 0.0)
 
@@ -260,7 +261,7 @@ def _pass_before_shoulder(place: Array) -> Array:
     aside = np.einsum("nij,nij->ni", place[..., :2], place[..., :2])
     front = (_NEAR**2 - aside) / _NEAR
     result: Array = place.copy()
-    result[..., 2] += _SOFT * np.logaddexp(0.0, (front - place[..., 2]) / _SOFT)
+    result[..., 2] += soft_positive(front - place[..., 2], _SOFT)
     return result
 
 
@@ -309,7 +310,7 @@ def _make_room(rel: Array, shoulder: Array, hand: Array, points: Array, frames: 
     point = wrist_at + _MIDDLE_OF_HAND * palm
     apart = point[:, 0] - point[:, 1] * MIRROR_V
     distance = np.sqrt(np.einsum("ni,ni->n", apart, apart))[:, None] + 1e-6
-    need = 0.5 * 0.012 * np.logaddexp(0.0, (_APART - distance) / 0.012)
+    need = 0.5 * soft_positive(_APART - distance, _NEARLY)
     way = (apart + np.array([0.02, 0.0, 0.0])) / (distance + 0.02)
     wrist_at = wrist_at + np.stack([way, -way * MIRROR_V], 1) * need[:, None]
     return arms.reach(wrist_at - shoulder)

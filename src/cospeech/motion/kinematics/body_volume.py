@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..curves import clip
+from ..curves import clip, soft_positive
 from ..rotations import Array
 
 __all__ = ["HEAD_CENTRE", "HEAD_RADII", "SECTIONS", "THIGH_TOP", "push_from_head", "push_from_thighs", "push_from_torso"]
@@ -34,11 +34,6 @@ THIGH_TOP = 0.085  # above the line hip joint – knee, metres; ours: the manneq
 _SOFT = 0.012  # metres over which a push fades in (ours)
 
 
-def _soft_excess(inside: Array) -> Array:
-    """Smooth max(0, inside): how far to push a point that lies ``inside`` metres deep."""
-    return _SOFT * np.logaddexp(0.0, inside / _SOFT)
-
-
 def push_from_torso(points: Array, radius: Array | float) -> Array:
     """Displacement (..., 3) that brings balls at ``points (..., 3)`` (T-pose frame of the torso) out of it.
 
@@ -54,7 +49,7 @@ def push_from_torso(points: Array, radius: Array | float) -> Array:
     depth = (1 - norm) * norm / gradient  # first-order distance to the ellipse, positive inside
     depth = np.minimum(depth, np.minimum(a, b))
     fade = np.minimum(np.maximum((1.52 - h) / 0.06, 0.0), 1.0) * np.minimum(np.maximum((h - 0.40) / 0.08, 0.0), 1.0)
-    push = _soft_excess(depth) * fade
+    push = soft_positive(depth, _SOFT) * fade
     gz = np.abs(gz) * 0.35 + gz * 0.65  # ours: bias to the front
     length = np.sqrt(gx**2 + gz**2) + 1e-6
     out = np.zeros_like(points)
@@ -77,7 +72,7 @@ def push_from_head(points: Array, centre: Array, radius: Array | float) -> Array
     gradient = rel / radii**2
     length = np.sqrt(np.einsum("...i,...i->...", gradient, gradient)) + 1e-6
     depth = (1 - norm) * norm / length
-    return (_soft_excess(np.minimum(depth, 0.12)) / length)[..., None] * gradient
+    return (soft_positive(np.minimum(depth, 0.12), _SOFT) / length)[..., None] * gradient
 
 
 def push_from_thighs(points: Array, top: Array | float, front: float, radius: Array | float) -> Array:
@@ -86,5 +81,5 @@ def push_from_thighs(points: Array, top: Array | float, front: float, radius: Ar
     fade = clip((points[..., 2] + 0.15) / 0.15, 0.0, 1.0) * clip((front - points[..., 2]) / 0.15, 0.0, 1.0)
     fade = fade * clip((0.58 - np.abs(points[..., 0])) / 0.20, 0.0, 1.0)  # beside the chair's seat too: a wide, soft edge
     out = np.zeros_like(points)
-    out[..., 1] = _soft_excess(clip(inside, -0.2, 0.18)) * fade
+    out[..., 1] = soft_positive(clip(inside, -0.2, 0.18), _SOFT) * fade
     return out

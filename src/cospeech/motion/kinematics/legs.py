@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..curves import clip
+from ..curves import clip, soft_positive
 from ..rotations import Array, cross, euler_to_quat, matrix_to_quat, quat_conjugate, quat_multiply, quat_rotate
 from ..skeleton import humanoid
 from .body import Body
@@ -62,7 +62,7 @@ def stand(b: Array, seated: bool, rotations: Array | None) -> tuple[Array, Array
     if seated:  # no forward tilt under a raised thigh: hips bend by 120° at most
         raised = clip(lift.max(1) / 0.15, 0.0, 1.0)
         room = 12.0 - 17.0 * raised * raised * (3 - 2 * raised)
-        pitch = room - 3.0 * np.logaddexp(0.0, (room - pitch) / 3.0)
+        pitch = room - soft_positive(room - pitch, 3.0)
     yaw = b[:, Body.HIPS_YAW] + (0.0 if seated else feet[..., 2].mean(1))
     hips = euler_to_quat(np.radians(np.stack([yaw, pitch, roll], -1)), "YXZ")
     ankles = _ankles(feet, lift, tip)
@@ -80,7 +80,7 @@ def stand(b: Array, seated: bool, rotations: Array | None) -> tuple[Array, Array
 
 def _sunk(b: Array) -> Array:
     """(N,) metres by which knees that bend lower the hips: never less than nothing, or feet would leave the floor."""
-    return _BENT * np.logaddexp(0.0, b[:, Body.SINK] / _BENT)
+    return soft_positive(b[:, Body.SINK], _BENT)
 
 
 def weight_shift(b: Array) -> Array:

@@ -97,7 +97,7 @@ def test_time_never_goes_back(seed):
     np.testing.assert_allclose(bend_times(knots, np.array([k.time for k in knots])), [k.source for k in knots], atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, 6, 7, 22])  # of 120, those that showed peaks or accents taken too early
 def test_pieces_of_any_size_give_the_whole(seed):
     random = np.random.default_rng(seed)
     speech = example().window(0, 9)

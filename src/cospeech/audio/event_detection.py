@@ -115,8 +115,8 @@ class EventDetector:
 
     @property
     def judged_until(self) -> float:
-        """Seconds up to which all accents are known."""
-        return self._judged / RATE
+        """Seconds up to which all accents are known, that time included."""
+        return max(self._judged - 1, 0) / RATE
 
     def push(self, samples: Array) -> None:
         """Hear more samples at the announced rate."""

@@ -19,7 +19,7 @@ import numpy as np
 from ..audio.event_detection import ENVELOPE_DELAY, LEVEL_DELAY, PEAK_DELAY, TICK, EventDetector
 from ..audio.features.at_16_khz import At16kHz
 from ..audio.features.shared_prosody import SharedProsody
-from ..audio.prosodic_events import Accent
+from ..audio.prosodic_events import RATE, Accent
 from ..audio.speech import Speech
 from ..motion.kinematics.arms import wrists_in_chest
 from ..motion.part_joints import arm_joints
@@ -54,14 +54,14 @@ class Knot(NamedTuple):
 class AccentTrack:
     """Hears the accents of speech that comes in pieces of any size, for all takes of it."""
 
-    delay = LEVEL_DELAY + TICK + ENVELOPE_DELAY + PEAK_DELAY
+    delay = LEVEL_DELAY + TICK + ENVELOPE_DELAY + PEAK_DELAY + 1 / RATE
     """Seconds of 16 kHz sound after a time that must have been heard until all accents up to it are known."""
 
     def __init__(self) -> None:
         self._sound, self._detector = At16kHz(), EventDetector()
         self._accents, self._times = list[Accent](), list[float]()
         self.known = 0.0
-        """Seconds up to which all accents are known."""
+        """Seconds up to which all accents are known, that time included."""
 
     def share(self, prosody: SharedProsody) -> None:
         """See `cospeech.audio.features.streaming.StreamingFeatures`."""
@@ -188,7 +188,7 @@ class BeatAlignment:
         """Whether all is known that the next knot may depend on."""
         end = self._knots[-1].time + _NEXT[1]
         seen = (self._first + len(self._speeds)) / self._fps
-        return self._over or (self._track.known >= end + LEAD and seen >= end + _FAR + 1 / self._fps)
+        return self._over or (self._track.known >= end + LEAD and seen >= end + _FAR + (self._wide + 1) / self._fps)
 
     def _next_knot(self, last: Knot) -> Knot:
         """A stroke on an accent; an accent at which the hands hurry; or time that comes back to the body's."""

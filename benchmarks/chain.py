@@ -38,6 +38,7 @@ from cospeech.runtime.bundles.statistics import Statistics
 from cospeech.runtime.conditioning import NOTHING
 from cospeech.runtime.decoders import start_decoder
 from cospeech.runtime.model import TrainedModel
+from cospeech.runtime.motion_layers import LayerStack
 from cospeech.runtime.mouth import open_default_mouth
 from cospeech.runtime.session import ResolvedStyle, TrainedSession
 from cospeech.runtime.speech_frontend import SpeechTextFrontend
@@ -130,6 +131,8 @@ def by_part(system: System, speech: Speech) -> dict[str, float]:
         parts=PARTS,
         resolved_style=resolved_style,
         direct=lambda style: resolved_style,
+        layers=[LayerStack()],
+        prosody=shared,
     )  # type: ignore[arg-type]
     begun = time.process_time()
     for chunk in speech.chunks(2.0):

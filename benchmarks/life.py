@@ -31,6 +31,7 @@ from cospeech.metrics.movement_signal import FPS, SMOOTH, low_pass, norm, rate
 from cospeech.motion.rotations import quat_rotate
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import STYLES
+from cospeech.rules.options import LAYERS
 
 GROUND = 0.003  # metres: a sole point lower than this stands on the floor ([ours], as the laws of tests/rules_laws.py)
 STANDING = ("hip height SD, cm", "hip travel SD, cm")  # rows that a seated body has no part in
@@ -148,7 +149,7 @@ def main() -> int:
     for style in styles:
         settings = {"fps": 30.0, "emotion": options.emotion} | ({} if style is None else {"style": style})
         if options.model != "rules":
-            settings["stance"] = settings["beat_alignment"] = not options.bare
+            settings |= dict.fromkeys(LAYERS, not options.bare)
         takes = [(samples, seed) for seed in options.seeds for samples in speech]
         pairs = [(samples, model.generate(Speech(samples, RATE), seed=seed, **settings)) for samples, seed in takes]
         exempt = STYLES[style].exempt if style in STYLES else ()

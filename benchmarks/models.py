@@ -43,6 +43,7 @@ from cospeech.metrics.beat_lift import LAGS, RATE, beat_lift, energy_envelope
 from cospeech.metrics.movement import Track, wrist_speeds
 from cospeech.models import MODELS, NETWORKS, SHIPPED, Model
 from cospeech.rules import RuleBasedModel
+from cospeech.rules.options import LAYERS
 
 SECONDS = 60
 RUNS = 5
@@ -166,11 +167,8 @@ def players(bundles: Sequence[str] | None, options: dict[str, Any]) -> Iterator[
     for file in bundles or [SHIPPED / f"{name}.cospeech" for name in SHOWN]:
         model: Any = cospeech.load(str(file))
         two = {"make", "live"} <= set(model.system.networks)
-        yield (
-            f"{Path(file).stem}{', offline' if two else ''}",
-            model,
-            options | model.for_files | {"stance": False, "beat_alignment": False},
-        )
+        alone = options | model.for_files | dict.fromkeys(LAYERS, False)
+        yield f"{Path(file).stem}{', offline' if two else ''}", model, alone
         if two:
             yield f"{Path(file).stem}, live", model, options
 

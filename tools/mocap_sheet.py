@@ -22,6 +22,7 @@ from cospeech.export.render.camera import View
 from cospeech.export.render.scene import Scene
 from cospeech.motion.rotations import quat_multiply, quat_rotate
 from cospeech.motion.skeleton import humanoid
+from cospeech.rules.options import LAYERS
 
 FRAMES, SECONDS, FPS = 12, 3.0, 30.0
 SIDE, HEIGHT, TOP = 120, 190, 15  # pixels: a frame, and the name of a row above it
@@ -37,9 +38,7 @@ def perform(name: str, speech: Speech) -> tuple[str, Motion]:
         take = take if take.skeleton.kind == "humanoid" else take.retarget("humanoid")
         return f"motion capture, take {Path(name).stem}", _face_the_camera(take.resample(FPS))
     model, _, style = name.partition(":")
-    options = {"emotion": "neutral", "fps": FPS, "seed": 0} | (
-        {"style": style} if style else {"stance": True, "beat_alignment": True}
-    )
+    options = {"emotion": "neutral", "fps": FPS, "seed": 0} | ({"style": style} if style else dict.fromkeys(LAYERS, True))
     return name.replace(":", ", "), cospeech.load(model).generate(speech, **options)
 
 

@@ -14,7 +14,7 @@ from ..face.gains import face_gains
 from ..motion.motion import Motion
 from ..motion.parts import PARTS
 
-__all__ = ["FPS_RANGE", "MOST_TAKES", "FaceGain", "GenerationOptions", "MotionLike", "check_names", "check_range"]
+__all__ = ["FPS_RANGE", "LAYERS", "MOST_TAKES", "FaceGain", "GenerationOptions", "MotionLike", "check_names", "check_range"]
 
 FaceGain = float | str | Mapping[str, float]
 MotionLike = str | PathLike[str] | Motion | None
@@ -23,6 +23,8 @@ FPS_RANGE = (1.0, 240.0)  # ours: a slide show … the fastest screens; beyond i
 INTENSITY_RANGE = (0.0, 2.0)  # ours: 0 stands still, 1 is the style as it is, beyond 2 joints only meet their limits
 TEMPERATURE_RANGE = (0.0, 2.0)  # ours: 0 always the likeliest choice
 MOST_TAKES = 1000  # ours: more is a slip of the keyboard too
+LAYERS = ("stance", "beat_alignment")
+"""Options that add to what a trained network makes. Files have them; metrics measure the network without them."""
 SEEDS = 2**63  # non-negative numbers of 64 bits, which every generator of random numbers takes
 
 
@@ -61,8 +63,8 @@ class GenerationOptions:
     makes, which metrics measure."""
     beat_alignment: bool = False
     """Whether the arms of a trained model are moved in time, so that their strokes fall on the accents of the speech
-    (`cospeech.runtime.beat_alignment`). Files of `cospeech generate` have it. It waits for more speech, so a stream has it only
-    when it is asked for; and it sets what beat lift measures, so `generate` in Python does, too."""
+    (`cospeech.runtime.beat_alignment`). Files of `cospeech generate` have it. In a stream it is there only when it is asked
+    for, because it waits for more speech; in Python too, because it sets what beat lift measures."""
     calibrated: bool = True
     """Whether a trained model plays what was measured when it was bundled: means and amplitudes of its styles, the size of its
     noise, and hands that rest in silence. Without it, its network plays alone."""
@@ -92,7 +94,7 @@ class GenerationOptions:
         check_range("seed", self.seed, (0, SEEDS - int(self.takes)))
         for name in ("intensity", "temperature", "fps"):
             object.__setattr__(self, name, float(getattr(self, name)))
-        for name in ("stance", "beat_alignment", "calibrated"):
+        for name in (*LAYERS, "calibrated"):
             if not isinstance(getattr(self, name), bool):
                 raise InputError(f"{name} is {getattr(self, name)!r}", "True or False")
         for name in ("seed", "takes"):

@@ -25,6 +25,7 @@ from ..motion.kinematics.arms import wrists_in_chest
 from ..motion.part_joints import arm_joints
 from ..motion.rotations import Array, quat_slerp
 from ..motion.skeleton import humanoid
+from ..rules.minimum_jerk import minimum_jerk
 from ..rules.streaming import in_short
 
 __all__ = ["AccentTrack", "BeatAlignment"]
@@ -148,15 +149,10 @@ class BeatAlignment:
     def _keep(self, rotations: Array, root: Array) -> None:
         """Note frames, and the speeds that become known."""
         wrists = wrists_in_chest(np.asarray(rotations, float)).reshape(len(rotations), 6)
-        if not self._frames:
-            self._rotations, self._root = rotations, root
-            wrists = np.concatenate([np.repeat(wrists[:1], self._wide + 1, 0), wrists])
-        else:
-            self._rotations = np.concatenate([self._rotations, rotations])
-            self._root = np.concatenate([self._root, root])
-            wrists = np.concatenate([self._wrists, wrists])
+        before = self._wrists if self._frames else np.repeat(wrists[:1], self._wide + 1, 0)
+        self._rotations, self._root = np.concatenate([self._rotations, rotations]), np.concatenate([self._root, root])
         self._frames += len(rotations)
-        self._follow(wrists)
+        self._follow(np.concatenate([before, wrists]))
 
     def _follow(self, wrists: Array) -> None:
         """Speeds of both wrists together, smoothed one tap after the other: the same bits in pieces of any size."""
@@ -173,15 +169,16 @@ class BeatAlignment:
         """The frames whose time is known."""
         while self._knots[-1].time * self._fps < self._frames and self._is_ready():
             self._knots.append(self._next_knot(self._knots[-1]))
-        end = self._frames if self._over else min(int(np.ceil(self._knots[-1].time * self._fps)), self._frames)
-        times = np.arange(self._given, max(end, self._given)) / self._fps
-        self._given += len(times)
-        places = np.clip(bend_times(self._knots, times) * self._fps, self._first, self._frames - 1.0)
+        end = min(int(np.ceil(self._knots[-1].time * self._fps)), self._frames)
+        if end <= self._given:
+            return self._rotations[:0], self._root[:0]
+        times = np.arange(self._given, end) / self._fps
+        places = np.minimum(bend_times(self._knots, times) * self._fps, self._frames - 1.0)
         made = self._sample(places)
-        if len(times):
-            later = [k for k, knot in enumerate(self._knots) if knot.time <= self._given / self._fps]
-            self._knots = self._knots[later[-1] :]
-            self._forget(min(int(self._knots[0].source * self._fps), int(places[-1]), self._given) - 2)
+        self._given = end
+        later = [k for k, knot in enumerate(self._knots) if knot.time <= end / self._fps]
+        self._knots = self._knots[later[-1] :]
+        self._forget(min(int(self._knots[0].source * self._fps), int(places[-1]), end) - 2)
         return made
 
     def _is_ready(self) -> bool:
@@ -220,12 +217,12 @@ class BeatAlignment:
 
     def _sample(self, places: Array) -> tuple[Array, Array]:
         """The next frames, with the arms of these places, between the two frames that are next to them."""
-        now = slice(self._given - len(places) - self._first, self._given - self._first)
+        now = slice(self._given - self._first, self._given - self._first + len(places))
         rotations, root, arms = self._rotations[now].copy(), self._root[now], arm_joints()
         before = places.astype(int) - self._first
         a, b = (self._rotations[k][:, arms] for k in (before, np.minimum(before + 1, len(self._rotations) - 1)))
-        part = (places - self._first - before).astype(np.float32)[:, None, None]
-        rotations[:, arms] = quat_slerp(a, b, part[..., 0])
+        part = (places - self._first - before).astype(np.float32)
+        rotations[:, arms] = quat_slerp(a, b, part[:, None])
         return rotations, root
 
     def _forget(self, first: int) -> None:
@@ -237,17 +234,14 @@ class BeatAlignment:
 
 def bend_times(knots: Sequence[Knot], times: Array) -> Array:
     """(n,) seconds of the source at these times: between knots polynomials of the fifth degree that neither hurry nor slow down
-    at the knots; after the last one, time goes on as it is."""
+    at the knots."""
     table = np.array(knots)
-    if len(table) < 2:
-        return table[0, 1] + times - table[0, 0]
     k = np.clip(np.searchsorted(table[:, 0], times, side="right") - 1, 0, len(table) - 2)
     (t0, p0, r0), (t1, p1, r1) = table[k].T, table[k + 1].T
     length = t1 - t0
     u = (times - t0) / length
-    way = u**3 * (10 - 15 * u + 6 * u**2)
-    bent = p0 + (p1 - p0) * way + length * (r0 * (u - u**3 * (6 - 8 * u + 3 * u**2)) - r1 * u**3 * (4 - 7 * u + 3 * u**2))
-    return np.where(u > 1, p1 + times - t1, bent)
+    own = r0 * (u - u**3 * (6 - 8 * u + 3 * u**2)) - r1 * u**3 * (4 - 7 * u + 3 * u**2)
+    return p0 + (p1 - p0) * minimum_jerk(u) + length * own  # type: ignore[no-any-return]
 
 
 def _fits(before: Knot, behind: Knot) -> bool:

@@ -134,13 +134,13 @@ class TrainedModel:
             of_face["look_ahead"] = options.look_ahead if is_mouth(self.system) else max(body - DELAY, LEAST_FACE)
         heads = [rules.session(seed=seed, moving=shown, aimed=False, **of_face) for seed in options.seeds]
         faces = heads if conditioning.face is None else [FaceOverride(head, conditioning.face) for head in heads]
-        shared = SharedProsody()
-        for each in (frontend, *(listener for listener in (rest, accents) if listener is not None), *faces):
+        shared, listeners = SharedProsody(), [listener for listener in (rest, accents) if listener is not None]
+        for each in (frontend, *listeners, *faces):
             each.share(shared)
         return TrainedSession(
             self.system, frontend, decoder, faces, fps=options.fps, parts=options.parts, resolved_style=resolved_style,
             direct=self._resolve_style, intensity=options.intensity, before=conditioning.before, layers=layers,
-            accents=accents, rest=rest, prosody=shared,
+            rest=rest, listeners=listeners, prosody=shared,
         )  # fmt: skip
 
     def _layers(self, options: GenerationOptions, accents: AccentTrack | None) -> list[LayerStack]:

@@ -46,10 +46,9 @@ class LayerStack:
     @property
     def sound_ahead(self) -> float:
         """Seconds of 16 kHz sound after a frame that all of them together wait for."""
-        waits, ahead = 0.0, 0.0
-        for layer in reversed(self._layers):
-            ahead = max(ahead, layer.sound_ahead + waits) if layer.sound_ahead else ahead
-            waits += layer.look_ahead
+        ahead = 0.0
+        for layer in self._layers:
+            ahead = max(ahead + layer.look_ahead, layer.sound_ahead)
         return ahead
 
     def push(self, rotations: Array, root: Array) -> tuple[Array, Array]:

@@ -66,7 +66,7 @@ def latency_of_body(
 ) -> float:
     """Seconds that body and hands wait: for the network, the features, smoothing, the cubic, and layers."""
     behind = (system.smooth + 1) / system.fps + max((stack.look_ahead for stack in layers), default=0.0)
-    return max(decoder.latency + behind + frontend.delay, *(stack.sound_ahead for stack in layers), 0.0)
+    return max(decoder.latency + behind + frontend.delay, max((stack.sound_ahead for stack in layers), default=0.0))
 
 
 class TrainedSession:
@@ -84,8 +84,8 @@ class TrainedSession:
         direct: understands a style, as `TrainedModel.generate` describes them.
         before: motion that it goes on from, where some is given.
         layers: what comes after the network, of each take.
-        accents: that layers listen to, if any do.
         rest: what lets the hands rest in silence, if anything does.
+        listeners: who hears the speech beside the network, ``rest`` among them.
         prosody: with which all of them hear.
     """
 
@@ -103,12 +103,11 @@ class TrainedSession:
         intensity: float = 1.0,
         before: Motion | None = None,
         layers: Sequence[LayerStack],
-        accents: AccentTrack | None = None,
         rest: RestInSilence | None = None,
+        listeners: Sequence[RestInSilence | AccentTrack] = (),
         prosody: SharedProsody,
     ) -> None:
-        self._layers, self._rest, self._prosody = layers, rest, prosody
-        self._listeners = [listener for listener in (rest, accents) if listener is not None]
+        self._layers, self._rest, self._listeners, self._prosody = layers, rest, listeners, prosody
         self._poses = [PoseDecoder(find_pose(system.pose), fps, system.fps / fps) for _ in faces]
         self._frontend, self._decoder, self._rate_of_poses = frontend, decoder, system.fps
         self._sampled = PoseResampler(decoder.takes, decoder.width, smooth=system.smooth, step=system.fps / fps)

@@ -8,6 +8,7 @@ from ..motion.curves import smoothstep
 from ..motion.kinematics.legs import place_feet, read_feet
 from ..motion.motion import Motion
 from ..motion.rotations import Array, quat_slerp
+from ..rules.minimum_jerk import minimum_jerk
 
 __all__ = ["StepOver", "decay", "run_out"]
 
@@ -83,8 +84,7 @@ def _hump(u: Array) -> Array:
 
 def decay(u: Array) -> Array:
     """From 1 at 0 to 0 at 1, at rest at both ends: a minimum-jerk reach (Flash & Hogan 1985)."""
-    u = np.clip(u, 0, 1)
-    return 1 - u**3 * (10 - 15 * u + 6 * u * u)  # type: ignore[no-any-return]
+    return 1 - minimum_jerk(u)
 
 
 def run_out(times: Array) -> Array:

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from cospeech.audio.speech import Speech
+from cospeech.audio.speech_chunks import MOST_AT_ONCE
 from cospeech.corpora.clip import Clip
 from cospeech.corpora.samples import load_stored_clips, sample_of
 from cospeech.corpora.store import Store
@@ -30,7 +31,6 @@ from cospeech.metrics import Tools, load_metric
 from cospeech.metrics.movement import Track, wrist_speeds
 from cospeech.motion.motion import Motion
 from cospeech.motion.poses import find_pose
-from cospeech.rules.streaming import MOST_AT_ONCE
 from cospeech.runtime.autoregressive_decoder import AutoregressiveDecoder, Source
 from cospeech.runtime.flow.latent_sources import CodeSource, NormalSource, SegmentSource, Transfer, best_transfer, flow_of
 from cospeech.runtime.session import ResolvedStyle, TrainedSession

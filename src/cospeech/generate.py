@@ -7,7 +7,6 @@ are complete.
 
 from __future__ import annotations
 
-import math
 import os
 import time
 import warnings
@@ -19,12 +18,11 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-import numpy as np
-
 from . import __version__
 from .audio.emotions import EmotionTrack, read_emotion_track
 from .audio.forced_alignment import align_with_recogniser
-from .audio.speech import Speech, SpeechSource, Word, open_speech
+from .audio.speech import Speech, Word, count_frames, open_speech
+from .audio.speech_chunks import speech_chunks
 from .errors import CospeechWarning, InputError
 from .export import FORMATS, Writer, check_parts, format_of, open_writer
 from .export.checks import File, check_apart, check_avatar, check_files, check_map, check_skeleton
@@ -34,16 +32,14 @@ from .models import DEFAULT, PARTS, GenerationSession, Model, PlannedSession
 from .models import load as load_model
 from .motion.bone_mapping import load_map
 from .motion.motion import Motion
-from .motion.rotations import Array
 from .motion.skeleton import Skeleton
-from .rules.options import FaceGain, GenerationOptions, MotionLike
+from .rules.options import FaceGain, GenerationOptions, MotionLike, check_range
 from .rules.plan_commands import NO_EDITS, PlanCommands, with_plan
-from .rules.streaming import MOST_AT_ONCE
 from .runtime.motion_switch import keep_stretches
 from .runtime.report import Report
 from .runtime.styles.style import example_files
 
-__all__ = ["check_request", "generate_files", "open_live_session", "speech_chunks", "take_path", "writer_keywords"]
+__all__ = ["check_request", "generate_files", "open_live_session", "take_path", "writer_keywords"]
 
 if TYPE_CHECKING:
     from .export.avatar import Avatar
@@ -51,6 +47,7 @@ if TYPE_CHECKING:
     from .runtime.live_session import LiveSession
 
 StyleLike = str | PathLike[str] | Motion | Mapping[str | PathLike[str] | Motion, float] | None
+TAIL_RANGE = (0.0, 60.0)  # seconds [ours]: more is a slip of the keyboard
 Progress = Callable[[float, float | None], None]
 """Called now and then with the seconds done and the seconds in all (None where not known yet)."""
 
@@ -62,7 +59,7 @@ def generate_files(
     parts: Iterable[str] = PARTS, face_gain: FaceGain = 1.0, face: MotionLike = None, continue_from: MotionLike = None,
     plan: File | Plan | None = None, plan_out: File | None = None, plan_edits: PlanCommands = NO_EDITS, keep: str = "",
     keep_from: MotionLike = None, skeleton: File | Skeleton = "humanoid", bone_map: File | None = None,
-    fps: float = 30.0, avatar: File | None = None, report: File | None = None,
+    fps: float = 30.0, tail: float = 0.0, avatar: File | None = None, report: File | None = None,
     special: Mapping[str, Mapping[str, object]] | None = None,
     progress: Progress | None = None, loaded: Model | None = None,
 ) -> Report:  # fmt: skip
@@ -94,7 +91,8 @@ def generate_files(
         keep_from: a motion, or a file of one.
         skeleton: of the BVH files: a name, or a rig to take it from (``my_rig.bvh``, ``.glb``, ``.vrm``).
         bone_map: a TOML file that gives the joints of such a rig, or of the avatar, our names, if they are not recognised.
-        fps: frames per second; every file has exactly ceil(duration × fps) frames.
+        fps: frames per second; every file has exactly ceil(duration × fps) frames, duration that of speech and tail.
+        tail: seconds of silence after the speech, 0 … 60, in which the hands come down.
         avatar: a VRM or GLB character to show in the place of ours.
         report: write the `Report` as JSON here too.
         special: suffix → keywords for the writer of that format, as ``{".bvh": {"units": "m"}}``.
@@ -105,6 +103,8 @@ def generate_files(
         InputError: something given cannot be used; nothing has been written.
     """
     began = time.perf_counter()
+    check_range("tail", tail, TAIL_RANGE)
+    silence = Fraction(tail).limit_denominator(1000)
     _check_rivals(style, speaker, transcript, transcribe)
     files = [Path(path) for path in outputs]
     felt, track = _read_emotion(emotion)
@@ -130,10 +130,12 @@ def generate_files(
         counts = set[int]()
         for group, performance in _passes(loaded, options):
             staged = [[place(take_path(path, take + 1, takes)) for path in files] for take in group]
-            made = old.over(_play_takes(performance, source)) if old else _play_takes(performance, source)
-            moving = _with_progress(made, progress, group.start, takes, source.expected_seconds)
+            made = _play_takes(performance, speech_chunks(source, silence))
+            expected = None if source.expected_seconds is None else source.expected_seconds + tail
+            moving = _with_progress(old.over(made) if old else made, progress, group.start, takes, expected)
             counts |= _write_all(moving, staged, target, options.fps, keywords)
-        seconds, wanted = source.seconds or 0.0, source.frames(options.fps)
+        assert source.duration is not None
+        seconds, wanted = float(source.duration + silence), count_frames(source.duration + silence, options.fps)
         if counts != {wanted}:
             raise RuntimeError(f"{model} made {sorted(counts)} frames of {seconds} s, {wanted} were due")
         result = Report(
@@ -228,44 +230,6 @@ def open_live_session(
     return LiveSession(opened, given, idle_after=idle_after)
 
 
-def speech_chunks(source: SpeechSource) -> Iterator[Speech]:
-    """A sound file as pieces of speech; durations add up exactly to the file's, words travel with the piece they start in."""
-    words = list(source.words) if source.words is not None else None
-    at, held = Fraction(0), None
-    for block in _join_blocks(source.blocks(), round(MOST_AT_ONCE * source.rate)):
-        if held is not None:
-            yield _chunk(held, source, at, Fraction(len(held), source.rate), words)
-            at += Fraction(len(held), source.rate)
-        held = block
-    if held is not None and source.duration is not None:
-        yield _chunk(held, source, at, source.duration - at, words, last=True)
-
-
-def _join_blocks(blocks: Iterable[Array], size: int) -> Iterator[Array]:
-    """The same samples in blocks of this size; a decoder's own are short where a file has many samples a second."""
-    held = np.zeros(0, np.float32)
-    for block in blocks:
-        held = np.concatenate([held, block])
-        while len(held) >= size:
-            yield held[:size]
-            held = held[size:]
-    if len(held):
-        yield held
-
-
-def _chunk(
-    block: object, source: SpeechSource, at: Fraction, duration: Fraction, words: list[Word] | None, *, last: bool = False
-) -> Speech:
-    """One piece; takes the words that start in it off the list."""
-    spoken: tuple[Word, ...] | None = None
-    if words is not None:
-        end = math.inf if last else float(at + duration)
-        count = next((i for i, word in enumerate(words) if word.start >= end), len(words))
-        spoken = tuple(words[:count])
-        del words[:count]
-    return Speech(block, source.rate, spoken, name=source.name, start=float(at), duration=duration)  # type: ignore[arg-type]
-
-
 def _passes(loaded: Model, options: GenerationOptions) -> Iterator[tuple[range, GenerationSession]]:
     """Which takes are played together, from 0 on, and the session that plays them."""
     for first in range(0, options.takes, loaded.takes_at_once):
@@ -274,9 +238,9 @@ def _passes(loaded: Model, options: GenerationOptions) -> Iterator[tuple[range, 
         yield group, loaded.session(own)
 
 
-def _play_takes(performance: GenerationSession, source: SpeechSource) -> Iterator[list[Motion]]:
+def _play_takes(performance: GenerationSession, chunks: Iterable[Speech]) -> Iterator[list[Motion]]:
     """The takes of one pass from beginning to end: a piece of each at a time."""
-    for chunk in speech_chunks(source):
+    for chunk in chunks:
         yield from performance.push_takes(chunk)
     yield from performance.finish_takes()
 

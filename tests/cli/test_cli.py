@@ -88,6 +88,20 @@ def test_length_is_exact_at_any_rate(cli, place, fps):
 
 
 @pytest.mark.slow
+def test_a_tail_lets_the_hands_come_down(cli, place):
+    """The motion of the speech is the same with a tail; behind it, hands that were raised sink below the hips."""
+    assert cli("generate", "talk.wav", "-o", "a.npz", "--seed", "2", "-q") == (0, "", "")
+    assert cli("generate", "talk.wav", "-o", "b.npz", "--seed", "2", "-q", "--tail", "3", "--report", "r.json") == (0, "", "")
+    bare, tailed = (cospeech.Motion.load(name) for name in ("a.npz", "b.npz"))
+    assert len(tailed) == json.loads(Path("r.json").read_text())["frames"] == math.ceil((SECONDS + 3) * 30)
+    np.testing.assert_array_equal(tailed.rotations[: len(bare) - 30], bare.rotations[:-30])
+    index = tailed.skeleton.index
+    positions, _ = tailed.skeleton.forward(tailed.rotations, tailed.root)
+    heights = positions[:, [index["left_wrist"], index["right_wrist"]], 1].max(1) - positions[:, index["pelvis"], 1]
+    assert heights[len(bare) - 1] > 0.05
+    assert heights[-1] < 0
+
+
 def test_same_seed_same_bytes_and_takes_differ(cli, place):
     assert cli("generate", "talk.wav", "-o", "a.bvh", "--takes", 3, "--seed", 5, "-q")[0] == 0
     assert cli("generate", "talk.wav", "-o", "b.bvh", "--seed", 6, "-q")[0] == 0
@@ -166,6 +180,8 @@ BAD = [
     ("generate text.wav -o a.bvh", "text.wav"),
     ("generate nan.wav -o a.bvh", "nan"),
     ("generate late.wav -o a.bvh -o b.glb -o c.npz -o d.csv", "late.wav"),
+    ("generate talk.wav -o a.bvh --tail 61", "0 … 60"),
+    ("generate talk.wav -o a.bvh --tail nan", "0 … 60"),
     ("generate talk.wav -o a.xyz", "a.xyz"),
     ("generate talk.wav -o a", "known suffixes"),
     ("generate talk.wav -o /nowhere/at/all/a.bvh", "folder exist"),

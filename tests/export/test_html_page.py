@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import re
 import time
 
 import numpy as np
 import pytest
+import soundfile
 
 from cospeech import Motion
 from cospeech.audio.speech import example
@@ -51,6 +54,19 @@ def test_the_page_loads_nothing_and_names_are_escaped(tmp_path, monkeypatch):
     assert not re.search(r"(src|href)=", text.replace("-src ", ""))
     assert text.count("</script>") == 3  # character, sound, viewer
     assert sorted(path.name for path in tmp_path.iterdir()) == ["<i> & talk.ogg", "talk.html", "viewer.css", "viewer.js"]
+
+
+def test_the_sound_is_as_long_as_the_motion(tmp_path, monkeypatch):
+    """The page's clock is that of the sound; so silence follows a speech that is shorter than its motion."""
+    for name in ("viewer.js", "viewer.css"):
+        (tmp_path / name).write_text("")
+    monkeypatch.setattr(html_page, "VIEWER", tmp_path)
+    soundfile.write(tmp_path / "talk.wav", np.full(16_000, 0.1, np.float32), 16_000)
+    still(75).save(tmp_path / "talk.html", audio=tmp_path / "talk.wav")
+    sound = re.search(r'data-kind="audio/mpeg"[^>]*>([^<]*)<', (tmp_path / "talk.html").read_text("utf-8"))
+    samples, rate = soundfile.read(io.BytesIO(base64.b64decode(sound[1])))
+    assert len(samples) / rate == pytest.approx(2.5, abs=0.05)
+    assert abs(samples[: rate // 2]).mean() > 0.05 > 50 * abs(samples[rate * 3 // 2 :]).max()
 
 
 @pytest.mark.slow

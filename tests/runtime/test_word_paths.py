@@ -13,6 +13,7 @@ import cospeech
 from cospeech import generate
 from cospeech.audio.features.words import WordStream, word_ids
 from cospeech.audio.speech import Speech, Word, open_speech
+from cospeech.audio.speech_chunks import speech_chunks
 from cospeech.models import load
 
 RATE = 22_050
@@ -129,7 +130,7 @@ def test_frames_have_the_same_words_of_a_file_and_of_a_stream(tmp_path, recordin
     with open_speech(recording, transcript=tmp_path / name) as source:
         expected_words = source.words
         stream, found = WordStream(15), []
-        for chunk in generate.speech_chunks(source):
+        for chunk in speech_chunks(source):
             found += stream.push(chunk)
         found += stream.finish()
     assert found == word_ids(expected_words, 90, 15)

@@ -13,11 +13,11 @@ from hypothesis import strategies as some
 
 from cospeech.audio.features.words import BUCKETS, GRAMS, WordStream, plain_word, subword_rows, subwords, word_ids
 from cospeech.audio.speech import Speech, Word, open_speech
+from cospeech.audio.speech_chunks import speech_chunks
 from cospeech.corpora.lazy_rows import LazyRows
 from cospeech.corpora.store import Entry, Store, gather
 from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import InputError
-from cospeech.generate import speech_chunks
 from cospeech.training.texts import with_subwords, with_vectors
 from cospeech.training.windows import Windows
 

@@ -25,7 +25,9 @@ __all__ = ["ENVELOPE_DELAY", "LEVEL_DELAY", "PEAK_DELAY", "TICK", "EventDetector
 TICK = 0.1  # seconds between two decisions; ours
 LEVEL_DELAY = 0.25  # seconds the running level sees ahead of the frame that it scales (ours)
 PEAK_DELAY = 0.20  # seconds after a peak that its prominence is judged on (ours)
-_KEEP = 20.0  # seconds of the past that stay in memory (ours: `cospeech.rules.streaming.MOST_AT_ONCE` and what is heard around)
+_KEEP = (
+    20.0  # seconds of the past that stay in memory (ours: `cospeech.audio.speech_chunks.MOST_AT_ONCE` and what is heard around)
+)
 _WEAKEST = -58.0  # dBFS; a peak level below this is treated as silence (ours: room noise of a quiet microphone)
 _RANGE = (22.0, 38.0)  # dB between the floor and the loud syllables: least and most that are believed
 _SPEAKING = 0.40  # loudness above which somebody speaks (≈ 20 dB under the loud syllables)

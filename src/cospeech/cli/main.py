@@ -51,6 +51,7 @@ from .options import (  # fmt: skip
     Skeleton,
     Speaker,
     Style,
+    Tail,
     Takes,
     Temperature,
     Transcribe,
@@ -96,9 +97,10 @@ def generate(
     speaker: Speaker = None, transcript: Transcript = None, transcribe: Transcribe = False, seed: Seed = 0, takes: Takes = 1,
     temperature: Temperature = 1.0, intensity: Intensity = 1.0, parts: Parts = ALL_PARTS, face_gain: FaceGain = "1",
     face: Face = None, continue_from: Continue = None, skeleton: Skeleton = "humanoid", names: RigMap = None,
-    fps: Fps = 30.0, avatar: Avatar = None, report: ReportFile = None, plan: PlanFile = None, plan_out: PlanOut = None,
-    gesture: AddGesture = None, remove: RemoveGesture = None, move: MoveGesture = None, stretch: SetStretch = None,
-    reseed: Reseed = None, lock: Lock = None, keep: Keep = None, jobs: Jobs = 1, quiet: Quiet = False, debug: Debug = False,
+    fps: Fps = 30.0, tail: Tail = 0.0, avatar: Avatar = None, report: ReportFile = None, plan: PlanFile = None,
+    plan_out: PlanOut = None, gesture: AddGesture = None, remove: RemoveGesture = None, move: MoveGesture = None,
+    stretch: SetStretch = None, reseed: Reseed = None, lock: Lock = None, keep: Keep = None, jobs: Jobs = 1,
+    quiet: Quiet = False, debug: Debug = False,
 ) -> None:  # fmt: skip
     """Generate motion for one speech or for several.
 
@@ -125,7 +127,7 @@ def generate(
             audio, output or (), model=model, style=style, emotion=emotion, speaker=speaker, transcript=transcript,
             transcribe=transcribe, seed=seed, takes=takes, temperature=temperature, intensity=intensity,
             parts=[p.strip() for p in parts.split(",") if p.strip()], face_gain=face_gain, face=face,
-            continue_from=continue_from, skeleton=skeleton, bone_map=names, fps=fps, avatar=avatar, report=report,
+            continue_from=continue_from, skeleton=skeleton, bone_map=names, fps=fps, tail=tail, avatar=avatar, report=report,
             progress=progress, plan=plan, plan_out=plan_out, plan_edits=edits, keep=stretches, keep_from=old, jobs=jobs,
         )  # fmt: skip
     if not quiet:

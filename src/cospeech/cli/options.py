@@ -14,8 +14,8 @@ from ..export.registry import FORMATS
 __all__ = [
     "Audio", "Avatar", "Clip", "Continue", "Debug", "Drawn", "Emotion", "Face", "FaceGain", "Folder", "Fps", "Intensity",
     "Jobs", "Json", "Map", "Model", "Motion", "NewFps", "Output", "Parts", "Picture", "Port", "Quiet", "ReportFile", "Retarget",
-    "RigMap", "Seed", "Skeleton", "Speaker", "Style", "Takes", "Temperature", "Transcribe", "Transcript", "View", "number",
-    "option", "whole",
+    "RigMap", "Seed", "Skeleton", "Speaker", "Style", "Tail", "Takes", "Temperature", "Transcribe", "Transcript", "View",
+    "number", "option", "whole",
 ]  # fmt: skip
 
 
@@ -168,6 +168,15 @@ RigMap = Annotated[
         "--map",
         metavar="FILE",
         help="TOML file that gives our names to the joints of --skeleton's rig or of the avatar.",
+    ),
+]
+Tail = Annotated[
+    float,
+    option(
+        "--tail",
+        metavar="SECONDS",
+        parser=number,
+        help="Silence after the speech, 0 … 60 seconds, in which the hands come down; 3 are enough.",
     ),
 ]
 Fps = Annotated[float, option("--fps", metavar="NUMBER", parser=number, help="Frames per second, 1 … 240.")]

@@ -112,7 +112,7 @@ def _read_stdin(rate: int, kind: str, note: Callable[[str], None]) -> Iterator[A
 def _pieces_of_file(stack: ExitStack, path: str, transcript: str | None, unpaced: bool) -> Iterator[Speech]:
     from ..audio.live_sources import PIECE, wait_for_each
     from ..audio.speech import open_speech
-    from ..generate import speech_chunks
+    from ..audio.speech_chunks import speech_chunks
 
     opened = stack.enter_context(open_speech(path, transcript=transcript))
     pieces = (piece for block in speech_chunks(opened) for piece in block.chunks(PIECE))

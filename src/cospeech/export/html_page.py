@@ -15,6 +15,8 @@ from os import PathLike
 from pathlib import Path
 from typing import IO, Any
 
+import numpy as np
+
 from ..audio.speech import open_speech
 from ..errors import InputError
 from ..motion.motion import Motion
@@ -78,8 +80,8 @@ class Writer(BaseWriter):
         inner = GlbWriter(self._character, skeleton=self.skeleton, fps=self.fps, avatar=self._avatar)
         inner.__enter__()
         self._inner = inner
-        if self.audio is not None:
-            _write_mp3(self.audio, self._sound)
+        if self.audio is not None:  # what cannot be read is to be known before the work
+            open_speech(self.audio).close()
 
     def _write(self, motion: Motion) -> None:
         assert self._inner is not None
@@ -95,6 +97,7 @@ class Writer(BaseWriter):
             page.write(head)
             _embed(page, "character", _pack(self._character), f'data-packed data-fps="{self.fps:g}"')
             if self.audio is not None:
+                _write_mp3(self.audio, self._sound, self.frames / self.fps)
                 _embed(page, "sound", _blocks(self._sound), 'data-kind="audio/mpeg"')
             page.write(f"<script>{script}</script>\n</body>\n</html>\n")
 
@@ -117,14 +120,19 @@ def _read_viewer(name: str) -> str:
         raise InputError("the viewer of share files has not been built", "in the repository: make studio") from None
 
 
-def _write_mp3(audio: str | PathLike[str], path: Path) -> None:
-    """The speech, mono, with a variable bit rate: the header that this has lets players seek exactly."""
+def _write_mp3(audio: str | PathLike[str], path: Path, seconds: float) -> None:
+    """The speech, mono, with a variable bit rate: the header that this has lets players seek exactly. Silence follows it, where
+    the motion of so many seconds is longer: the page's clock is the sound's."""
     import soundfile
 
     options = {"format": "MP3", "subtype": "MPEG_LAYER_III", "bitrate_mode": "VARIABLE", "compression_level": 0.5}
     with open_speech(audio, rate=_SOUND_RATE) as source, soundfile.SoundFile(path, "w", _SOUND_RATE, 1, **options) as sound:
+        left = round(seconds * _SOUND_RATE)
         for block in source.blocks():
             sound.write(block)
+            left -= len(block)
+        for first in range(0, left, _SOUND_RATE):
+            sound.write(np.zeros(min(_SOUND_RATE, left - first), np.float32))
 
 
 def _policy(script: str, style: str) -> str:

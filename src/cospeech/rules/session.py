@@ -16,6 +16,7 @@ from ..audio.features.at_16_khz import At16kHz, HeldSamples
 from ..audio.features.mel import RATE as SAMPLE_RATE
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech, Word, count_frames, shift_times
+from ..audio.speech_chunks import MOST_AT_ONCE
 from ..audio.voice_emotion import LOOKS
 from ..errors import InputError
 from ..face.composition import Face
@@ -34,7 +35,7 @@ from .manner import Manner, MannerCourse, mix_frames
 from .mood import Mood
 from .plan import Planner
 from .realise import Pieces, gaze_only, realise
-from .streaming import MOST_AT_ONCE, check_speech
+from .streaming import check_speech
 from .styles import Style
 
 if TYPE_CHECKING:

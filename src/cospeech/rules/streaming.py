@@ -6,13 +6,11 @@ from collections.abc import Iterable, Iterator
 from typing import Protocol
 
 from ..audio.speech import Speech
+from ..audio.speech_chunks import MOST_AT_ONCE
 from ..errors import InputError
 from ..motion.motion import Motion
 
-__all__ = ["MOST_AT_ONCE", "check_speech", "in_short", "stream_motion"]
-
-MOST_AT_ONCE = 8.0
-"""Seconds of motion that are made in one go when there is plenty to do. [ours] More take memory and save little time."""
+__all__ = ["check_speech", "in_short", "stream_motion"]
 
 
 def check_speech(speech: object) -> None:

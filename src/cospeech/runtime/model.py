@@ -13,6 +13,7 @@ import numpy as np
 from ..audio.features.prosody import DELAY
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech, shift_times
+from ..audio.speech_chunks import MOST_AT_ONCE
 from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.named_numbers import read_named_numbers
@@ -25,7 +26,7 @@ from ..rules import MouthMaker, RuleBasedModel
 from ..rules.foresight import LEAST_FACE
 from ..rules.options import GenerationOptions, MotionLike
 from ..rules.stance_layer import REACH, StanceLayer
-from ..rules.streaming import MOST_AT_ONCE, check_speech, stream_motion
+from ..rules.streaming import check_speech, stream_motion
 from .beat_alignment import AccentTrack, BeatAlignment
 from .conditioning import NOTHING, Conditioning, read_conditioning
 from .decoder import Decoder

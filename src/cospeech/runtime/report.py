@@ -21,7 +21,7 @@ class Report(_Facts):
     model: str
     """Registry name of the model."""
     speech_seconds: float
-    """Length of the speech."""
+    """Length of the speech, with its tail of silence."""
     frames: int
     """Frames of each take: exactly ceil(speech_seconds × fps)."""
     fps: float

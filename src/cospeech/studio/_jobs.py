@@ -16,11 +16,12 @@ from typing import Any
 
 from cospeech import __version__
 from cospeech.audio.speech import Speech, Word, example, open_speech
+from cospeech.audio.speech_chunks import speech_chunks
 from cospeech.audio.worker import requests, send_json
 from cospeech.errors import CospeechError, InputError
 from cospeech.export import check_parts, format_of, open_writer
 from cospeech.export import load as load_motion
-from cospeech.generate import speech_chunks, writer_keywords
+from cospeech.generate import writer_keywords
 from cospeech.models import DEFAULT, ENTRIES, MODELS, Model, find_bundle, load
 from cospeech.motion.motion import Motion
 from cospeech.rules.options import GenerationOptions

@@ -12,7 +12,8 @@ performs the speech, and TTS where espeak-ng or flite are installed), a store of
 ground truth, the rule-based model and the control rows. Corpus and store are the same for both. The face is trained on real
 recordings (docs/corpora/faces.md), and its card says what tools/measure_face.py finds.
 
-Hands of these bundles rest in silence (docs/runtime.md). ``--follow`` sets that too, in a bundle that was built before.
+Hands of these bundles rest in silence (docs/runtime.md). ``--follow`` sets that too, and over how many frames poses are
+averaged, in a bundle that was built before.
 """
 
 from __future__ import annotations
@@ -224,6 +225,8 @@ class Shipped:
     card: str
     fps: int = 12
     style: str | None = STYLE
+    smooth: int = 1
+    """Frames to either side over which poses are averaged."""
     teacher: str | None = None
     """Recipe of the network that it is taught by, which is in the same bundle and hears all of a file."""
 
@@ -232,7 +235,14 @@ KINDS = {
     "stylised-flow": Shipped("flow_humanoid", "run-humanoid", "last", FLOW),
     "mix-stage": Shipped("mix_stage_humanoid", "run-mix", "last", MIX),  # adversarial training has no figure to be best by
     "chain-of-generation": Shipped(
-        "chain_live_humanoid", "run-chain-live", "last", CHAIN, fps=15, style=None, teacher="chain_of_generation_humanoid"
+        "chain_live_humanoid",
+        "run-chain-live",
+        "last",
+        CHAIN,
+        fps=15,
+        style=None,
+        teacher="chain_of_generation_humanoid",
+        smooth=2,  # with 1 its hands make more strokes than people's
     ),
 }
 
@@ -297,14 +307,14 @@ def build_face(chosen: argparse.Namespace, out: Path) -> None:
 
 
 def tell_following(path: Path, name: str, measured: str) -> None:
-    """Write the rows of a model and of the rules into its card, and that its hands rest in silence."""
+    """Write the rows of a model and of the rules into its card, that its hands rest in silence, and how smooth it is."""
     bundle = read_bundle(path)
     first = f"| {name}"
     kept = [line for line in measured.splitlines() if line.startswith(("| |", "|---", "| rules |", f"{first} |", f"{first},"))]
     card = bundle.members[CARD].decode().split(FOLLOWS.splitlines()[1])[0].rstrip()
     members = {**bundle.members, CARD: (card + "\n" + FOLLOWS.format(rows="\n".join(kept))).encode()}
     manifest = {key: value for key, value in bundle.manifest.items() if key not in ("members", "format")}
-    write_bundle(path, manifest | {"rests": True}, members)
+    write_bundle(path, manifest | {"rests": True, "smooth": KINDS[name].smooth}, members)
     print(f"{path}: {len(kept) - 2} rows")
 
 
@@ -356,7 +366,7 @@ def build_gestures(chosen: argparse.Namespace, kind: Shipped, out: Path) -> None
     report = train(recipe, store, run, resume=True)
     print(f"{report.step} steps, {report.parameters:,} parameters, best {report.best}")
     out.parent.mkdir(parents=True, exist_ok=True)
-    bundle_run(run, out, which=kind.which, style=kind.style, rests=True)
+    bundle_run(run, out, which=kind.which, style=kind.style, smooth=kind.smooth, rests=True)
     facts = read_facts(run)
     systems: dict[str, Any] = {chosen.name: str(out), "rules": "rules"}
     if kind.teacher:
@@ -369,7 +379,7 @@ def build_gestures(chosen: argparse.Namespace, kind: Shipped, out: Path) -> None
         machine=f"{chosen.threads} core of a {platform.machine()} machine, no GPU", names=", ".join(kept["speakers"]),
         table=markdown(table), **more,
     )  # fmt: skip
-    bundle_run(run, out, which=kind.which, card=card, style=kind.style, rests=True)
+    bundle_run(run, out, which=kind.which, card=card, style=kind.style, smooth=kind.smooth, rests=True)
     print(f"{out}  {out.stat().st_size / 1e6:.2f} MB")
     print(table.to_text())
 

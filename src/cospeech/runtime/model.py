@@ -120,6 +120,7 @@ class TrainedModel:
             read_conditioning(options.face, options.continue_from),
         )
         frontend, decoder = self._start(resolved_style, options, conditioning)
+        system = self.system if _has_time(options) else replace(self.system, smooth=min(self.system.smooth, _LEAST_SMOOTH))
         shown = "face" in options.parts  # without a face, moods alone are listened to
         rules = self._speaking(options.style)
         of_face: dict[str, Any] = {"parts": ("face",), "emotion": decoder.moods or options.emotion, "fps": options.fps}
@@ -129,9 +130,9 @@ class TrainedModel:
         layers = self._layers(options, accents)
         rest = None
         if self.system.rests and self.system.pose != POSE:
-            rest = RestInSilence(options.fps, latency_of_body(self.system, frontend, decoder, ()), options.parts)
+            rest = RestInSilence(options.fps, latency_of_body(system, frontend, decoder, ()), options.parts)
         if options.look_ahead is not None:  # the face looks as far ahead as the body, and no further
-            body = latency_of_body(self.system, frontend, decoder, layers)
+            body = latency_of_body(system, frontend, decoder, layers)
             of_face["look_ahead"] = options.look_ahead if is_mouth(self.system) else max(body - DELAY, LEAST_FACE)
         heads = [rules.session(seed=seed, moving=shown, aimed=False, **of_face) for seed in options.seeds]
         faces = heads if conditioning.face is None else [FaceOverride(head, conditioning.face) for head in heads]
@@ -139,7 +140,7 @@ class TrainedModel:
         for each in (frontend, *listeners, *faces):
             each.share(shared)
         return TrainedSession(
-            self.system, frontend, decoder, faces, fps=options.fps, parts=options.parts, resolved_style=resolved_style,
+            system, frontend, decoder, faces, fps=options.fps, parts=options.parts, resolved_style=resolved_style,
             direct=self._resolve_style, intensity=options.intensity, before=conditioning.before, layers=layers,
             rest=rest, listeners=listeners, prosody=shared,
         )  # fmt: skip
@@ -149,7 +150,7 @@ class TrainedModel:
         needs one, the body is wanted and a stance is asked for."""
         stands = options.stance and "body" in options.parts and needs_stance(self.system)
         amount, fingers = min(options.intensity, 1.5), "hands" in options.parts
-        waits = REACH if options.look_ahead is None or options.look_ahead >= _UNHURRIED else 0.0
+        waits = REACH if _has_time(options) else 0.0
         stacks = []
         for seed in options.seeds:
             layers: list[MotionLayer] = [] if accents is None else [BeatAlignment(options.fps, accents)]
@@ -276,7 +277,13 @@ class TrainedModel:
 
 
 _MOST_TAKES = 64  # ours, of one pass
-_UNHURRIED = 0.4  # seconds of look-ahead below which a stance does not wait for the hands (ours)
+_UNHURRIED = 0.4  # seconds of look-ahead below which a stance does not wait for the hands, and poses are smoothed less [ours]
+_LEAST_SMOOTH = 1  # frames to either side over which they are averaged then, at most [ours]
+
+
+def _has_time(options: GenerationOptions) -> bool:
+    """Whether nobody asks for less look-ahead than that."""
+    return options.look_ahead is None or options.look_ahead >= _UNHURRIED
 
 
 def _parse_style(style: object, system: System) -> tuple[object, Array]:

@@ -9,7 +9,7 @@ Further recordings (``… SPEECH TRANSCRIPT MORE …``, of TRANSCRIPT "" where t
 
 from __future__ import annotations
 
-import sys
+import argparse
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -134,19 +134,23 @@ def face(path: Path) -> None:
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("speech", nargs="?", type=Path, help="a second speech")
+    parser.add_argument("transcript", nargs="?", default="", help='of it; "" where there is none')
+    parser.add_argument("more", nargs="*", type=Path, help="recordings whose face is drawn")
+    asked = parser.parse_args()
     speech = cospeech.Speech.load(EXAMPLE, transcript=EXAMPLE_WORDS)
     motion = cospeech.load("rules").generate(speech, style=STYLE, emotion=EMOTION, seed=SEED)
     MEDIA.mkdir(exist_ok=True)
     moving_picture(speech, motion, MEDIA / "talk.gif")
     motion.save(MEDIA / "strip.png", audio=EXAMPLE, words=list(speech.words or ()))
     people(speech, EXAMPLE, "example")
-    if len(sys.argv) > 1:
-        path = Path(sys.argv[1])
-        other = cospeech.Speech.load(path, transcript=sys.argv[2] or None if len(sys.argv) > 2 else None)
-        people(other, path, path.stem)
-        chain(other, path, path.stem)
-    for more in sys.argv[3:]:
-        face(Path(more))
+    if asked.speech is not None:
+        other = cospeech.Speech.load(asked.speech, transcript=asked.transcript or None)
+        people(other, asked.speech, asked.speech.stem)
+        chain(other, asked.speech, asked.speech.stem)
+    for more in asked.more:
+        face(more)
     for path in sorted(MEDIA.iterdir()):
         print(f"{path.name}: {path.stat().st_size / 1e6:.2f} MB")
 

@@ -172,6 +172,26 @@ def test_the_hands_follow_the_accents_of_real_speech_more_closely(shared, name):
     assert lifts[1] > lifts[0] + 0.05
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("parts", [("face", "body", "hands"), ("body", "hands")])
+@pytest.mark.parametrize("name", ["mix-stage", "chain-of-generation", "stylised-flow"])
+def test_takes_of_one_pass_are_those_played_alone(name, parts):
+    """The time of each take is bent in its own way, so one has frames ready before another."""
+    model, speech = cospeech.load(name), example().window(0, 12)
+    options = {"fps": 30, "parts": parts, "stance": True, "beat_alignment": True}
+    session = model.session(seed=3, takes=3, **options)
+    made = [pieces for chunk in speech.chunks(1.7) for pieces in session.push_takes(chunk)]
+    made += list(session.finish_takes())
+    for take in range(3):
+        together, alone = (
+            Motion.concatenate([pieces[take] for pieces in made]),
+            model.generate(speech, seed=3 + take, **options),
+        )
+        assert len(together) == len(alone) == 12 * 30
+        np.testing.assert_allclose(together.rotations, alone.rotations, atol=1e-5)
+        assert (together.face is None) == ("face" not in parts)
+
+
 def test_files_have_it_and_streams_do_not():
     model = cospeech.load("mix-stage")
     assert model.for_files["beat_alignment"] is True

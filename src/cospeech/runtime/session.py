@@ -291,7 +291,7 @@ class TrainedSession:
             self._keep(made)
         if (count := self._count(decodes=not (waits and hears))) > 0:
             self._ready.append(self._make_motions(count))
-        elif (made is None or not made.shape[1]) and len(self._bodies[0]) < TICK * self._fps:
+        elif (made is None or not made.shape[1]) and self._count_bodies() < TICK * self._fps:
             self._decode()  # a quiet moment: what is decoded now, no busy one has to decode
 
     def _push_body(self, until: float = inf) -> Array | None:
@@ -355,10 +355,14 @@ class TrainedSession:
     def _count(self, decodes: bool = True) -> int:
         """Frames that body and face have both come to; poses that wait are decoded where the face has come further."""
         heads = len(self._heads[0]) if "face" in self._parts else None
-        if decodes and (heads is None or heads > len(self._bodies[0])):
+        if decodes and (heads is None or heads > self._count_bodies()):
             self._decode()
-        bodies = len(self._bodies[0])
+        bodies = self._count_bodies()
         return bodies if heads is None else min(heads, bodies)
+
+    def _count_bodies(self) -> int:
+        """Frames of bodies that every take has: layers give those of one take sooner than those of another."""
+        return min(map(len, self._bodies))
 
     def _make_motions(self, count: int) -> list[Motion]:
         """The next frames of every take, as one."""

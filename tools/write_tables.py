@@ -43,11 +43,16 @@ def judge_again(table: dict[str, Any]) -> dict[str, Any]:
     return {"note": part.note, "verdicts": judge(part.claims, evidence), "below": below(part.claims, evidence)}
 
 
+def own(cell: dict[str, Any]) -> dict[str, Any]:
+    """The control rows over the clips of a row alone, where a cell has them."""
+    return {"controls": cell["controls"]} if "controls" in cell else {}
+
+
 def of_seeds(cells: dict[str, Any], seeds: int) -> list[dict[str, Any]]:
     """Cells of a row with each seed, from those over all of them; the draws of clips are the means over seeds."""
     return [
         {
-            metric: {"value": cell["values"][k], "draws": cell.get("draws", ()), "note": cell["note"]}
+            metric: {"value": cell["values"][k], "draws": cell.get("draws", ()), "note": cell["note"], **own(cell)}
             if "values" in cell
             else {"why": cell["why"]}
             for metric, cell in cells.items()

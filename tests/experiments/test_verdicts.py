@@ -313,3 +313,23 @@ def test_what_was_expected_is_told():
     claim = Claim("fgd", "ours", "theirs", False, "table 0", expected=HOLDS)
     rows = {"ours": cells("fgd", 1 + NEAR), "theirs": cells("fgd", 3 - NEAR)}
     assert judge([claim], evidence(rows))[0]["expected"] == HOLDS
+
+
+# control rows of some clips -------------------------------------------------------------------------------------------------
+
+
+def test_a_row_of_some_clips_is_compared_with_control_rows_over_these_clips():
+    """One arm that rests makes a high PCK easy: what is above the control rows of all may be below those of the pair."""
+    claim = Claim("pck", "ours", "theirs", True, "table 0")
+    rows = {"ours": cells("pck", [0.53] * 5), "theirs": cells("pck", [0.60, 0.59, 0.60, 0.61, 0.60])}
+    (told,) = judge([claim], evidence(rows))
+    assert told["verdict"] == "contradicted"
+    pair = {"frozen pose": 0.602, "white noise": 0.58, "another clip": 0.619}
+    for seeds in rows.values():
+        for each in seeds:
+            each["pck"]["controls"] = pair
+    (told,) = judge([claim], evidence(rows))
+    assert (told["verdict"], "another clip" in told["because"]) == ("not assayed", True)
+    assert below([claim], evidence(rows)) == {name: {"pck": "another clip"} for name in rows}
+    kept = {"cells": {"pck": summary(rows["ours"], "pck")}}
+    assert write_tables().of_seeds(kept["cells"], 5)[0]["pck"]["controls"] == pair

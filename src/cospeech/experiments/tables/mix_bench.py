@@ -128,9 +128,24 @@ class StylePreservation(_Windowed):
             player = self._player(row, run, seed)
             for name in (name for name in run if name in judged):
                 parts.append(self._cache([player.fingerprint, name], partial(self._score, player, name)))
-        return mean_cells(parts), self._facts(player, len(runs))
+        return self._with_controls(mean_cells(parts), judged), self._facts(player, len(runs))
+
+    def _with_controls(self, cells: Cells, judged: Sequence[str]) -> Cells:
+        """With values of control rows over the same speakers, where those are not all: one who hardly moves is easily met."""
+        if {*judged} == {*self.part.speakers}:
+            return cells
+        values = {name: known for name, known in self._control_rows(judged).items() if not name.startswith(ORACLE)}
+        found = {
+            metric: {name: known[metric]["value"] for name, known in values.items() if "value" in known[metric]}
+            for metric in cells
+        }
+        return {metric: {**cell, "controls": found[metric]} for metric, cell in cells.items()}
 
     def controls(self) -> dict[str, Cells]:
+        """Of all speakers of the table."""
+        return self._control_rows(self.part.speakers)
+
+    def _control_rows(self, speakers: Sequence[str]) -> dict[str, Cells]:
         """Of each speaker alone: the frozen pose is the speaker's own mean."""
 
         def work(speaker: str) -> dict[str, Cells]:
@@ -144,7 +159,7 @@ class StylePreservation(_Windowed):
             return found
 
         key = oracle_key(self.runs.oracle)
-        each = [self._cache(["controls", name, *key], partial(work, name)) for name in self.part.speakers]
+        each = [self._cache(["controls", name, *key], partial(work, name)) for name in speakers]
         return {name: mean_cells([cells[name] for cells in each]) for name in each[0]}
 
     @cached_property

@@ -41,6 +41,8 @@ def summary(runs: Sequence[Cells], metric: str, *, draws: bool = True) -> dict[s
         return {"why": next((cells[metric]["why"] for cells in runs if "why" in cells[metric]), "no run")}
     note = runs[0][metric].get("note", "")
     found = {"mean": float(np.mean(values)), "half": _half(values), "values": values, "note": note}
+    if controls := runs[0][metric].get("controls"):
+        found["controls"] = controls
     drawn = [cells[metric].get("draws") or () for cells in runs]
     if not draws or not all(len(each) == len(drawn[0]) > 1 for each in drawn):
         return found

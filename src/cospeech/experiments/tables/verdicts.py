@@ -97,7 +97,8 @@ class Evidence:
     """What verdicts are made of.
 
     Args:
-        rows: name of a row → its cells with each seed; rows that were not run are missing.
+        rows: name of a row → its cells with each seed; rows that were not run are missing. A cell has ``controls``, the
+            values of control rows over the same clips, where those are fewer than the table's.
         controls: name of a control row → its cells.
         heads: metric → head of its column.
         faults: metric → what it puts in the wrong order among the control rows.
@@ -111,6 +112,13 @@ class Evidence:
     def mean(self, row: str, metric: str) -> float:
         """Of a row over its seeds."""
         return float(np.mean([cells[metric]["value"] for cells in self.rows[row]]))
+
+    def values_of_controls(self, row: str, metric: str) -> Mapping[str, float]:
+        """Name of a control row → its value: over the clips of this row where those are fewer than all, else over all."""
+        own: Mapping[str, float] | None = self.rows[row][0].get(metric, {}).get("controls")
+        return own or {
+            name: cells[metric]["value"] for name, cells in self.controls.items() if "value" in cells.get(metric, {})
+        }
 
 
 def _rivals(metric: str, controls: Mapping[str, Cells]) -> list[str]:
@@ -130,9 +138,10 @@ def _rivals(metric: str, controls: Mapping[str, Cells]) -> list[str]:
 def below_controls(metric: str, higher: bool, row: str, evidence: Evidence) -> str | None:
     """The control row that a row does not beat by a metric; None: it beats all."""
     sign = 1 if higher else -1
-    found = [name for name in _rivals(metric, evidence.controls) if "value" in evidence.controls[name].get(metric, {})]
-    best = max(found, key=lambda name: sign * evidence.controls[name][metric]["value"], default=None)
-    if best is None or sign * evidence.mean(row, metric) > sign * evidence.controls[best][metric]["value"]:
+    values = evidence.values_of_controls(row, metric)
+    found = [name for name in _rivals(metric, evidence.controls) if name in values]
+    best = max(found, key=lambda name: sign * values[name], default=None)
+    if best is None or sign * evidence.mean(row, metric) > sign * values[best]:
         return None
     return best
 

@@ -56,8 +56,8 @@ def test_the_page_loads_nothing_and_names_are_escaped(tmp_path, monkeypatch):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["<i> & talk.ogg", "talk.html", "viewer.css", "viewer.js"]
 
 
-def test_the_sound_is_as_long_as_the_motion(tmp_path, monkeypatch):
-    """The page's clock is that of the sound; so silence follows a speech that is shorter than its motion."""
+def test_the_sound_reaches_the_last_frame(tmp_path, monkeypatch):
+    """The page's clock is that of the sound; so silence follows a speech that ends before the last frame."""
     for name in ("viewer.js", "viewer.css"):
         (tmp_path / name).write_text("")
     monkeypatch.setattr(html_page, "VIEWER", tmp_path)

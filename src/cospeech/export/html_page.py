@@ -97,7 +97,7 @@ class Writer(BaseWriter):
             page.write(head)
             _embed(page, "character", _pack(self._character), f'data-packed data-fps="{self.fps:g}"')
             if self.audio is not None:
-                _write_mp3(self.audio, self._sound, self.frames / self.fps)
+                _write_mp3(self.audio, self._sound, (self.frames - 1) / self.fps)
                 _embed(page, "sound", _blocks(self._sound), 'data-kind="audio/mpeg"')
             page.write(f"<script>{script}</script>\n</body>\n</html>\n")
 
@@ -121,8 +121,8 @@ def _read_viewer(name: str) -> str:
 
 
 def _write_mp3(audio: str | PathLike[str], path: Path, seconds: float) -> None:
-    """The speech, mono, with a variable bit rate: the header that this has lets players seek exactly. Silence follows it, where
-    the motion of so many seconds is longer: the page's clock is the sound's."""
+    """The speech, mono, with a variable bit rate: the header that this has lets players seek exactly. Silence follows it,
+    where it ends before so many seconds, the time of the last frame: the page's clock is the sound's."""
     import soundfile
 
     options = {"format": "MP3", "subtype": "MPEG_LAYER_III", "bitrate_mode": "VARIABLE", "compression_level": 0.5}

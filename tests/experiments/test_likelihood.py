@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -59,8 +60,8 @@ def excerpts(store) -> Excerpts:
     return Excerpts(store)
 
 
-def player(name: str, settings: dict, excerpts: Excerpts, *, scale: float = 1.0, seed: int = 0) -> PlayableRun:
-    """A network whose couplings do something, standardised by other moments than the store's."""
+def network_of(name: str, settings: dict, seed: int = 0) -> torch.nn.Module:
+    """A network whose couplings do something."""
     from cospeech.training.checkpoint import network
 
     kind = network(name)
@@ -70,6 +71,12 @@ def player(name: str, settings: dict, excerpts: Excerpts, *, scale: float = 1.0,
         for part in net.flow.steps:
             torch.nn.init.normal_(part.coupling.net.out.weight, 0, 0.3)
             torch.nn.init.normal_(part.norm.logs, 0, 0.3)
+    return net
+
+
+def player(name: str, settings: dict, excerpts: Excerpts, *, scale: float = 1.0, seed: int = 0) -> PlayableRun:
+    """`network_of`, standardised by other moments than the store's."""
+    net = network_of(name, settings, seed)
     mean, std = standard_pose(excerpts.store)
     facts = {"config": vars(net.config), "recipe": {"data": {}}, "store": {"speakers": ("a", "b")}}
     moments = {"pose_mean": mean + 0.1, "pose_std": std * np.linspace(scale, 2 * scale, POSE)}
@@ -198,3 +205,17 @@ def test_what_has_no_likelihood_says_so(excerpts):
     with torch.no_grad():
         run.net.flow.steps[0].norm.logs.fill_(np.inf)
     assert "not finite" in score_likelihood(run, excerpts)[HEARING]["why"]
+
+
+@pytest.mark.parametrize("name", ["moglow", "stylised-flow-extended"])
+def test_rows_play_with_their_own_scale_of_latents(name):
+    """A row whose `latent_scale` is 0 has one motion for one speech; at 1 each seed has its own."""
+    from cospeech.experiments.playing import perform
+
+    net, rng = network_of(name, {}), np.random.default_rng(0)
+    history, audio = rng.normal(size=(3, 5, POSE)), rng.normal(size=(3, 15, AUDIO))
+    one, other = (perform(net, history, audio, seed=seed) for seed in (0, 1))
+    assert np.abs(one - other).max() > 0.1
+    net.config = replace(net.config, latent_scale=0.0)
+    one, other = (perform(net, history, audio, seed=seed) for seed in (0, 1))
+    np.testing.assert_array_equal(one, other)

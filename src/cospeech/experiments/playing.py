@@ -82,6 +82,7 @@ def perform(net: Any, history: Array, audio: Array, *, seed: int) -> Array:
     device = next(net.parameters()).device
     generator = torch.Generator().manual_seed(seed)
     latents = net.flow.latent.sample(lambda *shape: torch.randn(*shape, generator=generator), len(history), frames)
+    latents = latents * float(getattr(net.config, "latent_scale", 1.0))
     parts = [slice(k, k + BATCH) for k in range(0, len(history), BATCH)]
     with torch.no_grad():
         made = [net.sample(latents[p].to(device), _tensor(history[p], device), _tensor(audio[p], device)) for p in parts]

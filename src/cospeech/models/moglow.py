@@ -12,7 +12,7 @@ A normalising flow gives the exact density of the next pose, given the poses bef
                                              ▼
       x_t ─►[ ActNorm ─ 1×1 convolution ─ affine coupling(LSTM(x₁, c_t)) ] × K ─► z_t
 
-Objective: the negative log-likelihood, L = −(1/T) Σₜ ln p(xₜ | …), and no other term.
+Objective: the negative log-likelihood, L = −(1/T) Σₜ ln p(xₜ | …). ``stroke_timing`` adds a term of ours.
 
 Followed, changed, not said in the papers: docs/models/moglow.md, by number.
 """
@@ -33,6 +33,9 @@ from .nn.conditioning import drop_history, frame_windows
 from .nn.configuration import SMALL_FLOW, ModelConfig
 from .nn.flow import Flow, RecurrentNet, State
 from .nn.objective import Batch, Objective
+from .nn.self_play import play_window
+from .nn.settings import check_least
+from .nn.speed_distance import timing_term
 from .nn.trainable import Trainable
 
 __all__ = ["MoGlow", "MoGlowConfig"]
@@ -70,6 +73,15 @@ class MoGlowConfig(ModelConfig):
     """Deviation of noise on the standardised poses in training; ours, for data so smooth that a density has no limit."""
     residual: bool = False
     """Whether the flow gives xₜ − xₜ₋₁ (whose density is that of xₜ) and not xₜ; ours: small networks learn it sooner."""
+    latent_scale: float = 1.0
+    """Scale of random latents at play; ours, as of `cospeech.models.stylised_flow_extended.FlowExtendedConfig`."""
+    stroke_timing: float = 0.0
+    """Weight of the distance in time between recorded strokes and those that the network plays by itself; ours, as there."""
+    stroke_timing_every: int = 4
+    """Steps between those that have that term; ours, as there."""
+
+    def __post_init__(self) -> None:
+        check_least(self, "a MoGlow", {"latent_scale": 0, "stroke_timing": 0, "stroke_timing_every": 1})
 
 
 class MoGlow(Trainable):
@@ -182,22 +194,30 @@ class MoGlow(Trainable):
         return {"flow": Objective(self.parameters(), self.loss)}
 
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """The negative log-likelihood of a frame."""
+        """The negative log-likelihood of a frame, and ``stroke_timing``."""
         pose = batch.arrays["pose"]
         if self.training and self.config.pose_noise:
             pose = pose + self.config.pose_noise * batch.chance.normal(*pose.shape)
         x, histories, heard = self._windows(pose, self.hear(batch.arrays["audio"], batch.arrays.get("control")))
-        base = self._base(histories)
+        base, first = self._base(histories), histories[:, 0]
         if self.training:
             histories = drop_history(histories, self.config.history_dropout, batch.chance)
         log_prob = self.flow.log_prob(x - base, self.condition(histories, heard))
-        return {"nll": -log_prob.mean() / self.config.nll_unit}
+        terms = {"nll": -log_prob.mean() / self.config.nll_unit}
+        if self.config.stroke_timing and step % self.config.stroke_timing_every == 0:
+            latents = self.flow.latent.sample(batch.chance.normal, len(x), heard.shape[1])
+            made = play_window(self._make_frame, latents, first, heard)
+            terms |= timing_term(self.config.stroke_timing, made.mT, x.mT)
+        return terms
 
     # generation -----------------------------------------------------------------------------------------------------
 
     @torch.no_grad()
     def step(self, z: Tensor, history: Tensor, heard: Tensor, states: list[State] | None) -> tuple[Tensor, list[State]]:
         """One frame: latents (B, D), history (B, τ, D), what is heard (B, τ + 1 + l, A + controls), states → pose, states."""
+        return self._make_frame(z, history, heard, states)
+
+    def _make_frame(self, z: Tensor, history: Tensor, heard: Tensor, states: list[State] | None) -> tuple[Tensor, list[State]]:
         made, states = self.flow.inverse(z[:, None], self.condition(history[:, None], heard[:, None]), states)
         return made[:, 0] + self._base(history[:, None])[:, 0], states
 
@@ -229,7 +249,7 @@ class MoGlow(Trainable):
         return {
             "pose": self.pose, "audio": self.audio + len(c.controls), "steps": c.steps, "hidden": c.hidden, "layers": c.layers,
             "history": c.history, "speech_frames": self.speech_frames, "cell": "lstm", "nu": float(c.nu),
-            "residual": c.residual,
+            "residual": c.residual, "latent_scale": c.latent_scale,
         }  # fmt: skip
 
     def export(self) -> dict[str, Any]:

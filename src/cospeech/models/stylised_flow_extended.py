@@ -19,6 +19,7 @@ What each does for the motion: docs/models/stylised_flow.md, "Changed, and added
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import torch
@@ -28,12 +29,11 @@ from ..errors import InputError
 from .nn.conditioning import StyleEncoder, as_steps, blank_history, drop_history
 from .nn.flow import State
 from .nn.objective import Batch, StepRandom
+from .nn.self_play import play_window
 from .nn.speed_distance import timing_term
 from .stylised_flow import FlowConfig, StylisedFlow
 
 __all__ = ["FlowExtendedConfig", "StylisedFlowExtended"]
-
-_FAR = 8.0  # standard deviations [ours]: no recorded pose is as far; the first networks of a training run can be
 
 
 @dataclass(frozen=True)
@@ -159,18 +159,16 @@ class StylisedFlowExtended(StylisedFlow):
 
     def _play_window(self, pose: Tensor, heard: Tensor, style: Tensor | None, chance: StepRandom) -> Tensor:
         """(B, F, D): the trained frames, played from their recorded history with random latents; each pose is fed back."""
-        tau, states = self.config.history, None
-        poses = pose[:, self.style_frames : self.style_frames + tau]
+        first = self.style_frames
         latents = self.flow.latent.sample(chance.normal, len(pose), heard.shape[1])
         frozen = self.encoder if self.training else None  # a frame of a batch is no sample to take means of
         if frozen is not None:
             frozen.eval()
-        for t in range(heard.shape[1]):
-            made, states = self._make_frame(latents[:, t], poses[:, -tau:], heard[:, t], states, style)
-            poses = torch.cat([poses, made[:, None].clamp(-_FAR, _FAR)], 1)
+        step = partial(self._make_frame, style=style)
+        made = play_window(step, latents, pose[:, first : first + self.config.history], heard)
         if frozen is not None:
             frozen.train()
-        return poses[:, tau:]
+        return made
 
     # generation -----------------------------------------------------------------------------------------------------
 
@@ -192,7 +190,7 @@ class StylisedFlowExtended(StylisedFlow):
         return self._make_frame(z, history, audio, states, style)
 
     def _make_frame(
-        self, z: Tensor, history: Tensor, audio: Tensor, states: list[State] | None, style: Tensor | None
+        self, z: Tensor, history: Tensor, audio: Tensor, states: list[State] | None, style: Tensor | None = None
     ) -> tuple[Tensor, list[State]]:
         made, states = self.flow.inverse(z[:, None], self.condition(history[:, None], audio[:, None], style), states)
         return made[:, 0] + self._base(history[:, None])[:, 0], states

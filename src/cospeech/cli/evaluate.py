@@ -34,7 +34,9 @@ Metrics = Annotated[
 ]
 Takes = Annotated[int, Option("--takes", metavar="NUMBER", help="Takes of each model, for metrics of variety.")]
 Seed = Annotated[int, Option("--seed", metavar="NUMBER", help="Seed of a model's first take.")]
-Given = Annotated[int, Option("--seed-frames", metavar="NUMBER", help="Number of first frames that the systems were given.")]
+Given = Annotated[
+    int, Option("--seed-frames", metavar="NUMBER", min=0, help="Number of first frames that the systems were given.")
+]
 Features = Annotated[
     Path | None,
     Option("--features", metavar="RUN", help="Feature network of FGD: the folder of its run (recipe fgd_ted, for example)."),

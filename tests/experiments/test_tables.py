@@ -368,8 +368,11 @@ def test_headroom_is_told_before_anything_is_trained(store, table_runs, tmp_path
     assert "headroom of FGD" in to_text(table)
     pieces = [piece(f"{n}-x", n, s, 200, 1) for n in SPEAKERS for s in ("train", "test")]
     write_store(tmp_path / "else", pieces, corpus="ted", pose="direction-vectors", fps=FPS, names=NAMES)
-    with pytest.raises(InputError, match="other clips"):
-        make_table("flow-2", replace(table_runs, oracle=tmp_path / "else"), trained=False, tell=heard.append)
+    for oracle, said in (("else", "other clips"), ("nowhere", "is not a store")):
+        heard.clear()
+        with pytest.raises(InputError, match=said):
+            make_table("flow-2", replace(table_runs, oracle=tmp_path / oracle), trained=False, tell=heard.append)
+        assert not heard  # before any work
 
 
 def test_the_perceptual_loss_hears_the_fourth_layer_of_its_own_autoencoder(table_runs):

@@ -403,6 +403,20 @@ def test_a_change_can_be_of_one_recipe(table_runs):
         replace(table_runs, overrides=("flow_tet:model.hidden=9",)).recipe("moglow_ted")
 
 
+def test_a_stopped_table_says_how_it_goes_on(table_runs, tmp_path, monkeypatch):
+    heard: list[str] = []
+    saving = replace(table_runs, runs=tmp_path, overrides=(*table_runs.overrides, "train.save_every=1"), tell=heard.append)
+
+    def stop(_: object, run: object, end: bool) -> None:
+        if run.done == 2:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("cospeech.training.train._Rows.step", stop)
+    with pytest.raises(KeyboardInterrupt):
+        saving.run("flow_ted_baseline", 5)
+    assert heard[-1] == "saved at step 1: run the same command again to go on"
+
+
 def test_a_run_that_was_cut_off_goes_on(table_runs, tmp_path):
     import shutil
 

@@ -255,6 +255,16 @@ def test_sizes_that_are_none_are_told(name):
         kind(replace(tiny(name), frames=0), **sizes(kind))
 
 
+@pytest.mark.parametrize("name", REGISTERED)
+def test_a_size_that_is_none_is_told_by_its_name(name):
+    wide = [size for size in ("hidden", "channels", "width", "layers") if hasattr(tiny(name), size)]
+    assert wide
+    for size in wide:
+        with pytest.raises(InputError, match=rf"^{size} of .*is -3 \(\d+ at least\)$") as caught:
+            network(name, **{size: -3})
+        assert len(str(caught.value)) < 100
+
+
 @pytest.mark.parametrize(
     ("name", "config", "pose", "audio", "count"),
     [

@@ -46,6 +46,7 @@ from .nn.export import ExportGraph
 from .nn.modalities import INPUTS
 from .nn.objective import Batch, Objective
 from .nn.recurrent import BothWays
+from .nn.settings import check_least
 from .nn.speech_encoders import SPEECH_ENCODERS
 from .nn.temporal import Memory, SameConv
 from .nn.windowed import Windowed
@@ -53,6 +54,11 @@ from .nn.words import SubwordTable, WordEmbedding, word_embedding
 from .speech_classifier import SpeechClassifier, SpeechClassifierConfig
 
 __all__ = ["INPUTS", "ChainConfig", "ChainOfGeneration"]
+
+_SIZES = (
+    "latent", "hidden", "layers", "word_width", "text_channels", "reduction", "classifier_channels",
+    "pose", "audio", "speakers",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -141,9 +147,8 @@ class ChainOfGeneration(Windowed):
         self, config: ChainConfig, *, pose: int, audio: int, speakers: int, hands: Collection[int], text: int = 0
     ) -> None:
         super().__init__()
-        sizes = (config.latent, config.hidden, config.layers, config.word_width, config.text_channels, pose, audio, speakers)
-        if min(*sizes, config.reduction, config.classifier_channels) < 1 or config.gesture_features < 0:
-            raise InputError(f"a chain of {config}"[:200], "sizes are positive")
+        values = vars(config) | {"pose": pose, "audio": audio, "speakers": speakers}
+        check_least(values, "a Chain of Generation", dict.fromkeys(_SIZES, 1) | {"gesture_features": 0})
         if config.frames < config.seeds + 1 or config.seeds < 0:
             raise InputError(f"clips of {config.frames} frames"[:200], "more than the seeds")
         if config.speech_encoder not in SPEECH_ENCODERS:

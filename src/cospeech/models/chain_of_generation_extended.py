@@ -130,8 +130,7 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         self, config: ChainExtendedConfig, *, pose: int, audio: int, speakers: int, hands: Collection[int], text: int = 0,
         louder: Sequence[float] = (),
     ) -> None:  # fmt: skip
-        if config.discriminator_channels < 1 or config.noise < 0:
-            raise InputError(f"a chain of {config}"[:200], "sizes are positive")
+        check_least(config, "an extended Chain of Generation", {"discriminator_channels": 1, "noise": 0})
         if config.adversarial > 0 and config.frames < PATCH_FRAMES:
             raise InputError(f"clips of {config.frames} frames"[:200], f"{PATCH_FRAMES} at least to be judged")
         super().__init__(config, pose=pose, audio=audio, speakers=speakers, hands=hands, text=text)

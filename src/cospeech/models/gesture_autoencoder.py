@@ -30,10 +30,10 @@ from typing import Any, ClassVar
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from ..errors import InputError
 from .nn.configuration import SMALL_FLOW, ModelConfig
 from .nn.norm import BatchNorm1d, batch_norm
 from .nn.objective import Batch, Objective
+from .nn.settings import check_least
 from .nn.trainable import Trainable
 
 __all__ = ["AutoencoderConfig", "FgdAutoencoder", "FgdConfig", "GestureAutoencoder", "Omega"]
@@ -136,8 +136,8 @@ class GestureAutoencoder(Trainable):
 
     def __init__(self, config: AutoencoderConfig, *, pose: int, audio: int = 0) -> None:
         super().__init__()
-        if config.frames < SHORTEST or min(config.width, config.code, pose) < 1:
-            raise InputError(f"a gesture autoencoder of {config}", f"{SHORTEST} frames at least, sizes are positive")
+        sizes = {"frames": SHORTEST, "width": 1, "code": 1, "pose": 1}
+        check_least(vars(config) | {"pose": pose}, "a gesture autoencoder", sizes)
         self.config, self.pose = config, pose
         width = config.width
         self.omega = Omega(pose, width, config.batch_statistics)
@@ -198,9 +198,9 @@ class FgdAutoencoder(Trainable):
 
     def __init__(self, config: FgdConfig, *, pose: int, audio: int = 0) -> None:
         super().__init__()
-        sizes = (config.channels, config.hidden // 2, config.code, config.widening, pose)
-        if config.frames < SHORTEST or min(sizes) < 1 or not min(config.difference, config.velocity) >= 0:
-            raise InputError(f"an autoencoder for FGD of {config}", f"{SHORTEST} frames at least, sizes are positive")
+        sizes = {"frames": SHORTEST, "channels": 1, "hidden": 2, "code": 1, "widening": 1, "pose": 1}
+        low = sizes | {"difference": 0, "velocity": 0}
+        check_least(vars(config) | {"pose": pose}, "an autoencoder for FGD", low)
         self.config, self.pose = config, pose
         few, many = config.channels, 2 * config.channels
         self.convolutions = nn.Sequential(

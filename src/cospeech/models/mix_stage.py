@@ -54,6 +54,7 @@ from .nn.content import STYLE_FRAMES, AudioContent, PoseContent
 from .nn.mixture import ModeLogits, SubGenerators, mix, one_hot_priors
 from .nn.objective import Batch, Objective
 from .nn.patch import PatchDiscriminator, velocity
+from .nn.settings import check_least
 from .nn.style import NoStyle, SpeakerStyle, StyleReading
 from .nn.unet1d import UNet1d
 from .nn.windowed import Windowed
@@ -162,8 +163,8 @@ class MixGan(Windowed):
         style_first: bool = False,
     ) -> None:
         super().__init__()
-        if min(config.modes, config.channels, config.patch_channels, pose, audio) < 1 or config.depth < HALVINGS:
-            raise InputError(f"a network of {config}"[:200], f"sizes are positive, depth {HALVINGS} at least")
+        sizes = dict.fromkeys(("modes", "channels", "patch_channels", "pose", "audio"), 1)
+        check_least(vars(config) | {"pose": pose, "audio": audio}, f"a {type(self).__name__}", sizes | {"depth": HALVINGS})
         if config.frames < STYLE_FRAMES or config.frames % 2**config.depth:
             hint = f"{STYLE_FRAMES} at least, and a multiple of {2**config.depth}"
             raise InputError(f"windows of {config.frames} frames", hint)
@@ -323,8 +324,8 @@ class MixStage(MixGan):
     style: SpeakerStyle
 
     def __init__(self, config: MixStageConfig, *, pose: int, audio: int, speakers: int) -> None:
-        if min(pose, config.channels, config.style, speakers) < 1:
-            raise InputError(f"{config.style} numbers for each of {speakers} speakers", "sizes are positive")
+        sizes = dict.fromkeys(("pose", "channels", "style", "speakers"), 1)
+        check_least(vars(config) | {"pose": pose, "speakers": speakers}, f"a {type(self).__name__}", sizes)
         style = SpeakerStyle(pose, config.channels, speakers, config.style, freezes=config.id_freezes)
         super().__init__(config, pose=pose, audio=audio, style=style, identity=config.identity, style_first=config.style_first)
 

@@ -81,7 +81,8 @@ class MoGlowConfig(ModelConfig):
     """Steps between those that have that term; ours, as there."""
 
     def __post_init__(self) -> None:
-        check_least(self, "a MoGlow", {"latent_scale": 0, "stroke_timing": 0, "stroke_timing_every": 1})
+        sizes = dict.fromkeys(("steps", "hidden", "layers", "history", "frames", "stroke_timing_every"), 1)
+        check_least(self, "a MoGlow", sizes | dict.fromkeys(("look_ahead", "latent_scale", "stroke_timing"), 0))
 
 
 class MoGlow(Trainable):
@@ -100,8 +101,6 @@ class MoGlow(Trainable):
 
     def __init__(self, config: MoGlowConfig, *, pose: int, audio: int) -> None:
         super().__init__()
-        if min(config.steps, config.hidden, config.layers, config.history, config.frames) < 1 or config.look_ahead < 0:
-            raise InputError(f"a MoGlow of {config}"[:200], "sizes are positive")
         unknown = [name for name in config.controls if name not in CONTROLS]
         if unknown or len({*config.controls}) < len(config.controls):
             raise InputError(

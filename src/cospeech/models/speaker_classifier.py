@@ -17,10 +17,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from ..errors import InputError
 from .nn.configuration import ModelConfig
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
+from .nn.settings import check_least
 from .nn.trainable import Trainable
 
 __all__ = ["SpeakerClassifier", "SpeakerClassifierConfig"]
@@ -64,9 +64,8 @@ class SpeakerClassifier(Trainable):
 
     def __init__(self, config: SpeakerClassifierConfig, *, pose: int, speakers: int) -> None:
         super().__init__()
-        if config.frames < SHORTEST or min(config.channels, pose) < 1 or speakers < 2:
-            problem = f"a classifier of {speakers} speakers by {config}"
-            raise InputError(problem[:200], f"two speakers and {SHORTEST} frames at least, sizes are positive")
+        sizes = {"frames": SHORTEST, "channels": 1, "pose": 1, "speakers": 2}
+        check_least(vars(config) | {"pose": pose, "speakers": speakers}, f"a classifier of {speakers} speakers", sizes)
         self.config, self.pose, self.speakers = config, pose, speakers
         few = config.channels
         widths = (pose, few, 2 * few, 2 * few, 4 * few, 4 * few)

@@ -23,6 +23,7 @@ from .nn.cascade import EMOTIONS
 from .nn.configuration import ModelConfig
 from .nn.gain_augmentation import GainAugmentation
 from .nn.objective import Batch, Objective
+from .nn.settings import check_least
 from .nn.temporal import SLOPE, Memory, SameConv
 from .nn.trainable import Trainable
 
@@ -70,8 +71,10 @@ class SpeechClassifier(Trainable):
 
     def __init__(self, config: SpeechClassifierConfig, *, audio: int, speakers: int, louder: Sequence[float] = ()) -> None:
         super().__init__()
-        if min(config.frames, config.channels, config.kernel, audio, speakers) < 1 or config.kernel % 2 == 0:
-            raise InputError(f"a classifier of {speakers} speakers by {config}"[:200], "sizes are positive, the kernel is odd")
+        sizes = dict.fromkeys(("frames", "channels", "kernel", "audio", "speakers"), 1)
+        check_least(vars(config) | {"audio": audio, "speakers": speakers}, "a speech classifier", sizes)
+        if config.kernel % 2 == 0:
+            raise InputError(f"kernel of a speech classifier is {config.kernel}", "an odd number")
         self.config, self.audio, self.speakers = config, audio, speakers
         widths = (audio, *[config.channels] * _LAYERS)
         self.convs = nn.ModuleList(SameConv(a, b, config.kernel) for a, b in pairwise(widths))

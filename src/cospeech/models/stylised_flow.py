@@ -35,6 +35,7 @@ from .nn.conditioning import GlobalEncoder, drop_history, frame_windows
 from .nn.configuration import SMALL_FLOW, ModelConfig
 from .nn.flow import Flow, RecurrentNet, State
 from .nn.objective import Batch, Objective, StepRandom
+from .nn.settings import check_least
 from .nn.trainable import Trainable
 
 __all__ = ["FlowConfig", "StylisedFlow"]
@@ -109,8 +110,8 @@ class StylisedFlow(Trainable):
 
     def __init__(self, config: FlowConfig, *, pose: int, audio: int, omega: nn.Module | None = None) -> None:
         super().__init__()
-        if min(config.steps, config.hidden, config.layers, config.history, config.frames) < 1 or config.look_ahead < 0:
-            raise InputError(f"a stylised flow of {config}"[:200], "sizes are positive")
+        sizes = dict.fromkeys(("steps", "hidden", "layers", "history", "frames"), 1)
+        check_least(config, "a stylised flow", sizes | {"look_ahead": 0})
         if config.encoder and config.history < SHORTEST:
             raise InputError(f"a history of {config.history} frames", f"{SHORTEST} at least, for the global encoder")
         self.config, self.pose, self.audio = config, pose, audio

@@ -14,14 +14,15 @@ def check_least(config: Any, what: str, low: Mapping[str, float]) -> None:
     """Whether numbers of a network's settings are at least as large as they must be.
 
     Args:
-        config: the settings.
+        config: the settings; or name → value of numbers, such as settings and the width of a pose.
         what: the network, for the message.
         low: field → the least that it may be.
 
     Raises:
         InputError: one is less, or no number.
     """
+    values = config if isinstance(config, Mapping) else vars(config)
     for name, least in low.items():
-        value = vars(config)[name]
+        value = values[name]
         if not value >= least:
             raise InputError(f"{name} of {what} is {value}", f"{least} at least")

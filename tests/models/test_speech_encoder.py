@@ -12,6 +12,8 @@ import pytest
 torch = pytest.importorskip("torch")
 transformers = pytest.importorskip("transformers")
 
+from huggingface_hub.errors import HFValidationError  # noqa: E402
+
 from cospeech.audio.speech import Speech  # noqa: E402
 from cospeech.corpora.beat import read as beat  # noqa: E402
 from cospeech.corpora.clip import Clip  # noqa: E402
@@ -206,6 +208,26 @@ def test_a_wrong_model_is_told_before_anything_is_read(raw, tmp_path, monkeypatc
     with pytest.raises(InputError, match="cannot load wav2vec"):
         prepare("beat", raw, tmp_path / "store", wav2vec=str(tmp_path / "none"))
     assert not (tmp_path / "store").exists()
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        (OSError("[Errno -2] Name or service not known"), "it is no folder, not downloaded yet, and Hugging Face's hub cannot"),
+        (HFValidationError("Repo id must use alphanumeric chars"), "it is no folder, and no model on Hugging Face's hub"),
+    ],
+)
+def test_a_name_that_cannot_be_fetched_is_told_after_one_question(monkeypatch, answer, said):
+    asked: list[str] = []
+
+    def answer_once(name: str, **_: object) -> None:
+        asked.append(name)
+        raise answer
+
+    monkeypatch.setattr("huggingface_hub.model_info", answer_once)
+    with pytest.raises(InputError, match=rf"^cannot load wav2vec 2\.0 from 'nosuch': {said}.* \(a folder with config\.json"):
+        load_cnn("nosuch")
+    assert asked == ["nosuch"]
 
 
 TINY = {"latent": 8, "hidden": 8, "layers": 1, "reduction": 4, "word_width": 5, "text_channels": 6, "classifier_channels": 6}

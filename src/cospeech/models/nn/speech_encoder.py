@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
+from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,6 +33,8 @@ _TINY = 1e-7  # as transformers' Wav2Vec2FeatureExtractor has it: silence stays 
 _PIECE = 500  # features; ours: ten seconds at a time, 60 MB of the first layer's
 _UNUSED = "masked_spec_embed"  # stands for masked features, of which there are none here
 _LARGEST = 65504.0  # of float16
+_PATIENCE = 10.0  # seconds; ours: so long the hub may take to answer
+_HINT = "a folder with config.json and model.safetensors, or a name such as facebook/wav2vec2-base-960h"
 
 
 class Wav2VecCnn(nn.Module):
@@ -171,26 +175,58 @@ def load_transformer(name: str) -> Wav2VecTransformer:
 def _load_wav2vec(name: str) -> Any:
     """transformers' ``Wav2Vec2Model`` with all of its weights."""
     try:
-        from transformers import AutoConfig, Wav2Vec2Model
+        import transformers  # noqa: F401  # is it there?
     except ImportError:
         raise InputError("wav2vec 2.0 needs transformers", describe_extra("wav2vec")) from None
-    hint = "a folder with config.json and model.safetensors, or a name such as facebook/wav2vec2-base-960h"
     try:
         with _quiet():
-            config = AutoConfig.from_pretrained(name)
-            if config.model_type != "wav2vec2" or config.add_adapter:
-                raise InputError(f"{name!r} is a {config.model_type} model", "only wav2vec2 without an adapter is supported")
-            loaded: Any = Wav2Vec2Model.from_pretrained(name, config=config, output_loading_info=True)
-            model, found = loaded
+            try:
+                model, found = _read_wav2vec(name, local=True)
+            except OSError:  # it is no folder, and not all of it is in the hub's cache
+                if Path(name).is_dir():
+                    raise
+                _check_hub(name)
+                model, found = _read_wav2vec(name, local=False)
     except InputError:
         raise
     except Exception as error:  # whatever transformers, its hub and its readers raise
-        text = " ".join(str(error).split())[:160]
-        raise InputError(f"cannot load wav2vec 2.0 from {name!r}: {text}", hint) from None
+        raise InputError(f"cannot load wav2vec 2.0 from {name!r}: {shorten(str(error), 160)}", _HINT) from None
     missing = [key for key in (*found["missing_keys"], *found["mismatched_keys"]) if key != _UNUSED]
     if missing:
-        raise InputError(f"{name!r} has not all weights of wav2vec 2.0: {missing[0]} is missing", hint)
+        raise InputError(f"{name!r} has not all weights of wav2vec 2.0: {missing[0]} is missing", _HINT)
     return model.float()
+
+
+def _read_wav2vec(name: str, *, local: bool) -> tuple[Any, dict[str, Any]]:
+    """transformers' ``Wav2Vec2Model``, and what it says of the weights; ``local``: without asking the hub."""
+    from transformers import AutoConfig
+
+    config = AutoConfig.from_pretrained(name, local_files_only=local)
+    if config.model_type != "wav2vec2" or config.add_adapter:
+        raise InputError(f"{name!r} is a {config.model_type} model", "only wav2vec2 without an adapter is supported")
+    from transformers import Wav2Vec2Model  # takes seconds: not before it is known that there is something to read
+
+    loaded: Any = Wav2Vec2Model.from_pretrained(name, config=config, output_loading_info=True, local_files_only=local)
+    model, found = loaded
+    return model, found
+
+
+def _check_hub(name: str) -> None:
+    """Ask the hub once for a model: transformers would ask six times, and wait 23 s in between.
+
+    Raises:
+        InputError: the hub has none of that name, or does not answer.
+    """
+    from huggingface_hub import model_info
+    from huggingface_hub.errors import HFValidationError, RepositoryNotFoundError
+
+    problem = f"cannot load wav2vec 2.0 from {name!r}: it is no folder"
+    try:
+        model_info(name, timeout=_PATIENCE)
+    except (HFValidationError, RepositoryNotFoundError):
+        raise InputError(f"{problem}, and no model on Hugging Face's hub", _HINT) from None
+    except Exception:  # of whatever library the hub's client uses for HTTP
+        raise InputError(f"{problem}, not downloaded yet, and Hugging Face's hub cannot be reached", _HINT) from None
 
 
 @contextmanager

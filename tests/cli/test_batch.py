@@ -127,6 +127,8 @@ BAD = [
     ("evaluate --table flow-1 --corpus x --figure a.gif", "ends in .png"),
     ("evaluate --table flow-1 --corpus x --figure nowhere/a.png", "'nowhere/a.png': No such file"),
     ("evaluate rules --corpus x --seed-frames -1", "value for '--seed-frames'"),
+    ("prepare folder rec rec", "the store 'rec' is the folder of the corpus"),
+    ("prepare folder rec rec/me/s", "the store 'rec/me/s' lies in the folder of the corpus 'rec'"),
     ("prepare folder rec s --scheduler tcp://x:1", "for the backend 'loky'"),
 ]  # fmt: skip
 

@@ -107,10 +107,12 @@ def test_the_store_holds_what_the_reader_reads(raw, made):
 
 def test_what_is_cut_or_too_short_is_told(tmp_path):
     """Sound and motion of different lengths, a rest pose of one frame, and a difference that is too small to tell."""
+    raw = tmp_path / "raw"
+    raw.mkdir()
     for name, sound, motion in [("long", 4.0, 3.0), ("brief", 3.0, 4.5), ("same", 3.0, 3.2), ("rest", 3.0, 1 / 30)]:
-        soundfile.write(tmp_path / f"{name}.wav", voice(sound).samples, 16_000)
-        moving("humanoid", motion, 30.0).save(tmp_path / f"{name}.bvh")
-    report = prepare("folder", tmp_path, tmp_path / "store", fps=30.0)
+        soundfile.write(raw / f"{name}.wav", voice(sound).samples, 16_000)
+        moving("humanoid", motion, 30.0).save(raw / f"{name}.bvh")
+    report = prepare("folder", raw, tmp_path / "store", fps=30.0)
     assert [entry.name for entry in Store(tmp_path / "store").clips] == ["brief", "long", "same"]
     rows = {row["name"]: row for row in report.dropped}
     assert rows.keys() == {"brief", "long", "rest"}
@@ -146,31 +148,35 @@ def nameless(tmp_path):
     return write
 
 
-def test_a_note_on_several_files_is_given_once(nameless):
+def test_a_note_on_several_files_is_given_once(nameless, tmp_path_factory):
     raw = nameless(tuple(f"n{k:02d}" for k in range(len(find_skeleton("humanoid")))))
     with pytest.warns(CospeechWarning) as told:
-        prepare("folder", raw, raw / "store")
+        prepare("folder", raw, tmp_path_factory.mktemp("made") / "store")
     (note,) = [str(warning.message) for warning in told]
     assert note.startswith("'take0.bvh' and 2 more: the names of the joints say nothing")
     assert "--map of generate, convert and render" in note
 
 
 def test_an_empty_store_names_the_most_frequent_reason(tmp_path):
-    soundfile.write(tmp_path / "a.wav", voice(2.0).samples, 16_000)
-    (tmp_path / "a.bvh").write_text("no BVH")
+    raw = tmp_path / "raw"
+    raw.mkdir()
+    soundfile.write(raw / "a.wav", voice(2.0).samples, 16_000)
+    (raw / "a.bvh").write_text("no BVH")
     for name in "bcd":
-        soundfile.write(tmp_path / f"{name}.wav", voice(2.0).samples, 16_000)
+        soundfile.write(raw / f"{name}.wav", voice(2.0).samples, 16_000)
     with pytest.raises(InputError, match=r"3 of 4 for this reason; the first: b: 'b' has no motion"):
-        prepare("folder", tmp_path, tmp_path / "store")
+        prepare("folder", raw, tmp_path / "store")
 
 
 def test_a_skeleton_that_is_not_recognised_says_what_mends_it(tmp_path):
     chain = Skeleton(("a", "b", "c"), (-1, 0, 1), np.array([[0, 1.0, 0], [0, 0.1, 0], [0, 0.1, 0]]))
     rotations = np.tile([0.0, 0, 0, 1], (60, 3, 1))
-    Motion(30.0, rotations, np.zeros((60, 3)), skeleton=chain).save(tmp_path / "a.bvh")
-    soundfile.write(tmp_path / "a.wav", voice(2.0).samples, 16_000)
+    raw = tmp_path / "raw"
+    raw.mkdir()
+    Motion(30.0, rotations, np.zeros((60, 3)), skeleton=chain).save(raw / "a.bvh")
+    soundfile.write(raw / "a.wav", voice(2.0).samples, 16_000)
     with pytest.raises(InputError, match=r"cannot find .*cospeech convert FILE NEW.bvh --map names.toml") as caught:
-        prepare("folder", tmp_path, tmp_path / "store")
+        prepare("folder", raw, tmp_path / "store")
     assert "--map file.toml" not in str(caught.value)
 
 
@@ -449,6 +455,18 @@ def test_a_wrong_folder_leaves_nothing(tmp_path, corpus):
     with pytest.raises(InputError):
         prepare(corpus, tmp_path / "wrong", tmp_path / "there")
     assert [path.name for path in (tmp_path / "there").iterdir()] == ["mine.txt"]
+
+
+@pytest.mark.parametrize("corpus", sorted(DEFAULT_POSES))
+@pytest.mark.parametrize("where", [".", "store", "deeper/store", "other/../store", "link/store"])
+def test_a_store_does_not_lie_in_the_folder_of_the_corpus(tmp_path, corpus, where):
+    raw = tmp_path / "raw"
+    (raw / "other").mkdir(parents=True)
+    (raw / "link").symlink_to(raw / "other")
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(InputError, match=r"the store '.*' (is|lies in) the folder of the corpus.* \(name a folder outside it"):
+        prepare(corpus, raw, raw / where, overwrite=True, wav2vec="nosuch")
+    assert sorted(tmp_path.rglob("*")) == before
 
 
 def test_a_corpus_of_which_nothing_is_left_leaves_nothing(tmp_path):

@@ -15,7 +15,7 @@ __all__ = ["register"]
 
 Corpus = Annotated[str, Argument(metavar="CORPUS", help="A name that `cospeech list corpora` prints.")]
 Raw = Annotated[Path, Argument(metavar="RAW", help="Folder of the corpus, as its authors publish it.")]
-Store = Annotated[Path, Argument(metavar="STORE", help="Folder of the new store.")]
+Store = Annotated[Path, Argument(metavar="STORE", help="Folder of the new store, outside RAW.")]
 New = Annotated[Path, Argument(metavar="RAW", help="Folder of the new corpus.")]
 Pose = Annotated[
     str | None, Option("--pose", metavar="NAME", help="Pose representation. The default is that of the corpus's papers.")

@@ -74,7 +74,7 @@ def prepare(
     Args:
         corpus: a name of `CORPORA`.
         raw: its folder, as it unpacks.
-        store: the folder to be.
+        store: the folder to be; not within ``raw``.
         pose: a name of `cospeech.motion.poses.POSES`; that of the corpus's papers where not given.
         fps: frames per second; those of the representation where not given.
         filters: leave out what the papers do (`FILTERS`).
@@ -95,10 +95,13 @@ def prepare(
         The report; it is also in ``report.json``.
 
     Raises:
-        InputError: an unknown name, an option out of range, a folder that cannot be read or written, or nothing left.
+        InputError: an unknown name, an option out of range, a folder that cannot be read or written, a store within ``raw``, or
+            nothing left.
     """
     if corpus not in CORPORA:
         raise InputError(f"no corpus is called {corpus!r}", nearest(corpus, CORPORA))
+    target = Path(store)
+    _check_apart(target, raw)
     chosen = find_pose(pose or DEFAULT_POSES[corpus])
     rate = chosen.fps if fps is None else fps
     if not 1 <= rate <= 240:
@@ -113,7 +116,6 @@ def prepare(
         raise InputError(f"a scheduler {scheduler!r} for the backend {backend!r}", "it is for --backend dask")
     if wav2vec is not None:
         wav2vec_names(wav2vec)  # so that it is told now, not once per clip
-    target = Path(store)
     if (target / "index.json").exists() and not overwrite:
         raise InputError(f"there is a store in {str(target)!r} already", "--overwrite replaces it")
     read = import_module(CORPORA[corpus].module).read
@@ -126,6 +128,14 @@ def prepare(
         with _workers(jobs, backend, scheduler) as (run, together):
             made = _make_parts(tasks, plan, run, together, progress)
         return _assemble(target, made, plan, dropped)
+
+
+def _check_apart(target: Path, raw: str | PathLike[str]) -> None:
+    """Raise an InputError where the store would lie in the folder of the corpus, where a reader would find its files."""
+    folder, source = target.resolve(), Path(raw).resolve()
+    if folder == source or source in folder.parents:
+        where = "is the folder of the corpus" if folder == source else f"lies in the folder of the corpus {str(raw)!r}"
+        raise InputError(f"the store {str(target)!r} {where}", "name a folder outside it, such as stores/NAME")
 
 
 def _changes(mirror: bool, speeds: Sequence[float], pitches: Sequence[float]) -> list[Change]:

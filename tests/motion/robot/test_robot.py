@@ -235,6 +235,25 @@ def test_joints_of_a_urdf(urdf):
     assert arm.upper == pytest.approx(2 * np.pi)
 
 
+def test_soft_limits_that_are_narrower_hold(tmp_path):
+    def limits(soft: str, kind: str = "revolute") -> tuple[float, float]:
+        inner = f'<limit lower="-1" upper="1" velocity="2"/><safety_controller k_velocity="1" {soft}/>'
+        (tmp_path / "r.urdf").write_text(f'<robot><joint name="HeadYaw" type="{kind}">{inner}</joint></robot>')
+        (joint,) = read_urdf(tmp_path / "r.urdf")
+        return joint.lower, joint.upper
+
+    assert limits('soft_lower_limit="-0.4" soft_upper_limit="0.3"') == (-0.4, 0.3)
+    assert limits('soft_lower_limit="-4" soft_upper_limit="0.5"') == (-1, 0.5)
+    assert limits("") == (-1, 1)
+    assert limits('soft_lower_limit="-0.5"', "continuous")[0] == -0.5
+    with pytest.raises(InputError, match="the URDF says soft_upper_limit='x' of joint 'HeadYaw'"):
+        limits('soft_upper_limit="x"')
+    limits('soft_lower_limit="-0.2" soft_upper_limit="0.1"')
+    motion = still(100)
+    motion.rotations[:, JOINT["head"]] = rotvec_to_quat(np.array([0, 0.9, 0]))
+    assert robot_trajectory(motion, read_urdf(tmp_path / "r.urdf")).max() <= 0.1
+
+
 def test_a_map_adds_to_the_names_and_takes_joints_out(urdf):
     assert [joint.name for joint in read_urdf(urdf, {"arm": "left_elbow"})] == ["LShoulderPitch", "arm"]
     assert [joint.name for joint in read_urdf(urdf, {"arm": "left_elbow", "LShoulderPitch": ""})] == ["arm"]

@@ -127,20 +127,32 @@ def _parse_channel(name: str, what: str) -> tuple[str, float, float]:
 
 
 def _read_limits(name: str, element: ElementTree.Element) -> tuple[float, float, float]:
-    """Lower, upper and velocity."""
-    limit, found = element.find("limit"), []
+    """Lower, upper and velocity: the narrower of hard and soft limits."""
+    limit, soft = element.find("limit"), element.find("safety_controller")
+    turns_without_end = element.get("type") == "continuous"
+    found = dict[str, float]()
     for key in ("lower", "upper", "velocity"):
-        text = None if limit is None else limit.get(key)
-        if element.get("type") == "continuous" and key != "velocity":
-            text = str({"lower": -2 * np.pi, "upper": 2 * np.pi}[key])
-        elif text is None:
+        if turns_without_end and key != "velocity":
+            found[key] = {"lower": -2 * np.pi, "upper": 2 * np.pi}[key]
+        elif limit is None or limit.get(key) is None:
             raise InputError(
                 f"joint {name!r} has no limits: {key} is missing", "a URDF says <limit lower=… upper=… velocity=…/>"
             )
-        try:
-            found.append(float(text))
-        except ValueError:
-            raise InputError(
-                f"the URDF says {key}={text[:40]!r} of joint {name!r}", "a number; xacro fills in what stands in ${…}"
-            ) from None
-    return found[0], found[1], found[2]
+        else:
+            found[key] = _read_number(name, limit, key)
+    for key, narrower in (("lower", max), ("upper", min)):
+        if soft is not None and soft.get(f"soft_{key}_limit") is not None:
+            found[key] = narrower(found[key], _read_number(name, soft, f"soft_{key}_limit"))
+    return found["lower"], found["upper"], found["velocity"]
+
+
+def _read_number(name: str, element: ElementTree.Element, key: str) -> float:
+    text = element.get(key, "")
+    try:
+        number = float(text)
+    except ValueError:
+        number = float("nan")
+    if np.isnan(number):
+        hint = "a number; xacro fills in what stands in ${…}"
+        raise InputError(f"the URDF says {key}={text[:40]!r} of joint {name!r}", hint)
+    return number

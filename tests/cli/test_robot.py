@@ -60,6 +60,20 @@ def test_joints_of_a_urdf_that_are_not_recognised_are_told(cli, place):
     assert "not moved: arm (--map" in err
 
 
+def test_joints_that_follow_another_are_told(cli, place):
+    ends = '<limit lower="0" upper="0.8" velocity="2"/></joint>'
+    inner = f'<joint name="gripper" type="revolute">{ends}'
+    for finger in ("finger_1", "finger_2"):
+        inner += f'<joint name="{finger}" type="revolute"><mimic joint="gripper" multiplier="-1"/>{ends}'
+    (place / "claw.urdf").write_text(f"<robot>{inner}</robot>")
+    (place / "claw.toml").write_text('[joints]\ngripper = "left_hand"\n')
+    code, out, err = cli("robot", "talk.bvh", "talk.csv", "--robot", "claw.urdf", "--map", "claw.toml")
+    assert (code, err.splitlines()[0]) == (0, "follows gripper: finger_1, finger_2")
+    assert "for 1 joint at" in out
+    assert "not moved" not in err
+    assert (place / "talk.csv").read_text().splitlines()[0] == "time,gripper"
+
+
 def test_after_the_speech_the_arms_come_down(cli, place):
     import numpy as np
     import soundfile

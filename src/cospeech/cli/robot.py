@@ -145,8 +145,11 @@ def _tell_what_stays(
     robot: str, name: str, channels: Mapping[str, str], joints: Sequence[RobotJoint], commands: Array, outside: Sequence[str]
 ) -> None:
     """On standard error: joints that do not move, and why."""
-    from ..motion.robot import list_joints
+    from ..motion.robot import list_followers, list_joints
 
+    followers = list_followers(robot) if _is_urdf(robot) else {}
+    for leader in dict.fromkeys(followers.values()):
+        typer.echo(f"follows {leader}: {', '.join(name for name in followers if followers[name] == leader)}", err=True)
     left_out = {joint for joint, what in channels.items() if not what}
     others = set(list_joints(robot)) - {joint.name for joint in joints} - left_out if _is_urdf(robot) else set()
     if others:

@@ -19,6 +19,7 @@ from cospeech.motion.robot import (
     RobotJoint,
     RobotStream,
     find_robot,
+    list_followers,
     list_joints,
     narrow_joints,
     read_urdf,
@@ -321,6 +322,20 @@ def test_a_gripper_closes_at_one_limit_and_opens_at_the_other(tmp_path):
     nao = narrow_joints(find_robot("nao"), {"LHand": {"lower": 0.2}})
     hand = robot_trajectory(opening(200), nao)[:, [joint.name for joint in nao].index("LHand")]
     assert hand[[0, -1]] == pytest.approx([0.2, 1], abs=1e-3)
+
+
+def test_a_joint_that_mimics_another_gets_no_commands(tmp_path):
+    ends = '<limit lower="0" upper="1" velocity="2"/></joint>'
+    follower = f'<joint name="RHand" type="prismatic"><mimic joint="LHand" multiplier="-1" offset="0.1"/>{ends}'
+    (tmp_path / "r.urdf").write_text(f'<robot><joint name="LHand" type="revolute">{ends}{follower}</robot>')
+    assert [joint.name for joint in read_urdf(tmp_path / "r.urdf")] == ["LHand"]
+    assert list_joints(tmp_path / "r.urdf") == ("LHand",)
+    assert list_followers(tmp_path / "r.urdf") == {"RHand": "LHand"}
+    with pytest.raises(InputError, match=r"joint 'RHand' of .* follows 'LHand' and takes nothing"):
+        read_urdf(tmp_path / "r.urdf", {"RHand": "right_hand"})
+    (tmp_path / "r.urdf").write_text("<robot>" + follower.replace('joint="LHand"', "") + "</robot>")
+    with pytest.raises(InputError, match="mimics a joint that has no name"):
+        list_joints(tmp_path / "r.urdf")
 
 
 @pytest.mark.parametrize(

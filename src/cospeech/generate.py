@@ -25,7 +25,7 @@ from .audio.speech import Speech, Word, count_frames, open_speech
 from .audio.speech_chunks import speech_chunks
 from .errors import CospeechWarning, InputError
 from .export import FORMATS, Writer, check_parts, format_of, open_writer
-from .export.checks import File, check_apart, check_avatar, check_files, check_map, check_skeleton
+from .export.checks import File, check_apart, check_avatar, check_files, check_map, check_skeleton, note_idle_gain
 from .export.target_skeleton import rig_files
 from .files import all_or_none
 from .models import DEFAULT, PARTS, GenerationSession, Model, PlannedSession
@@ -356,6 +356,6 @@ def _check_files(
     if bones:
         check_map(bones, {} if target is None else {str(skeleton): target}, worn)
     shown = {part for suffix in suffixes for part in FORMATS[suffix].holds} & {*options.parts}
-    if known and "face" not in shown and options.face_gain not in (1.0, "1"):
-        warnings.warn("face_gain changes nothing: no face is made, or no file holds one", CospeechWarning, stacklevel=3)
+    if known:
+        note_idle_gain(options.face_gain, shown, "no face is made, or no file holds one")
     return target, worn

@@ -98,6 +98,10 @@ def test_standard_input_without_sound_is_told():
         (["-i", "-", "--control", "http://x"], "cannot hear messages from 'http://x'"),
         (["-i", "-", "--control", "vmc://"], "cannot hear messages from 'vmc://'"),
         (["-i", "-", "--idle-after", "0"], "error: --idle-after is 0.0 (seconds, the latency of 1.62"),
+        (["-i", "talk.wav", "--rate", "16000"], "--rate beside a sound file (it would change nothing; leave it out)"),
+        (["-i", "talk.wav", "--samples", "f32"], "--samples beside a sound file"),
+        (["-i", "-", "--avatar", "no.vrm", "--to", "livelink://127.0.0.1"], "--avatar without a vmc:// receiver (it would ch"),
+        (["-i", "-", "--to", "vmc://127.0.0.1", "--to", "vmc://127.0.0.1"], "--to 'vmc://127.0.0.1' is given twice"),
         (["-i", "-", "--to", "vmc://"], "write vmc://127.0.0.1:39539"),
     ],
 )
@@ -107,6 +111,11 @@ def test_what_cannot_be_streamed_is_one_line(cli, arguments, what):
     assert what in err
     assert err.count("\n") == 1
     assert err.startswith("error: ")
+
+
+def test_a_gain_of_no_face_is_told(cli):
+    _, _, err = cli("stream", "--quiet", "-i", "nowhere.wav", "--parts", "hands", "--face-gain", "1.5")
+    assert err.startswith("note: face_gain changes nothing: no face is made\n")
 
 
 @pytest.mark.slow

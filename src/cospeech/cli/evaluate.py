@@ -12,7 +12,7 @@ from typer import Argument, Option
 
 from ..errors import InputError
 from ..files import atomic
-from .options import Debug
+from .options import Debug, check_idle
 
 __all__ = ["register"]
 
@@ -162,11 +162,10 @@ def _check_options(context: typer.Context, table: str | None, systems: list[str]
     """
     if table is not None and systems:
         raise InputError(f"system {systems[0]!r} beside --table", "leave it out: the table has its own rows")
-    idle = _OF_TABLES if table is None else _OF_CONTESTS
-    for option in context.command.params:
-        if option.name in idle and str(context.get_parameter_source(option.name)).endswith("COMMANDLINE"):
-            where = "without --table, to which it belongs" if table is None else "beside --table, which sets this itself"
-            raise InputError(f"{option.opts[0]} {where}", "it would change nothing; leave it out")
+    if table is None:
+        check_idle(context, _OF_TABLES, "without --table, to which it belongs")
+    else:
+        check_idle(context, _OF_CONTESTS, "beside --table, which sets this itself")
 
 
 def _show(data: str, text: str, out: Path | None, as_json: bool) -> None:

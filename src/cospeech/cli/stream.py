@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -24,6 +24,7 @@ from .options import (
     Seed,
     Style,
     Temperature,
+    check_idle,
     number,
     option,
     whole,
@@ -118,6 +119,7 @@ def register(app: typer.Typer) -> None:
 
 
 def stream(
+    context: typer.Context,
     source: Source = "mic",
     to: Targets = ["-"],  # noqa: B006  typer reads it, and nobody changes it
     model: Model = DEFAULT,
@@ -159,6 +161,7 @@ def stream(
     bones = _read_map(names, avatar)
     tell = _say_nothing if quiet else _tell
     wanted = tuple(part.strip() for part in parts.split(","))
+    _check_options(context, source, to, wanted, face_gain)
     try:
         session = open_live_session(
             model, style=style, emotion=emotion, seed=seed, temperature=temperature, intensity=intensity, parts=wanted,
@@ -184,6 +187,25 @@ def stream(
         _play_to_the_end(session, pieces, partial(controls.steer, session), pacer, tell)
     if any(outlet.dropped for outlet in outlets) and not any(outlet.sent for outlet in outlets):
         raise InternalError("no receiver got a frame", "are the addresses right, and do the receivers run?")
+
+
+def _check_options(context: typer.Context, source: str, to: Sequence[str], parts: Sequence[str], face_gain: str) -> None:
+    """No receiver is named twice, and no option is given that would change nothing; a gain of no face is a note.
+
+    Raises:
+        InputError: one is.
+    """
+    from ..export.checks import note_idle_gain
+    from ..export.live.addresses import scheme_of
+
+    twice = next((address for address in to if to.count(address) > 1), None)
+    if twice is not None:
+        raise InputError(f"--to {twice!r} is given twice", "name each receiver once")
+    if not any(scheme_of(address) == "vmc" for address in to):
+        check_idle(context, ("avatar",), "without a vmc:// receiver")
+    if not is_live(source):
+        check_idle(context, ("rate", "samples"), "beside a sound file")
+    note_idle_gain(face_gain, parts, "no face is made")
 
 
 def _read_map(names: Path | None, avatar: Path | None) -> dict[str, str] | None:

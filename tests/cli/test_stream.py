@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -157,6 +158,42 @@ def test_when_the_sound_is_over_the_hands_come_to_rest(tmp_path):
     assert hands[:90].max() > 1.05
     assert hands[-1].max() < 0.95
     assert max(frame["face"][ARKIT_INDEX["jawOpen"]] for frame in frames[-30:]) < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("more", [[], ["--unpaced"]])
+def test_a_reader_that_leaves_ends_the_stream(more):
+    command = [*COMMAND, "-i", str(example()[0]), "--to", "-", "--fps", "30", "--quiet", *more]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert json.loads(process.stdout.readline())["type"] == "start"
+        process.stdout.close()
+        left = time.monotonic()
+        assert process.stderr.read() == b""
+        assert process.wait(10) == 0
+        assert time.monotonic() - left < 5  # the sound is 19 s long
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+def test_lines_that_cannot_be_written_end_the_stream():
+    command = [*COMMAND, "-i", str(example()[0]), "--to", "-", "--fps", "30", "--quiet"]
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=15)
+    assert (done.returncode, done.stderr.count(b"\n")) == (1, 1)
+    assert done.stderr.startswith(b"error: No space left on device")
+
+
+@pytest.mark.slow
+def test_stopped_together_with_its_reader_it_was_interrupted():
+    command = [*COMMAND, "-i", str(example()[0]), "--to", "-", "--fps", "30", "--quiet"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, preexec_fn=heed(signal.SIGINT), **pipes) as process:
+        for _ in range(20):
+            process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        process.stdout.close()
+        assert process.stderr.read() == b"interrupted\n"
+        assert process.wait(10) == 130
 
 
 @pytest.mark.slow

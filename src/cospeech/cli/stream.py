@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -232,8 +232,20 @@ def _open_outlets(
     stack.callback(tell_counts)
     for address in addresses:
         outlets.append(open_outlet(address, settings, tell))
-        stack.callback(outlets[-1].close)
+        stack.enter_context(_close_at_the_end(outlets[-1]))
     return outlets
+
+
+@contextmanager
+def _close_at_the_end(outlet: Outlet) -> Iterator[None]:
+    """An error of the receiver does not take the place of another one, or of Ctrl-C."""
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            outlet.close()
+        raise
+    outlet.close()
 
 
 def _shut_mouth(session: LiveSession, pacer: FramePacer) -> bool:
@@ -262,16 +274,19 @@ def _play_to_the_end(
     tell: Callable[[str], None],
 ) -> None:  # fmt: skip
     """Play until the sound is over or somebody stops the program, and tell how evenly the frames left."""
-    over = False
     try:
         _play(session, pieces, steer, pacer)
-        over = True
     except (KeyboardInterrupt, SystemExit, Exception):  # SystemExit: SIGTERM; an exception: of a microphone that is pulled out
         over = pacer.paced and _shut_mouth(session, pacer)
+        with suppress(OSError):  # of a receiver: what stopped the program is told
+            _end(pacer, tell, drop=not over)
         raise
-    finally:
-        pace = pacer.close(drop=not over)
-        tell(f"{pace.frames} frames, {pace.late} late (the latest by {pace.worst * 1e3:.0f} ms)")
+    _end(pacer, tell, drop=False)
+
+
+def _end(pacer: FramePacer, tell: Callable[[str], None], *, drop: bool) -> None:
+    pace = pacer.close(drop=drop)
+    tell(f"{pace.frames} frames, {pace.late} late (the latest by {pace.worst * 1e3:.0f} ms)")
 
 
 def _play(session: LiveSession, pieces: Iterable[Speech], steer: Callable[[Speech], Speech], pacer: FramePacer) -> None:

@@ -245,8 +245,9 @@ def _usage_error(error: typer.TyperException) -> InputError:
     what, _, rest = error.format_message().replace("\n", " ").strip().partition(". ")
     if not rest and what.endswith(")") and " (" in what:
         what, _, rest = what[:-1].partition(" (")
-    context = getattr(error, "ctx", None)
-    command = context.command_path if context else "cospeech"
+    context = getattr(error, "ctx", None)  # an option without its value has none
+    typed = [word for word in sys.argv[1:2] if word in typer.main.get_group(app).commands]
+    command = context.command_path if context else " ".join(["cospeech", *typed])
     hint = rest.strip().rstrip(".") or f"see `{command} --help`"
     return InputError(what[:1].lower() + what[1:].rstrip("."), hint[:1].lower() + hint[1:])
 

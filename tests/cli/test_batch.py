@@ -303,6 +303,28 @@ def test_edits_of_the_command_line(cli, place):
         assert not Path("x.bvh").exists()
 
 
+def test_gestures_of_the_plan_that_a_command_makes_can_be_named(cli, place):
+    from cospeech.cli.demo import EXAMPLE
+
+    words = EXAMPLE.with_suffix(".TextGrid")
+    options = [EXAMPLE, "--transcript", words, "--seed", "3", "--style", "lively", "--tail", "1", "--fps", "10", "-q"]
+    assert cli("generate", *options, "-o", "a.bvh", "--plan-out", "plan.json") == (0, "", "")
+    ids = [row["id"] for row in json.loads(Path("plan.json").read_text())["gestures"]]
+    edits = ["--remove", "@2.4", "--remove", ids[-1], "--move", f"{ids[3]}@6"]
+    assert cli("generate", *options, "-o", "b.bvh", *edits) == (0, "", "")
+    own = [EXAMPLE, "--tail", "1", "--fps", "10", "-q"]
+    assert cli("generate", *own, "-o", "c.bvh", "--plan", "plan.json", *edits) == (0, "", "")
+    assert Path("b.bvh").read_bytes() == Path("c.bvh").read_bytes() != Path("a.bvh").read_bytes()
+    for more, said in (
+        (["--remove", "g999"], "--remove g999: no gesture of the plan is called 'g999' (did you mean"),
+        (["--remove", "g3", "--transcribe"], "(pass --plan plan.json, which --plan-out plan.json writes)"),
+        (["--remove", "g3", "--model", "chain-of-generation"], "chain-of-generation lists no gestures to remove or to move"),
+    ):
+        code, _, err = cli("generate", *own, "-o", "x.bvh", *more)
+        assert code == 2
+        assert said in err
+
+
 def test_a_video_beside_a_sound_of_its_name_is_no_second_speech(cli, place):
     for name in ("rec/me/a.mp4", "rec/me/b.webm"):  # never opened
         Path(name).write_bytes(b"\0\0\0\x20ftypisom")

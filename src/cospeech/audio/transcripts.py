@@ -27,7 +27,7 @@ from .speech import Word
 if TYPE_CHECKING:
     from .speech import Speech, SpeechSource
 
-__all__ = ["align", "load_spoken", "load_words", "settle"]
+__all__ = ["align", "load_speech_words", "load_words", "settle"]
 
 Entry = tuple[str, float, float]  # text, start, end
 
@@ -78,7 +78,7 @@ def load_words(
         raise InputError(problem, error.hint) from None
 
 
-def load_spoken(
+def load_speech_words(
     path: str | PathLike[str], *, speech: Speech | SpeechSource, speech_seconds: float | None = None
 ) -> tuple[Word, ...]:
     """The words of a speech: as `load_words`, and there is one at least.

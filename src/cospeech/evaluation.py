@@ -126,6 +126,7 @@ def evaluate_store(
             hint = f"models: {', '.join(MODELS)}; NAME.cospeech; the folder of a run"
             raise InputError(f"{target!r} is no folder of motions and no model", hint)
     clips = load_stored_clips(store, split=split, raw=raw)
+    _check_seed_frames(seed_frames, clips)
     tools = feature_tools(features, clips)
     systems: dict[str, Any] = {
         name: target if isinstance(target, str) and not plays(target) else play(target, clips, takes=takes, seed=seed)
@@ -198,6 +199,7 @@ def evaluate_clips(
     both = sorted(set(systems) & set(CONTROLS))
     if not chosen or both:
         raise InputError(f"a system called {both[0]!r}" if both else "no metrics", f"known: {', '.join(METRICS)}")
+    _check_seed_frames(seed_frames, reference)
     track = any("track" in measure.about.needs for measure in chosen.values())
     truth = [sample_of(clip, track=track) for clip in reference]
     rows = {name: _system(motions, reference, seed_frames, track) for name, motions in systems.items()}
@@ -217,6 +219,14 @@ def evaluate_clips(
     assert tools.features is not None
     about = f"{len(reference)} clips, {minutes:.1f} min; features: {tools.features.name}"
     return Table(tuple(rows), tuple(chosen), cells, why, {c: f for c, f in faults.items() if f}, about, len(reference))
+
+
+def _check_seed_frames(seed_frames: int, clips: Sequence[Clip]) -> None:
+    """Raise an InputError where the seed frames are fewer than none, or leave nothing of any clip to be judged."""
+    bodies = [clip.motion if clip.motion is not None else clip.points for clip in clips]
+    longest = max((len(body) for body in bodies if body is not None), default=0)
+    if seed_frames < 0 or 0 < longest <= seed_frames:
+        raise InputError(f"{seed_frames} seed frames", f"0 … {max(longest - 1, 0)}: the longest clip has {longest} frames")
 
 
 def _fit(body: Motion | Points, clip: Clip) -> Clip:

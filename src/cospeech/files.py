@@ -35,8 +35,8 @@ except ImportError:  # Windows: a folder's age tells alone
     fcntl = None  # type: ignore[assignment]
 
 __all__ = [
-    "ABANDONED", "PREFIX", "all_or_none", "atomic", "describe_os_error", "open_regular", "parse_json", "parse_toml",
-    "read_regular", "regular_file", "scratch", "sweep", "workplace",
+    "ABANDONED", "PREFIX", "all_or_none", "atomic", "check_destination", "describe_os_error", "open_regular", "parse_json",
+    "parse_toml", "read_regular", "regular_file", "scratch", "sweep", "workplace",
 ]  # fmt: skip
 
 PREFIX = ".cospeech-"
@@ -189,6 +189,16 @@ def _destination(path: str | PathLike[str]) -> Path:
     if not mode & _MAY_WRITE:  # a rename would not ask; the bits count for root, too, who could write
         raise InputError(f"cannot write {shown!r}: the file is read-only", "name another file, or make this one writable")
     return Path(os.path.realpath(shown))
+
+
+def check_destination(path: str | PathLike[str]) -> None:
+    """Whether a file can be written there, before there is one: `atomic` would find out when the work is done.
+
+    Raises:
+        InputError: as of `atomic`.
+    """
+    with ExitStack() as stack:
+        _workplace(stack, _destination(path).parent, path)
 
 
 @contextmanager

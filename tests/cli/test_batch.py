@@ -121,6 +121,12 @@ BAD = [
     ("convert - x.bvh", "standard input"),
     ("evaluate rules --corpus x --small", "--small without --table"),
     ("evaluate --table flow-1 --corpus x --takes 3", "--takes beside --table"),
+    ("evaluate --table flow-1 --corpus x --headroom --figure a.png", "--figure beside --headroom"),
+    ("evaluate rules --corpus x -o nowhere/t.json", "'nowhere/t.json': No such file"),
+    ("evaluate --hearing x --corpus x -o rec", "it is a folder"),
+    ("evaluate --table flow-1 --corpus x --figure a.gif", "ends in .png"),
+    ("evaluate --table flow-1 --corpus x --figure nowhere/a.png", "'nowhere/a.png': No such file"),
+    ("evaluate rules --corpus x --seed-frames -1", "value for '--seed-frames'"),
     ("prepare folder rec s --scheduler tcp://x:1", "for the backend 'loky'"),
 ]  # fmt: skip
 

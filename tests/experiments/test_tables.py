@@ -368,8 +368,11 @@ def test_headroom_is_told_before_anything_is_trained(store, table_runs, tmp_path
     assert "headroom of FGD" in to_text(table)
     pieces = [piece(f"{n}-x", n, s, 200, 1) for n in SPEAKERS for s in ("train", "test")]
     write_store(tmp_path / "else", pieces, corpus="ted", pose="direction-vectors", fps=FPS, names=NAMES)
-    with pytest.raises(InputError, match="other clips"):
-        make_table("flow-2", replace(table_runs, oracle=tmp_path / "else"), trained=False, tell=heard.append)
+    for oracle, said in (("else", "other clips"), ("nowhere", "is not a store")):
+        heard.clear()
+        with pytest.raises(InputError, match=said):
+            make_table("flow-2", replace(table_runs, oracle=tmp_path / oracle), trained=False, tell=heard.append)
+        assert not heard  # before any work
 
 
 def test_the_perceptual_loss_hears_the_fourth_layer_of_its_own_autoencoder(table_runs):
@@ -398,6 +401,20 @@ def test_a_change_can_be_of_one_recipe(table_runs):
     assert other.recipe("flow_ted", more=("model.history=3",)).config["history"] == 3
     with pytest.raises(InputError, match=r"of no recipe.*flow_ted"):
         replace(table_runs, overrides=("flow_tet:model.hidden=9",)).recipe("moglow_ted")
+
+
+def test_a_stopped_table_says_how_it_goes_on(table_runs, tmp_path, monkeypatch):
+    heard: list[str] = []
+    saving = replace(table_runs, runs=tmp_path, overrides=(*table_runs.overrides, "train.save_every=1"), tell=heard.append)
+
+    def stop(_: object, run: object, end: bool) -> None:
+        if run.done == 2:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("cospeech.training.train._Rows.step", stop)
+    with pytest.raises(KeyboardInterrupt):
+        saving.run("flow_ted_baseline", 5)
+    assert heard[-1] == "saved at step 1: run the same command again to go on"
 
 
 def test_a_run_that_was_cut_off_goes_on(table_runs, tmp_path):

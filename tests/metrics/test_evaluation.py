@@ -21,7 +21,7 @@ from cospeech.corpora.samples import POSE_STATISTICS, load_stored_clips, sample_
 from cospeech.corpora.ted import read as ted
 from cospeech.errors import InputError
 from cospeech.evaluation import LAYOUTS, evaluate_clips, evaluate_store
-from cospeech.metrics import METRICS, Score, Tools, load_metric
+from cospeech.metrics import METRICS, Sample, Score, Tools, load_metric
 from cospeech.metrics.controls import CONTROLS, UNSURE, WRONG, control_rows, faults_of_order
 from cospeech.metrics.interval import mean_score
 from cospeech.metrics.metric import About
@@ -253,6 +253,16 @@ def test_unknown_metrics_and_empty_references_are_refused():
         evaluate_clips({}, [replace(clips()[0], motion=None)], metrics=("pck",))
 
 
+@pytest.mark.parametrize("frames", [-1, 135, 5000])
+def test_seed_frames_leave_something_to_judge(frames):
+    made = {"itself": [clip.motion for clip in clips()]}
+    with pytest.raises(InputError, match=rf"{frames} seed frames \(0 … 134: the longest clip has 135 frames\)"):
+        evaluate_clips(made, clips(), metrics=("pck",), seed_frames=frames)
+    assert evaluate_clips(made, clips(), metrics=("pck",), seed_frames=134).cells["itself"]["pck"].value == 1
+    with pytest.raises(InputError, match="-1 seed frames of 'a'"):
+        Sample("a", FPS, seed_frames=-1)
+
+
 @cache
 def seen(layout):
     """The clips as recordings of key points."""
@@ -473,6 +483,8 @@ def test_the_command_judges_a_folder_against_a_store(corpus, tmp_path):
     assert list(written["rows"]) == ["mine", *CONTROLS]
     done = CliRunner().invoke(app, [*head, "--metrics", "ape", "--json"], catch_exceptions=False)
     assert json.loads(done.output)["rows"]["mine"]["ape"]["value"] < 1e-4
+    with pytest.raises(InputError, match="5000 seed frames"):
+        CliRunner().invoke(app, [*head, "--metrics", "pck", "--seed-frames", "5000"], catch_exceptions=False)
     for wrong in (["=x"], [f"mine={generated}", f"mine={generated}"], [str(tmp_path / "nowhere")]):
         with pytest.raises(InputError):
             CliRunner().invoke(app, [*wrong, *head[1:], "--metrics", "pck"], catch_exceptions=False)

@@ -127,7 +127,7 @@ def test_a_network_must_be_named_and_passed_in():
     with pytest.raises(InputError, match="features"):
         fgd(clips(0), clips(1))
     with pytest.raises(InputError, match="windows"):
-        fgd([Sample("a", 30.0, positions=np.zeros((5, 3, 3)))], clips(1), Tools(features=NET))
+        fgd([Sample("a", 30.0, positions=np.zeros((5, 4, 3)))], clips(1), Tools(features=NET))
     broken = FeatureNet("broken", lambda w: np.full((len(w), 2), np.nan), 10, 5)
     with pytest.raises(InputError, match="finite"):
         fgd(clips(0), clips(1), Tools(features=broken))

@@ -294,3 +294,12 @@ def test_noise_correlates_in_the_published_cca_only():
     assert abs(score.value) < 0.15
     still = [replace(s, positions=np.ones(s.positions.shape)) for s in noise]
     assert load_metric("cca")(still, clips(6)).value == 0
+
+
+@pytest.mark.parametrize("name", PERFECT)
+def test_clips_of_another_rate_are_refused(name):
+    measure, real = load_metric(name), clips()
+    with pytest.raises(InputError, match=r"'clip 0' has 15 frames per second, the clip .* 30 \(.*resample"):
+        measure([replace(s, fps=15.0) for s in real], real, TOOLS)
+    rounded = measure([replace(s, fps=1 / 0.033333) for s in real], real, TOOLS)  # what a file says of 30
+    assert rounded.value == pytest.approx(measure(real, real, TOOLS).value, abs=1e-9)

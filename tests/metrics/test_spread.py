@@ -53,6 +53,40 @@ def test_every_metric_says_what_it_needs_and_refuses_nothing_at_all():
         load_metric("fdg")
 
 
+IN_FRAMES = (
+    "fgd", "fgd_published", "diversity", "diversity_gfge", "multimodality", "multimodality_ha2g", "chi", "silhouette",
+    "chi_gfge", "silhouette_gfge", "inception_score", "inception_score_published", "w1_speed_mix_stage",
+)  # fmt: skip
+IN_SECONDS = (
+    "fid_poses", "diversity_mix_stage", "l1_div", "w1_speed", "w1_acceleration", "jerk", "acceleration", "hellinger_speed",
+)  # fmt: skip
+CLASSES = FeatureNet("halves", lambda w: np.full((len(w), 2), 0.5), 34, 17)
+ALL_TOOLS = Tools(features=NET, classifier=CLASSES, embedding=lambda x: x[:, :2])
+
+
+@pytest.mark.parametrize("name", IN_FRAMES)
+def test_what_counts_in_frames_refuses_clips_of_another_rate(name):
+    slow = [replace(sample, fps=15.0) for sample in clips()]
+    with pytest.raises(InputError, match=r"has 15 frames per second, the clip .* 30 \(.*resample"):
+        load_metric(name)(slow, clips(), ALL_TOOLS)
+    with pytest.raises(InputError, match="frames per second"):
+        load_metric(name)([*clips()[:3], *slow[3:]], (), ALL_TOOLS)
+
+
+@pytest.mark.parametrize("name", IN_SECONDS)
+def test_what_counts_in_seconds_or_poses_takes_clips_of_any_rate(name):
+    assert np.isfinite(load_metric(name)([replace(sample, fps=15.0) for sample in clips()], clips(), ALL_TOOLS).value)
+
+
+@pytest.mark.parametrize(
+    "name", sorted({*IN_FRAMES, "fid_poses", "diversity_mix_stage"} - {"multimodality", "w1_speed_mix_stage"})
+)
+def test_clips_of_other_joints_are_refused(name):
+    fewer = [replace(sample, positions=sample.positions[:, :3], points=None) for sample in clips()]
+    with pytest.raises(InputError, match=r"positions of '0' have shape \(300, 3, 3\), the clip .* \(300, 4, 3\)"):
+        load_metric(name)(fewer, clips(), ALL_TOOLS)
+
+
 def test_mean_distance_of_pairs_is_that_of_all_pairs():
     rows = np.random.default_rng(0).normal(size=(23, 7))
     slow = np.mean([np.abs(a - b).mean() for a, b in combinations(rows, 2)])

@@ -11,7 +11,7 @@ import typer
 from typer import Argument, Option
 
 from ..errors import InputError
-from ..files import atomic
+from ..files import atomic, check_destination
 from .options import Debug, check_idle
 
 __all__ = ["register"]
@@ -34,7 +34,9 @@ Metrics = Annotated[
 ]
 Takes = Annotated[int, Option("--takes", metavar="NUMBER", help="Takes of each model, for metrics of variety.")]
 Seed = Annotated[int, Option("--seed", metavar="NUMBER", help="Seed of a model's first take.")]
-Given = Annotated[int, Option("--seed-frames", metavar="NUMBER", help="Number of first frames that the systems were given.")]
+Given = Annotated[
+    int, Option("--seed-frames", metavar="NUMBER", min=0, help="Number of first frames that the systems were given.")
+]
 Features = Annotated[
     Path | None,
     Option("--features", metavar="RUN", help="Feature network of FGD: the folder of its run (recipe fgd_ted, for example)."),
@@ -114,8 +116,11 @@ def _table(
     figure: Path | None,
 ) -> None:  # fmt: skip
     """Make a table of a paper, its files and its figure, and print it."""
-    from ..experiments.tables import Runs, draw_table, make_table, to_text, write_table
+    from ..experiments.tables import Runs, check_figure, draw_table, make_table, to_text, write_table
     from ..training.recipe import SHIPPED
+
+    if figure is not None:
+        check_figure(figure)
 
     def tell(text: str) -> None:
         typer.echo(text, err=True)
@@ -124,7 +129,7 @@ def _table(
     table = make_table(name, table_runs, raw=raw, seeds=_numbers(seeds), only=rows, trained=not headroom, tell=tell)
     for path in () if headroom else write_table(table, runs):
         tell(f"wrote {path}")
-    if figure is not None and not headroom:
+    if figure is not None:
         draw_table(table, table_runs, figure, raw=raw)
         tell(f"wrote {figure}")
     _show(json.dumps(table, indent=1, ensure_ascii=False), to_text(table), out, as_json)
@@ -154,7 +159,7 @@ _OF_TABLES = frozenset(
 _OF_CONTESTS = frozenset({"hearing", "metrics", "split", "takes", "seed", "seed_frames", "features"})
 
 
-def _check_options(context: typer.Context, table: str | None, systems: list[str]) -> None:
+def _check_options(context: typer.Context, table: str | None, systems: list[str], headroom: bool) -> None:
     """No option is given that would change nothing, and no system beside a table.
 
     Raises:
@@ -166,6 +171,8 @@ def _check_options(context: typer.Context, table: str | None, systems: list[str]
         check_idle(context, _OF_TABLES, "without --table, to which it belongs")
     else:
         check_idle(context, _OF_CONTESTS, "beside --table, which sets this itself")
+        if headroom:
+            check_idle(context, ("figure",), "beside --headroom, which makes no row")
 
 
 def _show(data: str, text: str, out: Path | None, as_json: bool) -> None:
@@ -218,7 +225,9 @@ def register(app: typer.Typer) -> None:
         cospeech evaluate mine=generated --corpus stores/beat --raw raw/beat
         cospeech evaluate --table flow-2 --store stores/ted --raw raw/ted --small
         """
-        _check_options(context, table, systems or [])
+        _check_options(context, table, systems or [], headroom)
+        if out is not None:
+            check_destination(out)
         if table is not None:
             _table(
                 table, corpus, out, as_json, raw=raw, seeds=seeds, rows=rows or [], runs=runs, recipes=recipes, small=small,

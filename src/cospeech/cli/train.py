@@ -104,7 +104,7 @@ def _add_train(app: typer.Typer) -> None:
 
         plan, folder = load_recipe(recipe, changes or ()), Path("runs", recipe.stem) if out is None else out
         if resume and (folder / "config.json").exists():
-            plan = _continue(plan, folder, changes or [])
+            plan = _continue(plan, folder, changes or [], quiet)
         data = _store(store, plan.data.store, plan.data.corpus)
         with _training():
             from ..training.train import train as run
@@ -117,15 +117,14 @@ def _add_train(app: typer.Typer) -> None:
         _leave_team()
 
 
-def _continue(plan: recipes.Recipe, folder: Path, changes: list[str]) -> recipes.Recipe:
-    """The recipe that a run began with, with the changes of now; what the file says otherwise is told."""
+def _continue(plan: recipes.Recipe, folder: Path, changes: list[str], quiet: bool) -> recipes.Recipe:
+    """The recipe that a run began with, with the changes of now; values that differ from the file's are told."""
     with _training():
         from ..training.checkpoint import continue_recipe
     own, others = continue_recipe(folder, plan, changes)
-    if others:
+    if others and not quiet:
         more = f" and {len(others) - 3} more" if len(others) > 3 else ""
-        told = f"note: the run goes on with its own recipe; the file says otherwise: {', '.join(others[:3])}{more}"
-        typer.echo(f"{told} (--set changes it)", err=True)
+        typer.echo(f"note: the run keeps its own values: {', '.join(others[:3])}{more} (--set changes them)", err=True)
     return own
 
 

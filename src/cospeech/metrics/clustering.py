@@ -97,28 +97,28 @@ def _score(value: float, points: Array, tools: Tools) -> Score:
     return Score(value, None, len(points), tools.features.name)
 
 
-@metric("features", better="higher")
+@metric("features", better="higher", same=("rate", "joints"))
 def chi(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Calinski–Harabasz index of features with speakers as labels; grows with the number of windows."""
     points, labels = _label_windows(generated, tools)
     return _score(calinski_harabasz(points, labels), points, tools)
 
 
-@metric("features", better="higher")
+@metric("features", better="higher", same=("rate", "joints"))
 def silhouette(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Silhouette coefficient of features with speakers as labels, −1 … 1."""
     points, labels = _label_windows(generated, tools)
     return _score(silhouette_coefficient(points, labels), points, tools)
 
 
-@metric("features", "embedding", better="higher")
+@metric("features", "embedding", better="higher", same=("rate", "joints"))
 def chi_gfge(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """CHI of the flow paper: on a 2-D embedding that you pass in, with the labels that k-means (k = 5) finds in it."""
     points, labels = _embed_windows(generated, tools)
     return _score(calinski_harabasz(points, labels), points, tools)
 
 
-@metric("features", "embedding", better="higher")
+@metric("features", "embedding", better="higher", same=("rate", "joints"))
 def silhouette_gfge(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Silhouette of the flow paper: on a 2-D embedding that you pass in, with the labels that k-means (k = 5) finds in it."""
     points, labels = _embed_windows(generated, tools)

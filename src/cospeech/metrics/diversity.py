@@ -49,7 +49,7 @@ def _windows(sample: Sample, *, root: bool = False) -> Array:
     return poses[: count * FRAMES].reshape(count, FRAMES * poses.shape[1])
 
 
-@metric("positions|points", better="reference", unit="mm (px)")
+@metric("positions|points", better="reference", unit="mm (px)", same=("rate", "joints"))
 def diversity(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Mean distance of all pairs of windows (34 frames), mm per coordinate; best where it equals the reference's."""
     clips = [window for sample in generated if len(window := _windows(sample))]
@@ -66,7 +66,7 @@ def diversity(generated: Sequence[Sample], reference: Sequence[Sample], tools: T
     return Score(value, drawn.interval, sum(map(len, clips)), draws=drawn.draws)
 
 
-@metric("positions", better="higher", unit="mm")
+@metric("positions", better="higher", unit="mm", same=("rate", "joints"))
 def diversity_gfge(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Div of the flow paper: pairs within batches of 50 consecutive windows, without a smaller last batch; depends on order.
 
@@ -79,7 +79,7 @@ def diversity_gfge(generated: Sequence[Sample], reference: Sequence[Sample], too
     return mean_score([mean_pair_distance(batch) * MILLI for batch in batches], seed=tools.seed, note="depends on order")
 
 
-@metric("positions|points", better="higher", unit="mm (px)")
+@metric("positions|points", better="higher", unit="mm (px)", same=("joints",))
 def diversity_mix_stage(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Mix-StAGE's diversity: mean |coordinate − mean pose of the reference|; not of neck, nose and eyes of PATS."""
     if not reference:

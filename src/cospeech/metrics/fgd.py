@@ -112,7 +112,7 @@ def _resample(a: list[Array], b: list[Array], value: float, seed: int) -> Resamp
     return Resampled.of(np.maximum(np.array(draws) - np.mean(draws) + value, 0.0))
 
 
-@metric("features", better="lower")
+@metric("features", better="lower", same=("rate", "joints"))
 def fgd(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Fréchet gesture distance of a named feature network, never negative, with a bootstrap interval."""
     assert tools.features is not None
@@ -123,7 +123,7 @@ def fgd(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) 
     return Score(value, drawn.interval, count, f"{tools.features.name}, {count} windows", drawn.draws)
 
 
-@metric("features", better="lower")
+@metric("features", better="lower", same=("rate", "joints"))
 def fgd_published(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """FGD with the matrix root of pytorch-fid: may be negative or not a number."""
     assert tools.features is not None
@@ -131,7 +131,7 @@ def fgd_published(generated: Sequence[Sample], reference: Sequence[Sample], tool
     return Score(frechet_published(*moments(a), *moments(b)), None, len(a), tools.features.name)
 
 
-@metric("positions|points", better="lower")
+@metric("positions|points", better="lower", same=("joints",))
 def fid_poses(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Fréchet distance of single poses, normalised by the reference (Mix-StAGE's FID); it cannot see movement.
 

@@ -46,7 +46,7 @@ def _classes(generated: Sequence[Sample], tools: Tools) -> Array:
     return np.concatenate(found)
 
 
-@metric("classifier", better="higher")
+@metric("classifier", better="higher", same=("rate", "joints"))
 def inception_score(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Mean of the score over 10 random parts of the windows, with its 95 % interval."""
     assert tools.classifier is not None
@@ -60,7 +60,7 @@ def inception_score(generated: Sequence[Sample], reference: Sequence[Sample], to
     return Score(value, interval, len(classes), f"{tools.classifier.name}, {parts} parts")
 
 
-@metric("classifier", better="higher")
+@metric("classifier", better="higher", same=("rate", "joints"))
 def inception_score_published(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Mix-StAGE's IS: all windows at once, ε = 1e-6."""
     assert tools.classifier is not None

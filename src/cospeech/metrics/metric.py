@@ -12,6 +12,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import update_wrapper
+from math import isclose
 
 import numpy as np
 
@@ -24,13 +25,16 @@ __all__ = ["BETTER", "About", "Metric", "metric", "pair_samples"]
 BETTER = ("higher", "lower", "reference")
 """Which way is better: a higher value, a lower one, or the one nearest to that of the reference (diversity, jerk)."""
 
+RATE = 1e-4  # ours: relative; files round their frame time (0.033333 s), and 29.97 is not 30
+
 Function = Callable[[Sequence[Sample], Sequence[Sample], Tools], Score]
 
 
 @dataclass(frozen=True)
 class About:
     """What a metric needs (fields of `Sample` or `Tools`), which way is better, whether it pairs and hears, the unit,
-    and whether 0 is what chance gives (another clip need then not be better than noise)."""
+    whether 0 is what chance gives (another clip need then not be better than noise), and what all clips must have the same:
+    ``"rate"`` (it counts in frames), ``"joints"``."""
 
     needs: tuple[str, ...]
     better: str
@@ -38,6 +42,7 @@ class About:
     hears: bool = False
     unit: str = ""
     chance: bool = False
+    same: tuple[str, ...] = ()
 
 
 class Metric:
@@ -51,7 +56,8 @@ class Metric:
         """A finite score.
 
         Raises:
-            InputError: something that the metric needs is not there, or what comes out is not a number.
+            InputError: something that the metric needs is not there, clips differ that must not, or what comes out is not a
+                number.
         """
         tools = Tools() if tools is None else tools
         name = getattr(self, "__name__", "metric")
@@ -69,6 +75,11 @@ class Metric:
         empty = next((s.name for s in (*generated, *reference) if not len(s)), None)
         if empty is not None:
             raise InputError(f"{empty!r} has no frames")
+        for sample in (*generated, *reference):
+            if "rate" in self.about.same:
+                _check_rates(sample, (*reference, *generated)[0])
+            if "joints" in self.about.same:
+                _check_joints(sample, (*reference, *generated)[0])
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # what comes of them is looked at below
             score = self.function(generated, reference, tools)
@@ -79,26 +90,49 @@ class Metric:
 
 
 def metric(
-    *needs: str, better: str, paired: bool = False, hears: bool = False, unit: str = "", chance: bool = False
+    *needs: str,
+    better: str,
+    paired: bool = False,
+    hears: bool = False,
+    unit: str = "",
+    chance: bool = False,
+    same: tuple[str, ...] = (),
 ) -> Callable[[Function], Metric]:
-    """Decorator that makes a `Metric` of a function."""
-    about = About(needs, better, paired, hears, unit, chance)
+    """Decorator that makes a `Metric` of a function; see `About`."""
+    about = About(needs, better, paired, hears, unit, chance, same)
     return lambda function: Metric(function, about)
+
+
+def _check_rates(sample: Sample, other: Sample) -> None:
+    """Raise an InputError where two clips have different frame rates."""
+    if not isclose(sample.fps, other.fps, rel_tol=RATE):
+        problem = f"{sample.name!r} has {sample.fps:g} frames per second, the clip that it is compared with {other.fps:g}"
+        raise InputError(problem, "bring both to one rate first: motion.resample(fps)")
+
+
+def _check_joints(sample: Sample, other: Sample) -> None:
+    """Raise an InputError where two clips have different joints or key points."""
+    for field in ("positions", "points"):
+        a, b = getattr(sample, field), getattr(other, field)
+        if a is not None and b is not None and a.shape[1:] != b.shape[1:]:
+            problem = f"{field} of {sample.name!r} have shape {a.shape}, the clip that it is compared with {b.shape}"
+            raise InputError(problem, "clips of the same joints")
 
 
 def pair_samples(
     generated: Sequence[Sample], reference: Sequence[Sample], field: str
 ) -> list[tuple[Sample, Sample, Array, Array]]:
-    """(generated, its reference, their arrays ``field``): by condition, and of equal shape.
+    """(generated, its reference, their arrays ``field``): by condition, of equal shape and rate.
 
     Raises:
-        InputError: a sample has no reference, or the shapes differ.
+        InputError: a sample has no reference, or the shapes or the rates differ.
     """
     truth = {sample.condition: sample for sample in reference}
     pairs = []
     for sample in generated:
         if sample.condition not in truth:
             raise InputError(f"{sample.name!r} has no reference clip {sample.condition!r}")
+        _check_rates(sample, truth[sample.condition])
         a, b = getattr(sample, field), getattr(truth[sample.condition], field)
         if a.shape != b.shape:
             raise InputError(f"{field} of {sample.name!r} have shape {a.shape}, the reference {b.shape}")

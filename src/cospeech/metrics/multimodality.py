@@ -23,7 +23,7 @@ MILLI = 1000.0  # metres → millimetres
 SHUFFLES = 500  # HA2G embedding_space_evaluator: 500 batches
 
 
-@metric("positions|points", better="reference", unit="mm (px)")
+@metric("positions|points", better="reference", unit="mm (px)", same=("rate",))
 def multimodality(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Mean distance between the joints of takes of one speech, mm, without the root and the seed frames."""
     takes: dict[str, list[Sample]] = {}
@@ -44,7 +44,7 @@ def multimodality(generated: Sequence[Sample], reference: Sequence[Sample], tool
     return mean_score(values, seed=tools.seed, note=f"{len(generated)} takes of {len(takes)} speeches")
 
 
-@metric("features", better="higher")
+@metric("features", better="higher", same=("rate", "joints"))
 def multimodality_ha2g(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """HA2G's diversity: mean |Δ feature| between random windows of any speech; not a multimodality."""
     assert tools.features is not None

@@ -44,7 +44,7 @@ class Sample:
         seed_frames: so many first frames were given to the system, not made by it.
 
     Raises:
-        InputError: shapes or lengths disagree, or a value is not finite.
+        InputError: shapes or lengths disagree, a value is not finite, or there are fewer seed frames than none.
     """
 
     name: str
@@ -64,6 +64,8 @@ class Sample:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.fps) and self.fps > 0):
             raise InputError(f"{self.name!r} at {self.fps} frames per second")
+        if self.seed_frames < 0:
+            raise InputError(f"{self.seed_frames} seed frames of {self.name!r}", "0 or more")
         lengths = set()
         for name, dims in _SHAPES.items():
             value = getattr(self, name)

@@ -80,7 +80,7 @@ def _histogram(samples: Sequence[Sample]) -> Array:
     return counts
 
 
-@metric("points", better="lower", unit="px per frame")
+@metric("points", better="lower", unit="px per frame", same=("rate",))
 def w1_speed_mix_stage(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """W1 of Mix-StAGE: of histograms (0 … 300 px by 0.1) of the joints' mean speed per frame; 1000 where one is empty."""
     made, true = _histogram(generated), _histogram(reference)

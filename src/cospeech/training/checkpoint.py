@@ -143,7 +143,7 @@ def continue_recipe(folder: Path, file: Recipe, overrides: Sequence[str]) -> tup
         overrides: ``"section.key=value"``.
 
     Returns:
-        The recipe, and what the named one says otherwise, which does not count: ``["train.steps: 2000, now 500"]``.
+        The recipe, and what differs in the named one, which does not count: ``["train.steps 2000 (the file says 500)"]``.
 
     Raises:
         InputError: not a run, or one of another model.
@@ -155,7 +155,7 @@ def continue_recipe(folder: Path, file: Recipe, overrides: Sequence[str]) -> tup
     if recipe.model != file.model:
         hint = "name the recipe that it began with; --out names another folder"
         raise InputError(f"the run {str(folder)!r} is of the model {recipe.model!r}, the recipe of {file.model!r}", hint)
-    return recipe, list_changes(recipe.to_dict(), file.to_dict(), ("data.store",))
+    return recipe, list_changes(recipe.to_dict(), file.to_dict(), ("data.store",), "{} {} (the file says {})")
 
 
 def write_tensors(path: Path, tensors: Mapping[str, Tensor], state: Mapping[str, Any]) -> None:

@@ -328,11 +328,20 @@ def _flat(sections: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return found
 
 
-def list_changes(old: Mapping[str, Any], new: Mapping[str, Any], free: Sequence[str] = FREE) -> list[str]:
-    """The differences of two recipes as dicts, but for keys that may differ: ``["train.lr: 0.001, now 0.002"]``."""
+def list_changes(
+    old: Mapping[str, Any], new: Mapping[str, Any], free: Sequence[str] = FREE, form: str = "{}: {}, now {}"
+) -> list[str]:
+    """The differences of two recipes as dicts, but for keys that may differ: ``["train.lr: 0.001, now 0.002"]``.
+
+    Args:
+        old: a recipe.
+        new: another one.
+        free: keys that may differ.
+        form: of a difference: key, old value, new value.
+    """
     first, second = _flat(old), _flat(new)
     pairs = ((key, first.get(key), second.get(key)) for key in sorted({*first, *second} - {*free}))
-    return [f"{key}: {_describe(a)}, now {_describe(b)}" for key, a, b in pairs if _describe(a) != _describe(b)]
+    return [form.format(key, _describe(a), _describe(b)) for key, a, b in pairs if _describe(a) != _describe(b)]
 
 
 def _describe(value: Any) -> str:

@@ -334,6 +334,7 @@ def train(
     resume: bool = False,
     progress: Tell | None = None,
     notice: Callable[[str], None] | None = None,
+    hint: str = "--resume goes on",
 ) -> TrainReport:
     """Train a model, alone or as one of the processes that ``torchrun`` has started.
 
@@ -347,6 +348,7 @@ def train(
         resume: go on with the run in ``out``, where there is one.
         progress: told (steps done, of how many, a word about the loss).
         notice: told at once that it stops, when a signal asks for it, and then what was saved.
+        hint: how the user goes on with what was saved; told with it.
 
     Raises:
         InputError: recipe and store do not fit, or there is a run already, or one that cannot be gone on with.
@@ -366,7 +368,7 @@ def train(
             stopping = True
         if stopping:
             done = run.saved if run is not None else 0
-            tell(f"saved at step {done}: --resume goes on" if done else "no step was done yet: there is nothing to save")
+            tell(f"saved at step {done}: {hint}" if done else "no step was done yet: there is nothing to save")
     if stopping or run is None:
         if watch.numbers:
             signal.raise_signal(watch.numbers[0])  # what it would have done

@@ -14,7 +14,7 @@ from ...metrics import Tools
 from ...motion.rotations import Array
 from ..figures.lines import Lines, Series, draw_lines
 from .cog_windows import GIVEN, CogWindows
-from .controls import ORACLE, check_oracle, faults_of, oracle_key
+from .controls import ORACLE, faults_of, oracle_key
 from .figures import choose_excerpt, draw_poses
 from .paper_tables import COSTS, Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .runs import PlayableRun, Runs
@@ -99,9 +99,7 @@ class Chains:
         def work() -> dict[str, Cells]:
             rows = {**self.data.controls()}
             if self.runs.oracle is not None:
-                other = CogWindows(self.runs.oracle, self.data.raw)
-                check_oracle(self.data.store, other.store)
-                rows[ORACLE] = other.truth
+                rows[ORACLE] = CogWindows(self.runs.oracle, self.data.raw).truth
             return {
                 name: score_columns(self.columns, samples, samples, self.data, self.tools) for name, samples in rows.items()
             }

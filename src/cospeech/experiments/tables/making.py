@@ -12,9 +12,10 @@ from typing import Any
 from ...audio.features.reduce import preparation_option
 from ...corpora.store import Store
 from ...errors import InputError, nearest
-from ...files import atomic
+from ...files import atomic, check_destination
 from ...training.audio_source import with_audio
 from .cog import COG
+from .controls import check_oracle
 from .figures import write_picture
 from .flow import FLOW
 from .mix import MIX
@@ -23,7 +24,7 @@ from .report import summary, to_markdown
 from .runs import SHARED, Runs, make_folder
 from .verdicts import Evidence, below, headroom, judge
 
-__all__ = ["TABLES", "choose_rows", "draw_table", "make_table", "part_of", "write_table"]
+__all__ = ["TABLES", "check_figure", "choose_rows", "draw_table", "make_table", "part_of", "write_table"]
 
 TABLES: dict[str, PaperTable] = {**FLOW, **MIX, **COG}
 """Name after ``--table`` → the table."""
@@ -146,11 +147,14 @@ def make_table(
         tell: told what is being done.
 
     Raises:
-        InputError: no such table, a store that does not fit, a recipe that is not there, or a run that cannot be gone on with.
+        InputError: no such table, a store that does not fit, a recipe that is not there, a run that cannot be gone on with, or
+            an oracle that is no store of the same clips.
     """
     paper_table, part = part_of(name, runs.store)
     if not seeds or min(seeds) < 0 or len(set(seeds)) < len(seeds):
         raise InputError(f"seeds {', '.join(map(str, seeds))}", "whole numbers, each once")
+    if runs.oracle is not None:
+        check_oracle(runs.store, Store(runs.oracle))
     chosen = choose_rows(part.rows, only) if trained else set()
     _check_changes(runs, part.rows, chosen)
     bench = paper_table.bench(paper_table, part, runs, raw)
@@ -179,6 +183,17 @@ def make_table(
     }  # fmt: skip
 
 
+def check_figure(path: str | PathLike[str]) -> None:
+    """Whether a figure can be written there, before it is made.
+
+    Raises:
+        InputError: another suffix than ``.png``, or no file can be written there.
+    """
+    if Path(path).suffix.lower() != ".png":
+        raise InputError(f"cannot draw {str(path)!r}", "name a file that ends in .png")
+    check_destination(path)
+
+
 def draw_table(
     table: Mapping[str, Any], runs: Runs, path: str | PathLike[str], *, raw: str | PathLike[str] | None = None
 ) -> None:
@@ -187,8 +202,7 @@ def draw_table(
     Raises:
         InputError: another suffix, or the picture cannot be written.
     """
-    if Path(path).suffix.lower() != ".png":
-        raise InputError(f"cannot draw {str(path)!r}", "name a file that ends in .png")
+    check_figure(path)
     paper_table, part = part_of(table["table"], runs.store)
     write_picture(paper_table.bench(paper_table, part, runs, raw).picture(table), path)
 

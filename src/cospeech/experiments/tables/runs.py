@@ -266,7 +266,8 @@ class Runs:
                 if step % every == 0:
                     self.tell(f"{label}: step {step:g} of {total:g}, {text}")
 
-            train(recipe, self.store, folder, resume=True, progress=progress, notice=self.tell)
+            again = "run the same command again to go on"
+            train(recipe, self.store, folder, resume=True, progress=progress, notice=self.tell, hint=again)
         return folder
 
     def is_done(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> bool:

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from cospeech.audio.speech import Speech, example
+from cospeech.cli.stream import _play as play
 from cospeech.cli.stream import _play_to_the_end as play_to_the_end
 from cospeech.cli.stream import _shut_mouth as shut_mouth
 from cospeech.errors import InputError
@@ -258,3 +259,16 @@ def test_a_source_that_fails_shuts_the_mouth():
     assert len(seen) >= 15
     assert seen[-1].face[0, ARKIT_INDEX["jawOpen"]] < 0.05
     assert told[0].startswith(f"{len(seen)} frames")
+
+
+@pytest.mark.parametrize("paced", [True, False])
+def test_the_end_of_the_sound_is_made_in_short_steps(monkeypatch, paced):
+    """A frame may be late by a few hundredths: so little is made at once that the others wait for."""
+    session = open_live_session("rules", look_ahead=0.5, fps=30)
+    asked, idle = [], session.idle
+    monkeypatch.setattr(session, "idle", lambda seconds: asked.append(seconds) or idle(seconds))
+    pacer = SimpleNamespace(paced=paced, is_started=True, begin=None, push=lambda motion: None)
+    play(session, Speech.load(example()[0]).window(0, 0.5).chunks(0.1), lambda piece: piece, pacer)
+    assert asked[0] == 0
+    assert sum(asked) == pytest.approx(1.5 if paced else 0.0)
+    assert max(asked) <= 0.1

@@ -42,6 +42,7 @@ __all__ = ["register"]
 
 _ALL = ",".join(PARTS)
 _CLOSING = 0.5  # seconds in which a character that is stopped shuts its mouth and lowers its hands [ours]
+_STEP = 0.1  # seconds of idling that are made at once [ours: a tick of the rules, 10 to 30 ms of work]
 _SILENCE = 3.0  # seconds of live silence after which the rules idle [ours: longer than a pause between sentences]
 Avatar = Annotated[
     Path | None,
@@ -298,5 +299,7 @@ def _play(session: LiveSession, pieces: Iterable[Speech], steer: Callable[[Speec
             pacer.begin(float(piece.duration))
         for motion in session.push(steer(piece)):
             pacer.push(motion)
-    for motion in session.idle(TO_REST if pacer.paced else 0.0):  # who takes frames as they are made wants those of the sound
-        pacer.push(motion)
+    steps = round(TO_REST / _STEP) if pacer.paced else 0  # who takes frames as they are made wants those of the sound
+    for seconds in (0.0, *[_STEP] * steps):  # in steps: all of it at once takes longer than a frame may be late
+        for motion in session.idle(seconds):
+            pacer.push(motion)

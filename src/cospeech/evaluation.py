@@ -110,7 +110,7 @@ def evaluate_store(
         store: made by ``prepare``.
         raw: the corpus it was made from, for the sound; without it, metrics that hear stay empty and no model can play.
         metrics: names in `cospeech.metrics.METRICS`.
-        split: train, validation or test; None: all.
+        split: train, validation or test; ``"all"`` or None: every clip.
         takes: so many performances of a model, for metrics of variety.
         seed: of the first.
         seed_frames: so many first frames of each motion were given to the systems.
@@ -246,7 +246,7 @@ def _fit(body: Motion | Points, clip: Clip) -> Clip:
         )
     motion = body if body.skeleton == clip.motion.skeleton else body.retarget(clip.motion.skeleton)
     motion = motion.resample(clip.motion.fps)
-    frames = _rows(len(motion), len(clip.motion), clip)
+    frames = _rows(len(motion), len(clip.motion), clip.motion.fps, clip.name)
     face = None if motion.face is None else motion.face[frames]
     return replace(clip, motion=replace(motion, rotations=motion.rotations[frames], root=motion.root[frames], face=face))
 
@@ -263,17 +263,20 @@ def _fit_points(body: Motion | Points, true: Points, clip: Clip) -> Clip:
             f"the recording has layout {true.layout!r} and shape {true.values.shape}",
         )
     values = resample_points(body.values, body.fps, true.fps)
-    return replace(clip, points=Points(true.fps, values[_rows(len(values), len(true), clip)], true.layout))
+    return replace(clip, points=Points(true.fps, values[_rows(len(values), len(true), true.fps, clip.name)], true.layout))
 
 
-def _rows(made: int, wanted: int, clip: Clip) -> Array:
+def _rows(made: int, wanted: int, fps: float, name: str) -> Array:
     """(wanted,) numbers of the frames that are compared; the last frame stands for the few that may be missing.
 
     Raises:
         InputError: more than `PADDED` are missing.
     """
     if wanted - made > PADDED or not made:
-        raise InputError(f"motion for {clip.name!r} has {made} frames, the recording {wanted}")
+        problem = f"motion for {name!r} has {made} frames ({made / fps:.2f} s), the recording {wanted} ({wanted / fps:.2f} s)"
+        raise InputError(
+            problem, f"{PADDED} frames ({PADDED / fps:.2f} s) may be missing; was it made for another clip, or cut off?"
+        )
     return np.minimum(np.arange(wanted), made - 1)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from functools import cache
 
@@ -232,7 +233,10 @@ def test_motion_of_another_rate_and_skeleton_is_brought_to_the_recording():
     ("systems", "problem"),
     [
         (lambda: {"few": [clips()[0].motion]}, "1 motions for 4 clips"),
-        (lambda: {"short": [clip.motion[:50] for clip in clips()]}, "50 frames"),
+        (
+            lambda: {"short": [clip.motion[:50] for clip in clips()]},
+            r"'clip0' has 50 frames \(3\.33 s\), the recording 135 \(9\.00 s\) \(2 frames \(0\.13 s\) may be missing",
+        ),
         (lambda: {"odd": {"nobody": clips()[0].motion}}, "do not match"),
         (lambda: {"ground truth": [clip.motion for clip in clips()]}, "called 'ground truth'"),
     ],
@@ -459,10 +463,21 @@ def test_a_store_without_its_corpus_is_mute(corpus):
     assert found.cells["ground truth"]["beat_align"] is None
     assert "speech" in found.why["ground truth"]["beat_align"]
     assert {c.name for c in load_stored_clips(corpus / "store", split="test")} < {c.name for c in clips}
-    with pytest.raises(InputError, match="did you mean 'test'"):
+    assert [c.name for c in load_stored_clips(corpus / "store", split="all")] == [c.name for c in clips]
+    with pytest.raises(InputError, match=r"did you mean 'test'\? known: train, validation, test, all"):
         load_stored_clips(corpus / "store", split="tets")
     with pytest.raises(InputError):
         load_stored_clips(corpus / "speech")
+
+
+@pytest.mark.slow
+def test_a_store_of_a_corpus_that_is_not_known_says_whose_module_to_import(corpus, tmp_path):
+    shutil.copytree(corpus / "store", tmp_path / "store")
+    index = tmp_path / "store" / "index.json"
+    index.write_text(json.dumps(json.loads(index.read_text("utf-8")) | {"corpus": "tapes"}), "utf-8")
+    assert load_stored_clips(tmp_path / "store", split=None)  # without its sound it needs no reader
+    with pytest.raises(InputError, match=r"of corpus 'tapes', which is not known here \(import the module of its reader"):
+        load_stored_clips(tmp_path / "store", split=None, raw=corpus / "raw")
 
 
 @pytest.mark.slow

@@ -240,7 +240,7 @@ def register(app: typer.Typer) -> None:
         from ..evaluation import evaluate_store
 
         result = evaluate_store(
-            _parse_source(systems or []), corpus, raw=raw, split=None if split == "all" else split, takes=takes, seed=seed,
+            _parse_source(systems or []), corpus, raw=raw, split=split, takes=takes, seed=seed,
             metrics=_names(metrics), seed_frames=seed_frames, features=features,
         )  # fmt: skip
         _show(result.to_json(), result.to_text(), out, as_json)

@@ -137,15 +137,15 @@ def load_stored_clips(
 
     Args:
         folder: a store made by ``prepare``.
-        split: of `cospeech.corpora.clip.SPLITS`, or None: all.
+        split: of `cospeech.corpora.clip.SPLITS`; ``"all"`` or None: every clip.
         raw: the corpus it was made from; a store keeps no sound, and metrics that hear need it.
 
     Raises:
-        InputError: not a store, an unknown split, no clip in it, or a corpus that cannot be read.
+        InputError: not a store, an unknown split, no clip in it, or a corpus that is not known or cannot be read.
     """
-    store = Store(folder)
+    store, split = Store(folder), None if split == "all" else split
     if split not in (None, *SPLITS):
-        raise InputError(f"no split is called {split!r}", nearest(str(split), SPLITS))
+        raise InputError(f"no split is called {split!r}", nearest(str(split), (*SPLITS, "all")))
     entries = [entry for entry in store.clips if split in (None, entry.split)]
     if not entries:
         there = [name for name in SPLITS if any(entry.split == name for entry in store.clips)]
@@ -185,6 +185,9 @@ def _stretches(scores: Array, fps: float) -> tuple[Semantic, ...]:
 
 def _sounds(store: Store, entries: Sequence[Entry], raw: str | PathLike[str]) -> dict[str, Speech]:
     """Entry → the speech of its own stretch, ``NAME@FRAME``. A derived speaker says what its original says."""
+    if store.corpus not in CORPORA:
+        hint = "import the module of its reader first: docs/add_a_corpus.md says how"
+        raise InputError(f"the store is of corpus {store.corpus!r}, which is not known here", hint)
     wanted: dict[str, list[Entry]] = {}
     for entry in entries:
         for name in {entry.name, entry.name.partition("@")[0], find_original(entry.name.partition("@")[0])}:

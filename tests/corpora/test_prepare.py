@@ -458,3 +458,13 @@ def test_a_corpus_of_which_nothing_is_left_leaves_nothing(tmp_path):
     with pytest.raises(InputError, match="nothing of this folder corpus is left"):
         prepare("folder", tmp_path / "raw", tmp_path / "stores" / "mine")
     assert [path.name for path in tmp_path.iterdir()] == ["raw"]
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_a_store_does_not_go_among_recordings(raw, tmp_path, overwrite):
+    folder = next(path.parent for path in raw.rglob("*.bvh"))
+    before = sorted(raw.rglob("*"))
+    for target in (raw, folder):
+        with pytest.raises(InputError, match="recordings in"):
+            prepare("beat", raw, target, overwrite=overwrite)
+    assert sorted(raw.rglob("*")) == before

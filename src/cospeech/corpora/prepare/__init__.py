@@ -114,8 +114,7 @@ def prepare(
     if wav2vec is not None:
         wav2vec_names(wav2vec)  # so that it is told now, not once per clip
     target = Path(store)
-    if (target / "index.json").exists() and not overwrite:
-        raise InputError(f"there is a store in {str(target)!r} already", "--overwrite replaces it")
+    _check_target(target, Path(raw), overwrite)
     read = import_module(CORPORA[corpus].module).read
     derivations_for = plan_derivations(derived_speakers, lambda: read(raw), mirror)
     plan = PreparationPlan(corpus, chosen.name, float(rate), filters, wav2vec, waveform)
@@ -126,6 +125,19 @@ def prepare(
         with _workers(jobs, backend, scheduler) as (run, together):
             made = _make_parts(tasks, plan, run, together, progress)
         return _assemble(target, made, plan, dropped)
+
+
+def _check_target(target: Path, raw: Path, overwrite: bool) -> None:
+    """The store gets a folder of its own.
+
+    Raises:
+        InputError: the folder is one of recordings, beside which its files would be read as takes, or holds a store already.
+    """
+    recordings = (*target.glob("*.bvh"), *target.glob("*.wav"), *target.glob("*.flac"))
+    if raw.resolve() == target.resolve() or recordings:
+        raise InputError(f"there are recordings in {str(target)!r}, where the store shall be", "give it a folder of its own")
+    if (target / "index.json").exists() and not overwrite:
+        raise InputError(f"there is a store in {str(target)!r} already", "--overwrite replaces it")
 
 
 def _changes(mirror: bool, speeds: Sequence[float], pitches: Sequence[float]) -> list[Change]:

@@ -21,7 +21,7 @@ from .motion.parts import PARTS
 from .motion.skeleton import Skeleton
 from .rules.options import FPS_RANGE, check_range
 
-__all__ = ["Edits", "convert_file"]
+__all__ = ["Edits", "convert_file", "read_as_humanoid"]
 
 _BLENDS = (0.0, 10.0)  # seconds; ours: none … longer than any gesture
 
@@ -159,6 +159,23 @@ def convert_file(
         options["avatar"] = worn
     motion.save(target, **options)
     return motion
+
+
+def read_as_humanoid(source: File, bones: Mapping[str, str] | None = None) -> Motion:
+    """The motion of a file; on our humanoid if a map names its joints.
+
+    Args:
+        source: a motion file.
+        bones: our name → name of a joint of ``source``.
+
+    Raises:
+        InputError: the file cannot be read, or the map is not of its joints.
+    """
+    motion = _read(source, bones, None)
+    if not bones:
+        return motion
+    check_map(bones, {str(source): motion.skeleton}, None)
+    return motion.retarget("humanoid", bone_map=bones)
 
 
 def _note_losses(source: File, target: File, *, audio: bool, face: bool, avatar: bool) -> None:

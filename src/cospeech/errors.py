@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-__all__ = ["CospeechError", "CospeechWarning", "InputError", "InternalError", "describe_extra", "nearest"]
+__all__ = ["CospeechError", "CospeechWarning", "InputError", "InternalError", "describe_extra", "guess", "nearest"]
 
 _LONGEST = 2000  # characters; ours: above what lists of all known names take
 
@@ -58,8 +58,17 @@ def nearest(word: str, known: Iterable[str]) -> str:
     >>> nearest("livly", ["natural", "lively"])
     "did you mean 'lively'? known: natural, lively"
     """
+    names = list(known)
+    return f"{guess(word, names)}known: {', '.join(names)}"
+
+
+def guess(word: str, known: Iterable[str]) -> str:
+    """A question behind which a hint goes on, for a name that is not among those ``known``; nothing where none is like it.
+
+    >>> guess("livly", ["natural", "lively"])
+    "did you mean 'lively'? "
+    """
     from difflib import get_close_matches
 
-    names = list(known)
-    close = get_close_matches(str(word).lower(), names, n=1, cutoff=0.5)  # cutoff is ours: below it the guesses surprise
-    return (f"did you mean {close[0]!r}? " if close else "") + f"known: {', '.join(names)}"
+    close = get_close_matches(str(word).lower(), list(known), n=1, cutoff=0.5)  # ours: below it the guesses surprise
+    return f"did you mean {close[0]!r}? " if close else ""

@@ -13,6 +13,7 @@ import errno
 import json
 import os
 import platform
+import re
 import secrets
 import shutil
 import stat
@@ -42,6 +43,7 @@ PREFIX = ".cospeech-"
 _MAY_WRITE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 _FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS)
 ABANDONED = 86_400.0  # seconds without a write; ours: a day, where no lock tells, and for folders of other machines
+_ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+:/", re.IGNORECASE)  # https://; a path has lost a slash; C:/ is a drive
 _LOCK, _MARK = "lock", b"cospeech "  # the file, and what it begins with; then comes the name of the machine
 _swept: set[Path] = set()  # folders that this process has looked through: once each, they may be large
 
@@ -69,6 +71,8 @@ def regular_file(path: str | PathLike[str], what: str = "a sound file") -> Path:
         about = Path(name).stat()
     except (OSError, ValueError) as error:
         reason = describe_os_error(error) if isinstance(error, OSError) else str(error)
+        if _ADDRESS.match(name):
+            raise InputError(f"cannot read {name!r}: it is an address", "download the file, and name it") from None
         raise InputError(f"cannot read {name!r}: {reason}", "is the name right?") from None
     if stat.S_ISDIR(about.st_mode):
         raise InputError(f"cannot read {name!r}: it is a folder", f"name {what}")

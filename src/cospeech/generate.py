@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -25,7 +26,7 @@ from .audio.speech import Speech, Word, count_frames, open_speech
 from .audio.speech_chunks import speech_chunks
 from .errors import CospeechWarning, InputError
 from .export import FORMATS, Writer, check_parts, format_of, open_writer
-from .export.checks import File, check_apart, check_avatar, check_files, check_map, check_skeleton
+from .export.checks import File, check_apart, check_avatar, check_files, check_map, check_skeleton, note_idle_gain
 from .export.target_skeleton import rig_files
 from .files import all_or_none
 from .models import DEFAULT, PARTS, GenerationSession, Model, PlannedSession
@@ -111,7 +112,8 @@ def generate_files(
     options = GenerationOptions(
         style=style or speaker, emotion=felt, seed=seed, intensity=intensity, temperature=temperature, fps=fps, takes=takes,
         parts=tuple(parts), face_gain=face_gain, face=face, continue_from=continue_from)  # fmt: skip
-    options = with_plan(options, plan, plan_edits, audio, transcript, wanted=plan_out is not None)
+    lister = partial(_list_gestures, loaded, model, audio, transcript, transcribe, silence)
+    options = with_plan(options, plan, plan_edits, audio, transcript, wanted=plan_out is not None, list_gestures=lister)
     old = keep_stretches(keep, keep_from, options.fps)
     target, worn = _check_files(options, skeleton, bone_map, avatar, files)
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
@@ -149,6 +151,27 @@ def generate_files(
         if report:
             place(Path(report)).write_text(result.to_json(), "utf-8")
     return result
+
+
+def _list_gestures(
+    loaded: Model | None, model: str, audio: File, transcript: File | None, transcribe: bool, silence: Fraction,
+    options: GenerationOptions,
+) -> Plan:  # fmt: skip
+    """What is performed with these options, which have an open plan: a plan with all gestures listed.
+
+    Raises:
+        InputError: the words are not known yet (``transcribe``), or the model plans no gestures.
+    """
+    if transcribe:
+        hint = "pass --plan plan.json, which --plan-out plan.json writes"
+        raise InputError("no gesture can be named before the words are recognised", hint)
+    _, session = next(_passes(loaded or load_model(model), replace(options, parts=("body", "hands"))))
+    if cast(PlannedSession, session).plan.open:
+        raise InputError(f"{model} lists no gestures to remove or to move", "only `rules` does; stretches are for all models")
+    with open_speech(audio, transcript=transcript) as source:
+        for _ in _play_takes(session, speech_chunks(source, silence)):
+            pass
+    return cast(PlannedSession, session).plan
 
 
 def check_request(
@@ -356,6 +379,6 @@ def _check_files(
     if bones:
         check_map(bones, {} if target is None else {str(skeleton): target}, worn)
     shown = {part for suffix in suffixes for part in FORMATS[suffix].holds} & {*options.parts}
-    if known and "face" not in shown and options.face_gain not in (1.0, "1"):
-        warnings.warn("face_gain changes nothing: no face is made, or no file holds one", CospeechWarning, stacklevel=3)
+    if known:
+        note_idle_gain(options.face_gain, shown, "no face is made, or no file holds one")
     return target, worn

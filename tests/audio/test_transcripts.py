@@ -161,6 +161,23 @@ def test_words_after_the_end_of_a_speech_are_noted(tmp_path, speech):
         assert source.words == (Word("one", 0.5, 1.0),)
 
 
+@pytest.mark.parametrize(
+    ("name", "text", "hint"),
+    [
+        ("plan.json", '{"cospeech_plan": 1, "words": []}', "it is a plan of gestures: --plan plays it"),
+        ("noises.srt", "1\n00:00:01,000 --> 00:00:02,000\n[applause]\n", "leave the transcript out if nobody speaks"),
+        ("list.json", "[]", "leave the transcript out if nobody speaks"),
+    ],
+)
+def test_a_speech_takes_no_transcript_without_words(tmp_path, name, text, hint):
+    path, sound = write(tmp_path, text, name), tmp_path / "a.wav"
+    soundfile.write(sound, np.zeros(16_000), 16_000)
+    for load in (Speech.load, open_speech):
+        with pytest.raises(InputError) as told:
+            load(sound, transcript=path)
+        assert str(told.value) == f"no words in {name!r} ({hint})"
+
+
 def test_librivox(shared):
     folder = shared / "data" / "speech" / "librivox"
     for path in sorted(folder.glob("*-[0-9]*.json")):

@@ -127,8 +127,8 @@ BAD = [
     ("evaluate --table flow-1 --corpus x --figure a.gif", "ends in .png"),
     ("evaluate --table flow-1 --corpus x --figure nowhere/a.png", "'nowhere/a.png': No such file"),
     ("evaluate rules --corpus x --seed-frames -1", "value for '--seed-frames'"),
-    ("prepare folder rec rec", "the store 'rec' is the folder of the corpus"),
-    ("prepare folder rec rec/me/s", "the store 'rec/me/s' lies in the folder of the corpus 'rec'"),
+    ("prepare folder rec rec", "there are recordings in 'rec'"),
+    ("prepare folder rec rec/me/s", "the store 'rec/me/s' would lie in the folder of the corpus 'rec'"),
     ("prepare folder rec s --scheduler tcp://x:1", "for the backend 'loky'"),
 ]  # fmt: skip
 
@@ -309,6 +309,28 @@ def test_edits_of_the_command_line(cli, place):
         assert code == 2
         assert err.startswith("error: ")
         assert not Path("x.bvh").exists()
+
+
+def test_gestures_of_the_plan_that_a_command_makes_can_be_named(cli, place):
+    from cospeech.cli.demo import EXAMPLE
+
+    words = EXAMPLE.with_suffix(".TextGrid")
+    options = [EXAMPLE, "--transcript", words, "--seed", "3", "--style", "lively", "--tail", "1", "--fps", "10", "-q"]
+    assert cli("generate", *options, "-o", "a.bvh", "--plan-out", "plan.json") == (0, "", "")
+    ids = [row["id"] for row in json.loads(Path("plan.json").read_text())["gestures"]]
+    edits = ["--remove", "@2.4", "--remove", ids[-1], "--move", f"{ids[3]}@6"]
+    assert cli("generate", *options, "-o", "b.bvh", *edits) == (0, "", "")
+    own = [EXAMPLE, "--tail", "1", "--fps", "10", "-q"]
+    assert cli("generate", *own, "-o", "c.bvh", "--plan", "plan.json", *edits) == (0, "", "")
+    assert Path("b.bvh").read_bytes() == Path("c.bvh").read_bytes() != Path("a.bvh").read_bytes()
+    for more, said in (
+        (["--remove", "g999"], "--remove g999: no gesture of the plan is called 'g999' (did you mean"),
+        (["--remove", "g3", "--transcribe"], "(pass --plan plan.json, which --plan-out plan.json writes)"),
+        (["--remove", "g3", "--model", "chain-of-generation"], "chain-of-generation lists no gestures to remove or to move"),
+    ):
+        code, _, err = cli("generate", *own, "-o", "x.bvh", *more)
+        assert code == 2
+        assert said in err
 
 
 def test_a_video_beside_a_sound_of_its_name_is_no_second_speech(cli, place):

@@ -176,6 +176,8 @@ def test_a_model_may_be_named_as_text_or_path():
 BAD = [
     ("generate nothing.wav -o a.bvh", "nothing.wav"),
     ("generate . -o a.bvh", "folder"),
+    ("generate https://example.com/a.wav -o a.bvh", "cannot read 'https://example.com/a.wav': it is an address (download"),
+    ("convert https://example.com/a.bvh a.glb", "it is an address (download the file, and name it)"),
     ("generate empty.wav -o a.bvh", "empty.wav"),
     ("generate text.wav -o a.bvh", "text.wav"),
     ("generate nan.wav -o a.bvh", "nan"),
@@ -221,6 +223,9 @@ BAD = [
     ("generate talk.wav -o a.glb --avatar text.wav", "text.wav"),
     ("generate talk.wav -o a.bvh --stlye lively", "--style"),
     ("generate talk.wav -o", "-o"),
+    ("generate talk.wav --output", "see `cospeech generate --help`"),
+    ("generate talk.wav --keep 0:1", "see `cospeech generate --help`"),
+    ("robot talk.bvh --fps", "see `cospeech robot --help`"),
     ("generate", "SPEECH"),
     ("generate talk.wav more.wav -o a.bvh", "several speeches"),
     ("generat talk.wav", "did you mean 'generate'"),

@@ -75,12 +75,26 @@ def test_a_terminal_sees_progress_and_a_file_does_not(tmp_path, long_speech):
     assert b"a.bvh" in out
 
 
-def test_closed_pipe_is_no_crash():
-    process = subprocess.Popen([*COSPEECH, "list", "styles"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("command", ["list styles", "list styles --json", "--help", "list --help", "--version"])
+def test_closed_pipe_is_no_crash(command, unbuffered):
+    environment = os.environ | {"PYTHONUNBUFFERED": unbuffered}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    process = subprocess.Popen([*COSPEECH, *command.split()], env=environment, **pipes)
     process.stdout.close()
-    assert b"Traceback" not in process.stderr.read()
-    process.wait()
+    assert process.stderr.read() == b""
+    assert process.wait() == 0
     process.stderr.close()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_output_that_cannot_be_written_is_one_line(unbuffered):
+    environment = os.environ | {"PYTHONUNBUFFERED": unbuffered}
+    with open("/dev/full", "wb") as full:  # noqa: PTH123  a device
+        done = subprocess.run([*COSPEECH, "list", "styles"], stdout=full, stderr=subprocess.PIPE, env=environment)
+    assert done.returncode == 1
+    assert done.stderr == b"error: No space left on device (is there room on the disk, and in memory?)\n"
 
 
 def test_runs_where_the_terminal_speaks_ascii(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 from cospeech.cli.demo import EXAMPLE
@@ -60,8 +61,21 @@ def test_joints_of_a_urdf_that_are_not_recognised_are_told(cli, place):
     assert "not moved: arm (--map" in err
 
 
+def test_joints_that_follow_another_are_told(cli, place):
+    ends = '<limit lower="0" upper="0.8" velocity="2"/></joint>'
+    inner = f'<joint name="gripper" type="revolute">{ends}'
+    for finger in ("finger_1", "finger_2"):
+        inner += f'<joint name="{finger}" type="revolute"><mimic joint="gripper" multiplier="-1"/>{ends}'
+    (place / "claw.urdf").write_text(f"<robot>{inner}</robot>")
+    (place / "claw.toml").write_text('[joints]\ngripper = "left_hand"\n')
+    code, out, err = cli("robot", "talk.bvh", "talk.csv", "--robot", "claw.urdf", "--map", "claw.toml")
+    assert (code, err.splitlines()[0]) == (0, "follows gripper: finger_1, finger_2")
+    assert "for 1 joint at" in out
+    assert "not moved" not in err
+    assert (place / "talk.csv").read_text().splitlines()[0] == "time,gripper"
+
+
 def test_after_the_speech_the_arms_come_down(cli, place):
-    import numpy as np
     import soundfile
 
     samples, rate = soundfile.read(EXAMPLE, dtype="float32")
@@ -88,8 +102,6 @@ def test_after_the_speech_the_arms_come_down(cli, place):
 
 
 def test_a_map_limits_any_robot(cli, place):
-    import numpy as np
-
     (place / "limits.toml").write_text("[limits.RElbowRoll]\nvelocity = 0.5\nacceleration = 2.0\nupper = 1\n")
     assert cli("robot", "talk.bvh", "talk.csv", "--map", "limits.toml", "-q")[0] == 0
     rows = np.genfromtxt(place / "talk.csv", delimiter=",", names=True)
@@ -99,6 +111,27 @@ def test_a_map_limits_any_robot(cli, place):
     (place / "both.toml").write_text('[joints]\narm = "left_elbow"\npan = ""\n[limits.arm]\nupper = 0.0\n')
     code, _, err = cli("robot", "talk.bvh", "talk.csv", "--robot", "mine.urdf", "--map", "both.toml")
     assert (code, err) == (0, "")  # pan is left out on purpose
+
+
+def test_a_map_names_the_joints_of_a_foreign_motion(cli, place):
+    from cospeech.motion.skeleton import humanoid
+
+    text = (place / "talk.bvh").read_text()
+    bones = "[bones]\n"
+    for number, name in enumerate(humanoid().names):
+        if f" {name}\n" in text:
+            text = text.replace(f" {name}\n", f" q{number}\n")
+            bones += f'{name} = "q{number}"\n'
+    (place / "foreign.bvh").write_text(text)
+    (place / "bones.toml").write_text(bones + "[limits.HeadYaw]\nvelocity = 8\n")
+    assert cli("robot", "talk.bvh", "talk.csv", "-q")[0] == 0
+    assert cli("robot", "foreign.bvh", "other.csv", "--map", "bones.toml", "-q") == (0, "", "")
+    tables = [np.genfromtxt(place / name, delimiter=",") for name in ("talk.csv", "other.csv")]
+    np.testing.assert_allclose(tables[0][1:], tables[1][1:], atol=0.02)
+    assert "is none of their joints" in cli("robot", "talk.bvh", "x.csv", "--map", "bones.toml")[2]
+    assert "[bones] of --map changes nothing for" in cli("robot", EXAMPLE, "x.csv", "--map", "bones.toml")[2]
+    (place / "bones.toml").write_text("[bones]\nhips = 3\n")
+    assert "holds no table of names" in cli("robot", "talk.bvh", "x.csv", "--map", "bones.toml")[2]
 
 
 def test_an_offset_in_degrees_is_told(cli, place):
@@ -118,6 +151,7 @@ def test_joints_that_get_no_movement_are_told(cli, place):
     ("arguments", "what"),
     [
         (["talk.csv", "--robot", "noa"], "no robot is called 'noa'"),
+        (["talk.csv", "--robot", "talk.bvh"], "known: nao, pepper, reachy, or a .urdf file: my_robot.urdf"),
         (["talk.txt"], "a trajectory as .txt"),
         (["talk.csv", "--robot", "mine.urdf"], "is recognised"),
         (["talk.csv", "--robot", "mine.urdf", "--map", "bad.toml"], "[joints] that holds not only texts"),

@@ -7,12 +7,14 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cospeech.audio.speech import Speech, example
+from cospeech.cli.stream import _play as play
 from cospeech.cli.stream import _play_to_the_end as play_to_the_end
 from cospeech.cli.stream import _shut_mouth as shut_mouth
 from cospeech.errors import InputError
@@ -98,6 +100,10 @@ def test_standard_input_without_sound_is_told():
         (["-i", "-", "--control", "http://x"], "cannot hear messages from 'http://x'"),
         (["-i", "-", "--control", "vmc://"], "cannot hear messages from 'vmc://'"),
         (["-i", "-", "--idle-after", "0"], "error: --idle-after is 0.0 (seconds, the latency of 1.62"),
+        (["-i", "talk.wav", "--rate", "16000"], "--rate beside a sound file (it would change nothing; leave it out)"),
+        (["-i", "talk.wav", "--samples", "f32"], "--samples beside a sound file"),
+        (["-i", "-", "--avatar", "no.vrm", "--to", "livelink://127.0.0.1"], "--avatar without a vmc:// receiver (it would ch"),
+        (["-i", "-", "--to", "vmc://127.0.0.1", "--to", "vmc://127.0.0.1"], "--to 'vmc://127.0.0.1' is given twice"),
         (["-i", "-", "--to", "vmc://"], "write vmc://127.0.0.1:39539"),
     ],
 )
@@ -107,6 +113,11 @@ def test_what_cannot_be_streamed_is_one_line(cli, arguments, what):
     assert what in err
     assert err.count("\n") == 1
     assert err.startswith("error: ")
+
+
+def test_a_gain_of_no_face_is_told(cli):
+    _, _, err = cli("stream", "--quiet", "-i", "nowhere.wav", "--parts", "hands", "--face-gain", "1.5")
+    assert err.startswith("note: face_gain changes nothing: no face is made\n")
 
 
 @pytest.mark.slow
@@ -148,6 +159,42 @@ def test_when_the_sound_is_over_the_hands_come_to_rest(tmp_path):
     assert hands[:90].max() > 1.05
     assert hands[-1].max() < 0.95
     assert max(frame["face"][ARKIT_INDEX["jawOpen"]] for frame in frames[-30:]) < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("more", [[], ["--unpaced"]])
+def test_a_reader_that_leaves_ends_the_stream(more):
+    command = [*COMMAND, "-i", str(example()[0]), "--to", "-", "--fps", "30", "--quiet", *more]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert json.loads(process.stdout.readline())["type"] == "start"
+        process.stdout.close()
+        left = time.monotonic()
+        assert process.stderr.read() == b""
+        assert process.wait(10) == 0
+        assert time.monotonic() - left < 5  # the sound is 19 s long
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+def test_lines_that_cannot_be_written_end_the_stream():
+    command = [*COMMAND, "-i", str(example()[0]), "--to", "-", "--fps", "30", "--quiet"]
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=15)
+    assert (done.returncode, done.stderr.count(b"\n")) == (1, 1)
+    assert done.stderr.startswith(b"error: No space left on device")
+
+
+@pytest.mark.slow
+def test_stopped_together_with_its_reader_it_was_interrupted():
+    command = [*COMMAND, "-i", str(example()[0]), "--to", "-", "--fps", "30", "--quiet"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, preexec_fn=heed(signal.SIGINT), **pipes) as process:
+        for _ in range(20):
+            process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        process.stdout.close()
+        assert process.stderr.read() == b"interrupted\n"
+        assert process.wait(10) == 130
 
 
 @pytest.mark.slow
@@ -212,3 +259,16 @@ def test_a_source_that_fails_shuts_the_mouth():
     assert len(seen) >= 15
     assert seen[-1].face[0, ARKIT_INDEX["jawOpen"]] < 0.05
     assert told[0].startswith(f"{len(seen)} frames")
+
+
+@pytest.mark.parametrize("paced", [True, False])
+def test_the_end_of_the_sound_is_made_in_short_steps(monkeypatch, paced):
+    """A frame may be late by a few hundredths: so little is made at once that the others wait for."""
+    session = open_live_session("rules", look_ahead=0.5, fps=30)
+    asked, idle = [], session.idle
+    monkeypatch.setattr(session, "idle", lambda seconds: asked.append(seconds) or idle(seconds))
+    pacer = SimpleNamespace(paced=paced, is_started=True, begin=None, push=lambda motion: None)
+    play(session, Speech.load(example()[0]).window(0, 0.5).chunks(0.1), lambda piece: piece, pacer)
+    assert asked[0] == 0
+    assert sum(asked) == pytest.approx(1.5 if paced else 0.0)
+    assert max(asked) <= 0.1

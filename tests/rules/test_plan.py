@@ -378,6 +378,17 @@ def test_a_command_that_cannot_be_done_names_its_option(commands, said):
         PlanCommands(**commands).apply(plan())
 
 
+def test_words_that_have_a_form_are_suggested_and_listed():
+    with pytest.raises(InputError) as told:
+        Plan().add("hug", at=2.4)
+    assert told.value.hint.startswith("did you mean 'huge'? known: beat, ")
+    known, words = told.value.hint.removeprefix("did you mean 'huge'? known: ").split("; words that have a form: ")
+    for name in [*known.split(", "), *words.split(" ")]:  # the list is whole, and each of it can be added
+        assert Plan().add(name, at=2.4).gestures
+    assert "superimposed-beat" in known
+    assert {"huge", "hello", "grow"} <= {*words.split(" ")}
+
+
 def test_the_length_of_the_sound_counts_before_that_of_the_plan():
     with pytest.raises(InputError, match=r"--gesture huge@9: 9 is after the end of the speech \(7.1 s\)"):
         PlanCommands(gesture=["huge@9"]).apply(plan(), 7.1)

@@ -209,6 +209,17 @@ def test_idle_gives_every_frame_of_its_seconds():
             live.idle(wrong)
 
 
+@pytest.mark.parametrize("look_ahead", [None, 0.5])
+def test_idle_in_steps_gives_the_same_frames(look_ahead):
+    once, steps = session(look_ahead=look_ahead), session(look_ahead=look_ahead)
+    whole_at_once = [*speak(once, 1, 2.5), *once.idle(1.0)]
+    in_steps = [*speak(steps, 1, 2.5), *(motion for seconds in (0.0, *[0.1] * 10) for motion in steps.idle(seconds))]
+    a, b = (Motion.concatenate(parts) for parts in (whole_at_once, in_steps))
+    np.testing.assert_array_equal(a.rotations, b.rotations)
+    np.testing.assert_array_equal(a.root, b.root)
+    np.testing.assert_array_equal(a.face, b.face)
+
+
 @pytest.mark.slow
 def test_minutes_of_idling_never_freeze_and_blink_as_people_do():
     live = session(seed=4)

@@ -128,9 +128,9 @@ class Speech:
         speech = Speech(np.concatenate(parts), rate, name=source.name, duration=source.duration)
         if transcript is None:
             return speech
-        from .transcripts import load_words
+        from .transcripts import load_speech_words
 
-        return replace(speech, words=load_words(transcript, speech=speech))
+        return replace(speech, words=load_speech_words(transcript, speech=speech))
 
     def __len__(self) -> int:
         return len(self.samples)
@@ -320,9 +320,9 @@ class SpeechSource:
             yield np.pad(tail, (0, max(missing - len(tail), 0)))[:missing]
 
     def _load_words(self, transcript: str | PathLike[str]) -> None:
-        from .transcripts import load_words
+        from .transcripts import load_speech_words
 
-        self.words = load_words(transcript, speech=self, speech_seconds=self.expected_seconds)
+        self.words = load_speech_words(transcript, speech=self, speech_seconds=self.expected_seconds)
 
     def close(self) -> None:
         """End the decoder; no process and no pipe is left."""

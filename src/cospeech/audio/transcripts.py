@@ -27,7 +27,7 @@ from .speech import Word
 if TYPE_CHECKING:
     from .speech import Speech, SpeechSource
 
-__all__ = ["align", "load_words", "settle"]
+__all__ = ["align", "load_speech_words", "load_words", "settle"]
 
 Entry = tuple[str, float, float]  # text, start, end
 
@@ -65,7 +65,7 @@ def load_words(
     if reader is None:
         tokens = tokenise(text)
         if not tokens:
-            raise InputError(f"there is no word in {name!r}", "leave the transcript out if nobody speaks")
+            raise _wordless(name)
         if speech is not None:
             return settle(((w.text, w.start, w.end) for w in align(tokens, speech)), speech_seconds, name)
         if speech_seconds is None:
@@ -76,6 +76,28 @@ def load_words(
     except InputError as error:
         problem = error.problem if name in error.problem else f"{name!r}: {error.problem}"
         raise InputError(problem, error.hint) from None
+
+
+def load_speech_words(
+    path: str | PathLike[str], *, speech: Speech | SpeechSource, speech_seconds: float | None = None
+) -> tuple[Word, ...]:
+    """The words of a speech: as `load_words`, and there is one at least.
+
+    Raises:
+        InputError: as of `load_words`, or there is none.
+    """
+    words = load_words(path, speech=speech, speech_seconds=speech_seconds)
+    if not words:
+        is_plan = b'"cospeech_plan"' in read_regular(path, "a transcript", TRANSCRIPT_BYTES)
+        raise _wordless(Path(os.fsdecode(path)).name, "it is a plan of gestures: --plan plays it" if is_plan else _LEAVE_OUT)
+    return words
+
+
+_LEAVE_OUT = "leave the transcript out if nobody speaks"
+
+
+def _wordless(name: str, hint: str = _LEAVE_OUT) -> InputError:
+    return InputError(f"no words in {name!r}", hint)
 
 
 def settle(

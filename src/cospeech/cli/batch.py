@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from ..errors import CospeechError, CospeechWarning, InputError, InternalError
 from ..export import FORMATS
 from ..export.checks import check_files
-from ..files import atomic, describe_os_error, scratch, workplace
+from ..files import atomic, describe_os_error, regular_file, scratch, workplace
 from ..generate import check_request, generate_files, take_path
 from ..limits import PIPED_BYTES
 from ..models import DEFAULT, PARTS, Model, load
@@ -168,6 +168,8 @@ def _find_files(given: Sequence[str | PathLike[str]]) -> Iterator[dict[str, Path
     for speech in given:
         if os.fspath(speech) == STANDARD_INPUT:
             raise InputError("standard input (-) is named together with other speeches", "name it alone")
+        if "://" in os.fspath(speech):  # of an address, a `Path` would lose a slash
+            regular_file(speech)
         for name, path in _files(Path(speech)):
             if name in found:
                 both = f"{str(found[name])!r} and {str(path)!r}"

@@ -12,7 +12,7 @@ from typer import Argument, Option
 
 from ..errors import InputError
 from ..files import atomic, check_destination
-from .options import Debug
+from .options import Debug, check_idle
 
 __all__ = ["register"]
 
@@ -167,15 +167,12 @@ def _check_options(context: typer.Context, table: str | None, systems: list[str]
     """
     if table is not None and systems:
         raise InputError(f"system {systems[0]!r} beside --table", "leave it out: the table has its own rows")
-    wheres = dict.fromkeys(_OF_CONTESTS, "beside --table, which sets this itself")
     if table is None:
-        wheres = dict.fromkeys(_OF_TABLES, "without --table, to which it belongs")
-    elif headroom:
-        wheres["figure"] = "beside --headroom, which makes no row"
-    for option in context.command.params:
-        where = wheres.get(option.name or "")
-        if where and str(context.get_parameter_source(str(option.name))).endswith("COMMANDLINE"):
-            raise InputError(f"{option.opts[0]} {where}", "it would change nothing; leave it out")
+        check_idle(context, _OF_TABLES, "without --table, to which it belongs")
+    else:
+        check_idle(context, _OF_CONTESTS, "beside --table, which sets this itself")
+        if headroom:
+            check_idle(context, ("figure",), "beside --headroom, which makes no row")
 
 
 def _show(data: str, text: str, out: Path | None, as_json: bool) -> None:

@@ -245,8 +245,9 @@ def _usage_error(error: typer.TyperException) -> InputError:
     what, _, rest = error.format_message().replace("\n", " ").strip().partition(". ")
     if not rest and what.endswith(")") and " (" in what:
         what, _, rest = what[:-1].partition(" (")
-    context = getattr(error, "ctx", None)
-    command = context.command_path if context else "cospeech"
+    context = getattr(error, "ctx", None)  # an option without its value has none
+    typed = [word for word in sys.argv[1:2] if word in typer.main.get_group(app).commands]
+    command = context.command_path if context else " ".join(["cospeech", *typed])
     hint = rest.strip().rstrip(".") or f"see `{command} --help`"
     return InputError(what[:1].lower() + what[1:].rstrip("."), hint[:1].lower() + hint[1:])
 
@@ -279,14 +280,16 @@ def main() -> None:
     try:
         with _noting():
             code = app(prog_name="cospeech", standalone_mode=False)
+        sys.stdout.flush()  # what cannot be written is told here
         if code == INTERRUPTED:  # Typer has caught it
             print("interrupted", file=sys.stderr)
     except (CospeechError, typer.TyperException) as problem:
         error = problem if isinstance(problem, CospeechError) else _usage_error(problem)
         code = _say(error, 1 if isinstance(error, InternalError) else 2)
-    except BrokenPipeError:  # the reader of our output has left, as `head` does
-        sys.stdout = None  # type: ignore[assignment]  # nothing is flushed into the void at exit
-        code = 0
+    except (BrokenPipeError, SystemExit) as ended:
+        if not isinstance(ended, BrokenPipeError) and not isinstance(ended.__context__, BrokenPipeError):
+            raise
+        code = 0  # the reader of our output has left, as `head` does; Typer makes an exit with 1 of it
     except OSError as problem:  # a full disk, say
         code = _say(InternalError(problem.strerror or str(problem), "is there room on the disk, and in memory?"), 1)
     except Exception as problem:
@@ -294,6 +297,10 @@ def main() -> None:
 
         error = explain(problem, next(iter(sys.argv[1:]), ""))
         code = _say(error, 1 if isinstance(error, InternalError) else 2)
+    try:
+        sys.stdout.flush()
+    except OSError:
+        sys.stdout = None  # type: ignore[assignment]  # it is not tried again at exit
     sys.exit(code)
 
 

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from typer import Argument, Option
 
+from ..errors import InputError
 from ..export.registry import FORMATS
 
 __all__ = [
     "Audio", "Avatar", "Clip", "Continue", "Debug", "Drawn", "Emotion", "Face", "FaceGain", "Folder", "Fps", "Intensity",
     "Jobs", "Json", "Map", "Model", "Motion", "NewFps", "Output", "Parts", "Picture", "Port", "Quiet", "ReportFile", "Retarget",
     "RigMap", "Seed", "Skeleton", "Speaker", "Style", "Tail", "Takes", "Temperature", "Transcribe", "Transcript", "View",
-    "number", "option", "whole",
+    "check_idle", "number", "option", "whole",
 ]  # fmt: skip
 
 
@@ -38,6 +39,22 @@ def whole(text: str) -> int:
         return int(text)
     except ValueError:
         raise typer.BadParameter(f"{text!r} is not a whole number") from None
+
+
+def check_idle(context: typer.Context, names: Collection[str], where: str) -> None:
+    """None of these options is given, because they would change nothing.
+
+    Args:
+        context: of the command.
+        names: of its parameters.
+        where: why, behind the option: ``beside a sound file``.
+
+    Raises:
+        InputError: one is.
+    """
+    for parameter in context.command.params:
+        if parameter.name in names and str(context.get_parameter_source(parameter.name)).endswith("COMMANDLINE"):
+            raise InputError(f"{parameter.opts[0]} {where}", "it would change nothing; leave it out")
 
 
 Audio = Annotated[

@@ -34,7 +34,8 @@ Channels = Annotated[
         "--map",
         metavar="FILE",
         help='TOML file. Table [joints]: joint of the URDF = "left_elbow", or "-left_elbow+0.5"; "" leaves it out. Tables '
-        "[limits.JOINT] of any robot: velocity, acceleration, lower, upper (docs/guides/robots.md).",
+        "[limits.JOINT] of any robot: velocity, acceleration, lower, upper. Table [bones]: our names for the joints of MOTION "
+        "(docs/guides/robots.md).",
     ),
 ]
 Rest = Annotated[
@@ -97,7 +98,10 @@ def robot(
     }
     kind = source.suffix.lower()
     is_motion = str(source) == "-" or source.is_dir() or (kind in FORMATS and kind != ".mp4")  # a video has speech
-    motion = _read_motion(source, options) if is_motion else _generate_motion(source, options, fps, quiet)
+    bones = table.get("bones")
+    if bones and not is_motion:
+        raise InputError(f"[bones] of --map changes nothing for {str(source)!r}", "it is for a motion file")
+    motion = _read_motion(source, options, bones) if is_motion else _generate_motion(source, options, fps, quiet)
     rest = rest if rest is not None else 0.0 if is_motion else TO_REST
     commands, outside = _make_commands(append_idle(motion.resample(fps), rest, seed=seed, intensity=intensity), joints)
     save_trajectory(target, commands, joints, fps=fps)
@@ -145,8 +149,11 @@ def _tell_what_stays(
     robot: str, name: str, channels: Mapping[str, str], joints: Sequence[RobotJoint], commands: Array, outside: Sequence[str]
 ) -> None:
     """On standard error: joints that do not move, and why."""
-    from ..motion.robot import list_joints
+    from ..motion.robot import list_followers, list_joints
 
+    followers = list_followers(robot) if _is_urdf(robot) else {}
+    for leader in dict.fromkeys(followers.values()):
+        typer.echo(f"follows {leader}: {', '.join(name for name in followers if followers[name] == leader)}", err=True)
     left_out = {joint for joint, what in channels.items() if not what}
     others = set(list_joints(robot)) - {joint.name for joint in joints} - left_out if _is_urdf(robot) else set()
     if others:
@@ -164,14 +171,14 @@ def _tell_what_stays(
         typer.echo(f"without movement in {name}: {', '.join(still)}", err=True)
 
 
-def _read_motion(path: Path, options: Mapping[str, Any]) -> Motion:
+def _read_motion(path: Path, options: Mapping[str, Any], bones: Mapping[str, str] | None) -> Motion:
     """Of a motion file, where the options of speech change nothing."""
-    from ..export import load
+    from ..convert import read_as_humanoid
 
     for name, value in options.items():
         if value != _OF_SPEECH[name]:
             raise InputError(f"--{name} changes nothing for {str(path)!r}", "it is for a sound file")
-    return load(path)
+    return read_as_humanoid(path, bones)
 
 
 def _generate_motion(path: Path, options: Mapping[str, Any], fps: float, quiet: bool) -> Motion:
@@ -187,21 +194,29 @@ def _generate_motion(path: Path, options: Mapping[str, Any], fps: float, quiet: 
 
 
 def _read_map(path: Path) -> dict[str, Any]:
-    """The tables of a map: ``joints``, joint → what it takes, and ``limits``, joint → limits."""
+    """The tables of a map: ``joints``, joint → what it takes; ``limits``, joint → limits; ``bones``, our name → joint."""
     from ..errors import nearest
     from ..files import parse_toml, read_regular
+    from ..motion.bone_mapping import load_map
 
     table = parse_toml(read_regular(path, "a map", 1 << 20), path.name, "[joints]")
     for name, rows in table.items():
-        if name not in ("joints", "limits"):
-            raise InputError(f"{path.name!r} has a table [{name[:40]}]", nearest(name, ("joints", "limits")))
-        inner = str if name == "joints" else dict
+        if name == "bones":
+            table[name] = load_map(path)
+            continue
+        if name not in _TABLES:
+            raise InputError(f"{path.name!r} has a table [{name[:40]}]", nearest(name, (*_TABLES, "bones")))
+        inner, problem, hint = _TABLES[name]
         if not isinstance(rows, dict) or not all(isinstance(value, inner) for value in rows.values()):
-            kind, hint = {
-                "joints": ("[joints] that holds not only texts", 'arm_1 = "left_shoulder_pitch"'),
-                "limits": ("[limits] that holds not only tables", "write [limits.arm_1] and velocity = 1.5 below it"),
-            }[name]
-            raise InputError(f"{path.name!r} has a table {kind}", hint)
+            raise InputError(f"{path.name!r} has a table [{name}] that holds not only {problem}", hint)
     if not table:
-        raise InputError(f"{path.name!r} has no table [joints] or [limits.JOINT]", 'such as [joints] arm_1 = "left_elbow"')
+        hint = 'such as [joints] arm_1 = "left_elbow"'
+        raise InputError(f"{path.name!r} has no table [joints] or [limits.JOINT] or [bones]", hint)
     return table
+
+
+_TABLES = {
+    "joints": (str, "texts", 'arm_1 = "left_shoulder_pitch"'),
+    "limits": (dict, "tables", "write [limits.arm_1] and velocity = 1.5 below it"),
+}
+"""Table of a map → the kind of its values, that kind in words, and a hint."""

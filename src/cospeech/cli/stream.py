@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -24,6 +24,7 @@ from .options import (
     Seed,
     Style,
     Temperature,
+    check_idle,
     number,
     option,
     whole,
@@ -41,6 +42,7 @@ __all__ = ["register"]
 
 _ALL = ",".join(PARTS)
 _CLOSING = 0.5  # seconds in which a character that is stopped shuts its mouth and lowers its hands [ours]
+_STEP = 0.1  # seconds of idling that are made at once [ours: a tick of the rules, 10 to 30 ms of work]
 _SILENCE = 3.0  # seconds of live silence after which the rules idle [ours: longer than a pause between sentences]
 Avatar = Annotated[
     Path | None,
@@ -118,6 +120,7 @@ def register(app: typer.Typer) -> None:
 
 
 def stream(
+    context: typer.Context,
     source: Source = "mic",
     to: Targets = ["-"],  # noqa: B006  typer reads it, and nobody changes it
     model: Model = DEFAULT,
@@ -159,6 +162,7 @@ def stream(
     bones = _read_map(names, avatar)
     tell = _say_nothing if quiet else _tell
     wanted = tuple(part.strip() for part in parts.split(","))
+    _check_options(context, source, to, wanted, face_gain)
     try:
         session = open_live_session(
             model, style=style, emotion=emotion, seed=seed, temperature=temperature, intensity=intensity, parts=wanted,
@@ -186,6 +190,25 @@ def stream(
         raise InternalError("no receiver got a frame", "are the addresses right, and do the receivers run?")
 
 
+def _check_options(context: typer.Context, source: str, to: Sequence[str], parts: Sequence[str], face_gain: str) -> None:
+    """No receiver is named twice, and no option is given that would change nothing; a gain of no face is a note.
+
+    Raises:
+        InputError: one is.
+    """
+    from ..export.checks import note_idle_gain
+    from ..export.live.addresses import scheme_of
+
+    twice = next((address for address in to if to.count(address) > 1), None)
+    if twice is not None:
+        raise InputError(f"--to {twice!r} is given twice", "name each receiver once")
+    if not any(scheme_of(address) == "vmc" for address in to):
+        check_idle(context, ("avatar",), "without a vmc:// receiver")
+    if not is_live(source):
+        check_idle(context, ("rate", "samples"), "beside a sound file")
+    note_idle_gain(face_gain, parts, "no face is made")
+
+
 def _read_map(names: Path | None, avatar: Path | None) -> dict[str, str] | None:
     """The map of an avatar's joints, if there is one."""
     from ..motion.bone_mapping import load_map
@@ -210,8 +233,20 @@ def _open_outlets(
     stack.callback(tell_counts)
     for address in addresses:
         outlets.append(open_outlet(address, settings, tell))
-        stack.callback(outlets[-1].close)
+        stack.enter_context(_close_at_the_end(outlets[-1]))
     return outlets
+
+
+@contextmanager
+def _close_at_the_end(outlet: Outlet) -> Iterator[None]:
+    """An error of the receiver does not take the place of another one, or of Ctrl-C."""
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            outlet.close()
+        raise
+    outlet.close()
 
 
 def _shut_mouth(session: LiveSession, pacer: FramePacer) -> bool:
@@ -240,16 +275,19 @@ def _play_to_the_end(
     tell: Callable[[str], None],
 ) -> None:  # fmt: skip
     """Play until the sound is over or somebody stops the program, and tell how evenly the frames left."""
-    over = False
     try:
         _play(session, pieces, steer, pacer)
-        over = True
     except (KeyboardInterrupt, SystemExit, Exception):  # SystemExit: SIGTERM; an exception: of a microphone that is pulled out
         over = pacer.paced and _shut_mouth(session, pacer)
+        with suppress(OSError):  # of a receiver: what stopped the program is told
+            _end(pacer, tell, drop=not over)
         raise
-    finally:
-        pace = pacer.close(drop=not over)
-        tell(f"{pace.frames} frames, {pace.late} late (the latest by {pace.worst * 1e3:.0f} ms)")
+    _end(pacer, tell, drop=False)
+
+
+def _end(pacer: FramePacer, tell: Callable[[str], None], *, drop: bool) -> None:
+    pace = pacer.close(drop=drop)
+    tell(f"{pace.frames} frames, {pace.late} late (the latest by {pace.worst * 1e3:.0f} ms)")
 
 
 def _play(session: LiveSession, pieces: Iterable[Speech], steer: Callable[[Speech], Speech], pacer: FramePacer) -> None:
@@ -261,5 +299,7 @@ def _play(session: LiveSession, pieces: Iterable[Speech], steer: Callable[[Speec
             pacer.begin(float(piece.duration))
         for motion in session.push(steer(piece)):
             pacer.push(motion)
-    for motion in session.idle(TO_REST if pacer.paced else 0.0):  # who takes frames as they are made wants those of the sound
-        pacer.push(motion)
+    steps = round(TO_REST / _STEP) if pacer.paced else 0  # who takes frames as they are made wants those of the sound
+    for seconds in (0.0, *[_STEP] * steps):  # in steps: all of it at once takes longer than a frame may be late
+        for motion in session.idle(seconds):
+            pacer.push(motion)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Collection, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import InputError
+from ..errors import CospeechWarning, InputError
 from ..motion.bone_map_checks import check_fit
 from ..motion.skeleton import Skeleton
 from .registry import FORMATS, format_of, suffixes
@@ -17,7 +18,7 @@ from .target_skeleton import find_target, rig_joints
 if TYPE_CHECKING:
     from .avatar import Avatar
 
-__all__ = ["File", "check_apart", "check_avatar", "check_files", "check_map", "check_skeleton"]
+__all__ = ["File", "check_apart", "check_avatar", "check_files", "check_map", "check_skeleton", "note_idle_gain"]
 
 File = str | PathLike[str]
 
@@ -60,6 +61,12 @@ def check_map(bones: Mapping[str, str], skeletons: Mapping[str, Skeleton], avata
     """
     files: dict[str, Collection[str]] = {repr(str(name)): rig_joints(name, found) for name, found in skeletons.items()}
     check_fit(bones, files | ({} if avatar is None else {repr(str(avatar.path)): avatar.joints}))
+
+
+def note_idle_gain(face_gain: object, shown: Collection[str], why: str) -> None:
+    """Warn if a gain of the face is given and no face is shown; ``why`` says who lacks it."""
+    if "face" not in shown and face_gain not in (1.0, "1"):
+        warnings.warn(f"face_gain changes nothing: {why}", CospeechWarning, stacklevel=3)
 
 
 def check_files(audio: File, outputs: list[Path], inputs: list[File], report: File | None) -> None:

@@ -8,13 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ..motion.curves import smoothstep
+from ..motion.kinematics.arm_clearance import TrunkFrames
+from ..motion.kinematics.arms import MIRROR_Q, MIRROR_V
 from ..motion.kinematics.body import Body
 from ..motion.kinematics.body_volume import HEAD_CENTRE, THIGH_TOP
 from ..motion.rotations import Array, euler_to_quat, quat_conjugate, quat_multiply, quat_rotate
 from ..motion.skeleton import humanoid
 from .styles import Style
 
-__all__ = ["MIRROR_Q", "MIRROR_V", "ArmFrames", "arm_frames", "lay_on_lap", "offsets"]
+__all__ = ["ArmFrames", "arm_frames", "lay_on_lap", "offsets"]
 
 _STAYING = 0.7  # share of a seated trunk's lean that raised hands do not take part in (ours)
 _CROSSED = 0.09  # metres by which a leg over the other's knee raises the lap
@@ -22,8 +24,6 @@ _LEANS = 0.6  # share of the style's lean that a seated trunk has in the middle 
 _OFF_LAP, _LIFTS_OVER = -0.40, 0.32
 """Arm lengths above the shoulder of a hand that has left the lap; and below it, of one that lies there and does not sway with
 the trunk. [ours]"""
-MIRROR_V, MIRROR_Q = np.array([-1.0, 1.0, 1.0]), np.array([1.0, -1.0, -1.0, 1.0])
-"""What mirrors positions and rotations between the left and the right arm."""
 
 
 @lru_cache(1)
@@ -37,11 +37,8 @@ def offsets() -> dict[str, Array]:
 class ArmFrames(NamedTuple):
     """The torso as both arms see it: (N, 2, …), the right side mirrored; positions relative to the upper chest's joint."""
 
-    to_hips: Array
-    from_hips: Array
-    hips_at: Array
+    trunk: TrunkFrames
     gesture: Array
-    head_at: Array
     to_seat: Array
     from_seat: Array
     seat_at: Array
@@ -99,11 +96,8 @@ def arm_frames(places: dict[str, tuple[Array, Array]], neck: Array, b: Array, ro
     lap = float(o["t:hips"][1]) - 0.04 + THIGH_TOP + _CROSSED * crossed
     both_to_hips, to_seat = _both(to_hips, MIRROR_Q), _both(chest, MIRROR_Q)
     return ArmFrames(
-        both_to_hips,
-        quat_conjugate(both_to_hips),
-        _both(hips_from, MIRROR_V),
+        TrunkFrames(both_to_hips, quat_conjugate(both_to_hips), _both(hips_from, MIRROR_V), _both(head, MIRROR_V)),
         _both(gesture, MIRROR_Q),
-        _both(head, MIRROR_V),
         to_seat,
         quat_conjugate(to_seat),
         _both(chest_at - hips_at, MIRROR_V),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from math import isfinite
@@ -45,6 +45,11 @@ class PlanCommands:
         return any(getattr(self, field.name) for field in fields(self))
 
     @property
+    def names_gestures(self) -> bool:
+        """Whether an edit names a gesture of the plan."""
+        return bool(self.remove or self.move)
+
+    @property
     def needs_words(self) -> bool:
         """Whether an edit names a word of the transcript."""
         return any("@word:" in text for text in self.gesture)
@@ -80,6 +85,7 @@ NO_EDITS = PlanCommands()
 def with_plan(
     options: GenerationOptions, plan: str | PathLike[str] | Plan | None, edits: PlanCommands,
     audio: str | PathLike[str], transcript: str | PathLike[str] | None, *, wanted: bool,
+    list_gestures: Callable[[GenerationOptions], Plan],
 ) -> GenerationOptions:  # fmt: skip
     """Options with the plan that is played; as they are where nobody asks for one.
 
@@ -89,6 +95,7 @@ def with_plan(
         edits: what is changed of it.
         audio, transcript: files whose words are read, if an edit names one.
         wanted: whether a plan is wanted, although none is given.
+        list_gestures: gives the plan of a performance with all its gestures; used if an edit names one and no plan is given.
 
     Raises:
         InputError: the plan cannot be read, edited or played with these options.
@@ -97,7 +104,11 @@ def with_plan(
         return options
     from .plan_edits import Plan
 
-    played = plan if isinstance(plan, Plan) else Plan.of(options) if plan is None else Plan.load(plan)
+    if plan is None:
+        open_plan = Plan.of(options)
+        played = list_gestures(replace(options, plan=open_plan)) if edits.names_gestures else open_plan
+    else:
+        played = plan if isinstance(plan, Plan) else Plan.load(plan)
     if edits.any:
         read, known = transcript if edits.needs_words else None, played.words
         with open_speech(audio, transcript=read) as source:

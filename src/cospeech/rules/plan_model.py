@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from ..audio.emotions import EMOTIONS
 from ..audio.speech import Word
-from ..errors import InputError, nearest
+from ..errors import InputError, guess, nearest
 from ..limits import PLAUSIBLE_SECONDS
 from .gesture import CROWDED, RUN_UP
 from .lexicon import LEXICON
@@ -312,7 +312,9 @@ def find_form(name: str) -> tuple[str, str | None]:
         return word, hands
     if word in LEXICON:
         return LEXICON[word], hands
-    raise InputError(f"no form of gesture is called {name[:40]!r}", nearest(word[:40], known))
+    words = [each for each in LEXICON if each not in known]
+    hint = f"{guess(word[:40], [*known, *words])}known: {', '.join(known)}; words that have a form: {' '.join(words)}"
+    raise InputError(f"no form of gesture is called {name[:40]!r}", hint)
 
 
 T = TypeVar("T", bound=PlanData)

@@ -12,8 +12,10 @@ import numpy as np
 
 from ..motion.curves import smoothstep, soft_clip, soft_positive
 from ..motion.kinematics import arms
+from ..motion.kinematics.arm_clearance import push_from_body
+from ..motion.kinematics.arms import MIRROR_Q, MIRROR_V
 from ..motion.kinematics.body import NECK_SHARE, SPINE, Body
-from ..motion.kinematics.body_volume import push_from_head, push_from_thighs, push_from_torso
+from ..motion.kinematics.body_volume import push_from_thighs
 from ..motion.kinematics.hands import Channel
 from ..motion.kinematics.legs import stand, weight_shift
 from ..motion.noise import smooth_noise
@@ -28,7 +30,7 @@ from ..motion.rotations import (
     rotvec_to_quat,
 )
 from ..motion.skeleton import humanoid
-from .arm_frames import MIRROR_Q, MIRROR_V, ArmFrames, arm_frames, lay_on_lap, offsets
+from .arm_frames import ArmFrames, arm_frames, lay_on_lap, offsets
 from .hand_noise import add_hand_noise
 from .minimum_jerk import MinimumJerkTrack
 from .stance import BREATH_PITCH, CONTRAPPOSTO, PELVIS_SHARE
@@ -304,7 +306,7 @@ def _make_room(rel: Array, shoulder: Array, hand: Array, points: Array, frames: 
     wrist_at = shoulder + rel
     for offset, radius, flat in ((None, 0.036, 0.028), (palm, 0.050, 0.024), (tips, 0.026, 0.010), (thumb, 0.022, 0.010)):
         point = wrist_at if offset is None else wrist_at + offset
-        wrist_at = wrist_at + _push(point, radius + _CLEAR, frames)
+        wrist_at = wrist_at + push_from_body(point, radius + _CLEAR, frames.trunk)
         if style.seated:
             wrist_at = wrist_at + _push_from_lap(wrist_at if offset is None else wrist_at + offset, flat, frames)
     point = wrist_at + _MIDDLE_OF_HAND * palm
@@ -316,22 +318,8 @@ def _make_room(rel: Array, shoulder: Array, hand: Array, points: Array, frames: 
     return arms.reach(wrist_at - shoulder)
 
 
-def _push(point: Array, radius: float, frames: ArmFrames) -> Array:
-    """Displacement of points (N, 2, 3), relative to the upper chest in its frame, out of the body."""
-    o = offsets()
-    upper = point + o["t:upperChest"]
-    in_hips = quat_rotate(frames.to_hips, point) + frames.hips_at
-    lower = in_hips + o["t:hips"]
-    mix = smoothstep((upper[..., 1] - 1.02) / 0.20)[..., None]
-    both = upper * mix + lower * (1 - mix)
-    push = push_from_torso(both, radius)
-    push_low = quat_rotate(frames.from_hips, push)
-    out = push * mix + push_low * (1 - mix)
-    return out + push_from_head(point + out, frames.head_at, radius)  # type: ignore[no-any-return]
-
-
 def _push_from_lap(point: Array, radius: float, frames: ArmFrames) -> Array:
-    """As `_push`, out of the thighs of a seated body; a palm lies flat on them."""
+    """As `push_from_body`, out of the thighs of a seated body; a palm lies flat on them."""
     level = quat_rotate(frames.to_seat, point) + frames.seat_at + offsets()["t:hips"]
     return quat_rotate(frames.from_seat, push_from_thighs(level, frames.lap, 0.46, radius))
 

@@ -3,7 +3,7 @@
 Networks that learnt upper bodies stand on planted feet with a stiff trunk. Here a `Stance` of the rules carries them. The
 pelvis goes from leg to leg over feet that step. The chest takes over a part of its turn and breathes. It bends into a stroke
 downward or forward, a little before the hands. The head stays nearly where it looked, and the arms ride on the chest as they
-are.
+are, but outside of the body.
 
 Every frame depends on its own row, on the wrists within `REACH` seconds, on its time and on the seed. So a motion may be
 given in pieces of any size, and comes back `StanceLayer.look_ahead` later.
@@ -15,6 +15,7 @@ from random import Random
 
 import numpy as np
 
+from ..motion.kinematics.arm_clearance import keep_arms_out
 from ..motion.kinematics.arms import wrists_in_chest
 from ..motion.kinematics.body import NECK_SHARE, SPINE, Body
 from ..motion.kinematics.legs import carry, stand, weight_shift
@@ -280,6 +281,7 @@ class StanceLayer:
         nod = quat_to_rotvec(quat_multiply(quat_conjugate(turned), looks))
         q[:, joint["neck"]] = rotvec_to_quat(nod * NECK_SHARE)
         q[:, joint["head"]] = rotvec_to_quat(nod * (1 - NECK_SHARE))
+        keep_arms_out(q, min(self._amount, 1.0))
         if seated:
             place[:, [0, 2]] += b[:, [Body.HIPS_X, Body.HIPS_Z]]
             return

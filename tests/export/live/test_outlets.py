@@ -42,6 +42,7 @@ class Recorder:
 
     is_refused = False
     is_alone = False
+    is_needed = False
 
     def __init__(self, *, fail_at: tuple[int, ...] = (), refuse: int = 0, seconds: float = 0) -> None:
         self.data: list[bytes] = []
@@ -88,6 +89,25 @@ def test_who_goes_is_found_again_and_told_once():
     assert outlet.sent == 19
     assert outlet.dropped == 1
     assert [("cannot be reached" in note, "is back" in note) for note in notes] == [(True, False), (False, True)]
+
+
+@pytest.mark.parametrize("fail_at", [3, 21])  # 21: the text that ends the stream
+def test_who_is_needed_and_goes_ends_the_stream(fail_at):
+    wire, notes = Recorder(fail_at=(fail_at,)), []
+    wire.is_needed = True
+    outlet = Outlet("test", json_encoder(), wire, fps=30, note=notes.append)
+
+    def play() -> None:
+        for frame in frames():
+            outlet.send(frame)
+            time.sleep(0.01)
+        outlet.close()
+
+    with pytest.raises(BrokenPipeError):
+        play()
+    assert len(wire.data) == fail_at
+    assert notes == []
+    outlet.close()  # it is told once
 
 
 def test_who_is_not_there_is_told_of_once_and_nothing_waits_for_it():

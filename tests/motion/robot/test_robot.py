@@ -19,6 +19,7 @@ from cospeech.motion.robot import (
     RobotJoint,
     RobotStream,
     find_robot,
+    list_followers,
     list_joints,
     narrow_joints,
     read_urdf,
@@ -235,6 +236,25 @@ def test_joints_of_a_urdf(urdf):
     assert arm.upper == pytest.approx(2 * np.pi)
 
 
+def test_soft_limits_that_are_narrower_hold(tmp_path):
+    def limits(soft: str, kind: str = "revolute") -> tuple[float, float]:
+        inner = f'<limit lower="-1" upper="1" velocity="2"/><safety_controller k_velocity="1" {soft}/>'
+        (tmp_path / "r.urdf").write_text(f'<robot><joint name="HeadYaw" type="{kind}">{inner}</joint></robot>')
+        (joint,) = read_urdf(tmp_path / "r.urdf")
+        return joint.lower, joint.upper
+
+    assert limits('soft_lower_limit="-0.4" soft_upper_limit="0.3"') == (-0.4, 0.3)
+    assert limits('soft_lower_limit="-4" soft_upper_limit="0.5"') == (-1, 0.5)
+    assert limits("") == (-1, 1)
+    assert limits('soft_lower_limit="-0.5"', "continuous")[0] == -0.5
+    with pytest.raises(InputError, match="the URDF says soft_upper_limit='x' of joint 'HeadYaw'"):
+        limits('soft_upper_limit="x"')
+    limits('soft_lower_limit="-0.2" soft_upper_limit="0.1"')
+    motion = still(100)
+    motion.rotations[:, JOINT["head"]] = rotvec_to_quat(np.array([0, 0.9, 0]))
+    assert robot_trajectory(motion, read_urdf(tmp_path / "r.urdf")).max() <= 0.1
+
+
 def test_a_map_adds_to_the_names_and_takes_joints_out(urdf):
     assert [joint.name for joint in read_urdf(urdf, {"arm": "left_elbow"})] == ["LShoulderPitch", "arm"]
     assert [joint.name for joint in read_urdf(urdf, {"arm": "left_elbow", "LShoulderPitch": ""})] == ["arm"]
@@ -302,6 +322,20 @@ def test_a_gripper_closes_at_one_limit_and_opens_at_the_other(tmp_path):
     nao = narrow_joints(find_robot("nao"), {"LHand": {"lower": 0.2}})
     hand = robot_trajectory(opening(200), nao)[:, [joint.name for joint in nao].index("LHand")]
     assert hand[[0, -1]] == pytest.approx([0.2, 1], abs=1e-3)
+
+
+def test_a_joint_that_mimics_another_gets_no_commands(tmp_path):
+    ends = '<limit lower="0" upper="1" velocity="2"/></joint>'
+    follower = f'<joint name="RHand" type="prismatic"><mimic joint="LHand" multiplier="-1" offset="0.1"/>{ends}'
+    (tmp_path / "r.urdf").write_text(f'<robot><joint name="LHand" type="revolute">{ends}{follower}</robot>')
+    assert [joint.name for joint in read_urdf(tmp_path / "r.urdf")] == ["LHand"]
+    assert list_joints(tmp_path / "r.urdf") == ("LHand",)
+    assert list_followers(tmp_path / "r.urdf") == {"RHand": "LHand"}
+    with pytest.raises(InputError, match=r"joint 'RHand' of .* follows 'LHand' and takes nothing"):
+        read_urdf(tmp_path / "r.urdf", {"RHand": "right_hand"})
+    (tmp_path / "r.urdf").write_text("<robot>" + follower.replace('joint="LHand"', "") + "</robot>")
+    with pytest.raises(InputError, match="mimics a joint that has no name"):
+        list_joints(tmp_path / "r.urdf")
 
 
 @pytest.mark.parametrize(

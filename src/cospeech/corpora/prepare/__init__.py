@@ -101,7 +101,7 @@ def prepare(
     if corpus not in CORPORA:
         raise InputError(f"no corpus is called {corpus!r}", nearest(corpus, CORPORA))
     target = Path(store)
-    _check_apart(target, raw)
+    _check_target(target, Path(raw), overwrite)
     chosen = find_pose(pose or DEFAULT_POSES[corpus])
     rate = chosen.fps if fps is None else fps
     if not 1 <= rate <= 240:
@@ -116,8 +116,6 @@ def prepare(
         raise InputError(f"a scheduler {scheduler!r} for the backend {backend!r}", "it is for --backend dask")
     if wav2vec is not None:
         wav2vec_names(wav2vec)  # so that it is told now, not once per clip
-    if (target / "index.json").exists() and not overwrite:
-        raise InputError(f"there is a store in {str(target)!r} already", "--overwrite replaces it")
     read = import_module(CORPORA[corpus].module).read
     derivations_for = plan_derivations(derived_speakers, lambda: read(raw), mirror)
     plan = PreparationPlan(corpus, chosen.name, float(rate), filters, wav2vec, waveform)
@@ -130,12 +128,22 @@ def prepare(
         return _assemble(target, made, plan, dropped)
 
 
-def _check_apart(target: Path, raw: str | PathLike[str]) -> None:
-    """Raise an InputError where the store would lie in the folder of the corpus, where a reader would find its files."""
-    folder, source = target.resolve(), Path(raw).resolve()
-    if folder == source or source in folder.parents:
-        where = "is the folder of the corpus" if folder == source else f"lies in the folder of the corpus {str(raw)!r}"
-        raise InputError(f"the store {str(target)!r} {where}", "name a folder outside it, such as stores/NAME")
+def _check_target(target: Path, raw: Path, overwrite: bool) -> None:
+    """The store gets a folder of its own.
+
+    Raises:
+        InputError: the folder is one of recordings, or within the corpus, where its files would be read as takes, or holds a
+            store already.
+    """
+    folder, source = target.resolve(), raw.resolve()
+    recordings = (*target.glob("*.bvh"), *target.glob("*.wav"), *target.glob("*.flac"))
+    if source == folder or recordings:
+        raise InputError(f"there are recordings in {str(target)!r}, where the store shall be", "give it a folder of its own")
+    if source in folder.parents:
+        problem = f"the store {str(target)!r} would lie in the folder of the corpus {str(raw)!r}"
+        raise InputError(problem, "name a folder outside it, such as stores/NAME")
+    if (target / "index.json").exists() and not overwrite:
+        raise InputError(f"there is a store in {str(target)!r} already", "--overwrite replaces it")
 
 
 def _changes(mirror: bool, speeds: Sequence[float], pitches: Sequence[float]) -> list[Change]:

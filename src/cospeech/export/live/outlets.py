@@ -7,7 +7,6 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from typing import IO, Protocol
 
 from ...motion.motion import Motion
@@ -37,6 +36,8 @@ class Wire(Protocol):
     """Whether its machine has said that nobody listens there. Bytes are sent all the same."""
     is_alone: bool
     """Whether what was sent last reached nobody, because no client is connected."""
+    is_needed: bool
+    """Whether the stream ends without this receiver; any other is tried again."""
 
     def connect(self) -> None:
         """Raises OSError where there is nobody."""
@@ -56,6 +57,7 @@ class UdpWire:
     _socket: socket.socket | None
     is_refused = False
     is_alone = False
+    is_needed = False
 
     def connect(self) -> None:
         """See `Wire`; the name of the host is looked up."""
@@ -82,6 +84,7 @@ class LineWire:
 
     is_refused = False
     is_alone = False
+    is_needed = True
 
     def __init__(self, file: IO[bytes] | None = None) -> None:
         self._file = file if file is not None else sys.stdout.buffer
@@ -115,11 +118,13 @@ class Outlet:
         self._waiting: deque[Motion] = deque()
         self._most = max(1, round(WAITING * fps))
         self._changed, self._over = threading.Condition(), False
+        self._error: OSError | None = None
         self._thread = threading.Thread(target=self._work, name=f"cospeech {name}", daemon=True)
         self._thread.start()
 
     def send(self, frame: Motion) -> None:
-        """Queue one frame; returns at once."""
+        """Queue one frame; returns at once. Raises OSError, once, if the receiver is needed and has gone."""
+        self._raise_error()
         with self._changed:
             if len(self._waiting) >= self._most:
                 self._waiting.popleft()
@@ -128,7 +133,7 @@ class Outlet:
             self._changed.notify()
 
     def close(self, timeout: float = 2.0) -> None:
-        """Send what waits, and end; a receiver that takes longer than ``timeout`` seconds does not get it."""
+        """Send what waits, and end; a receiver that takes longer than ``timeout`` seconds does not get it. Raises as `send`."""
         with self._changed:
             self._over = True
             self._changed.notify()
@@ -137,6 +142,12 @@ class Outlet:
             self.dropped += len(self._waiting)
             self._waiting.clear()
         self._wire.close()
+        self._raise_error()
+
+    def _raise_error(self) -> None:
+        error, self._error = self._error, None
+        if error is not None:
+            raise error
 
     def _next(self) -> Motion | None:
         with self._changed:
@@ -171,6 +182,9 @@ class Outlet:
                     self._note(note)
             except OSError as error:
                 self.dropped += 1
+                if self._wire.is_needed:
+                    self._error = error
+                    return
                 connected = False
                 if not told:
                     told = True
@@ -179,5 +193,7 @@ class Outlet:
                     self._changed.wait_for(lambda: self._over, wait)
                 wait = min(2 * wait, _RETRY[1])
         if connected and (last := self._encoder.end()):
-            with suppress(OSError):
+            try:
                 self._wire.send(last)
+            except OSError as error:
+                self._error = error if self._wire.is_needed else None

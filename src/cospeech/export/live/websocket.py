@@ -43,6 +43,7 @@ class WebSocketWire:
 
     is_refused = False
     is_alone = False
+    is_needed = False
 
     def __init__(self, url: str) -> None:
         import_websockets()
@@ -90,6 +91,7 @@ class WebSocketServer:
 
     is_refused = False
     is_alone = False
+    is_needed = False
 
     def __init__(self, host: str, port: int, *, most: int = 120) -> None:
         import_websockets()

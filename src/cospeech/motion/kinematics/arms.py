@@ -26,10 +26,12 @@ from ..skeleton import humanoid
 from .hands import Channel
 
 __all__ = [
-    "FINGERS", "ArmLengths", "arm_lengths", "bone_frame", "finger_angles", "finger_joints", "finger_rotations", "reach",
-    "solve_arm", "wrists_in_chest",
+    "FINGERS", "MIRROR_Q", "MIRROR_V", "MOST_REACH", "ArmLengths", "arm_lengths", "bone_frame", "finger_angles",
+    "finger_joints", "finger_rotations", "hand_turns", "reach", "solve_arm", "to_parent", "wrists_in_chest",
 ]  # fmt: skip
 
+MIRROR_V, MIRROR_Q = np.array([-1.0, 1.0, 1.0]), np.array([1.0, -1.0, -1.0, 1.0])
+"""What mirrors positions and rotations between the left and the right arm."""
 MOST_REACH = 0.992  # of the arm's full length: an elbow never locks quite straight (ours; motion.md: flexion 5 % = 16–54°)
 FOREARM_SHARE = 0.6  # of pronation that the forearm bone shows; the wrist takes the rest, so that skin twists gradually
 FINGERS = ("Index", "Middle", "Ring", "Little")

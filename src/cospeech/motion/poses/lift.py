@@ -14,6 +14,7 @@ import numpy as np
 
 from ...errors import InputError
 from ..kinematics import arms
+from ..kinematics.arms import MIRROR_Q, MIRROR_V
 from ..kinematics.body import NECK_SHARE, SPINE
 from ..kinematics.hands import CHANNELS, HAND_SHAPES, Channel
 from ..motion import Motion
@@ -42,7 +43,6 @@ __all__ = ["lift"]
 
 _ROUNDS = 4  # ours: of the fit of torso and head; each leaves about a tenth of the error
 _STRAIGHT = 0.1  # ours: sine of the elbow's bend (6°) below which its hinge is rather taken from where elbows point by nature
-_MIRROR_V, _MIRROR_Q = np.array([-1.0, 1.0, 1.0]), np.array([1.0, -1.0, -1.0, 1.0])
 _X = np.array([1.0, 0.0, 0.0])
 
 
@@ -211,7 +211,7 @@ def _arms(aims: _Aims, torso: Array) -> dict[str, Array]:
 
     def mirror_directions(directions: Array) -> Array:
         own = quat_rotate(back, directions)
-        return own * np.stack([np.ones(3), _MIRROR_V])
+        return own * np.stack([np.ones(3), MIRROR_V])
 
     along, upper, fore = (mirror_directions(d) for d in (aims.shoulders, aims.upper, aims.fore))
     clavicle = s.offsets[s.index["leftUpperArm"]]
@@ -232,7 +232,7 @@ def _arms(aims: _Aims, torso: Array) -> dict[str, Array]:
         "LowerArm": arms.to_parent(turned[0], turned[1]),
     }
     return {"left" + name: q[:, 0] for name, q in locals_.items()} | {
-        "right" + name: q[:, 1] * _MIRROR_Q for name, q in locals_.items()
+        "right" + name: q[:, 1] * MIRROR_Q for name, q in locals_.items()
     }
 
 
@@ -241,4 +241,4 @@ def _fingers(frames: int) -> Array:
     channels = np.zeros(CHANNELS)
     channels[Channel.KNUCKLES.start : Channel.THUMB.stop] = HAND_SHAPES["relaxed"].values()
     left = arms.finger_rotations(channels)
-    return np.broadcast_to(np.concatenate([left, left * _MIRROR_Q]), (frames, 2 * len(left), 4))
+    return np.broadcast_to(np.concatenate([left, left * MIRROR_Q]), (frames, 2 * len(left), 4))

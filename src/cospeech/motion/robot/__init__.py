@@ -14,9 +14,9 @@ from .joints import RobotJoint, narrow_joints
 from .limiter import JointLimiter
 from .robots import ROBOTS, find_robot
 from .trajectory import RobotStream, check_trajectory_file, robot_trajectory, save_trajectory
-from .urdf import list_joints, read_urdf
+from .urdf import list_followers, list_joints, read_urdf
 
 __all__ = [
     "CHANNELS", "ROBOTS", "BodyAngles", "JointLimiter", "RobotJoint", "RobotStream", "check_trajectory_file", "find_robot",
-    "list_joints", "narrow_joints", "read_urdf", "robot_trajectory", "save_trajectory",
+    "list_followers", "list_joints", "narrow_joints", "read_urdf", "robot_trajectory", "save_trajectory",
 ]  # fmt: skip

@@ -73,5 +73,5 @@ def find_robot(name: str) -> tuple[RobotJoint, ...]:
         InputError: there is none of that name; the message lists those that there are.
     """
     if name not in ROBOTS:
-        raise InputError(f"no robot is called {name!r}", nearest(name, ROBOTS))
+        raise InputError(f"no robot is called {name!r}", f"{nearest(name, ROBOTS)}, or a .urdf file: my_robot.urdf")
     return ROBOTS[name]

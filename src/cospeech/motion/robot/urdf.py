@@ -13,7 +13,7 @@ from ...files import read_regular
 from .joints import RobotJoint
 from .robots import ROBOTS
 
-__all__ = ["list_joints", "read_urdf"]
+__all__ = ["list_followers", "list_joints", "read_urdf"]
 
 _URDF = 16 << 20  # bytes; ours: a large robot has some 200 kB
 _MOVING = ("revolute", "continuous", "prismatic")
@@ -27,12 +27,18 @@ def read_urdf(path: str | PathLike[str], channels: Mapping[str, str] | None = No
         channels: joint → what it takes of `CHANNELS`; ``"-left_elbow"`` takes it with the other sign,
             ``"left_shoulder_pitch-1.5708"`` with an offset in radians, and with ``""`` the joint is not moved. A hand goes from
             the lower limit (closed) to the upper one (open); of ``"-left_hand"``, open is the lower one. Joints with the names
-            of a known robot need none. Such a joint takes the other sign where its axis points the other way.
+            of a known robot need none. Such a joint takes the other sign where its axis points the other way. A joint that
+            follows another (``<mimic>``) takes nothing.
 
     Raises:
-        InputError: no URDF, a joint that it does not have, one without limits, or one that slides and takes no hand.
+        InputError: no URDF, a joint that it does not have, one that follows another, one without limits, or one that slides
+            and takes no hand.
     """
-    moving = _read_joints(path)
+    moving, followers = _read_joints(path)
+    for name in channels or {}:
+        if name in followers:
+            problem = f"joint {name!r} of {str(path)!r} follows {followers[name]!r} and takes nothing"
+            raise InputError(problem, f"map {followers[name]}, and leave {name} out of the map")
     wanted = {name: what for name, what in (_recognise(moving) | dict(channels or {})).items() if what}
     if not wanted:
         raise InputError(
@@ -45,15 +51,25 @@ def read_urdf(path: str | PathLike[str], channels: Mapping[str, str] | None = No
 
 
 def list_joints(path: str | PathLike[str]) -> tuple[str, ...]:
-    """Names of the joints of a URDF that turn or slide, in the order of the file.
+    """Names of the joints of a URDF that turn or slide and follow no other, in the order of the file.
 
     Raises:
         InputError: no URDF.
     """
-    return tuple(_read_joints(path))
+    return tuple(_read_joints(path)[0])
 
 
-def _read_joints(path: str | PathLike[str]) -> dict[str, ElementTree.Element]:
+def list_followers(path: str | PathLike[str]) -> dict[str, str]:
+    """Joint of a URDF that mimics another → the joint that it follows, in the order of the file.
+
+    Raises:
+        InputError: no URDF.
+    """
+    return _read_joints(path)[1]
+
+
+def _read_joints(path: str | PathLike[str]) -> tuple[dict[str, ElementTree.Element], dict[str, str]]:
+    """Joints that turn or slide by commands, and those that follow another, with its name."""
     data = read_regular(path, "a URDF", _URDF)
     if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
         raise InputError(f"{str(path)!r} has a document type", "remove <!DOCTYPE …>; a URDF needs none")
@@ -62,13 +78,24 @@ def _read_joints(path: str | PathLike[str]) -> dict[str, ElementTree.Element]:
     except ElementTree.ParseError as error:
         raise InputError(f"{str(path)!r} is no XML: {error}", "is it a .urdf, not a .xacro?") from None
     found: dict[str, ElementTree.Element] = {}
+    followers: dict[str, str] = {}
     for joint in tree.iter("joint"):
         if joint.get("type") in _MOVING:
-            name = joint.get("name", "")
-            if name in found:
+            name, mimic = joint.get("name", ""), joint.find("mimic")
+            if name in found or name in followers:
                 raise InputError(f"{str(path)!r} has two joints {name!r}", "each joint needs a name of its own")
-            found[name] = joint
-    return found
+            if mimic is None:
+                found[name] = joint
+            else:
+                followers[name] = _read_leader(name, mimic)
+    return found, followers
+
+
+def _read_leader(name: str, mimic: ElementTree.Element) -> str:
+    leader = mimic.get("joint")
+    if not leader:
+        raise InputError(f"joint {name!r} mimics a joint that has no name", 'a URDF says <mimic joint="gripper"/>')
+    return leader
 
 
 def _recognise(joints: Mapping[str, ElementTree.Element]) -> dict[str, str]:
@@ -127,20 +154,32 @@ def _parse_channel(name: str, what: str) -> tuple[str, float, float]:
 
 
 def _read_limits(name: str, element: ElementTree.Element) -> tuple[float, float, float]:
-    """Lower, upper and velocity."""
-    limit, found = element.find("limit"), []
+    """Lower, upper and velocity: the narrower of hard and soft limits."""
+    limit, soft = element.find("limit"), element.find("safety_controller")
+    turns_without_end = element.get("type") == "continuous"
+    found = dict[str, float]()
     for key in ("lower", "upper", "velocity"):
-        text = None if limit is None else limit.get(key)
-        if element.get("type") == "continuous" and key != "velocity":
-            text = str({"lower": -2 * np.pi, "upper": 2 * np.pi}[key])
-        elif text is None:
+        if turns_without_end and key != "velocity":
+            found[key] = {"lower": -2 * np.pi, "upper": 2 * np.pi}[key]
+        elif limit is None or limit.get(key) is None:
             raise InputError(
                 f"joint {name!r} has no limits: {key} is missing", "a URDF says <limit lower=… upper=… velocity=…/>"
             )
-        try:
-            found.append(float(text))
-        except ValueError:
-            raise InputError(
-                f"the URDF says {key}={text[:40]!r} of joint {name!r}", "a number; xacro fills in what stands in ${…}"
-            ) from None
-    return found[0], found[1], found[2]
+        else:
+            found[key] = _read_number(name, limit, key)
+    for key, narrower in (("lower", max), ("upper", min)):
+        if soft is not None and soft.get(f"soft_{key}_limit") is not None:
+            found[key] = narrower(found[key], _read_number(name, soft, f"soft_{key}_limit"))
+    return found["lower"], found["upper"], found["velocity"]
+
+
+def _read_number(name: str, element: ElementTree.Element, key: str) -> float:
+    text = element.get(key, "")
+    try:
+        number = float(text)
+    except ValueError:
+        number = float("nan")
+    if np.isnan(number):
+        hint = "a number; xacro fills in what stands in ${…}"
+        raise InputError(f"the URDF says {key}={text[:40]!r} of joint {name!r}", hint)
+    return number

@@ -1,0 +1,157 @@
+"""Arms that stay out of torso and head, whoever moved them.
+
+Wrists, palms, fingers and forearms are pushed out (`body_volume`), and the arm follows: its elbow stays on its side of the line
+from shoulder to wrist, and its hand turns with the forearm. Each frame depends on itself alone. Arms that touch nothing stay as
+they are.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from ..curves import clip, smoothstep
+from ..rotations import Array, quat_between, quat_conjugate, quat_multiply, quat_rotate, vector_normalize
+from ..skeleton import humanoid
+from .arms import MIRROR_Q, MIRROR_V, MOST_REACH, arm_lengths, to_parent
+from .body_volume import HEAD_CENTRE, push_from_head, push_from_torso
+
+__all__ = ["TrunkFrames", "keep_arms_out", "push_from_body", "trunk_frames"]
+
+_LOW, _OVER = (
+    1.02,
+    0.20,
+)  # metres of the T-pose from which on the torso turns with the chest, and over which this changes [ours]
+_BALLS = ((0.0, 0.036), (0.080, 0.050), (0.140, 0.030))
+"""Metres along the hand from the wrist, and radius, of wrist, palm and fingers [ours]: as of the hands of the rules."""
+_ALONG, _FOREARM = 0.62, 0.036  # share of the forearm from the elbow, and the radius of the arm there, metres [ours]
+_TIMES = 3  # rounds of pushes [ours]: what leaves the torso may meet the head
+_AIR = 0.004  # metres between body and arm [ours]
+_TOUCHES = 1e-4  # metres of a push from which on an arm is moved [ours]: pushes begin softly
+_BENT = 0.03  # upper arms that an elbow is off the line to the wrist, below which the forearm's hinge says where it goes [ours]
+
+
+class TrunkFrames(NamedTuple):
+    """The trunk as both arms see it: (N, 2, …), the right side mirrored; positions relative to the upper chest's joint."""
+
+    to_hips: Array
+    from_hips: Array
+    hips_at: Array
+    head_at: Array
+
+
+def push_from_body(point: Array, radius: float, trunk: TrunkFrames) -> Array:
+    """Displacement of balls at ``point (N, 2, 3)``, relative to the upper chest in its frame, out of torso and head."""
+    in_chest, in_hips = _tpose()
+    upper = point + in_chest
+    lower = quat_rotate(trunk.to_hips, point) + trunk.hips_at + in_hips
+    mix = smoothstep((upper[..., 1] - _LOW) / _OVER)[..., None]
+    push = push_from_torso(upper * mix + lower * (1 - mix), radius)
+    out = push * mix + quat_rotate(trunk.from_hips, push) * (1 - mix)
+    return out + push_from_head(point + out, trunk.head_at, radius)  # type: ignore[no-any-return]
+
+
+def trunk_frames(q: Array) -> TrunkFrames:
+    """How both arms see the trunk, of local rotations (N, J, 4)."""
+    s = humanoid()
+    spine, chest, upper, neck, head = (q[:, s.index[name]] for name in ("spine", "chest", "upperChest", "neck", "head"))
+    o = {name: s.offsets[s.index[name]] for name in ("spine", "chest", "upperChest", "neck", "head")}
+    two = quat_multiply(spine, chest)
+    to_hips = quat_multiply(two, upper)
+    hips_at = o["spine"] + quat_rotate(spine, o["chest"]) + quat_rotate(two, o["upperChest"])
+    head_at = o["neck"] + quat_rotate(neck, o["head"] + quat_rotate(head, HEAD_CENTRE))
+    both = _mirror(to_hips, MIRROR_Q)
+    return TrunkFrames(both, quat_conjugate(both), _mirror(hips_at, MIRROR_V), _mirror(head_at, MIRROR_V))
+
+
+def keep_arms_out(q: Array, amount: float = 1.0) -> None:
+    """Bring arms and hands out of torso and head.
+
+    Args:
+        q: (N, J, 4) local rotations of our humanoid; written to.
+        amount: share of the way that they go, 0 … 1.
+    """
+    trunk, arm = trunk_frames(q), _read_arms(q)
+    moved = amount * _find_push(arm, trunk)
+    rows = np.flatnonzero((np.einsum("nij,nij->ni", moved, moved) > _TOUCHES**2).any(1))
+    if not len(rows):
+        return
+    arm = _Arms(*(part[rows] for part in arm))
+    upper, fore = _follow(arm, arm.wrist - arm.shoulder + moved[rows])
+    joint = humanoid().index
+    for name, turn in (("UpperArm", to_parent(arm.clavicle, upper)), ("LowerArm", to_parent(upper, fore))):
+        q[rows, joint["left" + name]] = turn[:, 0]
+        q[rows, joint["right" + name]] = turn[:, 1] * MIRROR_Q
+
+
+class _Arms(NamedTuple):
+    """(N, 2, …) in the frame of the upper chest, the right side mirrored."""
+
+    clavicle: Array
+    upper: Array
+    fore: Array
+    hand: Array
+    shoulder: Array
+    elbow: Array
+    wrist: Array
+
+
+def _read_arms(q: Array) -> _Arms:
+    s = humanoid()
+    turns, at = list[Array](), [s.offsets[s.index["leftShoulder"]]]
+    for name, child in (("Shoulder", "UpperArm"), ("UpperArm", "LowerArm"), ("LowerArm", "Hand"), ("Hand", "")):
+        local = np.stack([q[:, s.index["left" + name]], q[:, s.index["right" + name]] * MIRROR_Q], 1)
+        turns.append(quat_multiply(turns[-1], local) if turns else local)
+        if child:
+            at.append(at[-1] + quat_rotate(turns[-1], s.offsets[s.index["left" + child]]))
+    return _Arms(*turns, *at[1:])
+
+
+def _find_push(arm: _Arms, trunk: TrunkFrames) -> Array:
+    """(N, 2, 3) metres that the wrists go."""
+    along = quat_rotate(arm.hand, np.array([1.0, 0.0, 0.0]))
+    moved = np.zeros_like(arm.wrist)
+    for _ in range(_TIMES):
+        for far, radius in _BALLS:
+            moved = moved + push_from_body(arm.wrist + far * along + moved, radius + _AIR, trunk)
+        middle = arm.elbow + _ALONG * (arm.wrist + moved - arm.elbow)
+        moved = moved + push_from_body(middle, _FOREARM + _AIR, trunk) / _ALONG
+    return moved
+
+
+def _follow(arm: _Arms, to: Array) -> tuple[Array, Array]:
+    """(N, 2, 4) rotations of upper arm and forearm with which the wrists are at ``to (N, 2, 3)`` from the shoulders."""
+    lengths = arm_lengths()
+    before = arm.wrist - arm.shoulder
+    far = np.sqrt(np.einsum("nij,nij->ni", to, to))[..., None]
+    most = np.maximum(np.sqrt(np.einsum("nij,nij->ni", before, before))[..., None], MOST_REACH * lengths.total)
+    reached = clip(far, abs(lengths.upper - lengths.fore) + _AIR, most)
+    line = to / np.maximum(far, 1e-6)
+    turn = quat_between(before, line)
+    elbow = quat_rotate(turn, arm.elbow - arm.shoulder)
+    off = elbow - np.einsum("nij,nij->ni", elbow, line)[..., None] * line
+    straight = smoothstep(1.0 - np.sqrt(np.einsum("nij,nij->ni", off, off)) / (_BENT * lengths.upper))[..., None]
+    back = quat_rotate(turn, quat_rotate(arm.upper, np.array([0.0, 0.0, -1.0])))
+    off = off + straight * lengths.upper * (back - np.einsum("nij,nij->ni", back, line)[..., None] * line)
+    off = vector_normalize(off)
+    cosine = clip((lengths.upper**2 + reached**2 - lengths.fore**2) / (2 * lengths.upper * reached), -1.0, 1.0)
+    bone = lengths.upper * (cosine * line + np.sqrt(1 - cosine**2) * off)
+    upper = _turn_bone(arm.elbow - arm.shoulder, bone, arm.upper)
+    return upper, _turn_bone(arm.wrist - arm.elbow, reached * line - bone, arm.fore)
+
+
+def _turn_bone(before: Array, after: Array, rotation: Array) -> Array:
+    return quat_multiply(quat_between(before, after), rotation)
+
+
+def _mirror(left: Array, mirror: Array) -> Array:
+    return np.stack([left, left * mirror], 1)
+
+
+@lru_cache(1)
+def _tpose() -> tuple[Array, Array]:
+    """(3,) where upper chest and hips of the T-pose are, metres."""
+    s = humanoid()
+    return s.tpose[s.index["upperChest"]], s.tpose[s.index["hips"]]

@@ -412,8 +412,12 @@ def test_a_stopped_table_says_how_it_goes_on(table_runs, tmp_path, monkeypatch):
             signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr("cospeech.training.train._Rows.step", stop)
-    with pytest.raises(KeyboardInterrupt):
-        saving.run("flow_ted_baseline", 5)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # behind an & Ctrl-C is ignored
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            saving.run("flow_ted_baseline", 5)
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert heard[-1] == "saved at step 1: run the same command again to go on"
 
 

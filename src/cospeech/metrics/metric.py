@@ -75,11 +75,12 @@ class Metric:
         empty = next((s.name for s in (*generated, *reference) if not len(s)), None)
         if empty is not None:
             raise InputError(f"{empty!r} has no frames")
-        for sample in (*generated, *reference):
+        samples = (*reference, *generated)
+        for sample in samples:
             if "rate" in self.about.same:
-                _check_rates(sample, (*reference, *generated)[0])
+                _check_rates(sample, samples[0])
             if "joints" in self.about.same:
-                _check_joints(sample, (*reference, *generated)[0])
+                _check_joints(sample, samples[0])
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # what comes of them is looked at below
             score = self.function(generated, reference, tools)

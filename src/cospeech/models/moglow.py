@@ -33,7 +33,7 @@ from .nn.conditioning import drop_history, frame_windows
 from .nn.configuration import SMALL_FLOW, ModelConfig
 from .nn.flow import Flow, RecurrentNet, State
 from .nn.objective import Batch, Objective
-from .nn.self_play import play_window
+from .nn.self_play import FAR, play_window
 from .nn.settings import check_least
 from .nn.speed_distance import timing_term
 from .nn.trainable import Trainable
@@ -205,7 +205,7 @@ class MoGlow(Trainable):
         terms = {"nll": -log_prob.mean() / self.config.nll_unit}
         if self.config.stroke_timing and step % self.config.stroke_timing_every == 0:
             latents = self.flow.latent.sample(batch.chance.normal, len(x), heard.shape[1])
-            made = play_window(self._make_frame, latents, first, heard)
+            made = play_window(self._make_frame, latents, first, heard, FAR)
             terms |= timing_term(self.config.stroke_timing, made.mT, x.mT)
         return terms
 
@@ -233,12 +233,7 @@ class MoGlow(Trainable):
         Returns:
             (B, F, D).
         """
-        poses, states = history, None
-        heard = frame_windows(self.hear(audio, control), self.speech_frames)
-        for t in range(z.shape[1]):
-            made, states = self.step(z[:, t], poses[:, -self.config.history :], heard[:, t], states)
-            poses = torch.cat([poses, made[:, None]], 1)
-        return poses[:, self.config.history :]
+        return play_window(self.step, z, history, frame_windows(self.hear(audio, control), self.speech_frames))
 
     # the runtime bundle ---------------------------------------------------------------------------------------------
 

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -35,6 +36,7 @@ from .nn.conditioning import GlobalEncoder, drop_history, frame_windows
 from .nn.configuration import SMALL_FLOW, ModelConfig
 from .nn.flow import Flow, RecurrentNet, State
 from .nn.objective import Batch, Objective, StepRandom
+from .nn.self_play import play_window
 from .nn.settings import check_least
 from .nn.trainable import Trainable
 
@@ -245,12 +247,7 @@ class StylisedFlow(Trainable):
         Returns:
             (B, F, D).
         """
-        poses, states = history, None
-        heard = frame_windows(audio, self.speech_frames)
-        for t in range(z.shape[1]):
-            made, states = self.step(z[:, t], poses[:, -self.config.history :], heard[:, t], states, style)
-            poses = torch.cat([poses, made[:, None]], 1)
-        return poses[:, self.config.history :]
+        return play_window(partial(self.step, style=style), z, history, frame_windows(audio, self.speech_frames))
 
     # the runtime bundle ---------------------------------------------------------------------------------------------
 

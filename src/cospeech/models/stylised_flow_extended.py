@@ -29,7 +29,7 @@ from ..errors import InputError
 from .nn.conditioning import StyleEncoder, as_steps, blank_history, drop_history
 from .nn.flow import State
 from .nn.objective import Batch, StepRandom
-from .nn.self_play import play_window
+from .nn.self_play import FAR, play_window
 from .nn.speed_distance import timing_term
 from .stylised_flow import FlowConfig, StylisedFlow
 
@@ -165,7 +165,7 @@ class StylisedFlowExtended(StylisedFlow):
         if frozen is not None:
             frozen.eval()
         step = partial(self._make_frame, style=style)
-        made = play_window(step, latents, pose[:, first : first + self.config.history], heard)
+        made = play_window(step, latents, pose[:, first : first + self.config.history], heard, FAR)
         if frozen is not None:
             frozen.train()
         return made

@@ -1,23 +1,24 @@
-"""A window that an autoregressive flow plays by itself from its recorded history, as a loss needs it: with gradients."""
+"""What an autoregressive flow plays by itself: each pose is fed back, when it generates and, with gradients, in a loss."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf
 
 import torch
 from torch import Tensor
 
 from .flow import State
 
-__all__ = ["play_window"]
+__all__ = ["FAR", "play_window"]
 
-_FAR = 8.0  # standard deviations [ours]: no recorded pose is as far; the first networks of a training run can be
+FAR = 8.0  # standard deviations [ours]: no recorded pose is as far; the first networks of a training run can be
 
 Step = Callable[[Tensor, Tensor, Tensor, list[State] | None], tuple[Tensor, list[State]]]
 """Latents (B, D), history (B, τ, D), speech (B, τ + 1 + l, A), states → pose (B, D), states."""
 
 
-def play_window(step: Step, latents: Tensor, history: Tensor, heard: Tensor) -> Tensor:
+def play_window(step: Step, latents: Tensor, history: Tensor, heard: Tensor, limit: float = inf) -> Tensor:
     """Poses that follow a history; each pose is fed back.
 
     Args:
@@ -25,12 +26,13 @@ def play_window(step: Step, latents: Tensor, history: Tensor, heard: Tensor) -> 
         latents: (B, F, D).
         history: (B, τ, D).
         heard: (B, F, τ + 1 + l, A).
+        limit: standard deviations beyond which no pose is; `FAR` in a loss.
 
     Returns:
         (B, F, D).
     """
     tau, poses, states = history.shape[1], history, None
-    for t in range(heard.shape[1]):
+    for t in range(latents.shape[1]):
         made, states = step(latents[:, t], poses[:, -tau:], heard[:, t], states)
-        poses = torch.cat([poses, made[:, None].clamp(-_FAR, _FAR)], 1)
+        poses = torch.cat([poses, made[:, None].clamp(-limit, limit)], 1)
     return poses[:, tau:]

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..motion.curves import smoothstep
 from ..motion.kinematics.arm_clearance import TrunkFrames
-from ..motion.kinematics.arms import MIRROR_Q, MIRROR_V
+from ..motion.kinematics.arms import MIRROR_Q, MIRROR_V, mirror_arm
 from ..motion.kinematics.body import Body
 from ..motion.kinematics.body_volume import HEAD_CENTRE, THIGH_TOP
 from ..motion.rotations import Array, euler_to_quat, quat_conjugate, quat_multiply, quat_rotate
@@ -58,13 +58,6 @@ def _over_hips() -> Array:
     return offsets()["t:upperChest"] - offsets()["t:hips"]
 
 
-def _both(left: Array, mirror: Array) -> Array:
-    both = np.empty((len(left), 2, left.shape[1]))
-    both[:, 0] = left
-    np.multiply(left, mirror, out=both[:, 1])
-    return both
-
-
 def arm_frames(places: dict[str, tuple[Array, Array]], neck: Array, b: Array, rotations: Array, style: Style) -> ArmFrames:
     """How both arms see torso, head and lap.
 
@@ -94,15 +87,15 @@ def arm_frames(places: dict[str, tuple[Array, Array]], neck: Array, b: Array, ro
         stay = quat_rotate(back, _STAYING * (usual - (chest_at - hips_at)))
     crossed = smoothstep(b[:, [Body.LEFT_LIFT, Body.RIGHT_LIFT]].max(1, keepdims=True) / 0.18)
     lap = float(o["t:hips"][1]) - 0.04 + THIGH_TOP + _CROSSED * crossed
-    both_to_hips, to_seat = _both(to_hips, MIRROR_Q), _both(chest, MIRROR_Q)
+    both_to_hips, to_seat = mirror_arm(to_hips, MIRROR_Q), mirror_arm(chest, MIRROR_Q)
     return ArmFrames(
-        TrunkFrames(both_to_hips, quat_conjugate(both_to_hips), _both(hips_from, MIRROR_V), _both(head, MIRROR_V)),
-        _both(gesture, MIRROR_Q),
+        TrunkFrames(both_to_hips, quat_conjugate(both_to_hips), mirror_arm(hips_from, MIRROR_V), mirror_arm(head, MIRROR_V)),
+        mirror_arm(gesture, MIRROR_Q),
         to_seat,
         quat_conjugate(to_seat),
-        _both(chest_at - hips_at, MIRROR_V),
+        mirror_arm(chest_at - hips_at, MIRROR_V),
         lap,
-        _both(stay, MIRROR_V),
+        mirror_arm(stay, MIRROR_V),
     )
 
 

@@ -15,21 +15,20 @@ import numpy as np
 from ..curves import clip, smoothstep
 from ..rotations import Array, quat_between, quat_conjugate, quat_multiply, quat_rotate, vector_normalize
 from ..skeleton import humanoid
-from .arms import MIRROR_Q, MIRROR_V, MOST_REACH, arm_lengths, to_parent
+from .arms import MIRROR_Q, MIRROR_V, MOST_REACH, arm_lengths, mirror_arm, to_parent
 from .body_volume import HEAD_CENTRE, push_from_head, push_from_torso
+from .two_bones import place_middle_joint
 
 __all__ = ["TrunkFrames", "keep_arms_out", "push_from_body", "trunk_frames"]
 
-_LOW, _OVER = (
-    1.02,
-    0.20,
-)  # metres of the T-pose from which on the torso turns with the chest, and over which this changes [ours]
+_LOW, _OVER = 1.02, 0.20
+"""Metres of the T-pose from which on the torso turns with the chest, and over which this changes [ours]."""
 _BALLS = ((0.0, 0.036), (0.080, 0.050), (0.140, 0.030))
 """Metres along the hand from the wrist, and radius, of wrist, palm and fingers [ours]: as of the hands of the rules."""
 _ALONG, _FOREARM = 0.62, 0.036  # share of the forearm from the elbow, and the radius of the arm there, metres [ours]
 _TIMES = 3  # rounds of pushes [ours]: what leaves the torso may meet the head
 _AIR = 0.004  # metres between body and arm [ours]
-_TOUCHES = 1e-4  # metres of a push from which on an arm is moved [ours]: pushes begin softly
+_TOUCHES = 1e-4  # metres of pushes, added, from which on an arm is moved [ours]: pushes begin softly
 _BENT = 0.03  # upper arms that an elbow is off the line to the wrist, below which the forearm's hinge says where it goes [ours]
 
 
@@ -42,8 +41,8 @@ class TrunkFrames(NamedTuple):
     head_at: Array
 
 
-def push_from_body(point: Array, radius: float, trunk: TrunkFrames) -> Array:
-    """Displacement of balls at ``point (N, 2, 3)``, relative to the upper chest in its frame, out of torso and head."""
+def push_from_body(point: Array, radius: Array | float, trunk: TrunkFrames) -> Array:
+    """Displacement of balls at ``point (..., N, 2, 3)``, relative to the upper chest in its frame, out of torso and head."""
     in_chest, in_hips = _tpose()
     upper = point + in_chest
     lower = quat_rotate(trunk.to_hips, point) + trunk.hips_at + in_hips
@@ -62,8 +61,8 @@ def trunk_frames(q: Array) -> TrunkFrames:
     to_hips = quat_multiply(two, upper)
     hips_at = o["spine"] + quat_rotate(spine, o["chest"]) + quat_rotate(two, o["upperChest"])
     head_at = o["neck"] + quat_rotate(neck, o["head"] + quat_rotate(head, HEAD_CENTRE))
-    both = _mirror(to_hips, MIRROR_Q)
-    return TrunkFrames(both, quat_conjugate(both), _mirror(hips_at, MIRROR_V), _mirror(head_at, MIRROR_V))
+    both = mirror_arm(to_hips, MIRROR_Q)
+    return TrunkFrames(both, quat_conjugate(both), mirror_arm(hips_at, MIRROR_V), mirror_arm(head_at, MIRROR_V))
 
 
 def keep_arms_out(q: Array, amount: float = 1.0) -> None:
@@ -74,12 +73,11 @@ def keep_arms_out(q: Array, amount: float = 1.0) -> None:
         amount: share of the way that they go, 0 … 1.
     """
     trunk, arm = trunk_frames(q), _read_arms(q)
-    moved = amount * _find_push(arm, trunk)
-    rows = np.flatnonzero((np.einsum("nij,nij->ni", moved, moved) > _TOUCHES**2).any(1))
-    if not len(rows):
+    rows = np.flatnonzero(_find_touches(arm, trunk))
+    if not len(rows) or not amount:
         return
-    arm = _Arms(*(part[rows] for part in arm))
-    upper, fore = _follow(arm, arm.wrist - arm.shoulder + moved[rows])
+    trunk, arm = TrunkFrames(*(part[rows] for part in trunk)), _Arms(*(part[rows] for part in arm))
+    upper, fore = _follow(arm, arm.wrist - arm.shoulder + amount * _find_push(arm, trunk))
     joint = humanoid().index
     for name, turn in (("UpperArm", to_parent(arm.clavicle, upper)), ("LowerArm", to_parent(upper, fore))):
         q[rows, joint["left" + name]] = turn[:, 0]
@@ -109,6 +107,15 @@ def _read_arms(q: Array) -> _Arms:
     return _Arms(*turns, *at[1:])
 
 
+def _find_touches(arm: _Arms, trunk: TrunkFrames) -> Array:
+    """(N,) whether an arm comes so near to the body that it is moved; most do not, and this is all that they cost."""
+    far, radius = (np.array(column)[:, None, None] for column in zip(*_BALLS, (0.0, _FOREARM), strict=True))
+    points = arm.wrist + far[..., None] * quat_rotate(arm.hand, np.array([1.0, 0.0, 0.0]))
+    points[-1] = arm.elbow + _ALONG * (arm.wrist - arm.elbow)
+    push = push_from_body(points, radius + _AIR, trunk)
+    return (_length(push).sum(0) > _TOUCHES).any(1)  # type: ignore[no-any-return]
+
+
 def _find_push(arm: _Arms, trunk: TrunkFrames) -> Array:
     """(N, 2, 3) metres that the wrists go."""
     along = quat_rotate(arm.hand, np.array([1.0, 0.0, 0.0]))
@@ -123,31 +130,33 @@ def _find_push(arm: _Arms, trunk: TrunkFrames) -> Array:
 
 def _follow(arm: _Arms, to: Array) -> tuple[Array, Array]:
     """(N, 2, 4) rotations of upper arm and forearm with which the wrists are at ``to (N, 2, 3)`` from the shoulders."""
-    lengths = arm_lengths()
-    before = arm.wrist - arm.shoulder
-    far = np.sqrt(np.einsum("nij,nij->ni", to, to))[..., None]
-    most = np.maximum(np.sqrt(np.einsum("nij,nij->ni", before, before))[..., None], MOST_REACH * lengths.total)
-    reached = clip(far, abs(lengths.upper - lengths.fore) + _AIR, most)
+    lengths, before = arm_lengths(), arm.wrist - arm.shoulder
+    far = _length(to)[..., None]
+    reached = clip(
+        far, abs(lengths.upper - lengths.fore) + _AIR, np.maximum(_length(before)[..., None], MOST_REACH * lengths.total)
+    )
     line = to / np.maximum(far, 1e-6)
     turn = quat_between(before, line)
-    elbow = quat_rotate(turn, arm.elbow - arm.shoulder)
-    off = elbow - np.einsum("nij,nij->ni", elbow, line)[..., None] * line
-    straight = smoothstep(1.0 - np.sqrt(np.einsum("nij,nij->ni", off, off)) / (_BENT * lengths.upper))[..., None]
+    off = _square_to(quat_rotate(turn, arm.elbow - arm.shoulder), line)
+    straight = smoothstep(1.0 - _length(off) / (_BENT * lengths.upper))[..., None]
     back = quat_rotate(turn, quat_rotate(arm.upper, np.array([0.0, 0.0, -1.0])))
-    off = off + straight * lengths.upper * (back - np.einsum("nij,nij->ni", back, line)[..., None] * line)
-    off = vector_normalize(off)
-    cosine = clip((lengths.upper**2 + reached**2 - lengths.fore**2) / (2 * lengths.upper * reached), -1.0, 1.0)
-    bone = lengths.upper * (cosine * line + np.sqrt(1 - cosine**2) * off)
+    pole = vector_normalize(off + straight * lengths.upper * _square_to(back, line))
+    bone = place_middle_joint(line, reached[..., 0], pole, lengths)
     upper = _turn_bone(arm.elbow - arm.shoulder, bone, arm.upper)
     return upper, _turn_bone(arm.wrist - arm.elbow, reached * line - bone, arm.fore)
 
 
+def _length(vectors: Array) -> Array:
+    return np.sqrt(np.einsum("...i,...i->...", vectors, vectors))  # type: ignore[no-any-return]
+
+
+def _square_to(vectors: Array, line: Array) -> Array:
+    """What is left of vectors at right angles to unit vectors."""
+    return vectors - np.einsum("...i,...i->...", vectors, line)[..., None] * line  # type: ignore[no-any-return]
+
+
 def _turn_bone(before: Array, after: Array, rotation: Array) -> Array:
     return quat_multiply(quat_between(before, after), rotation)
-
-
-def _mirror(left: Array, mirror: Array) -> Array:
-    return np.stack([left, left * mirror], 1)
 
 
 @lru_cache(1)

@@ -24,10 +24,11 @@ from ..rotations import (
 )
 from ..skeleton import humanoid
 from .hands import Channel
+from .two_bones import place_middle_joint
 
 __all__ = [
     "FINGERS", "MIRROR_Q", "MIRROR_V", "MOST_REACH", "ArmLengths", "arm_lengths", "bone_frame", "finger_angles",
-    "finger_joints", "finger_rotations", "hand_turns", "reach", "solve_arm", "to_parent", "wrists_in_chest",
+    "finger_joints", "finger_rotations", "hand_turns", "mirror_arm", "reach", "solve_arm", "to_parent", "wrists_in_chest",
 ]  # fmt: skip
 
 MIRROR_V, MIRROR_Q = np.array([-1.0, 1.0, 1.0]), np.array([1.0, -1.0, -1.0, 1.0])
@@ -58,6 +59,14 @@ def arm_lengths() -> ArmLengths:
     return ArmLengths(*(float(np.linalg.norm(s.offsets[s.index[n]])) for n in ("leftLowerArm", "leftHand")))
 
 
+def mirror_arm(left: Array, mirror: Array) -> Array:
+    """(N, 2, k): values of the left arm (N, k), and the same for the right one, by `MIRROR_V` or `MIRROR_Q`."""
+    both = np.empty((len(left), 2, left.shape[1]))
+    both[:, 0] = left
+    np.multiply(left, mirror, out=both[:, 1])
+    return both
+
+
 def _about(axis: int, angle: Array) -> Array:
     q = np.zeros((*angle.shape, 4))
     q[..., axis] = np.sin(angle / 2)
@@ -86,15 +95,13 @@ def solve_arm(target: Array, swivel: Array) -> tuple[Array, Array]:
     Returns:
         (..., 4) rotations of upper arm and of forearm (without pronation), both in the chest's frame.
     """
-    upper, fore = arm_lengths()
-    d = np.sqrt(np.einsum("...i,...i->...", target, target))
-    along = target / np.maximum(d, 1e-6)[..., None]
+    d = np.maximum(np.sqrt(np.einsum("...i,...i->...", target, target)), 1e-6)
+    along = target / d[..., None]
     pole = POLE - np.einsum("i,...i->...", POLE, along)[..., None] * along
     pole = vector_normalize(pole)
     side = cross(along, pole)
     pole = pole * np.cos(swivel)[..., None] + side * np.sin(swivel)[..., None]
-    cosine = clip((upper**2 + d**2 - fore**2) / (2 * upper * np.maximum(d, 1e-6)), -1, 1)
-    elbow = along * (upper * cosine)[..., None] + pole * (upper * np.sqrt(1 - cosine**2))[..., None]
+    elbow = place_middle_joint(along, d, pole, arm_lengths())
     normal = vector_normalize(cross(along, pole))  # along × pole: the hinge's axis, shared by both bones
     frames = bone_frame(np.stack([elbow, target - elbow]), np.broadcast_to(normal, (2, *normal.shape)))
     return frames[0], frames[1]

@@ -10,6 +10,7 @@ from ..curves import clip, soft_positive
 from ..rotations import Array, cross, euler_to_quat, matrix_to_quat, quat_conjugate, quat_multiply, quat_rotate
 from ..skeleton import humanoid
 from .body import Body
+from .two_bones import place_middle_joint
 
 __all__ = ["BALL", "SEAT", "STANCE", "TOE_OUT", "carry", "place_feet", "plant", "read_feet", "stand", "weight_shift"]
 
@@ -122,7 +123,6 @@ def _legs(hips: Array, root: Array, ankles: Array, yaw: Array, tip: Array) -> Ar
         ankles: (N, 2, 3) where the left and the right ankle are.
         yaw, tip: (N, 2) by which feet turn to the left, in degrees, and are rolled over their balls, in radians.
     """
-    upper, lower = _lengths()
     rel = ankles - (root[:, None] + quat_rotate(hips[:, None], _leg()[0] * _SIDES))
     d = np.maximum(np.sqrt(np.einsum("nsi,nsi->ns", rel, rel)), 1e-6)
     along = rel / d[..., None]
@@ -130,8 +130,7 @@ def _legs(hips: Array, root: Array, ankles: Array, yaw: Array, tip: Array) -> Ar
     pole = np.stack([np.sin(turn), np.zeros_like(turn), np.cos(turn)], -1)
     pole = pole - np.einsum("nsi,nsi->ns", pole, along)[..., None] * along
     pole /= np.maximum(np.sqrt(np.einsum("nsi,nsi->ns", pole, pole))[..., None], 1e-9)
-    cosine = clip((upper**2 + d**2 - lower**2) / (2 * upper * d), -_FOLDED, _FOLDED)
-    knee = along * (upper * cosine)[..., None] + pole * (upper * np.sqrt(1 - cosine**2))[..., None]
+    knee = place_middle_joint(along, d, pole, _lengths(), _FOLDED)
     hinge = cross(-along, pole)  # to the left
     bones = _bones(np.stack([knee, rel - knee], 2), hinge[:, :, None])
     world = np.concatenate([bones, euler_to_quat(np.stack([turn, tip], -1), "YX")[:, :, None]], 2)

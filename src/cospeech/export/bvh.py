@@ -19,12 +19,14 @@ import numpy as np
 
 from ..errors import CospeechWarning, InputError
 from ..motion.motion import Motion
+from ..motion.rotations import quat_normalize
 from ..motion.skeleton import Skeleton
 from . import Writer as _Writer
 from .bvh_frames import RowEncoder
 from .bvh_hierarchy import format_hierarchy
 from .bvh_layout import make_layout
 from .bvh_reader import load
+from .bvh_text import format_rows
 
 __all__ = ["UNITS", "Writer", "load"]
 
@@ -69,6 +71,8 @@ class Writer(_Writer):
         self._decimals = _DECIMALS + round(np.log10(UNITS["cm"] / scale))  # of lengths
         self._layout = own or make_layout(skeleton, scale, self._decimals + 1)
         self._encoder = RowEncoder(self._layout.header, self._layout.places)
+        self._row_decimals = np.full(self._layout.header.columns, _DECIMALS)
+        self._row_decimals[self._encoder.moving] = self._decimals
         self._file: IO[bytes] | None = None
 
     def _begin(self, temporary: Path) -> None:
@@ -81,13 +85,9 @@ class Writer(_Writer):
         assert self._file is not None
         for start in range(0, len(motion), _BLOCK):
             piece = slice(start, start + _BLOCK)
-            rows = self._encoder.encode(*self._layout.convert_frames(motion.rotations[piece], motion.root[piece]))
-            lengths, decimals = self._encoder.moving, np.full(rows.shape[1], _DECIMALS)
-            decimals[lengths] = self._decimals
-            rounded = np.round(rows, _DECIMALS)
-            rounded[:, lengths] = np.round(rows[:, lengths], self._decimals)
-            template = " ".join(f"%.{count}f" for count in decimals) + "\n"
-            self._file.write((template * len(rows) % tuple((rounded + 0.0).ravel().tolist())).encode())  # no "-0.00000"
+            rotations = quat_normalize(np.asarray(motion.rotations[piece], float))
+            rows = self._encoder.encode(*self._layout.convert_frames(rotations, motion.root[piece]))
+            self._file.write(format_rows(rows, self._row_decimals).encode())
 
     def _finish(self) -> None:
         assert self._file is not None

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..motion.rotations import Array, quat_conjugate, quat_identity, quat_multiply, quat_normalize, quat_rotate
+from ..motion.rotations import Array, quat_conjugate, quat_identity, quat_multiply, quat_rotate
 from ..motion.skeleton import Skeleton
 from .bvh_hierarchy import Header, file_names
 
@@ -67,18 +67,19 @@ class BvhLayout:
             (T, J, 4) local rotations since the file's zero pose, and (T, 3) positions of the root.
         """
         before, after = self._around()
-        local = quat_normalize(np.asarray(rotations, float)[:, self.joints])
+        local = np.asarray(rotations, float)[:, self.joints]
         turned = quat_rotate(before[0], np.asarray(root, float))
         return quat_multiply(quat_multiply(before, local), after), turned * self.scale
 
 
-def make_layout(skeleton: Skeleton, scale: float, decimals: int) -> BvhLayout:
+def make_layout(skeleton: Skeleton, scale: float, decimals: int, order: str = _ORDER) -> BvhLayout:
     """Our layout: the T-pose is the zero pose, the root has OFFSET 0 and six channels, the other joints have three.
 
     Args:
         skeleton: of the motion to write.
         scale: units per metre.
         decimals: of lengths in the header.
+        order: of the rotation channels.
     """
     joints = _sort_by_depth(skeleton)
     rest = skeleton.forward(skeleton.rest, skeleton.offsets[0])[1]
@@ -86,7 +87,7 @@ def make_layout(skeleton: Skeleton, scale: float, decimals: int) -> BvhLayout:
     offsets = quat_rotate(above, skeleton.offsets) * scale
     offsets[0] = 0
     header, names, place = Header(), file_names(skeleton.names), {joint: k for k, joint in enumerate(joints)}
-    turns = tuple(f"{axis}rotation" for axis in _ORDER)
+    turns = tuple(f"{axis}rotation" for axis in order)
     for k, joint in enumerate(joints):
         header.names.append(names[joint])
         header.parents.append(place.get(skeleton.parents[joint], -1))

@@ -20,7 +20,7 @@ from ..limits import JOINTS, LINE_CHARACTERS
 from ..motion.rotations import Array
 from .bvh_hierarchy import Header
 
-__all__ = ["MAX_VALUE", "read_header", "read_rows"]
+__all__ = ["MAX_VALUE", "format_rows", "read_header", "read_rows"]
 
 MAX_VALUE = 1e7  # ours: of a position or angle; keeps every product finite
 _BLOCK = 1 << 19  # ours: numbers, or joints, at once
@@ -171,6 +171,15 @@ def read_rows(file: TextIO, header: Header) -> Iterator[Array]:
         if len(rows):
             yield rows.reshape(-1, header.columns)
         line += len(batch)
+
+
+def format_rows(rows: Array, decimals: Array) -> str:
+    """Lines of rows (T, columns), each column with its number of ``decimals`` (columns,)."""
+    rounded = np.empty(rows.shape)
+    for count in {*decimals.tolist()}:
+        rounded[:, decimals == count] = np.round(rows[:, decimals == count], count) + 0.0  # no "-0.00000"
+    template = " ".join(f"%.{count}f" for count in decimals) + "\n"
+    return template * len(rows) % tuple(rounded.ravel().tolist())
 
 
 def _blame(batch: list[str], line: int, columns: int) -> None:

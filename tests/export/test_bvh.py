@@ -91,8 +91,8 @@ def read_plainly(text: str) -> tuple[list[str], np.ndarray, float]:
             if f"{letter}position" in own:
                 place[:, axis] = own[f"{letter}position"]
         order = "".join(name[0] for name in own if name.endswith("rotation"))
-        angles = np.stack([own[f"{a}rotation"] for a in order], 1)
-        local = Rotation.from_euler(order, angles, degrees=True)
+        angles = np.array([own[f"{a}rotation"] for a in order]).T
+        local = Rotation.from_euler(order, angles, degrees=True) if order else Rotation.identity(len(rows))
         world.append(local if parent < 0 else world[parent] * local)
         positions[:, k] = place if parent < 0 else positions[:, parent] + world[parent].apply(place)
     fps = 1 / float(re.search(r"Frame Time:\s*(\S+)", tail)[1])
@@ -518,8 +518,8 @@ def test_zero_poses_are_brought_to_the_t_pose(tmp_path, pose):
     assert apart.max() < 0.02, dict(zip(humanoid().names, apart.round(3), strict=True))
 
 
-def test_a_heap_of_a_zero_pose_is_brought_to_the_t_pose(tmp_path):
-    """Rokoko's files have all bones along X in the zero pose; the body's own shape must do."""
+def heap_of_bones() -> tuple[Skeleton, np.ndarray]:
+    """Our humanoid with all bones along X in the zero pose, as in Rokoko's files, and the axes of its bones (J, 4)."""
     ours = humanoid()
     along = {"left": (0, 0, 0), "right": (0, 0, np.pi), "leg": (0, 0, -np.pi / 2), "up": (0, 0, np.pi / 2)}
     frames = quat_identity(len(ours))
@@ -530,8 +530,14 @@ def test_a_heap_of_a_zero_pose_is_brought_to_the_t_pose(tmp_path):
     above = frames[[max(p, 0) for p in ours.parents]] * (-1, -1, -1, 1)
     above[0] = (0, 0, 0, 1)
     ends = {n: tuple(quat_rotate(frames[ours.index[n]] * (-1, -1, -1, 1), np.array(e))) for n, e in ours.ends.items()}
-    heap = replace(ours, offsets=quat_rotate(above, ours.offsets), ends=ends)
-    motion = gesturing(8)
+    return replace(ours, offsets=quat_rotate(above, ours.offsets), ends=ends), frames
+
+
+def test_a_heap_of_a_zero_pose_is_brought_to_the_t_pose(tmp_path):
+    """The body's own shape must do."""
+    (heap, frames), ours, motion = heap_of_bones(), humanoid(), gesturing(8)
+    above = frames[[max(p, 0) for p in ours.parents]] * (-1, -1, -1, 1)
+    above[0] = (0, 0, 0, 1)
     local = quat_multiply(quat_multiply(above, motion.rotations), frames)
     text = written(tmp_path, Motion(fps=30, rotations=local, root=motion.root, skeleton=heap))
     again = read(tmp_path, text)

@@ -85,6 +85,19 @@ def test_euler_orders_of_any_length(order):
     assert same(r.euler_to_quat(angles, order), expected.as_quat())
 
 
+@pytest.mark.parametrize("order", ["X", "Y", "Z", "XY", "YX", "YZ", "ZY", "XZ", "ZX"])
+def test_few_angles_are_those_of_the_nearest_rotation(order):
+    angles = r.quat_to_euler(ANY, order)
+    off = r.quat_angle(r.euler_to_quat(angles, order), ANY)
+    assert np.abs(angles).max() <= np.pi
+    for away in RNG.uniform(-np.pi, np.pi, (300, len(order))):  # no others are nearer
+        assert (r.quat_angle(r.euler_to_quat(np.broadcast_to(away, angles.shape), order), ANY) > off - 1e-9).all()
+    for away in 0.01 * RNG.normal(size=(20, len(order))):
+        assert (r.quat_angle(r.euler_to_quat(angles + away, order), ANY) > off - 1e-9).all()
+    possible = r.euler_to_quat(RNG.uniform(-3, 3, (50, len(order))), order)
+    assert r.quat_angle(r.euler_to_quat(r.quat_to_euler(possible, order), order), possible).max() < 1e-7
+
+
 @pytest.mark.parametrize("angle", [*SMALL, 0.1, 1.0, 3.0, np.pi - 1e-3, np.pi - 1e-9, np.pi - 1e-13])
 def test_rotation_vectors_come_back(angle):
     v = AXES * angle

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ..audio.speech import Speech, Word
+from ..export.bvh_frames import RowEncoder
+from ..export.bvh_hierarchy import format_hierarchy
+from ..export.bvh_layout import make_layout
+from ..export.bvh_text import format_rows
 from ..motion.motion import Motion
-from ..motion.rotations import Array, quat_to_euler
-from ..motion.skeleton import Skeleton
+from ..motion.rotations import Array, quat_identity
 
 __all__ = ["on_rate", "textgrid", "write_bvh", "write_float_wav"]
 
 _BLOCK = 512  # ours: frames formatted at once, bounds the memory
 _CM = 100.0
-_POSITIONS = "Xposition Yposition Zposition "
+_DECIMALS = 6
 
 
 def write_bvh(path: Path, motion: Motion, *, order: str, root: Array, frame_time: str) -> None:
@@ -30,54 +34,15 @@ def write_bvh(path: Path, motion: Motion, *, order: str, root: Array, frame_time
         root: (T, 3) metres, the root's position channels.
         frame_time: as it is to stand in the file: ``"0.008333"``.
     """
-    from ..motion.rotations import continuous_euler
-
-    joints = _depth_first(motion.skeleton)
-    last: Array | None = None
+    layout = make_layout(replace(motion.skeleton, rest=quat_identity(len(motion.skeleton))), _CM, _DECIMALS, order)
+    encoder, decimals = RowEncoder(layout.header, layout.places), np.full(layout.header.columns, _DECIMALS)
     with path.open("w", encoding="ascii", newline="\n") as file:
-        file.write("HIERARCHY\n" + "".join(_hierarchy(motion.skeleton, joints, order)))
+        file.write("\n".join(format_hierarchy(layout.header, _DECIMALS)) + "\n")
         file.write(f"MOTION\nFrames: {len(motion)}\nFrame Time: {frame_time}\n")
         for start in range(0, len(motion), _BLOCK):
             piece = slice(start, start + _BLOCK)
-            angles = continuous_euler(quat_to_euler(np.asarray(motion.rotations[piece, joints], float), order), last)
-            last = angles[-1]
-            rows = np.concatenate([root[piece] * _CM, np.degrees(angles).reshape(len(angles), -1)], 1)
-            rows = np.round(rows, 6) + 0.0  # no "-0.000000"
-            template = " ".join(["%.6f"] * rows.shape[1]) + "\n"
-            file.write(template * len(rows) % tuple(rows.ravel().tolist()))
-
-
-def _depth_first(skeleton: Skeleton) -> list[int]:
-    order, stack = [], [0]
-    while stack:
-        order.append(stack.pop())
-        stack.extend(reversed(skeleton.children[order[-1]]))
-    return order
-
-
-def _hierarchy(skeleton: Skeleton, joints: Sequence[int], order: str) -> Iterable[str]:
-    """Five lines per joint and four per End Site; the root's OFFSET is zero, its place is in the channels."""
-    turns = " ".join(f"{axis}rotation" for axis in order)
-    open_joints: list[int] = []
-    for joint in joints:
-        while open_joints and open_joints[-1] != skeleton.parents[joint]:
-            open_joints.pop()
-            yield "\t" * len(open_joints) + "}\n"
-        tab = "\t" * len(open_joints)
-        offset = skeleton.offsets[joint] if open_joints else np.zeros(3)
-        yield f"{tab}{'JOINT' if open_joints else 'ROOT'} {skeleton.names[joint]}\n{tab}{{\n{tab}\tOFFSET {_triple(offset)}\n"
-        yield f"{tab}\tCHANNELS {3 if open_joints else 6} {'' if open_joints else _POSITIONS}{turns}\n"
-        open_joints.append(joint)
-        if not skeleton.children[joint]:
-            tip = skeleton.ends.get(skeleton.names[joint], (0.0, 0.0, 0.0))
-            yield f"{tab}\tEnd Site\n{tab}\t{{\n{tab}\t\tOFFSET {_triple(tip)}\n{tab}\t}}\n"
-    while open_joints:
-        open_joints.pop()
-        yield "\t" * len(open_joints) + "}\n"
-
-
-def _triple(metres: Iterable[float]) -> str:
-    return " ".join(f"{round(float(value) * _CM, 6) + 0.0:.6f}" for value in metres)
+            rows = encoder.encode(*layout.convert_frames(motion.rotations[piece], root[piece]))
+            file.write(format_rows(rows, decimals))
 
 
 def write_float_wav(path: Path, samples: Array, rate: int) -> None:

@@ -13,8 +13,7 @@ A BVH says none of: its unit, which way is up, what its zero pose is. The rules 
 from __future__ import annotations
 
 import io
-import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -28,6 +27,7 @@ from ..motion.rest_calibration import calibrate_rest, on_motions_floor
 from ..motion.rotations import (
     Array,
     axis_angle_to_quat,
+    quat_conjugate,
     quat_continuous,
     quat_multiply,
     quat_rotate,
@@ -36,11 +36,13 @@ from ..motion.skeleton import Skeleton, find_skeleton
 from ..motion.skeletons import SKELETONS
 from ..motion.tpose import on_floor, with_tpose
 from .bvh_frames import decode_frames
+from .bvh_hierarchy import file_names
+from .bvh_layout import BvhLayout
 from .bvh_text import read_header
 from .reading import open_file, size_of
 from .timing import rate_of_step
 
-__all__ = ["UNITS", "file_names", "load"]
+__all__ = ["UNITS", "load"]
 
 UNITS = {"m": 1.0, "dm": 0.1, "cmu": 0.0254 / 0.45, "inch": 0.0254, "cm": 0.01, "mm": 0.001}
 """Unit of a file → metres; the Carnegie Mellon database counts in inches / 0.45 (its FAQ)."""
@@ -68,7 +70,8 @@ def load(
         bone_map: our name → name of a joint, where the joints are not recognised; a map of other joints changes nothing.
 
     Returns:
-        Motion in metres, Y up; rotations float64. Its skeleton's ``rest`` brings the file's zero pose into a T-pose.
+        Motion in metres, Y up; rotations float64. Its skeleton's ``rest`` brings the file's zero pose into a T-pose, its
+        ``layout`` is the file's.
 
     Raises:
         InputError: not a BVH, or damaged; the line is named. Or the map lacks joints without which there is no T-pose.
@@ -81,16 +84,17 @@ def load(
         try:
             header = read_header(file)
             rate = fps if fps is not None else rate_of_step(header.frame_time, header.precision)
-            rotations, root, offsets = decode_frames(file, header, size_of(binary))
+            frames = decode_frames(file, header, size_of(binary))
         except InputError as error:
             raise InputError(f"{str(Path(path).name)!r}, {error.problem}", error.hint) from None
     names = file_names(header.names)
     ends = {names[joint]: end for joint, end in header.ends.items()}
-    skeleton, order = _in_table_order(Skeleton(names, header.parents, offsets, ends=ends))  # type: ignore[arg-type]
+    skeleton, order = _in_table_order(Skeleton(names, header.parents, frames.offsets, ends=ends))  # type: ignore[arg-type]
+    skeleton = replace(skeleton, layout=BvhLayout(header, np.argsort(order), frames.places))
     joints = _find_joints(skeleton, bone_map, repr(str(Path(path).name)))
     if skeleton.kind == "custom" or (bone_map and joints):
         skeleton = replace(skeleton, bone_map=joints)
-    return _as_motion(skeleton, joints, rotations[:, order], root, rate, units, up)
+    return _as_motion(skeleton, joints, frames.rotations[:, order], frames.root, rate, units, up)
 
 
 def _in_table_order(skeleton: Skeleton) -> tuple[Skeleton, list[int]]:
@@ -102,20 +106,6 @@ def _in_table_order(skeleton: Skeleton) -> tuple[Skeleton, list[int]]:
             order = [skeleton.index[name] for name in table.names]
             return replace(table, offsets=skeleton.offsets[order], ends=skeleton.ends), order
     return skeleton, list(range(len(skeleton)))
-
-
-def file_names(names: Iterable[str]) -> list[str]:
-    """Names fit for a BVH: blanks and braces become ``_``, and a name that is taken gets a number."""
-    counts: dict[str, int] = {}  # name → the number that was tried last for it
-    result = []
-    for name in names:
-        clean = unique = re.sub(r"[\s{}]+", "_", name.strip()) or "joint"
-        while unique in counts:
-            counts[clean] += 1
-            unique = f"{clean}_{counts[clean]}"
-        counts[unique] = 1
-        result.append(unique)
-    return result
 
 
 def _find_joints(skeleton: Skeleton, bone_map: Mapping[str, str] | None, file: str) -> dict[str, str]:
@@ -134,7 +124,10 @@ def _as_motion(
     """Tell axes, T-pose and unit, and convert; ``names`` are of `_find_joints`."""
     sample = np.unique(np.linspace(0, len(root) - 1, _SAMPLE).astype(int))
     points = skeleton.forward(rotations[sample], root[sample])[0]
+    layout = skeleton.layout
+    assert layout is not None
     if (up or _up(skeleton, names, points)) == "z":
+        layout = replace(layout, turn=quat_conjugate(_Z_TO_Y))
         rotations[:, 0] = quat_multiply(_Z_TO_Y, rotations[:, 0])
         root = quat_rotate(_Z_TO_Y, root)
     skeleton = with_tpose(skeleton, names) if names else on_floor(skeleton, 0)
@@ -142,7 +135,8 @@ def _as_motion(
         skeleton = calibrate_rest(skeleton, names, rotations)
     scale = UNITS[units or (_guess_units(skeleton) if names else "cm")]
     ends = {name: (x * scale, y * scale, z * scale) for name, (x, y, z) in skeleton.ends.items()}
-    skeleton = replace(skeleton, offsets=skeleton.offsets * scale, ends=ends)
+    layout = replace(layout, scale=1 / scale)
+    skeleton = replace(skeleton, offsets=skeleton.offsets * scale, ends=ends, layout=layout)
     if names and skeleton.kind == "custom":
         skeleton = on_motions_floor(skeleton, names, rotations, root * scale)
     return Motion(fps=rate, rotations=quat_continuous(rotations), root=root * scale, skeleton=skeleton)

@@ -18,30 +18,13 @@ import numpy as np
 from ..errors import InputError
 from ..limits import JOINTS, LINE_CHARACTERS
 from ..motion.rotations import Array
+from .bvh_hierarchy import Header
 
-__all__ = ["MAX_VALUE", "Header", "read_header", "read_rows"]
+__all__ = ["MAX_VALUE", "format_rows", "read_header", "read_rows"]
 
 MAX_VALUE = 1e7  # ours: of a position or angle; keeps every product finite
 _BLOCK = 1 << 19  # ours: numbers, or joints, at once
 _CHANNEL = re.compile(r"([xyz])(position|rotation)", re.IGNORECASE)
-
-
-class Header:
-    """Joints as they stand in the file, parents first, in its units; ``ends``: joint index → offset of its End Site."""
-
-    def __init__(self) -> None:
-        self.names: list[str] = []
-        self.parents: list[int] = []
-        self.offsets: list[tuple[float, float, float]] = []
-        self.channels: list[tuple[str, ...]] = []
-        self.ends: dict[int, tuple[float, float, float]] = {}
-        self.frame_time, self.precision = 0.0, 0.0  # seconds, and the value of the last digit
-        self.lines = 0  # of the file up to here
-
-    @property
-    def columns(self) -> int:
-        """Numbers per row."""
-        return sum(len(channels) for channels in self.channels)
 
 
 def number(word: str, line: int) -> float:
@@ -188,6 +171,15 @@ def read_rows(file: TextIO, header: Header) -> Iterator[Array]:
         if len(rows):
             yield rows.reshape(-1, header.columns)
         line += len(batch)
+
+
+def format_rows(rows: Array, decimals: Array) -> str:
+    """Lines of rows (T, columns), each column with its number of ``decimals`` (columns,)."""
+    rounded = np.empty(rows.shape)
+    for count in {*decimals.tolist()}:
+        rounded[:, decimals == count] = np.round(rows[:, decimals == count], count) + 0.0  # no "-0.00000"
+    template = " ".join(f"%.{count}f" for count in decimals) + "\n"
+    return template * len(rows) % tuple(rounded.ravel().tolist())
 
 
 def _blame(batch: list[str], line: int, columns: int) -> None:

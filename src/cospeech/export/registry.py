@@ -48,8 +48,9 @@ class Format:
 
 _OURS = {
     ".bvh": Format(
-        "cospeech.export.bvh", "skeleton animation, centimetres, T-pose rest",
-        "Blender: File > Import > Motion Capture (.bvh), Scale 0.01, tick Update Scene FPS; or MotionBuilder, Maya, iClone",
+        "cospeech.export.bvh", "skeleton animation: centimetres and a T-pose, or as in your rig's file",
+        "Blender: File > Import > Motion Capture (.bvh), Scale 0.01 (or the rig's), tick Update Scene FPS; "
+        "or MotionBuilder, Maya, iClone",
         readable=True, holds=("body", "hands"), any_skeleton=True,
     ),
     ".glb": Format(

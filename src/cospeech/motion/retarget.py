@@ -9,7 +9,7 @@ source's do. Joints that the source does not have are spread between their neigh
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 
@@ -67,7 +67,8 @@ def retarget(
         raise InputError(f"cannot retarget to a {type(target).__name__}", "give the name of a skeleton, or a Skeleton")
     goal = find_skeleton(target) if isinstance(target, str) else target
     if goal == motion.skeleton:
-        return motion
+        same = goal.layout is motion.skeleton.layout
+        return motion if same else replace(motion, skeleton=replace(motion.skeleton, layout=goal.layout))
     source_map, goal_map = bone_map, None
     if bone_map and not names_joints(bone_map, motion.skeleton):
         source_map, goal_map = None, bone_map

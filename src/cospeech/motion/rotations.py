@@ -243,11 +243,13 @@ def euler_to_quat(angles: Array, order: str = "XYZ") -> Array:
 
 
 def quat_to_euler(q: Array, order: str = "XYZ") -> Array:
-    """Quaternions → intrinsic Euler angles ``(..., 3)`` in radians, for the six orders of three different axes.
+    """Quaternions → intrinsic Euler angles ``(..., n)`` in radians, for the orders of one to three different axes.
 
-    The middle angle lies in −π/2 … π/2. At the poles the third angle is set to zero, so the result is always a valid
-    (if not unique) answer.
+    The middle one of three angles lies in −π/2 … π/2. At the poles the third angle is set to zero, so the result is always a
+    valid (if not unique) answer. One or two angles are those of the nearest rotation about such axes.
     """
+    if len(order) < 3:
+        return _nearest_euler(q, order)
     i, j, k = (_AXIS[letter] for letter in order)
     sign = 1.0 if (j - i) % 3 == 1 else -1.0
     m = quat_to_matrix(q)
@@ -260,6 +262,20 @@ def quat_to_euler(q: Array, order: str = "XYZ") -> Array:
     cos, sin = np.cos(first), sign * np.sin(first)
     third = np.arctan2(sign * (cos * m[..., j, i] + sin * m[..., k, i]), cos * m[..., j, j] + sin * m[..., k, j])
     return np.stack([first, middle, np.where(pole, 0.0, third)], -1)
+
+
+def _nearest_euler(q: Array, order: str) -> Array:
+    """Angles (..., 1 or 2): the quaternion of such angles has the largest product with ``q``."""
+    i, w = _AXIS[order[0]], q[..., 3]
+    if len(order) == 1:
+        halves = np.arctan2(q[..., i], w)[..., None]
+    else:  # (cos a, sin a) M (cos b, sin b)ᵀ of the half angles is the product; the first singular vectors make it largest
+        j = _AXIS[order[1]]
+        sign = 1.0 if (j - i) % 3 == 1 else -1.0
+        m = np.stack([np.stack([w, q[..., j]], -1), np.stack([q[..., i], sign * q[..., 3 - i - j]], -1)], -2)
+        u, _, v = np.linalg.svd(m)
+        halves = np.stack([np.arctan2(u[..., 1, 0], u[..., 0, 0]), np.arctan2(v[..., 0, 1], v[..., 0, 0])], -1)
+    return np.remainder(2 * halves + np.pi, 2 * np.pi) - np.pi
 
 
 def matrix_to_rot6d(m: Array) -> Array:
@@ -308,10 +324,16 @@ def continuous_euler(angles: Array, last: Array | None = None) -> Array:
     nearer to the frame before does not depend on the choice made there, so that the choices add up (modulo two).
 
     Args:
-        angles: (T, …, 3) radians, of three different axes.
-        last: (…, 3) the row before, which has been settled already.
+        angles: (T, …, n) radians, of one to three different axes.
+        last: (…, n) the row before, which has been settled already.
     """
     rows = angles if last is None else np.concatenate([last[None], angles])
+    rows = np.unwrap(_nearer_twins(rows) if rows.shape[-1] == 3 else rows, axis=0)
+    return rows if last is None else rows[1:]
+
+
+def _nearer_twins(rows: Array) -> Array:
+    """Of the two triples of each rotation the one that is nearer to the row before."""
     twin = np.stack([rows[..., 0] + np.pi, np.pi - rows[..., 1], rows[..., 2] + np.pi], -1)
 
     def distance(a: Array, b: Array) -> Array:
@@ -321,5 +343,4 @@ def continuous_euler(angles: Array, last: Array | None = None) -> Array:
     odd = (
         np.concatenate([np.zeros_like(swap[:1]), np.cumsum(swap, 0) % 2 == 1]) if len(swap) else np.zeros(rows.shape[:-1], bool)
     )
-    rows = np.unwrap(np.where(odd[..., None], twin, rows), axis=0)
-    return rows if last is None else rows[1:]
+    return np.where(odd[..., None], twin, rows)

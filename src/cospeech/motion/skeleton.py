@@ -1,5 +1,7 @@
 """Skeleton: names, parents, offsets and the T-pose; forward kinematics; named groups of joints."""
 
+from __future__ import annotations
+
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -7,12 +9,16 @@ from difflib import get_close_matches
 from functools import cached_property, lru_cache
 from importlib import import_module
 from pathlib import PurePath
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import InputError
 from .rotations import Array, quat_identity, quat_multiply, quat_rotate
 from .skeletons import SKELETONS
+
+if TYPE_CHECKING:
+    from ..export.bvh_layout import BvhLayout
 
 __all__ = ["Skeleton", "find_skeleton", "humanoid"]
 
@@ -30,6 +36,7 @@ class Skeleton:
         kind: which table the names follow: ``"humanoid"``, ``"mixamo"``, …; ``"custom"`` for files of unknown make.
         floor: height on which the T-pose stands, metres; not 0 where a file's own floor is elsewhere.
         bone_map: our name → their name, where it was found when the file was read; else it is looked for when needed.
+        layout: how the BVH that it was read from says a motion; None where there is none. Equal skeletons may differ in it.
 
     Raises:
         InputError: names repeat, a parent comes after its child, shapes disagree, or a value is not finite.
@@ -43,6 +50,7 @@ class Skeleton:
     kind: str = "custom"
     floor: float = 0.0
     bone_map: Mapping[str, str] = field(default_factory=dict)
+    layout: BvhLayout | None = None
 
     def __post_init__(self) -> None:
         names, parents = tuple(self.names), tuple(int(p) for p in self.parents)

@@ -20,6 +20,7 @@ from . import Writer as BaseWriter
 from .bind_skeleton import read_node_names
 from .clips import find_clip, note_lost_clips
 from .face_rig import FaceRig, looks_turn_eyes, read_face
+from .find_head import read_head
 from .find_humanoid import read_rig
 from .gltf import GltfFile, read_glb, report_damage
 from .gltf_build import GltfBuilder
@@ -32,18 +33,27 @@ _EYES = ("leftEye", "rightEye")
 
 
 def load_avatar(path: str | PathLike[str], bone_map: Mapping[str, str] | None = None) -> Avatar:
-    """Read a character: ``.vrm`` (1.0 and 0.x) by its humanoid, ``.glb`` by the names of its bones.
+    """Read a character: ``.vrm`` (1.0 and 0.x) by its humanoid, ``.glb`` by the names of its bones, or a head alone.
 
     Args:
         path: the file.
         bone_map: our name → name of a node, which wins over what is found; a map of other nodes changes nothing.
 
     Raises:
-        InputError: not glTF, damaged, or without a humanoid that can be recognised.
+        InputError: not glTF, damaged, or without a humanoid that can be recognised and without a face.
+
+    Warns:
+        CospeechWarning: a part of the body is not there, and does not move.
     """
     file = read_glb(path)
     with report_damage(file.name):
-        rig = read_rig(file, bone_map)
+        try:
+            rig = read_rig(file, bone_map)
+        except InputError:
+            head = read_head(file, bone_map)
+            if head is None:
+                raise
+            rig = head
         face = read_face(file, eyes_are_bones="leftEye" in rig.bones)
         eyes = {rig.nodes[rig.bones[name]] for name in _EYES if name in rig.bones}
         return Avatar(Path(path), file, rig, face, looks_turn_eyes(file, face, eyes) if eyes else True, dict(bone_map or {}))
@@ -80,7 +90,7 @@ class Avatar:
 
     @property
     def skeleton(self) -> Skeleton:
-        """Its bones from the hips down, metres, facing +Z, with the T-pose as ``rest``."""
+        """Its bones from the hips down, metres, facing +Z, with the T-pose as ``rest``; of a head alone, what turns."""
         return self.rig.skeleton
 
     def describe(self) -> str:
@@ -136,7 +146,8 @@ class AvatarScene:
         rest = local_matrices(avatar.file)
         for j in self.joints:
             _open_for_animation(nodes[rig.nodes[j]], rest[rig.nodes[j]])
-        self.tracks = [GltfTrack((rig.nodes[0],), "translation", 3)]
+        self._moves = "hips" in rig.bones  # a head alone stays where it is
+        self.tracks = [GltfTrack((rig.nodes[0],), "translation", 3)] if self._moves else []
         self.tracks += [GltfTrack((rig.nodes[j],), "rotation", 4) for j in self.joints]
         self.tracks += [GltfTrack((node,), "weights", len(base)) for node, base in face.base.items()]
 
@@ -149,7 +160,8 @@ class AvatarScene:
             eyes = [rig.bones[name] for name in _EYES if name in rig.bones]
             turned[:, eyes] = rig.skeleton.rest[eyes]
         rotations, translation = rig.local(turned, body.root)
-        columns = [translation, rotations[:, self.joints].reshape(len(motion), -1)]
+        columns = [translation] if self._moves else []
+        columns.append(rotations[:, self.joints].reshape(len(motion), -1))
         weights = face.weights(np.zeros((len(motion), len(ARKIT))) if motion.face is None else motion.face)
         return np.concatenate([*columns, *weights.values()], 1)
 

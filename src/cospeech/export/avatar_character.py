@@ -15,7 +15,7 @@ from ..motion.skeleton import Skeleton
 from ..motion.skeletons.humanoid import HEIGHT
 from .avatar import Avatar, load_avatar
 from .avatar_mesh import MeshBaker
-from .avatar_skeleton import pose_nodes
+from .avatar_skeleton import pose_nodes, shape_humanoid
 from .face_rig import FaceRig
 from .gltf import report_damage
 from .mannequin.character import Character, Part
@@ -27,14 +27,15 @@ _SOLE = 5e-3  # metres; ours: soles that are nearer to the floor than that stay
 
 
 def load_character(path: str | PathLike[str] | Avatar, bone_map: Mapping[str, str] | None = None) -> Character:
-    """Read a character that is to be drawn: a ``.vrm`` or ``.glb`` with a humanoid.
+    """Read a character that is to be drawn: a ``.vrm`` or ``.glb`` with a humanoid, or a part of one.
 
     Args:
         path: the file, or what `load_avatar` has read from it.
         bone_map: of `load_avatar`.
 
     Returns:
-        its skeleton has our 55 names and its own proportions; its soles are at height 0.
+        its skeleton has our 55 names and its own proportions; its soles are at height 0, and so would be those of a half
+        body or a head alone.
 
     Raises:
         InputError: it cannot be read, has no humanoid, or nothing that can be drawn.
@@ -54,8 +55,9 @@ def _build(avatar: Avatar) -> Character:
     parts = MeshBaker(avatar.file, tpose, by_node, avatar.face.base).parts()
     if not parts:
         raise InputError(f"{avatar.file.name} has no surface that can be drawn", "a skinned character is needed")
-    scale, lift = _place(parts, tpose.skeleton(1.0, 0.0))
-    skeleton = tpose.skeleton(scale, lift)
+    surface = np.concatenate([part.vertices for part in parts]).astype(np.float64)
+    scale, lift = _place(parts, shape_humanoid(avatar.rig, surface))
+    skeleton = shape_humanoid(avatar.rig, surface, scale, lift)
     placed = tuple(_move(part, scale, lift) for part in parts)
     _check(avatar.file.name, skeleton, placed)
     return Character(skeleton, placed, drive.names, drive.weights)

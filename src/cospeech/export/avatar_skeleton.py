@@ -2,6 +2,7 @@
 
 A bone that is not ours, a twist bone or a strand of hair say, moves with the nearest bone above it that is. A joint of ours
 that the character lacks is put where it would be in our humanoid at the character's size; nothing of its surface follows it.
+Where limbs are not there, or a whole body, ``bone_map`` of the skeleton is ``""`` for all joints that do not move.
 """
 
 from __future__ import annotations
@@ -10,13 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..motion.limbs import LIMBS
 from ..motion.rotations import Array, quat_conjugate, quat_multiply, quat_to_matrix
 from ..motion.skeleton import Skeleton, humanoid
+from ..motion.skeletons.humanoid import HEIGHT
 from .avatar import Avatar
 from .rig import Rig, rotation_of, world_matrices
 
-__all__ = ["TPose", "pose_nodes"]
+__all__ = ["TPose", "pose_nodes", "shape_humanoid"]
 
+_HEAD = 0.30  # metres; ours: a head that is modelled alone ends in the neck, this far below the crown of our humanoid
 _SPINE = ("spine", "chest", "upperChest")
 _EYES = ("leftEye", "rightEye")
 
@@ -26,29 +30,12 @@ class TPose:
     """A character in its T-pose, facing +Z.
 
     Args:
-        positions: (55, 3) metres, of the joints of our humanoid.
         matrices: (N, 4, 4) world matrices of all nodes.
         owners: (N,) the joint of ours that each node moves with.
     """
 
-    positions: Array
     matrices: Array
     owners: Array
-
-    def skeleton(self, scale: float, lift: float) -> Skeleton:
-        """Our humanoid with the character's proportions.
-
-        Args:
-            scale: applied first.
-            lift: metres upwards, applied then.
-        """
-        ours = humanoid()
-        points = self.positions * scale + (0.0, lift, 0.0)
-        offsets = points.copy()
-        for joint, parent in enumerate(ours.parents[1:], 1):
-            offsets[joint] -= points[parent]
-        found = Skeleton(ours.names, ours.parents, offsets, kind="humanoid")
-        return ours if np.allclose(offsets, ours.offsets, atol=1e-5) else found
 
 
 def pose_nodes(avatar: Avatar) -> TPose:
@@ -60,12 +47,34 @@ def pose_nodes(avatar: Avatar) -> TPose:
     heads = _EYES if avatar.eyes_by_shapes else ()
     owner_of = {rig.nodes[j]: ours.index["head" if name in heads else name] for name, j in carrier.items()}
     owners = np.zeros(len(file.parents), np.int64)
+    loose = 0 if "hips" in carrier else ours.index["head"]
     for node in range(len(owners)):
         k = node
         while k >= 0 and k not in owner_of:
             k = file.parents[k]
-        owners[node] = owner_of.get(k, 0)
-    return TPose(_joint_positions(rig, carrier), matrices, owners)
+        owners[node] = owner_of.get(k, loose)
+    return TPose(matrices, owners)
+
+
+def shape_humanoid(rig: Rig, surface: Array, scale: float = 1.0, lift: float = 0.0) -> Skeleton:
+    """Our humanoid with the character's proportions.
+
+    Args:
+        rig: of the character.
+        surface: (V, 3) metres, its points in the T-pose; they tell the size of a head alone.
+        scale: applied first.
+        lift: metres upwards, applied then.
+    """
+    ours, carrier = humanoid(), _carrier_names(rig)
+    points = _joint_positions(rig, carrier) if "hips" in carrier else _positions_below_head(rig, carrier, surface)
+    points = points * scale + (0.0, lift, 0.0)
+    offsets = points.copy()
+    for joint, parent in enumerate(ours.parents[1:], 1):
+        offsets[joint] -= points[parent]
+    part = not {*LIMBS["arms"], *LIMBS["legs"]} <= {*carrier}
+    there = {name: name if name in carrier else "" for name in ours.names} if part else {}
+    found = Skeleton(ours.names, ours.parents, offsets, kind="humanoid", bone_map=there)
+    return ours if not part and np.allclose(offsets, ours.offsets, atol=1e-5) else found
 
 
 def _carrier_names(rig: Rig) -> dict[str, int]:
@@ -117,4 +126,16 @@ def _joint_positions(rig: Rig, carrier: dict[str, int]) -> Array:
             points[joint] = known[name.replace("Shoulder", "UpperArm")]  # it then turns and the arm stays at its place
         else:
             points[joint] = points[parent] + size * ours.offsets[joint]
+    return points
+
+
+def _positions_below_head(rig: Rig, carrier: dict[str, int], surface: Array) -> Array:
+    """(55, 3) metres: of a person whose head is as large as the surface of a head alone."""
+    ours, theirs = humanoid(), rig.skeleton.tpose
+    low, high = surface.min(0), surface.max(0)
+    size = float(high[1] - low[1]) / _HEAD
+    top = np.array([(low[0] + high[0]) / 2, high[1], (low[2] + high[2]) / 2])
+    points = size * (ours.tpose - (0.0, HEIGHT, 0.0)) + top
+    for name, joint in carrier.items():
+        points[ours.index[name]] = theirs[joint]
     return points

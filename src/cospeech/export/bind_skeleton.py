@@ -11,7 +11,7 @@ from ..motion.skeleton import Skeleton
 from .gltf import GltfFile, report_damage
 from .rig import rotation_of, world_matrices
 
-__all__ = ["bind_skeleton", "find_below", "find_candidates", "read_node_names"]
+__all__ = ["bind_skeleton", "find_below", "find_candidates", "find_trees", "read_node_names"]
 
 
 def read_node_names(file: GltfFile) -> dict[str, int]:
@@ -43,6 +43,19 @@ def find_candidates(file: GltfFile, wanted: set[int]) -> list[int]:
             order.append(k)
             stack += [child for child in reversed(file.list("nodes")[k].get("children", [])) if child in wanted]
     return order
+
+
+def find_trees(file: GltfFile, wanted: set[int]) -> list[list[int]]:
+    """The candidates, each tree of them by itself."""
+    owner: dict[int, list[int]] = {}
+    trees: list[list[int]] = []
+    for node in find_candidates(file, wanted):
+        tree = owner.get(file.parents[node])
+        if tree is None:
+            trees.append(tree := [])
+        tree.append(node)
+        owner[node] = tree
+    return trees
 
 
 def find_below(file: GltfFile, hips: int, wanted: set[int]) -> list[int]:

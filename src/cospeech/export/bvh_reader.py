@@ -3,8 +3,9 @@
 A BVH says none of: its unit, which way is up, what its zero pose is. The rules by which we tell:
 
 * **Unit**: the highest joint of the T-pose is that of a person. From the floor it is less than 4.5 metres, 25 decimetres
-  (MakeHuman), 48 units of Carnegie Mellon's database, 80 inches or 500 centimetres, else it is said in millimetres. Skeletons
-  that are not recognised are in centimetres. ``units=`` overrides.
+  (MakeHuman), 48 units of Carnegie Mellon's database, 80 inches or 500 centimetres, else it is said in millimetres. Where
+  there are no legs, the way from hips to head tells how tall the whole person is. Skeletons that are not recognised are in
+  centimetres. ``units=`` overrides.
 * **Up**: +Y, unless hips and head of the frames stand along +Z. ``up=`` overrides.
 * **Rest**: `cospeech.motion.tpose.with_tpose`, for skeletons that `cospeech.motion.bone_mapping` knows or a map names; else the
   zero pose.
@@ -22,6 +23,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..motion.bone_mapping import names_joints, recognise_file
+from ..motion.limbs import LIMBS
 from ..motion.motion import Motion
 from ..motion.rest_calibration import calibrate_rest, on_motions_floor
 from ..motion.rotations import (
@@ -32,7 +34,7 @@ from ..motion.rotations import (
     quat_multiply,
     quat_rotate,
 )
-from ..motion.skeleton import Skeleton, find_skeleton
+from ..motion.skeleton import Skeleton, find_skeleton, humanoid
 from ..motion.skeletons import SKELETONS
 from ..motion.tpose import on_floor, with_tpose
 from .bvh_frames import decode_frames
@@ -133,7 +135,7 @@ def _as_motion(
     skeleton = with_tpose(skeleton, names) if names else on_floor(skeleton, 0)
     if names and skeleton.kind == "custom":
         skeleton = calibrate_rest(skeleton, names, rotations)
-    scale = UNITS[units or (_guess_units(skeleton) if names else "cm")]
+    scale = UNITS[units or (_guess_units(skeleton, names) if names else "cm")]
     ends = {name: (x * scale, y * scale, z * scale) for name, (x, y, z) in skeleton.ends.items()}
     layout = replace(layout, scale=1 / scale)
     skeleton = replace(skeleton, offsets=skeleton.offsets * scale, ends=ends, layout=layout)
@@ -150,6 +152,10 @@ def _up(skeleton: Skeleton, names: dict[str, str], points: Array) -> str:
     return "z" if z > 0.5 and z > abs(y) else "y"  # 0.5, ours: upright for most of the time
 
 
-def _guess_units(skeleton: Skeleton) -> str:
-    """The unit that makes the skeleton as tall as a person; in the T-pose it stands on the floor."""
-    return next(unit for limit, unit in _HEIGHTS if skeleton.tpose[:, 1].max() < limit)
+def _guess_units(skeleton: Skeleton, names: dict[str, str]) -> str:
+    """The unit that makes the skeleton as tall as a person; in the T-pose it stands on the floor, if it has legs."""
+    height = float(skeleton.tpose[:, 1].max())
+    if not {*LIMBS["legs"]} & {*names}:
+        ours, (hips, head) = humanoid(), (skeleton.tpose[skeleton.index[names[name]], 1] for name in ("hips", "head"))
+        height = float(head - hips) * ours.tpose[:, 1].max() / (ours.tpose[ours.index["head"]] - ours.tpose[0])[1]
+    return next(unit for limit, unit in _HEIGHTS if height < limit)

@@ -10,11 +10,12 @@ import numpy as np
 from ..errors import InputError
 from ..motion.bone_map_checks import check_names, names_joints
 from ..motion.bone_mapping import REQUIRED, recognise_file
+from ..motion.limbs import LIMBS, drop_loose_ends, note_absent_limbs
 from ..motion.rotations import quat_conjugate, quat_multiply, quat_rotate
 from ..motion.skeleton import Skeleton, humanoid
 from ..motion.skeletons.vrm import FROM_VRM0
 from ..motion.tpose import with_tpose
-from .bind_skeleton import bind_skeleton, find_below, find_candidates, read_node_names
+from .bind_skeleton import bind_skeleton, find_below, find_trees, read_node_names
 from .gltf import GltfFile, report_damage
 from .rig import Rig
 
@@ -54,6 +55,9 @@ def read_rig(file: GltfFile, bone_map: Mapping[str, str] | None = None) -> Rig:
 
     Raises:
         InputError: there is no humanoid, or it is damaged.
+
+    Warns:
+        CospeechWarning: there are no arms or no legs.
     """
     told, ours = read_bone_names(file), humanoid()
     by_name = read_node_names(file) if bone_map else {}
@@ -62,7 +66,8 @@ def read_rig(file: GltfFile, bone_map: Mapping[str, str] | None = None) -> Rig:
     if known is None:
         bones = _guess_bones(file, chosen, by_name, None if chosen else bone_map)
     else:
-        bones = _choose_bones(file, known, chosen, by_name)
+        bones = drop_loose_ends(_choose_bones(file, known, chosen, by_name))
+        note_absent_limbs(bones, file.name)
     nodes = find_below(file, bones["hips"], set(bones.values()))
     if set(ours.names) <= {file.list("nodes")[n].get("name") for n in nodes}:  # as in our own files
         named = {file.list("nodes")[n].get("name"): n for n in nodes}
@@ -73,7 +78,7 @@ def read_rig(file: GltfFile, bone_map: Mapping[str, str] | None = None) -> Rig:
     if not chosen and bind.names == ours.names and np.allclose(bind.offsets, ours.offsets, atol=1e-5) and _is_still(bind):
         return Rig(file, tuple(nodes), ours, dict(ours.index), np.array([0.0, 0, 0, 1]), np.zeros(3))
     found = {name: bind.names[j] for name, j in bones.items()}
-    skeleton = with_tpose(replace(bind, bone_map={} if names else found), found)
+    skeleton = with_tpose(replace(bind, bone_map=found), found)
     facing = quat_multiply(skeleton.rest[0], quat_conjugate(bind.rest[0]))
     shift = skeleton.offsets[0] - quat_rotate(facing, bind.offsets[0])
     return Rig(file, tuple(nodes), skeleton, bones, facing, shift)
@@ -101,23 +106,15 @@ def _guess_bones(
 ) -> dict[str, int]:
     """Humanoid name → node, from a map, and names and shape of the largest tree of bones."""
     named = {by_name[theirs]: theirs for theirs in chosen.values() if theirs}
-    order = find_candidates(file, {*named})
-    trees: list[list[int]] = []
-    owner: dict[int, list[int]] = {}
-    for k in order:
-        tree = owner.get(file.parents[k])
-        if tree is None:
-            trees.append(tree := [])
-        tree.append(k)
-        owner[k] = tree
+    trees = find_trees(file, {*named})
     if not trees:
         raise InputError(f"{file.name} holds no bones", "a rigged humanoid character is needed")
     nodes = max(trees, key=lambda tree: (len({*named} & {*tree}), len(tree)))
     skeleton = bind_skeleton(file, nodes, {k: named[node] for k, node in enumerate(nodes) if node in named}, "custom")
-    names = recognise_file(skeleton, chosen, file.name, unfit)
+    names = recognise_file(skeleton, chosen, file.name, unfit, may_lack=LIMBS)
     bones = {ours: nodes[skeleton.index[theirs]] for ours, theirs in names.items()}
     below = find_below(file, bones["hips"], {*bones.values()})
-    beside = [ours for ours in REQUIRED if bones[ours] not in below]
+    beside = [ours for ours in REQUIRED if ours in bones and bones[ours] not in below]
     if beside:
         problem = f"{file.name}: {beside[0]} = {names[beside[0]]!r} is not below hips = {names['hips']!r}"
         raise InputError(problem, "name as hips the joint from which legs and spine go out")

@@ -72,7 +72,7 @@ class Rig:
 
     Args:
         file: the glTF file.
-        nodes: J nodes of the skeleton's joints, the hips first, parents before children.
+        nodes: J nodes of the skeleton's joints, the hips first, parents before children; of a head alone, what turns first.
         skeleton: in world axes and metres, turned to face +Z, ``rest`` is its T-pose; rotations are the nodes' own local
             rotations, except that the root's are world rotations.
         bones: humanoid name → joint of the skeleton.

@@ -43,7 +43,12 @@ def find_target(name: str | PathLike[str] | Skeleton, bones: Mapping[str, str] |
     if path.suffix.lower() != ".bvh":
         from .avatar import load_avatar
 
-        return load_avatar(path, bones).skeleton
+        avatar = load_avatar(path, bones)
+        if not avatar.rig.bones:
+            raise InputError(
+                f"{avatar.file.name} has no bones to carry motion to", "it holds a face alone; as an avatar it plays"
+            )
+        return avatar.skeleton
     from .bvh_reader import load
 
     skeleton = load(path, bone_map=bones).skeleton

@@ -7,9 +7,8 @@ where the arms meet, and all between them is spine.
 
 from __future__ import annotations
 
-import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from importlib import import_module
 from os import PathLike
 
@@ -18,49 +17,17 @@ from ..files import parse_toml, read_regular
 from ..limits import BONE_MAP_BYTES
 from .bone_map_checks import check_names, check_order, names_joints
 from .bone_mapping_by_shape import by_shape
+from .joint_names import PARTS, JointTree
+from .limbs import LIMBS, drop_loose_ends, find_absent_limbs, note_absent_limbs
 from .skeleton import Skeleton, humanoid
 from .skeletons import SKELETONS
 
 __all__ = ["REQUIRED", "by_names", "load_map", "names_joints", "recognise", "recognise_file"]
 
-REQUIRED = (
-    "hips", "head",
-    "leftUpperArm", "leftLowerArm", "rightUpperArm", "rightLowerArm",
-    "leftUpperLeg", "leftLowerLeg", "rightUpperLeg", "rightLowerLeg",
-)  # fmt: skip
-"""Ours: with fewer of these a motion cannot be carried over sensibly."""
+REQUIRED = ("hips", "head", *LIMBS["arms"], *LIMBS["legs"])
+"""Ours: with fewer of these, limbs that a rig lacks left aside, a motion cannot be carried over sensibly."""
 _TIPS = 1  # ours: so many joints below a hand or head may be its tip, and neither a finger nor a part of a face
 
-_SIDES = {
-    "left": "left",
-    "l": "left",
-    "lf": "left",
-    "lft": "left",
-    "right": "right",
-    "r": "right",
-    "rt": "right",
-    "rgt": "right",
-}
-_NOISE = {
-    "mixamorig", "bip", "biped", "valvebiped", "adj", "sec", "def", "org", "cc", "base", "armature", "bone", "bn", "jnt", "jt",
-    "skel", "character", "rig", "b", "c", "m", "j", "sk", "bnd", "bind", "smplhf",
-}  # fmt: skip
-_EXTRA = {
-    "twist", "roll", "ik", "pole", "target", "ctrl", "control", "helper", "slot", "nub", "end", "tip", "site", "volume",
-    "corrective", "correct", "dummy", "socket", "mch", "share", "top",
-}  # fmt: skip
-_PARTS = {  # our part → what others call it, best first
-    "Shoulder": ("clavicle", "collar", "collarbone", "clav", "scapula", "shoulder"),
-    "UpperArm": ("upperarm", "uparm", "armupper", "arm", "humerus", "shoulder", "shldr"),
-    "LowerArm": ("lowerarm", "loarm", "forearm", "lowarm", "armlower", "radius", "elbow", "ulna"),
-    "Hand": ("wrist", "hand", "palm"),
-    "UpperLeg": ("upperleg", "upleg", "thigh", "legupper", "femur", "hip", "leg"),
-    "LowerLeg": ("lowerleg", "loleg", "lowleg", "calf", "shin", "leglower", "crus", "tibia", "knee", "leg"),
-    "Foot": ("ankle", "foot", "feet"),
-    "Toes": ("toebase", "toes", "toe", "ball", "forefoot", "foot"),
-    "Eye": ("eye", "eyeball", "faceeye"),
-}
-_WORDS = {word for words in _PARTS.values() for word in words} | {"fingers", "thumb", "toebase"}
 _FINGERS = {
     "Thumb": ("thumb",),
     "Index": ("index", "pointer", "point"),
@@ -72,71 +39,6 @@ _PHALANGES = {"Thumb": ("Metacarpal", "Proximal", "Distal")}
 _COUNTED = ("Thumb", "Index", "Middle", "Ring", "Little")  # of "finger1" … "finger5"
 
 
-class _Joint:
-    """What a name says: side, stem (words without side and noise), digits, and whether it is a helper of something else."""
-
-    def __init__(self, index: int, name: str) -> None:
-        self.index = index
-        base = re.split(r"[:|]", name)[-1]
-        base = re.sub(r"(?i)^(valvebiped|mixamorig|character|bip(ed)?)\d*(?=[^a-z])", "", base)
-        self.helper = base.startswith("__")
-        words = [w.lower() for w in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", base)]
-        self.digits = [w for w in words if w.isdigit()]
-        words = [w for w in words if not w.isdigit()]
-        side = next((w for w in words if w in _SIDES), None)
-        self.side = _SIDES[side] if side else None
-        if side:
-            words.remove(side)
-        self.extra = any(w in _EXTRA for w in words)
-        self.stem = "".join(w for w in words if w not in _NOISE)
-        if not side:
-            self._side_within()
-
-    def _side_within(self) -> None:
-        """``leftarm``, ``lfemur``, ``thighr``: sides that are not set off."""
-        for side in ("left", "right"):
-            if self.stem.startswith(side) or self.stem.endswith(side):
-                self.side, self.stem = side, self.stem.replace(side, "", 1)
-                return
-        if len(self.stem) > 2 and self.stem[0] in "lr" and self.stem[1:] in _WORDS and self.stem not in _WORDS:
-            self.side, self.stem = _SIDES[self.stem[0]], self.stem[1:]
-
-    @property
-    def rank(self) -> tuple[bool, tuple[int, ...], int]:
-        """Order among joints of one stem: real ones first, then by number."""
-        return self.helper, tuple(int(d[:9]) for d in self.digits), self.index
-
-
-class _Tree:
-    """Ancestry of a skeleton, with what its names say."""
-
-    def __init__(self, skeleton: Skeleton) -> None:
-        self.skeleton = skeleton
-        self.joints = [_Joint(k, name) for k, name in enumerate(skeleton.names)]
-
-    def path(self, joint: int) -> list[int]:
-        """From the root down to ``joint``."""
-        found = [joint]
-        while (joint := self.skeleton.parents[joint]) >= 0:
-            found.append(joint)
-        return found[::-1]
-
-    def above(self, a: int, b: int) -> bool:
-        """Is ``a`` a true ancestor of ``b``?"""
-        return a != b and a in self.path(b)
-
-    def meeting(self, *joints: int) -> int:
-        """The lowest joint from which all of ``joints`` descend (or which is one of them)."""
-        shared = set.intersection(*(set(self.path(j)) for j in joints))
-        return max(shared, key=lambda j: len(self.path(j)))
-
-    def find(self, side: str | None, part: str) -> list[int]:
-        """Joints that may be ``part``, best first."""
-        words = _PARTS[part]
-        fit = [j for j in self.joints if j.side == side and not j.extra and j.stem in words]
-        return [j.index for j in sorted(fit, key=lambda j: (words.index(j.stem), j.rank))]
-
-
 def recognise(skeleton: Skeleton, bone_map: Mapping[str, str] | None = None) -> dict[str, str]:
     """Find our joints in any skeleton.
 
@@ -145,16 +47,22 @@ def recognise(skeleton: Skeleton, bone_map: Mapping[str, str] | None = None) -> 
         bone_map: our name → their name, which wins over what is found; ``""`` means that there is none.
 
     Returns:
-        our name → their name, for every joint that was found, in our order.
+        our name → their name, for every joint that was found, in our order. A half body has no legs
+        (`cospeech.motion.limbs` says when they are not there).
 
     Raises:
         InputError: joints without which nothing can be carried over were not found, or ``bone_map`` makes no sense.
     """
-    return _find_joints(skeleton, bone_map)[0]
+    return _find_joints(skeleton, bone_map, ("legs",))[0]
 
 
 def recognise_file(
-    skeleton: Skeleton, bone_map: Mapping[str, str] | None, file: str, unfit: Mapping[str, str] | None = None
+    skeleton: Skeleton,
+    bone_map: Mapping[str, str] | None,
+    file: str,
+    unfit: Mapping[str, str] | None = None,
+    *,
+    may_lack: Collection[str] = ("legs",),
 ) -> dict[str, str]:
     """As `recognise`, of a file that has just been read.
 
@@ -162,17 +70,21 @@ def recognise_file(
         skeleton, bone_map: as there.
         file: how messages call the file.
         unfit: a map of other joints; the message says so where this may be why nothing is found.
+        may_lack: limbs that a body of this kind may lack, of `cospeech.motion.limbs.LIMBS`.
 
     Raises:
         InputError: as there; the message names the file.
 
     Warns:
-        CospeechWarning: the shape of the tree alone has told the joints, and some may be fingers or parts of a face.
+        CospeechWarning: the shape of the tree alone has told the joints, and some may be fingers or parts of a face; or
+            there are no arms or no legs. What the skeleton knows from its file was told then.
     """
     try:
-        found, shaped = _find_joints(skeleton, bone_map)
+        found, shaped = _find_joints(skeleton, bone_map, may_lack)
     except InputError as error:
         raise InputError(f"{file}: {error.problem}", _explain_unfit(unfit, skeleton) or error.hint) from None
+    if not skeleton.bone_map:
+        note_absent_limbs(found, file)
     still = _find_unnamed_parts(skeleton, found) if shaped else []
     if still:
         problem = f"{file}: the names of the joints say nothing, so the shape of the tree was used;"
@@ -190,29 +102,40 @@ def _explain_unfit(bone_map: Mapping[str, str] | None, skeleton: Skeleton) -> st
     return ""
 
 
-def _find_joints(skeleton: Skeleton, bone_map: Mapping[str, str] | None) -> tuple[dict[str, str], bool]:
+def _find_joints(
+    skeleton: Skeleton, bone_map: Mapping[str, str] | None, may_lack: Collection[str]
+) -> tuple[dict[str, str], bool]:
     """What `recognise` returns, and whether the shape of the tree has told it."""
     chosen = check_names(bone_map or {}, skeleton.names)
     known = skeleton.bone_map if names_joints(skeleton.bone_map, skeleton) else {}
+    if known and not chosen:
+        return _in_our_order(known), False
     named = dict(known) or by_names(skeleton, chosen)
     found, shape, shaped = _override(named, chosen), dict[str, str](), False
-    if _missing(found):
+    absent = [name for kind in {*find_absent_limbs(skeleton, found)} & {*may_lack} for name in LIMBS[kind]]
+    missing = [name for name in _missing(found) if name not in absent]
+    if missing:
         shape = by_shape(skeleton)
         shaped = not _missing(instead := _override(shape, chosen))
-        found = instead if shaped else found
-    missing = _missing(found)
+        found, missing = (instead, []) if shaped else (found, missing)
     for name, ours in ((name, ours) for name in missing if name not in chosen for ours in chosen):
         if chosen[ours] and chosen[ours] in (named.get(name), shape.get(name)):
             problem = f"bone map: {ours} = {chosen[ours]!r} is the joint of {name}"
             raise InputError(problem, f"name the joint of {name} too, or another one for {ours}")
     if missing:
+        none = ', or "" if there is none' if missing[0] not in REQUIRED[:2] else ""
         raise InputError(
             f"cannot find {', '.join(missing)} among the {len(skeleton)} joints ({', '.join(skeleton.names[:4])}, …)",
-            'name them in a file: --map file.toml with [bones] leftUpperArm = "their name"',
+            f'name them in a file: --map file.toml with [bones] {missing[0]} = "their name"{none}',
         )
-    found = {name: found[name] for name in humanoid().names if found.get(name)}
+    found = drop_loose_ends(_in_our_order(found))
     check_order(found, chosen, skeleton)
     return found, shaped
+
+
+def _in_our_order(found: Mapping[str, str]) -> dict[str, str]:
+    """Without those that say that there is none."""
+    return {name: found[name] for name in humanoid().names if found.get(name)}
 
 
 def _override(found: Mapping[str, str], chosen: Mapping[str, str]) -> dict[str, str]:
@@ -222,7 +145,9 @@ def _override(found: Mapping[str, str], chosen: Mapping[str, str]) -> dict[str, 
 
 
 def _missing(found: Mapping[str, str]) -> list[str]:
-    return [name for name in REQUIRED if not found.get(name)]
+    """What is required and not found; of limbs a map may say by "" that they are not there."""
+    denied = {name for name in REQUIRED[2:] if found.get(name) == ""}
+    return [name for name in REQUIRED if not found.get(name) and name not in denied]
 
 
 def _find_unnamed_parts(skeleton: Skeleton, found: Mapping[str, str]) -> list[str]:
@@ -259,7 +184,7 @@ def by_names(skeleton: Skeleton, chosen: Mapping[str, str] | None = None) -> dic
         table: dict[str, str] = import_module(module).NAMES
         if all(name in skeleton.index for name in table.values()):
             return dict(table)
-    tree = _Tree(skeleton)
+    tree = JointTree(skeleton)
     found: dict[str, int] = {}
     given = {ours: skeleton.index[theirs] for ours, theirs in (chosen or {}).items() if theirs}
     for side in ("left", "right"):
@@ -281,12 +206,13 @@ def by_names(skeleton: Skeleton, chosen: Mapping[str, str] | None = None) -> dic
     return {ours: skeleton.names[joint] for ours, joint in found.items()}
 
 
-def _limb(tree: _Tree, side: str, upper: str, lower: str, tail: str, given: Mapping[str, int]) -> dict[str, int]:
+def _limb(tree: JointTree, side: str, upper: str, lower: str, tail: str, given: Mapping[str, int]) -> dict[str, int]:
     """Upper and lower bone, one below the other, and hand or foot below them."""
     uppers, lowers = ([given[side + p]] if side + p in given else tree.find(side, p) for p in (upper, lower))
     pairs = [(a, b) for b in lowers for a in uppers if tree.above(a, b)]
-    if not pairs:
-        return {}
+    if not pairs:  # one of them alone, so that an error does not call it missing
+        alone = [j for j in uppers if j not in lowers and tree.joints[j].stem not in PARTS["Shoulder"]]
+        return {side + upper: alone[0]} if alone else {side + lower: lowers[0]} if lowers else {}
     a, b = pairs[0]
     below = sorted(
         (j for j in tree.find(side, tail) if tree.above(b, j)), key=lambda j: (len(tree.path(j)), tree.joints[j].rank)
@@ -294,7 +220,7 @@ def _limb(tree: _Tree, side: str, upper: str, lower: str, tail: str, given: Mapp
     return {side + upper: a, side + lower: b} | ({side + tail: below[0]} if below else {})
 
 
-def _toes(tree: _Tree, side: str, foot: int) -> dict[str, int]:
+def _toes(tree: JointTree, side: str, foot: int) -> dict[str, int]:
     below = sorted((j for j in tree.find(side, "Toes") if tree.above(foot, j)), key=lambda j: len(tree.path(j)))
     named = [j for j in below if tree.joints[j].stem != "forefoot"] or below
     if not named or any(not tree.above(named[0], j) for j in named[1:]):  # five single toes are not ours
@@ -302,16 +228,22 @@ def _toes(tree: _Tree, side: str, foot: int) -> dict[str, int]:
     return {f"{side}Toes": named[0]}
 
 
-def _middle(tree: _Tree, found: Mapping[str, int]) -> dict[str, int]:
-    """Hips, spine, neck and head from where the limbs meet."""
-    if not {"leftUpperArm", "rightUpperArm"} <= set(found):
-        return {}
-    chest = tree.meeting(found["leftUpperArm"], found["rightUpperArm"])
-    legs = [found[name] for name in ("leftUpperLeg", "rightUpperLeg") if name in found]
-    hips = tree.meeting(chest, *legs) if legs else 0
-    heads = [j.index for j in tree.joints if j.side is None and not j.extra and j.stem in ("head", "skull", "cranium")]
-    heads = sorted((j for j in heads if tree.above(hips, j)), key=lambda j: tree.joints[j].rank)
-    head = heads[0] if heads else _topmost(tree, chest, found)
+def _middle(tree: JointTree, found: Mapping[str, int]) -> dict[str, int]:
+    """Hips, spine, neck and head from where the limbs meet; without legs the hips are called so, or are the root."""
+    arms, legs = (
+        [found[side + part] for side in ("left", "right") if side + part in found] for part in ("UpperArm", "UpperLeg")
+    )
+    heads = [j for j in tree.joints if j.side is None and not j.extra and j.stem in ("head", "skull", "cranium")]
+    heads = sorted(heads, key=lambda j: j.rank)
+    chest = _chest(tree, arms, [j.index for j in heads])
+    hips = None if chest is None else tree.meeting(chest, *legs) if legs else _hips_by_name(tree, chest, 0 if arms else None)
+    if chest is None or hips is None:  # no body
+        if not heads:
+            return {}
+        necks = [j for j in tree.path(heads[0].index)[:-1] if "neck" in tree.joints[j].stem]
+        return dict(zip(("neck",), necks, strict=False)) | {"head": heads[0].index}
+    heads = [j for j in heads if tree.above(hips, j.index)]
+    head = heads[0].index if heads else _topmost(tree, chest, found)
     spine = [j for j in tree.path(chest) if tree.above(hips, j)]
     neck: list[int] = []
     while spine and "neck" in tree.joints[spine[-1]].stem:  # shoulders that hang on the neck
@@ -325,14 +257,31 @@ def _middle(tree: _Tree, found: Mapping[str, int]) -> dict[str, int]:
     return result | ({"neck": named[0]} if named else {}) | ({} if head is None else {"head": head})
 
 
-def _topmost(tree: _Tree, chest: int, found: Mapping[str, int]) -> int | None:
+def _chest(tree: JointTree, arms: list[int], heads: list[int]) -> int | None:
+    """Where the arms meet; without arms, what carries the neck."""
+    if len(arms) == 2:
+        return tree.meeting(*arms)
+    if not heads:
+        return None
+    if arms:
+        return tree.meeting(*arms, heads[0])
+    return next((j for j in reversed(tree.path(heads[0])[:-1]) if "neck" not in tree.joints[j].stem), None)
+
+
+def _hips_by_name(tree: JointTree, chest: int, otherwise: int | None) -> int | None:
+    """The joint at or above the chest that is called hips."""
+    on_the_way = [tree.joints[j] for j in tree.path(chest)]
+    return next((j.index for j in on_the_way if j.side is None and j.stem in ("hips", "hip", "pelvis")), otherwise)
+
+
+def _topmost(tree: JointTree, chest: int, found: Mapping[str, int]) -> int | None:
     """Where no joint is called head: the last of the spine's or neck's joints above the chest (Rigify)."""
     stems = {"spine", "neck", tree.joints[chest].stem}
     above = [j.index for j in tree.joints if j.side is None and not j.extra and j.stem in stems and tree.above(chest, j.index)]
     return max(above, key=lambda j: len(tree.path(j)), default=None)
 
 
-def _fingers(tree: _Tree, side: str, hand: int) -> dict[str, int]:
+def _fingers(tree: JointTree, side: str, hand: int) -> dict[str, int]:
     """Three joints of each finger; a bone inside the palm and tips are left out."""
     below = [j for j in tree.joints if tree.above(hand, j.index) and not j.extra]
     counted = sorted({j.digits[0][0] for j in below if j.stem == "finger" and j.digits})

@@ -14,7 +14,7 @@ import numpy as np
 from .rotations import Array
 from .skeleton import Skeleton
 
-__all__ = ["by_shape"]
+__all__ = ["TreeShape", "by_shape"]
 
 _ALIKE = 0.1  # ours: the two limbs of a pair differ by less in every bone
 _WIDE = 0.25  # ours: shoulders are at least this part of an arm apart, the inner ends of collar bones are not
@@ -28,7 +28,7 @@ def by_shape(skeleton: Skeleton) -> dict[str, str]:
     Args:
         skeleton: theirs; its ``rest`` pose should be a standing one.
     """
-    body = _Body(skeleton)
+    body = TreeShape(skeleton)
     pairs = body.pairs()
     if len(pairs) != 2:
         return {}
@@ -63,7 +63,7 @@ def by_shape(skeleton: Skeleton) -> dict[str, str]:
     return {ours: skeleton.names[j] for ours, j in found.items()}
 
 
-class _Body:
+class TreeShape:
     """A skeleton's rest pose, with the longest way down from every joint."""
 
     def __init__(self, skeleton: Skeleton) -> None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .limbs import LIMBS
 from .rotations import Array, matrix_to_quat, quat_angle, quat_conjugate, quat_identity, quat_multiply, quat_rotate
 from .skeleton import Skeleton
 from .soles import find_soles
@@ -90,17 +91,22 @@ def calibrate_rest(skeleton: Skeleton, names: Mapping[str, str], rotations: Arra
 def on_motions_floor(skeleton: Skeleton, names: Mapping[str, str], rotations: Array, root: Array) -> Skeleton:
     """The same skeleton, its T-pose on the floor that the feet of the motion touch; in many files it is not at height 0.
 
+    Without legs its hips are as high as those of the motion are for half of the time.
+
     Args:
         skeleton: theirs, in metres, with its T-pose as ``rest``.
         names: our name → their name.
         rotations, root: (T, J, 4) and (T, 3) of the motion.
     """
-    soles = find_soles(skeleton, names)
+    soles, hips = find_soles(skeleton, names), skeleton.index[names["hips"]]
+    sample = np.unique(np.linspace(0, len(rotations) - 1, _FRAMES).astype(int))
+    if not {*LIMBS["legs"]} & {*names}:
+        heights = skeleton.forward(rotations[sample], root[sample])[0][:, hips, 1]
+        return on_floor(skeleton, hips, float(np.median(heights)) + skeleton.floor - float(skeleton.tpose[hips, 1]))
     if soles is None:
         return skeleton
-    sample = np.unique(np.linspace(0, len(rotations) - 1, _FRAMES).astype(int))
     height = float(np.percentile(soles.heights(*skeleton.forward(rotations[sample], root[sample])), _CONTACT))
-    return on_floor(skeleton, skeleton.index[names["hips"]], height if height < _HIGHEST_FLOOR else 0.0)
+    return on_floor(skeleton, hips, height if height < _HIGHEST_FLOOR else 0.0)
 
 
 def _find_turns(lines: _Lines, least: float) -> dict[str, Array]:

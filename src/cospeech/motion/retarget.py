@@ -4,6 +4,9 @@ Both skeletons are brought to a T-pose, and what is carried over is each joint's
 it does not matter how the bones' own axes lie, nor how many joints stand between two that correspond. Bones of arms, legs,
 hands and fingers then point exactly where the source's point; hips, spine, head, shoulders and feet turn as much as the
 source's do. Joints that the source does not have are spread between their neighbours (spine, neck) or keep their rest.
+
+Hips stand on legs: their height scales with that of the hips. Where one of the two has no legs, the hips move about the
+place where they rest, by the ratio of the ways from hips to head. Where one has no hips, a head alone, the root stays.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ import numpy as np
 
 from ..errors import InputError
 from .bone_mapping import load_map, names_joints, recognise
+from .limbs import LIMBS
 from .motion import Motion
 from .rotations import (
     Array,
@@ -55,7 +59,8 @@ def retarget(
         bone_map: our joint's name → that of whichever of the two skeletons has names of its own (the source if both have);
             see `cospeech.motion.bone_mapping.load_map`.
         scale_root: scale the way of the hips by the ratio of hip heights, so that feet do not slide; else the hips move as
-            far as the source's. With it, the lower sole is as high above the floor as the source's, so scaled.
+            far as the source's. With it, the lower sole is as high above the floor as the source's, so scaled. Without legs
+            on both sides the ratio is that of the ways from hips to head.
 
     Returns:
         Motion of the target; the face is passed through.
@@ -66,7 +71,7 @@ def retarget(
     if not isinstance(target, (str, Skeleton)):
         raise InputError(f"cannot retarget to a {type(target).__name__}", "give the name of a skeleton, or a Skeleton")
     goal = find_skeleton(target) if isinstance(target, str) else target
-    if goal == motion.skeleton:
+    if goal == motion.skeleton and "" not in goal.bone_map.values():  # of a character that is there in part, the rest rests
         same = goal.layout is motion.skeleton.layout
         return motion if same else replace(motion, skeleton=replace(motion.skeleton, layout=goal.layout))
     source_map, goal_map = bone_map, None
@@ -109,6 +114,8 @@ class _Plan:
         pairs: target joints and the source joints that turn them, (2, P).
         before: (P, 4) source's world rotation → change since the T-pose → target's world rotation, from the right.
         between: target joint, its two neighbours that are paired, and how far it is from the first.
+        hips: of source and target; None where one has none.
+        trunks: ways from hips to head of both, metres, where one has no legs; None where both have legs, or one no hips.
         soles: of both; None where one has no feet.
     """
 
@@ -117,7 +124,8 @@ class _Plan:
     pairs: Array
     before: Array
     between: tuple[tuple[int, int, int, float], ...]
-    hips: tuple[int, int]
+    hips: tuple[int, int] | None
+    trunks: tuple[float, float] | None
     soles: tuple[Soles, Soles] | None
 
     def apply(self, rotations: Array, root: Array, scale_root: bool) -> tuple[Array, Array]:
@@ -154,11 +162,17 @@ class _Plan:
             turned: (T, J', 4) world rotations of the target's joints.
             scale_root: as `retarget` takes it.
         """
+        if self.hips is None:
+            return np.tile(self.target.offsets[0], (len(points), 1))
         ends = (self.source, self.hips[0]), (self.target, self.hips[1])
-        have, want = (float(skeleton.tpose[hips, 1]) - skeleton.floor for skeleton, hips in ends)
+        rests = tuple(skeleton.tpose[hips] - (0.0, skeleton.floor, 0.0) for skeleton, hips in ends)
+        have, want = self.trunks or tuple(float(rest[1]) for rest in rests)
         scale = want / have if scale_root and have > 1e-3 and want > 1e-3 else 1.0
         hips = points[:, self.hips[0]] - (0.0, self.source.floor, 0.0)
-        place = hips * scale + (0.0, self.target.floor + (0.0 if scale_root else want - have), 0.0)
+        if self.trunks:
+            place = (hips - rests[0]) * scale + rests[1] + (0.0, self.target.floor, 0.0)
+        else:
+            place = hips * scale + (0.0, self.target.floor + (0.0 if scale_root else want - have), 0.0)
         if self.hips[1] == 0 and not (scale_root and self.soles):
             return place
         made = self.target.place(turned)
@@ -213,14 +227,24 @@ def _plan(a: _Key, b: _Key) -> _Plan:
         pairs.append((j, k))
         before.append(quat_multiply(quat_multiply(quat_conjugate(source_rest[k]), change), target_rest[j]))
     between = _spread(target, goal, {j for j, _ in pairs})
-    hips = (source.index[theirs["hips"]], target.index[goal["hips"]])
+    hips = (source.index[theirs["hips"]], target.index[goal["hips"]]) if "hips" in partner else None
     soles = find_soles(source, theirs), find_soles(target, goal)
     both = None if None in soles else soles
-    return _Plan(source, target, np.array(pairs).T, np.array(before), between, hips, both)  # type: ignore[arg-type]
+    trunks = _trunks((source, theirs), (target, goal)) if hips and not {*LIMBS["legs"]} & {*partner} else None
+    turns = np.array(pairs, int).reshape(-1, 2).T, np.array(before).reshape(-1, 4)
+    return _Plan(source, target, *turns, between, hips, trunks, both)  # type: ignore[arg-type]
+
+
+def _trunks(*bodies: tuple[Skeleton, Mapping[str, str]]) -> tuple[float, ...]:
+    """The way from hips to head of each, metres; 0 without a head."""
+    ends = [[body.tpose[body.index[names.get(name, names["hips"])]] for name in ("hips", "head")] for body, names in bodies]
+    return tuple(float(np.linalg.norm(head - hips)) for hips, head in ends)
 
 
 def _spread(target: Skeleton, goal: Mapping[str, str], paired: set[int]) -> tuple[tuple[int, int, int, float], ...]:
     """Joints between paired ones from hips to head: ``(joint, neighbour below, neighbour above, part of the way)``."""
+    if not {"hips", "head"} <= goal.keys():
+        return ()
     chain = [target.index[goal["head"]]]
     while chain[-1] != target.index[goal["hips"]] and target.parents[chain[-1]] >= 0:
         chain.append(target.parents[chain[-1]])

@@ -152,7 +152,8 @@ class _Maker:
 
     def _facing(self) -> Array:
         """(4,) the rotation of the whole body that makes its left +X and its top +Y."""
-        pair = next((p for p in ("UpperLeg", "UpperArm", "Shoulder") if {f"left{p}", f"right{p}"} <= set(self.names)), None)
+        pairs = ("UpperLeg", "UpperArm", "Shoulder", "Eye")
+        pair = next((p for p in pairs if {f"left{p}", f"right{p}"} <= set(self.names)), None)
         if pair is None:
             return np.array([0.0, 0, 0, 1])
         left = vector_normalize(self.at(f"left{pair}") - self.at(f"right{pair}"))

@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from ...errors import InputError
 from ...motion.motion import Motion
 from ...motion.rotations import Array
 from ...motion.skeleton import humanoid
@@ -109,8 +110,14 @@ class VmcEncoder:
 
 
 def avatar_offsets(avatar: Avatar) -> dict[str, Array]:
-    """Bone → (3,) metres from the next bone above it, in the avatar's T-pose; of the hips from the avatar's origin."""
+    """Bone → (3,) metres from the next bone above it, in the avatar's T-pose; of the hips from the avatar's origin.
+
+    Raises:
+        InputError: there are no hips.
+    """
     own, bones, places = humanoid(), avatar.rig.bones, np.array(avatar.skeleton.tpose)
+    if "hips" not in bones:
+        raise InputError(f"{avatar.file.name} has no body that VMC could move", "leave --avatar out: VMC then moves the face")
     hips = bones["hips"]
     places[:, 1] += world_matrices(avatar.file)[avatar.rig.nodes[hips]][1, 3] - places[hips, 1]  # the skeleton's is the floor
     offsets = {}

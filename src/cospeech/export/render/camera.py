@@ -85,8 +85,9 @@ class View:
     follows: str = ""
 
     def joints_of(self, skeleton: Skeleton) -> list[int]:
-        """Indices of the joints that must stay in the picture."""
-        return [k for k, name in enumerate(skeleton.names) if not self.joints or name.startswith(self.joints)]
+        """Indices of the joints that must stay in the picture; what a character lacks need not."""
+        there = [k for k, name in enumerate(skeleton.names) if skeleton.bone_map.get(name) != ""]
+        return [k for k in there if not self.joints or skeleton.names[k].startswith(self.joints)]
 
     def camera(self, low: Array, high: Array, width: int, height: int) -> Camera:
         """The nearest camera from which the box ``low … high`` (each (3,), metres) is in the picture, and centred."""

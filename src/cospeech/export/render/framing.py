@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...errors import InputError
 from ...motion.motion import Motion
 from ...motion.rotations import Array, axis_angle_to_quat, quat_multiply, quat_rotate
 from ...motion.skeleton import Skeleton, humanoid
@@ -206,7 +207,11 @@ def boxes_of(view: View, skeleton: Skeleton, poses: Sequence[FramedPose]) -> lis
 def fit_view(view: View, character: Character) -> View:
     """The view for a character of other size or other head than our mannequin's.
 
-    The box of a view that follows the head spans from below its chin to above its crown, hair and hat included.
+    The box of a view that follows the head spans from below its chin to above its crown, hair and hat included. Of a
+    character that is there in part, a half body say, the other boxes end where its surface ends.
+
+    Raises:
+        InputError: nothing of the character is in the view.
     """
     skeleton = character.skeleton
     if skeleton is humanoid():
@@ -219,6 +224,8 @@ def fit_view(view: View, character: Character) -> View:
         low, high = crown / HEIGHT * np.array(view.low), crown / HEIGHT * np.array(view.high)
         if len(points) and (not view.joints or "head" in view.joints):  # a hat may be broader than the room for the arms
             low[0], high[0] = min(low[0], points[:, 0].min()), max(high[0], points[:, 0].max())
+        if skeleton.bone_map:
+            _cut_box(low, high, character, view.reach)
         return replace(view, low=tuple(low.tolist()), high=tuple(high.tolist()))
     ours = humanoid().tpose[humanoid().index["head"]]
     scale = max((crown - base[1]) / (HEIGHT - ours[1]), 0.1)
@@ -229,6 +236,16 @@ def fit_view(view: View, character: Character) -> View:
     return replace(view, low=tuple(low.tolist()), high=tuple(high.tolist()))
 
 
+def _cut_box(low: Array, high: Array, character: Character, reach: float) -> None:
+    """Take away below what is beyond the surface in the T-pose, to ``reach`` metres; without arms it is as broad as that."""
+    points = np.concatenate([part.vertices for part in character.parts])
+    low[1] = max(low[1], float(points[:, 1].min()) - reach)
+    if not character.skeleton.bone_map["leftUpperArm"] and not character.skeleton.bone_map["rightUpperArm"]:
+        low[0], high[0] = points[:, 0].min() - reach, points[:, 0].max() + reach
+    if not (low < high).all():
+        raise InputError("nothing of this character is where the camera looks", "use the camera body, full or face")
+
+
 def box_of(view: View, skeleton: Skeleton, positions: Array) -> Array:
     """Low and high corner (6,) of the box that the camera must show: the view's own and what its joints need.
 
@@ -236,5 +253,5 @@ def box_of(view: View, skeleton: Skeleton, positions: Array) -> Array:
         positions: (T, J, 3) metres.
     """
     at = positions[:, view.joints_of(skeleton)]
-    low = np.minimum(view.low, at.min((0, 1)) - view.reach)
-    return np.concatenate([low, np.maximum(view.high, at.max((0, 1)) + view.reach)])
+    low = np.minimum(view.low, at.min((0, 1), initial=np.inf) - view.reach)
+    return np.concatenate([low, np.maximum(view.high, at.max((0, 1), initial=-np.inf) + view.reach)])

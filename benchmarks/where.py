@@ -34,6 +34,7 @@ WATCHED = {
         "runtime.autoregressive_decoder:AutoregressiveDecoder.push",
     ),
     "decoding": ("runtime.session:TrainedSession._keep", "runtime.session:TrainedSession._decode"),
+    "holds": ("runtime.hand_holds:HandHolds.push",),
     "beat alignment": ("runtime.beat_alignment:BeatAlignment.push", "runtime.beat_alignment:AccentTrack.push"),
     "stance": ("rules.stance_layer:StanceLayer.push",),
     "rest in silence": (

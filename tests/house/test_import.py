@@ -239,4 +239,5 @@ def test_the_wheel_is_complete(tmp_path):
     files = {path.relative_to(source).as_posix() for path in (source / "cospeech").rglob("*") if path.is_file()}
     assert {name for name in files if "__pycache__" not in name} <= names
     assert any(name.endswith("licenses/LICENSE") for name in names)
-    assert wheel.stat().st_size < 12e6  # ours: weights of four systems, 11 MB of it; what a slow line fetches within a minute
+    # ours: weights of four systems are 10 MB of it; what a slow line fetches within a minute (20 MB were allowed)
+    assert wheel.stat().st_size < 13e6

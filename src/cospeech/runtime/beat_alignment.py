@@ -21,12 +21,12 @@ from ..audio.features.at_16_khz import At16kHz
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.prosodic_events import RATE, Accent
 from ..audio.speech import Speech
-from ..motion.kinematics.arms import wrists_in_chest
 from ..motion.part_joints import arm_joints
 from ..motion.rotations import Array, quat_slerp
 from ..motion.skeleton import humanoid
 from ..rules.minimum_jerk import minimum_jerk
 from ..rules.streaming import in_short
+from .hand_speeds import HandSpeeds
 
 __all__ = ["AccentTrack", "BeatAlignment"]
 
@@ -40,7 +40,6 @@ _PEAK = 1.3
 """Rate of time at an accent [ours: with 1, the hands are often faster before or after it; with 1.8, files of the chain have a
 lift of .56 and jerk more]."""
 _LEAST = 0.2  # arm lengths per second, of both wrists together, that are a stroke [ours]
-_WIDTH = 0.1  # seconds to either side over which the speed is smoothed, and in which a peak is alone [ours]
 _NEARER = 0.7  # share of its worth that a peak loses at a distance of `_FAR` [ours]
 
 
@@ -109,13 +108,11 @@ class BeatAlignment:
 
     def __init__(self, fps: float, track: AccentTrack) -> None:
         self._fps, self._track = fps, track
-        self._wide = max(round(_WIDTH * fps), 1)
-        kernel = np.hanning(2 * self._wide + 3)[1:-1]
-        self._kernel = kernel / kernel.sum()
+        self._hands = HandSpeeds(fps)
+        self._wide = self._hands.wide  # frames to either side in which a peak is alone
         self._rotations, self._root = np.zeros((0, len(humanoid()), 4), np.float32), np.zeros((0, 3), np.float32)
         self._first = 0  # index of the first frame that is kept
-        self._wrists = np.zeros((0, 6))  # from one frame before the first raw speed on
-        self._raw, self._speeds = np.zeros(0), np.zeros(0)  # of frames from `_first` on, as far as they are known
+        self._speeds = np.zeros(0)  # of both wrists together, from `_first` on, as far as they are known
         self._given, self._frames, self._over = 0, 0, False
         self._knots = [Knot(0.0, 0.0)]
 
@@ -142,28 +139,14 @@ class BeatAlignment:
         """The frames that are left, after the last one was pushed; as many in all as were pushed."""
         self._over = True
         if self._frames:
-            still = np.repeat(self._wrists[-1:], 2 * self._wide + 2, 0)
-            self._follow(np.concatenate([self._wrists, still]))
+            self._speeds = np.concatenate([self._speeds, self._hands.finish().sum(-1)])
         return self._give()
 
     def _keep(self, rotations: Array, root: Array) -> None:
         """Note frames, and the speeds that become known."""
-        wrists = wrists_in_chest(np.asarray(rotations, float)).reshape(len(rotations), 6)
-        before = self._wrists if self._frames else np.repeat(wrists[:1], self._wide + 1, 0)
         self._rotations, self._root = np.concatenate([self._rotations, rotations]), np.concatenate([self._root, root])
         self._frames += len(rotations)
-        self._follow(np.concatenate([before, wrists]))
-
-    def _follow(self, wrists: Array) -> None:
-        """Speeds of both wrists together, smoothed one tap after the other: the same bits in pieces of any size."""
-        ways = (wrists[2:] - wrists[:-2]).reshape(-1, 2, 3)
-        self._wrists = wrists[-2:]
-        raw = np.concatenate([self._raw, np.sqrt(np.einsum("nsi,nsi->ns", ways, ways)).sum(-1) * (self._fps / 2)])
-        count = max(len(raw) - 2 * self._wide, 0)
-        smooth = np.zeros(count)
-        for k, weight in enumerate(self._kernel):
-            smooth += weight * raw[k : k + count]
-        self._raw, self._speeds = raw[count:], np.concatenate([self._speeds, smooth])
+        self._speeds = np.concatenate([self._speeds, self._hands.push(rotations)[1].sum(-1)])
 
     def _give(self) -> tuple[Array, Array]:
         """The frames whose time is known."""

@@ -8,7 +8,8 @@ does not know is played in its default style, and all of their clips are held ou
 intervals (percentile bootstrap over clips); shares of a distance are quotients of such means. Lips are judged where words tell
 of b, p and m: they are closed where the aperture ``jawOpen − mouthClose`` falls below .03 around the onset, or ``mouthPress``
 exceeds .05. A channel that moves in few clips has a deviation with a wide interval: beside the figure of all frames stands
-that about the mean of each clip, which a smile that lasts through a clip does not change.
+that about the mean of each clip, which a smile that lasts through a clip does not change. Recordings are not always good: the
+same clips are played through a telephone's band, and so soft that a network which measures loudness sees silence.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import numpy as np
 
 from cospeech.audio.features import AUDIO_NAMES, audio_features
 from cospeech.audio.features.reduce import reduce_audio
+from cospeech.audio.speech import RATE
 from cospeech.corpora.clip import Clip
 from cospeech.corpora.faces import LOWER, read
 from cospeech.corpora.prepare.pieces import split_of
@@ -44,6 +46,9 @@ DRAWS = 1000
 APERTURE, PRESSED = 0.03, 0.05  # jawOpen − mouthClose of closed lips, mouthPress of pressed ones: 97 % of GRID's b, p and m
 ONSET = (-0.06, 0.10)  # s around an onset in which the lips have to close: a track of 25 frames per second has four of them
 RATIO = (0.6, 1.3)  # standard deviation, made ÷ tracked, of a channel that moves as much as it should (issue 14)
+TELEPHONE = (300.0, 3400.0)  # Hz, ITU-T G.712
+SOFT = 20.0  # [ours] dB
+RECORDED = "as recorded"
 BILABIAL, ROUNDED = ("PP",), ("O", "U")
 
 
@@ -59,6 +64,8 @@ class Played:
     phones: Phones
     shown: dict[str, np.ndarray]
     """The whole face with this mouth: by the sound alone, and with the words where they are known."""
+    worse: dict[str, np.ndarray]
+    """Made from a worse recording of the same speech."""
 
 
 def features(clip: Clip) -> np.ndarray:
@@ -128,6 +135,7 @@ def figures(clips: list[Played], middle: np.ndarray) -> dict[str, str]:
         "that of the tracked mouth, %": format_figure(shut, quotient(1, 2), 100),
         **sizes(clips, live),
         **lips(clips),
+        **recordings(clips),
         "least and greatest weight": f"{min(c.made.min() for c in clips):.3g} … {max(c.made.max() for c in clips):.3g}",
     }
 
@@ -186,6 +194,31 @@ def lips(clips: list[Played]) -> dict[str, str]:
     return found
 
 
+def recordings(clips: list[Played]) -> dict[str, str]:
+    """What the jaw does when the recording is worse; how far it opens tells whether the network understands the recording."""
+    found = {}
+    for name in clips[0].worse:
+        pairs = [(clip.real[:, JAW], clip.worse[name][:, JAW]) for clip in clips]
+        if name != RECORDED:  # which has the rows above
+            r = np.array([np.corrcoef(a, b)[0, 1] if b.std() > 0 else 0.0 for a, b in pairs])
+            found[f"{name}: correlation of jawOpen"] = format_figure(r, mean)
+        opened = np.array([(b.mean(), a.mean()) for a, b in pairs])
+        found[f"{name}: mean of jawOpen, of the tracked, %"] = format_figure(opened, quotient(0, 1), 100)
+    return found
+
+
+def worsen(samples: np.ndarray) -> dict[str, np.ndarray]:
+    """The same speech, recorded badly."""
+    hertz = np.fft.rfftfreq(len(samples), 1 / RATE)
+    band = (hertz >= TELEPHONE[0]) & (hertz <= TELEPHONE[1])
+    limited = np.fft.irfft(np.fft.rfft(samples) * band, len(samples)).astype(np.float32)
+    return {
+        "as recorded": samples,
+        "telephone": limited,
+        f"{SOFT:g} dB softer": (samples * 10 ** (-SOFT / 20)).astype(np.float32),
+    }
+
+
 def closures(clip: Played, face: np.ndarray) -> np.ndarray:
     """(onsets,) whether the lips close, of each b, p and m that lies within the clip."""
     names = ("jawOpen", "mouthClose", "mouthPressLeft", "mouthPressRight")
@@ -223,15 +256,22 @@ def play(clip: Clip, linear: Callable[[np.ndarray], np.ndarray], make: Callable[
     """A held-out clip, made and tracked."""
     assert clip.speech is not None
     assert clip.motion is not None
-    mouth = make()
-    mouth.push(clip.speech.samples)
-    mouth.finish()
     rows, frames = features(clip), min(len(clip.motion), clip.speech.frames(clip.motion.fps))
-    made = mouth.at(np.arange(frames) / clip.motion.fps)
+    worse = {
+        name: hear(make(), sound, np.arange(frames) / clip.motion.fps) for name, sound in worsen(clip.speech.samples).items()
+    }
+    made = worse[RECORDED]
     energy = rows[:, AUDIO_NAMES.index("energy")]
     parts = (clip.motion.face, made, linear(rows), energy < energy.max() - SILENT)
     phones = phones_of(clip.speech.words or (), 0.0, clip.duration)
-    return Played(*(x[:frames] for x in parts), clip.motion.fps, phones, faces(clip, make, frames))
+    return Played(*(x[:frames] for x in parts), clip.motion.fps, phones, faces(clip, make, frames), worse)
+
+
+def hear(mouth: BundleMouth, samples: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """(times, 52) what a mouth makes of a speech."""
+    mouth.push(samples)
+    mouth.finish()
+    return mouth.at(times)
 
 
 def measure_faces(raw: str | Path, bundle: str | Path, clips: int = 10_000) -> str:

@@ -20,7 +20,7 @@ from cospeech.runtime.sliding_window_decoder import live  # noqa: E402
 from cospeech.training.recipe import SHIPPED, build, load_recipe  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
-CALMED = {"gain_augmentation": 0.0, "tilt": 0.0, "tract": 0.0, "noise": 0.0, "pauses": 0.0}
+CALMED = {"gain_augmentation": 0.0, "tilt": 0.0, "tract": 0.0, "noise": 0.0, "pauses": 0.0, "band_limits": 0.0}
 ROWS, BANDS, SPEAKERS = 6, 12, 2
 JAW = ARKIT_INDEX["jawOpen"]
 
@@ -194,6 +194,18 @@ def test_noise_adds_power_and_never_takes_any():
     assert (after >= before - 1e-3).all()
     assert (after - before).max() > 0.5
     assert (face == 1).all()
+
+
+def test_a_band_limit_takes_the_ends_of_the_axis_and_leaves_its_middle():
+    before, after, face = changed(network(**CALMED | {"band_limits": 1.0}))
+    loss, axis = before - after, np.linspace(-1, 1, BANDS)
+    middle = (axis >= speech_to_face.LOW[1]) & (axis <= speech_to_face.HIGH[0])
+    assert loss[..., middle].abs().max() < 1e-3
+    assert (loss > -1e-3).all()
+    assert (loss[:, 0, -1] > 5).any()  # natural log of power: 22 dB
+    assert (face == 1).all()
+    half = speech_to_face._band_limits(StepRandom(0, 0), 400, torch.linspace(-1, 1, 40), 0.35).amax(1) > 0
+    assert 0.28 < half.float().mean() < 0.42
 
 
 def test_in_pauses_there_is_silence_and_a_face_at_rest():

@@ -134,9 +134,7 @@ def test_speeds_are_those_of_the_wrist():
     total = fore + np.linalg.norm(humanoid().offsets[JOINTS["rightLowerArm"]])
     np.testing.assert_allclose(speeds[10:70, 1], 2.0 * fore / total, rtol=0.01)
     assert not speeds[:, 0].any()
-    assert (
-        len(hands.finish()) == hands.delay + hands.wide + 1
-    )  # and some of the stillness after them
+    assert len(hands.finish()) == hands.delay + hands.wide + 1  # and some of the stillness after them
 
 
 @pytest.mark.slow

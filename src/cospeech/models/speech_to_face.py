@@ -17,7 +17,7 @@ median, which is 0 for a lip that is mostly still; the lip then never moves. The
 Comparing with the batch's own y would not do: most batches have no frame in which a rare channel moves.
 
 Speech is changed in every step, since few people spoke the data: louder or softer, brighter or darker, of a longer or shorter
-vocal tract, in noise, and with pauses in which nobody speaks and the face rests.
+vocal tract, in noise, through a telephone, and with pauses in which nobody speaks and the face rests.
 """
 
 from __future__ import annotations
@@ -51,6 +51,8 @@ NEAR = 9  # [ours] frames to both sides among which lips open again, 0.15 s at 6
 STILL = 0.002  # [ours] standard deviation of a number that counts as still
 LEAST = 0.3  # [ours] of the deviation over all speakers, that is the unit of a number which moves less in one of them
 TURN = 0.25  # [ours] w of the turn of the head, of which the sound says little
+HIGH, LOW = (0.3, 1.0), (-1.0, -0.75)  # [ours] ends of a band limit on the axis −1 … 1: 2.7 to 8 kHz, 0 to 380 Hz
+STEEP = (20.0, 200.0)  # [ours] natural log of power per unit of that axis beyond an end: 4 to 43 dB per band of forty
 RAMP = 9  # frames over which a face comes to rest in a pause; ours, 0.15 s at 60 a second
 
 
@@ -90,13 +92,16 @@ class SpeechToFaceConfig(ModelConfig):
     """Its mel axis is stretched by up to this share."""
     noise: float = 0.4
     """Share of windows with noise, at its loudest 17 to 60 dB below their loudest band."""
+    band_limits: float = 0.3
+    """Share of windows whose speech and noise are limited to a band, as by a telephone or a low rate of samples."""
     pauses: float = 0.3
     """Share of windows with a pause, in which there is silence or nothing but the noise; a fifth of them are one throughout."""
 
     def __post_init__(self) -> None:
-        low = {"frames": self.past + self.future + 2, "channels": 1, "velocity": 0, "jaw": 0, "gain_augmentation": 0, "tilt": 0}
-        more = {"tract": 0, "noise": 0, "pauses": 0, "kernel": 1, "squared": 0, "spread": 0, "goal": 0, "closure": 0}
-        check_least(self, "a SpeechToFace", low | more)
+        low = {"frames": self.past + self.future + 2, "channels": 1, "kernel": 1}
+        losses = ("velocity", "squared", "spread", "goal", "closure", "jaw")
+        changes = ("gain_augmentation", "tilt", "tract", "noise", "band_limits", "pauses")
+        check_least(self, "a SpeechToFace", low | dict.fromkeys((*losses, *changes), 0))
         if not self.dilations or len(self.dilations) != len(self.ahead) or min(self.dilations) < 1:
             raise InputError(f"dilations {self.dilations}, ahead {self.ahead}", "as many of both, dilations positive")
         if min(self.ahead) < 0 or max(self.ahead) >= self.kernel:
@@ -282,7 +287,8 @@ class SpeechToFace(Windowed):
         u, v = (1 - chance.uniform(rows, *audio.shape[1:]) for _ in range(2))
         hiss = level[:, None] + (1e-6 - (u.log() + v.log()) / 2).log()  # power of four degrees of freedom
         still = _pauses(chance, rows, audio.shape[1], self.config.pauses)
-        mel = torch.logaddexp(torch.where(still[..., None] > 0, CALM, mel), hiss).clamp_min(CALM)
+        mel = torch.logaddexp(torch.where(still[..., None] > 0, CALM, mel), hiss)
+        mel = (mel - _band_limits(chance, rows, axis, self.config.band_limits)[:, None]).clamp_min(CALM)
         rest = F.avg_pool1d(still[:, None], RAMP, 1, RAMP // 2, count_include_pad=False)[:, 0, :, None]
         return (mel - self.audio_mean) / self.audio_std, face * (1 - rest), rest[..., 0]
 
@@ -300,6 +306,14 @@ def _stretch(mel: Tensor, factors: Tensor) -> Tensor:
     high = (low + 1).clamp_max(last)
     a, b = (torch.gather(mel, 2, index[:, None].expand_as(mel)) for index in (low, high))
     return a + (at - low)[:, None] * (b - a)
+
+
+def _band_limits(chance: StepRandom, rows: int, axis: Tensor, share: float) -> Tensor:
+    """(rows, A) by how much natural log of power each band is softer; of most rows by nothing."""
+    which, *draws, steep = (chance.uniform(rows, 1) for _ in range(4))
+    high, low = (begin + (end - begin) * draw for (begin, end), draw in zip((HIGH, LOW), draws, strict=True))
+    fall = STEEP[0] * (STEEP[1] / STEEP[0]) ** steep
+    return (which < share) * fall * (F.relu(axis - high) + F.relu(low - axis))
 
 
 def _pauses(chance: StepRandom, rows: int, frames: int, share: float) -> Tensor:

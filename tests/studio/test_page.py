@@ -12,6 +12,9 @@ import pytest
 import cospeech
 from cospeech.audio.speech import example
 from cospeech.generate import generate_files
+from cospeech.motion.skeleton import humanoid
+from tests.export.test_avatar import rewrite, still  # noqa: F401  a fixture
+from tests.export.test_part_avatars import as_bust, as_half, as_head, as_nodes
 from tests.support.browser import find_violations, open_chromium, scrub, wait_until
 from tests.support.study_raters import running
 
@@ -620,6 +623,25 @@ def test_an_avatar_wears_the_motion_and_stays_in_the_browser(talking, shared, na
     head, foot = place(talking, "head"), place(talking, "leftFoot")
     assert head[1] > 3 * abs(foot[1])
     assert not sent
+
+
+@pytest.mark.parametrize("change", [as_half, as_bust, as_head, as_nodes])
+def test_a_part_of_a_body_is_shown_where_it_would_be_on_a_person(talking, still, tmp_path, change):  # noqa: F811
+    rewrite(still, tmp_path / "part.glb", change)
+    talking.set_input_files("#avatar-file", tmp_path / "part.glb")
+    wait_until(talking, "document.getElementById('avatar-name').textContent === 'part.glb'")
+    heads, mouths = [], []
+    for at in np.arange(0.4, 4, 0.3):
+        seek(talking, at)
+        mouths.append(talking.evaluate("cospeechStudio.jawOpen()"))
+        if change is not as_nodes:  # which has no bones: nothing is known of its head
+            heads.append(place(talking, "head"))
+    assert max(mouths) > 0.1
+    tall = humanoid().tpose[humanoid().index["head"], 1]
+    assert all(abs(head[1] - tall) < 0.15 for head in heads)
+    low, high = talking.evaluate("cospeechStudio.extent()")
+    assert tall - 0.05 < high < tall + 0.35
+    assert low > (0.5 if change in (as_half, as_bust) else 1.2)
 
 
 @pytest.mark.parametrize("suffix", [".bvh", ".glb", ".vrma", ".npz"])

@@ -17,7 +17,11 @@ export interface Humanoid {
   weights: string[];
 }
 
-const LEAST_BONES = 8; // a humanoid has at least hips, head, arms and legs of two bones [ours]
+const LEAST_BONES = 8; // a body has at least hips, head, arms and legs of two bones [ours]; a head with a face needs none
+
+const LEGS = 0.6; // surface this far below the hips, of the way from hips to head, is legs; of a half body a third [ours]
+
+const HEAD = 0.3; // metres from the neck to the top of a head [ours: our mannequin]
 
 /** Read somebody's character; what cannot be used is a Problem. */
 export async function loadAvatar(data: ArrayBuffer, name: string, humanoid: Humanoid): Promise<Figure> {
@@ -114,17 +118,35 @@ class GlbFigure implements Figure {
       if (node instanceof Bone) bones.push(node);
     });
     const found = findBones(humanoid.joints, bones.map((bone) => bone.userData.name ?? bone.name));
-    if (found.size < LEAST_BONES) throw new Problem(`${name} has no humanoid that is recognised`, "a VRM says which bone is which");
+    this.readFaces();
+    if (found.size < LEAST_BONES && !this.faces.length) {
+      throw new Problem(`${name} has no humanoid that is recognised`, "a VRM says which bone is which");
+    }
     for (const [joint, index] of found) this.byJoint.set(joint, bones[index]);
     this.world = humanoid.joints.map(() => new Quaternion());
     this.collect();
-    this.readFaces();
-    const hips = this.byJoint.get("hips") ?? bones[0];
-    this.hips = hips.getWorldPosition(new Vector3());
-    const ground = new Box3().setFromObject(scene).min.y;
-    this.scale = Math.max(this.hips.y - ground, 0.05) / humanoid.rest[0][1];
-    scene.position.y -= ground;
-    this.hips.y -= ground;
+    const box = new Box3().setFromObject(scene);
+    if (!found.size) {  // a face alone: its file may have any unit
+      scene.scale.multiplyScalar(HEAD / Math.max(box.max.y - box.min.y, 1e-6));
+      box.setFromObject(scene);
+    }
+    const [hips, head] = ["hips", "head"].map((joint) => this.byJoint.get(joint)?.getWorldPosition(new Vector3()));
+    this.hips = hips ?? new Vector3();
+    const [trunk, below] = [head && hips ? head.y - hips.y : 0, hips ? hips.y - box.min.y : 0];
+    const stands = below > LEGS * trunk;
+    const lift = stands ? -box.min.y : this.heightOf("head") - (head ?? box.getCenter(new Vector3())).y;
+    const ours = stands ? humanoid.rest[0][1] : this.heightOf("head") - humanoid.rest[0][1];
+    this.scale = Math.max(stands ? below : trunk, 0.05) / ours;
+    scene.position.y += lift;
+    this.hips.y += lift;
+  }
+
+  /** Metres above the ground at which a joint of ours is when we stand. */
+  private heightOf(joint: string): number {
+    const { joints, parents, rest } = this.humanoid;
+    let height = 0;
+    for (let k = joints.indexOf(joint); k >= 0; k = parents[k]) height += rest[k][1];
+    return height;
   }
 
   /** Bones in the order of our joints, parents first. */

@@ -1,5 +1,6 @@
 // What tests read of the page: window.cospeechStudio.
 
+import { Box3 } from "three";
 import type { Crowd } from "./crowd";
 import type { Live } from "./live";
 import type { Player } from "./player";
@@ -36,6 +37,13 @@ export function publishReadOuts({ store, player, live, stage, crowd, shownTime }
     },
     get characters() { return crowd()?.count ?? 0; },
     jawOpen: (k = store.state.chosen) => crowd()?.figure(k).jawOpen() ?? 0,
+    /** The lowest and the highest place of a character, metres. */
+    extent: (k = store.state.chosen) => {
+      const figure = crowd()?.figure(k);
+      if (!figure) return null;
+      const { min, max } = new Box3().setFromObject(figure.root);
+      return [min.y, max.y];
+    },
     joint: (name: string, k = store.state.chosen) => crowd()?.figure(k).joint(name) ?? null,
   };
   Object.assign(window, { cospeechStudio: readOuts });

@@ -10,6 +10,8 @@ const FIELD = 26; // degrees of the camera's view, up and down [ours: long enoug
 const APART = 1.25; // metres between characters side by side [ours: a little more than two arms' reach inwards]
 const ROOM = 1.12; // the view is so much larger than the character [ours]
 const REACH = 0.62; // metres from the middle of a character to its hands in a usual gesture [ours]
+const LEGLESS = 0.2; // of its height above the ground a character has no legs, and does not hover [ours]
+const ARMLESS = 0.7; // of its height above the ground it is a head [ours]
 const TALL = 1.78; // metres that the camera frames where there is no character yet [ours: our mannequin]
 
 export class Stage {
@@ -66,7 +68,7 @@ export class Stage {
     this.scene.add(sky, new AmbientLight(0xffffff, 0.25), this.sun, this.sun.target, rim, ground);
   }
 
-  /** Show characters side by side, and frame them from head to feet. */
+  /** Show characters side by side, and frame them. */
   setPeople(people: Object3D[]): void {
     const same = people.length === this.people.length;
     for (const old of this.people) this.scene.remove(old);
@@ -83,14 +85,18 @@ export class Stage {
     this.stale = true;
   }
 
-  /** The camera in front of all characters, from head to feet. */
+  /** The camera in front of all characters, from head to feet, or to where a half body ends. */
   frame(): void {
-    const tall = Math.max(...this.people.map((person) => new Box3().setFromObject(person).max.y), 0) || TALL;
-    const height = Math.min(Math.max(tall, 0.3), 6) * ROOM;
-    const width = (Math.max(this.people.length, 1) - 1) * APART + 2 * REACH * (height / (TALL * ROOM));
+    const boxes = this.people.map((person) => new Box3().setFromObject(person));
+    const tall = Math.max(...boxes.map((box) => box.max.y), 0) || TALL;
+    const lowest = Math.min(...boxes.map((box) => box.min.y), tall);
+    const low = lowest > LEGLESS * tall ? lowest : 0;
+    const height = Math.min(Math.max(tall - low, 0.3), 6) * ROOM;
+    const arms = low > ARMLESS * tall ? height : 2 * REACH * (Math.min(Math.max(tall, 0.3), 6) / TALL);
+    const width = (Math.max(this.people.length, 1) - 1) * APART + arms;
     const tangent = Math.tan((FIELD * Math.PI) / 360);
     const away = Math.max(height / 2 / tangent, width / 2 / tangent / this.camera.aspect) + 0.35;
-    this.controls.target.set(0, height / 2 - 0.03 * height, 0);
+    this.controls.target.set(0, low + height / 2 - 0.03 * height, 0);
     this.camera.position.copy(this.controls.target).add(new Vector3(away * 0.1, away * 0.045, away));
     this.controls.update();
     this.framed = true;

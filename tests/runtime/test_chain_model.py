@@ -22,6 +22,7 @@ from cospeech.audio.speech import Speech, Word
 from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.rules import RuleBasedModel
+from cospeech.rules.options import LAYERS
 from cospeech.runtime.bundles.spec import VOICE
 from cospeech.runtime.flow.latent_sources import CodeSource
 from cospeech.runtime.model import TrainedModel
@@ -225,14 +226,9 @@ def test_files_are_played_with_all_of_their_speech_heard(tmp_path, monkeypatch):
     generating.generate_files("talk.wav", ["alone.npz"], style=f"ada:0.5,{VOICE}:0.5", seed=4)
     assert Path("a.2.npz").read_bytes() == Path("alone.npz").read_bytes()
     made, speech = Motion.load("alone.npz"), Speech.load("talk.wav")
-    options = {"style": f"ada:0.5,{VOICE}:0.5", "seed": 4}
-    both_ways, ahead = (
-        gesturer().generate(speech, look_ahead=seconds, stance=True, beat_alignment=True, **options) for seconds in (inf, None)
-    )
+    options, layers = {"style": f"ada:0.5,{VOICE}:0.5", "seed": 4}, dict.fromkeys(LAYERS, True)
+    both_ways, ahead = (gesturer().generate(speech, look_ahead=seconds, **layers, **options) for seconds in (inf, None))
     for name, motion in {"both": both_ways, "ahead": ahead}.items():
         motion.save(f"{name}.npz")
     assert away(made, Motion.load("both.npz")) < 1e-4 < 1e-2 < away(made, Motion.load("ahead.npz"))
-    assert (gesturer().for_files, RuleBasedModel().for_files) == (
-        {"look_ahead": inf, "stance": True, "beat_alignment": True},
-        {},
-    )
+    assert (gesturer().for_files, RuleBasedModel().for_files) == ({"look_ahead": inf, **layers}, {})

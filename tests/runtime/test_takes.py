@@ -23,9 +23,9 @@ FILES = ("talk.bvh", "talk.npz")
 
 @pytest.fixture
 def place(tmp_path, monkeypatch):
-    """A folder with a little speech and a bundle of random weights; the working folder."""
+    """A folder with a little speech, longer than files look ahead, and a bundle of random weights; the working folder."""
     monkeypatch.chdir(tmp_path)
-    speech, rate = soundfile.read(EXAMPLE, frames=60_000, dtype="float32")
+    speech, rate = soundfile.read(EXAMPLE, frames=120_000, dtype="float32")
     soundfile.write("talk.wav", speech, rate)
     write_small(Path(BUNDLE))
     return tmp_path

@@ -5,7 +5,7 @@
 A network that is told to move moves too often where it is unsure. Here each weight of each speaker is stretched, ``max(0, g · y
 − t)``: of all pairs that bring its standard deviation to a share of the tracked one, the pair with the least absolute error.
 The floor t takes off what the network makes of noise; a face at rest stays at rest. The share is the middle of the range that
-`tools/measure_face.py` counts, or 1 for a channel whose deviation few clips make.
+`tools/measure_face.py` counts. Channels that few clips move need that most: a new take may have more of them or less.
 
 The made deviation is that of the validation split, because a network moves more surely in what it was trained on. The tracked
 one is that of the training takes and the validation split together, because most channels move in few clips, and few clips
@@ -33,7 +33,6 @@ from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from cospeech.training.checkpoint import load_run, read_tensors, write_tensors
 
 MIDDLE = (RATIO[0] * RATIO[1]) ** 0.5  # [ours] of the tracked standard deviation is what a channel is brought to, .88
-RARE = 1.75  # [ours] ratio of the ends of the interval from which few clips make a deviation: such a channel gets all of it
 ALONE = ("jawOpen",)
 """Left as they are: the jaw is good."""
 MOST = 3.0  # [ours] no factor is larger: a lip that is sped up more jumps
@@ -88,13 +87,12 @@ def interval(rows: np.ndarray) -> np.ndarray:
 def aims(splits: dict[str, Takes]) -> np.ndarray:
     """(52,) the deviation that a channel is brought to; 0 of those that stay as they are."""
     tracked = np.concatenate([takes.tracked for takes in splits.values()])
-    wanted, (bottom, top) = deviation(tracked), interval(tracked)
-    share = np.where(top > RARE * bottom, 1.0, MIDDLE)
+    wanted = deviation(tracked)
     if len(splits) > 1:
         own = deviation(splits["validation"].tracked)
         (low, high), (least, most) = (interval(splits[name].tracked) for name in ("train", "validation"))
         wanted = np.where(((least > high) | (most < low)) & (own > LIVE), own, wanted)
-    return np.where(wanted > LIVE, share * wanted, 0.0)
+    return np.where(wanted > LIVE, MIDDLE * wanted, 0.0)
 
 
 def stretches(splits: dict[str, Takes]) -> np.ndarray:

@@ -257,9 +257,8 @@ def play(clip: Clip, linear: Callable[[np.ndarray], np.ndarray], make: Callable[
     assert clip.speech is not None
     assert clip.motion is not None
     rows, frames = features(clip), min(len(clip.motion), clip.speech.frames(clip.motion.fps))
-    worse = {
-        name: hear(make(), sound, np.arange(frames) / clip.motion.fps) for name, sound in worsen(clip.speech.samples).items()
-    }
+    times = np.arange(frames) / clip.motion.fps
+    worse = {name: hear(make(), sound, times) for name, sound in worsen(clip.speech.samples).items()}
     made = worse[RECORDED]
     energy = rows[:, AUDIO_NAMES.index("energy")]
     parts = (clip.motion.face, made, linear(rows), energy < energy.max() - SILENT)

@@ -10,7 +10,6 @@ from cospeech import Motion, Speech
 from cospeech.audio.event_detection import listen
 from cospeech.audio.prosodic_events import Accent
 from cospeech.cli.demo import EXAMPLE
-from cospeech.errors import InputError
 from cospeech.motion.part_joints import arm_joints
 from cospeech.motion.rotations import quat_angle, quat_identity
 from cospeech.motion.skeleton import humanoid
@@ -190,12 +189,3 @@ def test_takes_of_one_pass_are_those_played_alone(name, parts):
         assert len(together) == len(alone) == 12 * 30
         np.testing.assert_allclose(together.rotations, alone.rotations, atol=1e-5)
         assert (together.face is None) == ("face" not in parts)
-
-
-def test_files_have_it_and_streams_do_not():
-    model = cospeech.load("mix-stage")
-    assert model.for_files["beat_alignment"] is True
-    assert cospeech.load("speech-to-face").for_files["beat_alignment"] is False
-    assert model.session(stance=True).latency < model.session(stance=True, beat_alignment=True).latency
-    with pytest.raises(InputError, match="beat_alignment is 1"):
-        model.session(beat_alignment=1)

@@ -8,7 +8,6 @@ import pytest
 import cospeech
 from cospeech import Speech
 from cospeech.cli.demo import EXAMPLE
-from cospeech.errors import InputError
 from cospeech.motion.kinematics.arms import wrists_in_chest
 from cospeech.motion.part_joints import arm_joints
 from cospeech.motion.rotations import Array, quat_identity
@@ -147,12 +146,3 @@ def test_trained_models_hold_their_hands_longer(name):
     np.testing.assert_array_equal(plain[:, others], held[:, others])
     before, after = (np.mean([still(rotations, side) for side in (0, 1)]) for rotations in (plain, held))
     assert after > before + 0.02
-
-
-def test_files_have_it_and_streams_do_not():
-    model = cospeech.load("mix-stage")
-    assert model.for_files["holds"] is True
-    assert cospeech.load("speech-to-face").for_files["holds"] is False
-    assert model.session(stance=True).latency < model.session(stance=True, holds=True).latency
-    with pytest.raises(InputError, match="holds is 1"):
-        model.session(holds=1)

@@ -91,8 +91,9 @@ export class Stage {
     const tall = Math.max(...boxes.map((box) => box.max.y), 0) || TALL;
     const lowest = Math.min(...boxes.map((box) => box.min.y), tall);
     const low = lowest > LEGLESS * tall ? lowest : 0;
-    const height = Math.min(Math.max(tall - low, 0.3), 6) * ROOM;
-    const arms = low > ARMLESS * tall ? height : 2 * REACH * (Math.min(Math.max(tall, 0.3), 6) / TALL);
+    const within = (metres: number): number => Math.min(Math.max(metres, 0.3), 6);
+    const height = within(tall - low) * ROOM;
+    const arms = low > ARMLESS * tall ? height : (2 * REACH * within(tall)) / TALL;
     const width = (Math.max(this.people.length, 1) - 1) * APART + arms;
     const tangent = Math.tan((FIELD * Math.PI) / 360);
     const away = Math.max(height / 2 / tangent, width / 2 / tangent / this.camera.aspect) + 0.35;

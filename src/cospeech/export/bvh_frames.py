@@ -52,15 +52,17 @@ class _Columns:
     """Which column of a row is what.
 
     Attributes:
+        orders: of each joint, the axes of its rotation channels, as ``"ZXY"``.
         turning: order of rotation → joints, and (n, 1 to 3) columns of each.
         moving: joint, axis and column of each position channel.
     """
 
     def __init__(self, header: Header) -> None:
         first = np.concatenate([[0], np.cumsum([len(c) for c in header.channels])[:-1]])
+        self.orders = ["".join(c[0] for c in channels if c.endswith("rotation")) for channels in header.channels]
         groups: dict[str, list[int]] = {}
-        for joint in range(len(header.names)):
-            groups.setdefault(_order(header, joint), []).append(joint)
+        for joint, order in enumerate(self.orders):
+            groups.setdefault(order, []).append(joint)
         self.turning = {
             order: (joints, [[first[j] + header.channels[j].index(f"{a}rotation") for a in order] for j in joints])
             for order, joints in groups.items()
@@ -72,11 +74,6 @@ class _Columns:
             for k, channel in enumerate(channels)
             if channel.endswith("position")
         ]
-
-
-def _order(header: Header, joint: int) -> str:
-    """Axes of a joint's rotation channels, as ``"ZXY"``."""
-    return "".join(channel[0] for channel in header.channels[joint] if channel.endswith("rotation"))
 
 
 def decode_frames(file: io.TextIOWrapper, header: Header, size: int) -> Frames:
@@ -159,8 +156,7 @@ class RowEncoder:
     def _project(self, rotations: Array) -> Array:
         """The nearest rotations that the channels can hold; children take over what their parent cannot hold."""
         header = self._header
-        for joint, name in enumerate(header.names):  # parents first
-            order = _order(header, joint)
+        for joint, (name, order) in enumerate(zip(header.names, self._columns.orders, strict=True)):  # parents first
             if len(order) == 3:
                 continue
             wanted = rotations[:, joint].copy()

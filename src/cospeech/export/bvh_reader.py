@@ -23,7 +23,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..motion.bone_mapping import names_joints, recognise_file
-from ..motion.limbs import LIMBS
+from ..motion.limbs import lacks_limb
 from ..motion.motion import Motion
 from ..motion.rest_calibration import calibrate_rest, on_motions_floor
 from ..motion.rotations import (
@@ -155,7 +155,7 @@ def _up(skeleton: Skeleton, names: dict[str, str], points: Array) -> str:
 def _guess_units(skeleton: Skeleton, names: dict[str, str]) -> str:
     """The unit that makes the skeleton as tall as a person; in the T-pose it stands on the floor, if it has legs."""
     height = float(skeleton.tpose[:, 1].max())
-    if not {*LIMBS["legs"]} & {*names}:
+    if lacks_limb(names, "legs"):
         ours, (hips, head) = humanoid(), (skeleton.tpose[skeleton.index[names[name]], 1] for name in ("hips", "head"))
         height = float(head - hips) * ours.tpose[:, 1].max() / (ours.tpose[ours.index["head"]] - ours.tpose[0])[1]
     return next(unit for limit, unit in _HEIGHTS if height < limit)

@@ -19,7 +19,7 @@ from .bone_mapping_by_shape import TreeShape
 from .joint_names import PARTS, JointName, JointTree
 from .skeleton import Skeleton
 
-__all__ = ["LIMBS", "drop_loose_ends", "find_absent_limbs", "may_have_limbs", "note_absent_limbs"]
+__all__ = ["LIMBS", "drop_loose_ends", "find_absent_limbs", "lacks_limb", "may_have_limbs", "note_absent_limbs"]
 
 T = TypeVar("T")
 
@@ -45,6 +45,16 @@ _NOTES = {
 }
 
 
+def lacks_limb(found: Mapping[str, object], kind: str) -> bool:
+    """Whether no joint of a kind of `LIMBS` is found.
+
+    Args:
+        found: our name → what it is; ``""`` says that there is none.
+        kind: of limb.
+    """
+    return all(found.get(name, "") == "" for name in LIMBS[kind])
+
+
 def find_absent_limbs(skeleton: Skeleton, found: Mapping[str, str]) -> list[str]:
     """Which of `LIMBS` a body lacks: nothing of them is found, and nothing says that they are there.
 
@@ -52,7 +62,7 @@ def find_absent_limbs(skeleton: Skeleton, found: Mapping[str, str]) -> list[str]
         skeleton: theirs.
         found: our name → their name; without hips and head nothing is said to lack.
     """
-    absent = [kind for kind, joints in LIMBS.items() if not any(found.get(name) for name in joints)]
+    absent = [kind for kind in LIMBS if lacks_limb(found, kind)]
     if not absent or not (found.get("hips") and found.get("head")):
         return []
     tree = JointTree(skeleton)
@@ -84,7 +94,7 @@ def note_absent_limbs(found: Mapping[str, object], file: str) -> None:
         found: our name → what it is in the file.
         file: how the message calls the file.
     """
-    absent = tuple(kind for kind, joints in LIMBS.items() if not {*joints} & {*found})
+    absent = tuple(kind for kind in LIMBS if lacks_limb(found, kind))
     if absent:
         warnings.warn(f"{file} {_NOTES[absent]}", CospeechWarning, stacklevel=2)
 

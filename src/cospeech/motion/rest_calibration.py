@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .limbs import LIMBS
+from .limbs import lacks_limb
 from .rotations import Array, matrix_to_quat, quat_angle, quat_conjugate, quat_identity, quat_multiply, quat_rotate
 from .skeleton import Skeleton
 from .soles import find_soles
@@ -100,7 +100,7 @@ def on_motions_floor(skeleton: Skeleton, names: Mapping[str, str], rotations: Ar
     """
     soles, hips = find_soles(skeleton, names), skeleton.index[names["hips"]]
     sample = np.unique(np.linspace(0, len(rotations) - 1, _FRAMES).astype(int))
-    if not {*LIMBS["legs"]} & {*names}:
+    if lacks_limb(names, "legs"):
         heights = skeleton.forward(rotations[sample], root[sample])[0][:, hips, 1]
         return on_floor(skeleton, hips, float(np.median(heights)) + skeleton.floor - float(skeleton.tpose[hips, 1]))
     if soles is None:

@@ -20,7 +20,7 @@ import numpy as np
 
 from ..errors import InputError
 from .bone_mapping import load_map, names_joints, recognise
-from .limbs import LIMBS
+from .limbs import lacks_limb
 from .motion import Motion
 from .rotations import (
     Array,
@@ -230,7 +230,7 @@ def _plan(a: _Key, b: _Key) -> _Plan:
     hips = (source.index[theirs["hips"]], target.index[goal["hips"]]) if "hips" in partner else None
     soles = find_soles(source, theirs), find_soles(target, goal)
     both = None if None in soles else soles
-    trunks = _trunks((source, theirs), (target, goal)) if hips and not {*LIMBS["legs"]} & {*partner} else None
+    trunks = _trunks((source, theirs), (target, goal)) if hips and lacks_limb(partner, "legs") else None
     turns = np.array(pairs, int).reshape(-1, 2).T, np.array(before).reshape(-1, 4)
     return _Plan(source, target, *turns, between, hips, trunks, both)  # type: ignore[arg-type]
 

@@ -138,8 +138,7 @@ class BeatAlignment:
     def finish(self) -> tuple[Array, Array]:
         """The frames that are left, after the last one was pushed; as many in all as were pushed."""
         self._over = True
-        if self._frames:
-            self._speeds = np.concatenate([self._speeds, self._hands.finish().sum(-1)])
+        self._speeds = np.concatenate([self._speeds, self._hands.finish().sum(-1)])
         return self._give()
 
     def _keep(self, rotations: Array, root: Array) -> None:

@@ -153,7 +153,9 @@ class TrainedModel:
         waits = REACH if _has_time(options) else 0.0
         stacks = []
         for seed in options.seeds:
-            layers: list[MotionLayer] = [HandHolds(options.fps)] if options.holds and self._has_arms(options) else []
+            layers: list[MotionLayer] = []
+            if options.holds and self._has_arms(options):
+                layers.append(HandHolds(options.fps))
             if accents is not None:
                 layers.append(BeatAlignment(options.fps, accents))
             if stands:

@@ -1,0 +1,18 @@
+"""Layers that files have and streams have only when they are asked for."""
+
+from __future__ import annotations
+
+import pytest
+
+import cospeech
+from cospeech.errors import InputError
+
+
+@pytest.mark.parametrize("layer", ["holds", "beat_alignment"])
+def test_files_have_it_and_streams_do_not(layer):
+    model = cospeech.load("mix-stage")
+    assert model.for_files[layer] is True
+    assert cospeech.load("speech-to-face").for_files[layer] is False
+    assert model.session(stance=True).latency < model.session(stance=True, **{layer: True}).latency
+    with pytest.raises(InputError, match=f"{layer} is 1"):
+        model.session(**{layer: 1})

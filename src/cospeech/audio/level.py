@@ -1,4 +1,4 @@
-"""How loud a recording is at its loudest; a note where it is so quiet that motion suffers."""
+"""How loud a recording is at its loudest; a note where it is so quiet that level control does not reach it."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from ..errors import CospeechWarning
+from .level_control import MOST, USUAL
 from .speech import Speech
 
 __all__ = ["QUIET", "loudest_level", "note_quiet"]
 
-QUIET = -32.0
-"""dB of full scale, at the loudest moment, below which a recording is quiet [ours: read speech has −10 to −20 dB; with 20 dB
-less, trained models move the hands 20 to 35 % less]."""
+QUIET = USUAL - MOST
+"""dB of full scale, at the loudest moment, below which level control cannot bring a recording to a usual level."""
 _MOMENT = 0.4  # seconds: a syllable or two [ours; the blocks of ITU-R BS.1770 are as long]
 
 

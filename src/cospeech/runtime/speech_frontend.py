@@ -6,9 +6,10 @@ from functools import cache
 
 import numpy as np
 
-from ..audio.features.reduce import open_features, reduce_audio
+from ..audio.features.reduce import audio_columns, has_levels, louder, open_features, reduce_audio
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.features.words import WordStream
+from ..audio.level_control import LevelControl
 from ..audio.speech import Speech, count_frames
 from ..motion.rotations import Array
 from .crossfade import Crossfade
@@ -29,7 +30,9 @@ class SpeechFrontend:
         self._system = system
         self._controls = Crossfade(_row(controls), system.fps)
         self._features = open_features(system.audio, system.fps)
-        self._silence = self._standard(_hear_silence(system.audio, system.fps))
+        self._level = LevelControl(system.fps) if has_levels(system.audio) else None
+        self._unheard = reduce_audio(_hear_silence(system.audio, system.fps), system.audio)
+        self._silence = self._standard(self._unheard)
         self._given = 0
         self._nothing = self.silence[:0]
 
@@ -67,15 +70,28 @@ class SpeechFrontend:
     def _rows(self, columns: Array) -> Array:
         if not len(columns):
             return self._nothing
-        rows = self._append_controls(self._standard(columns))
+        rows = self._append_controls(self._standard(self._raise(columns)))
         self._given += len(rows)
         self._controls.forget(self._given)
         return rows
 
-    def _standard(self, columns: Array) -> Array:
-        """(T, C) columns as the network hears them; sounds louder or softer than any it has heard are as those."""
+    def _raise(self, columns: Array) -> Array:
+        """(T, C) columns → (T, A) reduced; quiet speech is raised to a usual level, silence stays silence."""
+        audio = self._system.audio
+        rows = reduce_audio(columns, audio)
+        if self._level is None:
+            return rows
+        energy, voicing = (columns[:, audio_columns(audio).index(name)] for name in ("energy", "voicing"))
+        gains = self._level.follow(energy, voicing)
+        if not gains.any():
+            return rows
+        rise = gains[:, None] * (np.array(louder(audio)) / 10)
+        return rows + np.minimum(rise, np.maximum(rows - self._unheard, 0)).astype(np.float32)
+
+    def _standard(self, rows: Array) -> Array:
+        """(T, A) rows as the network hears them; sounds louder or softer than any it has heard are as those."""
         s = self._system.statistics
-        rows = (reduce_audio(columns, self._system.audio) - s.audio_mean) / s.audio_std
+        rows = (rows - s.audio_mean) / s.audio_std
         return np.minimum(np.maximum(rows, s.audio_low), s.audio_high).astype(np.float32)
 
     def _append_controls(self, rows: Array) -> Array:

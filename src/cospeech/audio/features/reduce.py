@@ -32,6 +32,7 @@ __all__ = [
     "audio_columns",
     "audio_names",
     "audio_width",
+    "has_levels",
     "has_like_columns",
     "louder",
     "open_features",
@@ -42,6 +43,7 @@ __all__ = [
 _SPEAKER = 120.0  # Hz; ours: pitch is told in octaves from here, a low voice at about 0, a high one at about 1
 _LOUDEST = 60.0  # ours: log of a power that no sound reaches (samples of ±100 give 30), so that exp stays in float32
 _CEPSTRA = 14  # Bhattacharya et al. 2021, authors' code
+_LINEAR = ("mel29-linear", "waveform")  # columns that are no logarithms
 _PROSODY = tuple(AUDIO_NAMES[N_MELS:])
 
 
@@ -220,12 +222,24 @@ def louder(name: str) -> tuple[float, ...]:
     Raises:
         InputError: unknown name, or one whose columns are no logarithms.
     """
-    if name in ("mel29-linear", "waveform"):
+    if name in _LINEAR:
         raise InputError(f"louder speech in {name!r}", "its columns are no logarithms: choose some, such as mel29")
     steps = {"energy": 10.0, "pitch": 0.0, "voicing": 0.0, "onset": 0.0}
     steps |= {f"mfcc{k}": 0.0 if k else log(10) * N_MELS**0.5 for k in range(_CEPSTRA)}
     mel = log(10) / 2 if name == "log-mel-400" else log(10)  # of magnitudes, of powers
     return tuple(steps.get(column, mel) for column in audio_names(name))
+
+
+def has_levels(name: str) -> bool:
+    """Whether the level of the speech can be found in `audio_columns`, and changed in what `reduce_audio` gives.
+
+    >>> has_levels("mel40"), has_levels("waveform"), has_levels("log-mel-400")
+    (True, False, False)
+
+    Raises:
+        InputError: unknown name.
+    """
+    return name not in _LINEAR and {"energy", "voicing"} <= set(audio_columns(name))
 
 
 def open_features(name: str, fps: float) -> StreamingFeatures:

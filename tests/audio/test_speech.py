@@ -268,6 +268,8 @@ def test_samples_given_directly():
     for wrong in (np.zeros((10, 2)), np.array([1, 2]), np.array([0.0, np.nan]), np.array(["a"])):
         with pytest.raises(InputError):
             Speech(wrong)
+    with pytest.raises(InputError, match=r"samples\.mean\(1\) mixes channels"):
+        Speech(np.zeros((10, 2)))
     assert Speech(np.zeros(RATE, np.float32), seconds=1.00001).frames(30) == 31
 
 

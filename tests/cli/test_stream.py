@@ -100,6 +100,7 @@ def test_standard_input_without_sound_is_told():
         (["-i", "-", "--control", "http://x"], "cannot hear messages from 'http://x'"),
         (["-i", "-", "--control", "vmc://"], "cannot hear messages from 'vmc://'"),
         (["-i", "-", "--idle-after", "0"], "error: --idle-after is 0.0 (seconds, the latency of 1.62"),
+        (["-i", "-", "--look-ahead", "0.1"], "error: --look-ahead is 0.1"),
         (["-i", "talk.wav", "--rate", "16000"], "--rate beside a sound file (it would change nothing; leave it out)"),
         (["-i", "talk.wav", "--samples", "f32"], "--samples beside a sound file"),
         (["-i", "-", "--avatar", "no.vrm", "--to", "livelink://127.0.0.1"], "--avatar without a vmc:// receiver (it would ch"),

@@ -84,11 +84,12 @@ def test_a_run_goes_on_with_the_changes_that_it_began_with(app, place):
     assert "3 steps" in again.stdout  # not the 4 of the file
     assert "note: the run keeps its own values: train.save_every 1 (the file says " in again.stderr
     assert "train.steps 3 (the file says 4)" in again.stderr
+    assert "(--set changes train.steps, train.device, " in again.stderr  # and nothing else: another key is an error
     assert ": 3, now 4" not in again.stderr  # that read as if 4 held
     assert CliRunner().invoke(app, [*line, "--quiet"], catch_exceptions=False).stderr == ""
     longer = CliRunner().invoke(app, [*line, "--set", "train.steps=5"], catch_exceptions=False)
     assert "5 steps" in longer.stdout
-    assert "train.steps" not in longer.stderr
+    assert "train.steps 5" not in longer.stderr
     assert "5 steps" in CliRunner().invoke(app, line, catch_exceptions=False).stdout  # what was changed holds
     with pytest.raises(InputError, match=r"train\.validate_every: 1, now 2"):
         CliRunner().invoke(app, [*line, "--set", "train.validate_every=2"], catch_exceptions=False)

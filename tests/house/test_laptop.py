@@ -53,6 +53,9 @@ def test_recipes_that_come_with_the_program(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("laptop").write_text((SHIPPED / "laptop.toml").read_text("utf-8").replace("batch = 32", "batch = 7"), "utf-8")
     assert load_recipe("laptop").train.batch == 7, "a file of the user's comes first"
-    told = rf"cannot read 'latpop': .* \(a TOML file, or one that comes with the program: {', '.join(list_recipes())}\)"
+    known = ", ".join(list_recipes())
+    told = rf"'latpop': .* \(did you mean 'laptop'\? a TOML file, or one that comes with the program: {known}\)"
     with pytest.raises(InputError, match=told):
         load_recipe("latpop")
+    with pytest.raises(InputError, match=r"directory \(a TOML file"):
+        load_recipe("latpop.toml")

@@ -410,7 +410,7 @@ def test_a_loss_that_is_no_number_ends_the_run(store, tmp_path):
         (plan(data={"fps": 20}), "the recipe is for fps 20.0"),
         (plan(data={"mirror": True}), "has no mirrored clips (prepare it with --mirror)"),
         (plan(data={"audio": "mel28"}), "no reduction of audio is called 'mel28'"),
-        (plan(config={"frames": 4000}), "no window of 4000 frames"),
+        (plan(config={"frames": 4000}), "no window of 4000 frames in the train split"),
         (plan(device="abacus"), "no device 'abacus'"),
         (plan(needs={"omega": "nowhere"}), "the run 'nowhere', which is not there"),
     ],

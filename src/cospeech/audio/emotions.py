@@ -4,26 +4,30 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from os import PathLike, fsdecode
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from ..errors import InputError, nearest
+from ..errors import InputError, guess
 from ..files import read_regular
 from ..limits import EMOTION_BYTES, EMOTION_ROWS, PLAUSIBLE_SECONDS
 from ..motion.named_numbers import read_number
 from ..motion.rotations import Array
 
-__all__ = ["EMOTIONS", "EmotionTrack", "Moods", "SteeredMoods", "emotion_track", "read_emotion_track"]
+__all__ = ["EMOTIONS", "EmotionTrack", "Moods", "SteeredMoods", "emotion_track", "read_emotion_track", "suggest_emotion"]
 
 EMOTIONS: tuple[str, ...] = ("neutral", "happiness", "anger", "sadness", "contempt", "surprise", "fear", "disgust")
 """The eight emotions of BEAT in its order."""
 BLEND = 0.5
 """Seconds in which a named emotion takes over from the one before it; ours: faces show one in about so long."""
 
+_ALIKE = {
+    "joy": "happiness", "fun": "happiness", "sorrow": "sadness", "scared": "fear", "afraid": "fear", "calm": "neutral"
+}  # fmt: skip
+"""Names that VRM 0.x and people give to some of them, and that no spelling leads to."""
 _REMEMBERED = 10.0  # seconds for which moods that were replaced are kept [ours: the longest look-ahead of a session is 2.3]
 
 _SUM = 1e-6  # how far the weights of a moment may be from 1
@@ -81,7 +85,7 @@ class EmotionTrack:
             InputError: there is none of that name.
         """
         if name not in EMOTIONS:
-            raise InputError(f"no emotion is called {str(name)[:60]!r}", nearest(str(name)[:60], EMOTIONS))
+            raise InputError(f"no emotion is called {str(name)[:60]!r}", suggest_emotion(str(name)[:60], EMOTIONS))
         return cls(np.zeros(1), np.array([[float(name == one) for one in EMOTIONS]]))
 
     def at(self, times: Array) -> Array:
@@ -125,6 +129,16 @@ class SteeredMoods:
         return weights
 
 
+def suggest_emotion(word: str, known: Iterable[str]) -> str:
+    """A hint for a name that is no emotion: the one that is meant, where that can be told, and all that are ``known``.
+
+    >>> suggest_emotion("joy", ["neutral", "happiness"])
+    "did you mean 'happiness'? known: neutral, happiness"
+    """
+    names = list(known)
+    return f"{guess(_ALIKE.get(word.lower(), word), names)}known: {', '.join(names)}"
+
+
 def emotion_track(emotion: object) -> Moods | None:
     """What a session's ``emotion`` asks for: a track or the like, or None for "auto", which follows the arousal of the voice.
 
@@ -140,7 +154,7 @@ def emotion_track(emotion: object) -> Moods | None:
     known = ("auto", *EMOTIONS)
     if not isinstance(emotion, str):
         raise InputError(f"an emotion that is {emotion!r:.60}", f"one of {', '.join(known)}, or a track")
-    raise InputError(f"no emotion is called {emotion[:60]!r}", nearest(emotion[:60], known))
+    raise InputError(f"no emotion is called {emotion[:60]!r}", suggest_emotion(emotion[:60], known))
 
 
 def read_emotion_track(path: str | PathLike[str]) -> EmotionTrack:
@@ -207,7 +221,7 @@ def _layout(header: list[str], place: str) -> Callable[[list[str], str], Array]:
         return _parse_emotion
     for name in header[1:]:
         if name not in EMOTIONS:
-            raise InputError(f"{place}: column {name[:60]!r} is no emotion", nearest(name[:60], EMOTIONS))
+            raise InputError(f"{place}: column {name[:60]!r} is no emotion", suggest_emotion(name[:60], EMOTIONS))
     if len(set(header)) < len(header):
         raise InputError(f"{place}: two columns of one name", hint)
     return lambda cells, where: _shares(header[1:], cells, where)
@@ -216,7 +230,7 @@ def _layout(header: list[str], place: str) -> Callable[[list[str], str], Array]:
 def _parse_emotion(cells: list[str], place: str) -> Array:
     name = cells[0].strip()
     if name not in EMOTIONS:
-        raise InputError(f"{place}: {name[:60]!r} is no emotion", nearest(name[:60], EMOTIONS))
+        raise InputError(f"{place}: {name[:60]!r} is no emotion", suggest_emotion(name[:60], EMOTIONS))
     weight = _number(cells[1], f"{place}: weight") if len(cells) > 1 and cells[1].strip() else 1.0
     if not 0 <= weight <= 1:
         raise InputError(f"{place}: weight {weight:g}", "0 … 1")

@@ -92,7 +92,7 @@ class Speech:
     def __post_init__(self) -> None:
         samples = np.asarray(self.samples)
         if samples.ndim != 1 or (samples.dtype.kind != "f" and samples.dtype != np.int16):
-            hint = "one channel of floats in -1 … 1, or of 16-bit integers; np.frombuffer(samples, np.int16) reads bytes"
+            hint = "floats in -1 … 1 or 16-bit integers; samples.mean(1) mixes channels, np.frombuffer(x, np.int16) reads bytes"
             raise InputError(f"samples of shape {samples.shape} and type {samples.dtype}", hint)
         if samples.dtype != np.float32:
             samples = samples.astype(np.float32) / np.float32(1 if samples.dtype.kind == "f" else 32768)

@@ -11,10 +11,11 @@ import numpy as np
 
 from .speech import Samples, Speech, SpeechSource, Word, count_frames
 
-__all__ = ["MOST_AT_ONCE", "speech_chunks"]
+__all__ = ["MOST_AT_ONCE", "find_origin", "speech_chunks"]
 
 MOST_AT_ONCE = 8.0
 """Seconds of speech that are played in one go when there is plenty to do [ours]. More take memory and save little time."""
+_SAME_TIME = 1e-3  # s by which the start of a piece may differ from its place [ours: times are often rounded to milliseconds]
 
 
 def speech_chunks(source: SpeechSource, tail: Fraction = Fraction(0)) -> Iterator[Speech]:
@@ -33,6 +34,26 @@ def speech_chunks(source: SpeechSource, tail: Fraction = Fraction(0)) -> Iterato
         held = block
     if held is not None and source.duration is not None:
         yield _chunk(held, source, at, source.duration + tail - at, words, last=True)
+
+
+def find_origin(piece: Speech, origin: float | None, heard: float) -> float:
+    """What the times of a piece of a stream count from, so that `shift_times` brings it and its words to their place.
+
+    Pieces whose starts follow each other count from one origin. A piece whose start is elsewhere counts by itself, such as
+    one that a text-to-speech begins at 0.
+
+    >>> pieces = [Speech(np.zeros(1600, np.float32), start=start) for start in (4.0, 4.1, 0.0)]
+    >>> find_origin(pieces[0], None, 0.0), find_origin(pieces[1], 4.0, 0.1), find_origin(pieces[2], 4.0, 0.25)
+    (4.0, 4.0, -0.25)
+
+    Args:
+        piece: what comes next.
+        origin: of the piece before, in seconds; None where there was none.
+        heard: seconds of sound before the piece.
+    """
+    if origin is not None and abs(piece.start - origin - heard) < _SAME_TIME:
+        return origin
+    return piece.start - heard
 
 
 def _silence(source: SpeechSource, seconds: Fraction) -> Iterator[Samples]:

@@ -1,4 +1,4 @@
-"""What is said and when, from the files people have: TextGrid, TSV, SRT, WebVTT, JSON, plain text.
+"""What is said and when, from the files people have: TextGrid, tables, SRT, WebVTT, JSON, plain text.
 
 Every reader makes (text, start, end) in seconds; one function, `settle`, then makes of them what the rest may rely on: sorted,
 not overlapping, inside the speech, without silences. Entries of several words are spread over their words by length.
@@ -6,6 +6,7 @@ not overlapping, inside the speech, without silences. Entries of several words a
 
 from __future__ import annotations
 
+import csv
 import html
 import math
 import os
@@ -49,8 +50,9 @@ def load_words(
     """Read a transcript. The suffix picks the reader; where it says nothing, the content does.
 
     Args:
-        path: .TextGrid (long or short, any encoding Praat writes), .tsv (start, end, word; Audacity's and Whisper's too),
-            .srt, .vtt, .json (a list of words with times, or what Whisper, Gentle, Vosk or PocketSphinx write), or plain text.
+        path: .TextGrid (long or short, any encoding Praat writes), .tsv or .csv (start, end, word; Audacity's and
+            Whisper's too), .srt, .vtt, .json (a list of words with times, or what Whisper, Gentle, Vosk or PocketSphinx write),
+            or plain text.
         speech: what the words belong to: plain text is aligned to it, times past its end are cut off.
         speech_seconds: its length, where the speech is not at hand, or does not know it yet; plain text alone is spread evenly.
 
@@ -61,6 +63,8 @@ def load_words(
     text = _decode(data, name)
     if speech_seconds is None and speech is not None:
         speech_seconds = speech.seconds
+    if text.startswith("[Script Info]"):
+        raise InputError(f"{name!r} holds subtitles of SubStation Alpha", "make .srt of them: ffmpeg -i talk.ass talk.srt")
     reader = _READERS.get(Path(name).suffix.lower()) or _sniff(text)
     if reader is None:
         tokens = tokenise(text)
@@ -176,7 +180,7 @@ def _decode(data: bytes, name: str) -> str:
         if encoding != "utf-16" and b"\0" in data:  # no mark of its encoding, and no text in UTF-8
             raise _no_transcript(name) from None
         byte = f"byte 0x{data[error.start]:02x} at {error.start}"
-        raise InputError(f"{name!r} is not {encoding[:6].upper()} text: {byte}", "save it as UTF-8") from None
+        raise InputError(f"{name!r} is not {encoding.removesuffix('-sig').upper()} text: {byte}", "save it as UTF-8") from None
     if "\0" in text:
         raise InputError(f"{name!r} holds NUL characters", "is it a transcript? Save it as UTF-8 text")
     return text.replace("\r\n", "\n").replace("\r", "\n")
@@ -269,19 +273,34 @@ NO_CHARACTER = re.compile(r"&#\d{8,};?")  # beyond all of Unicode
 CUE = re.compile(rf"^[ \t]*{TIME}[ \t]*-->[ \t]*{TIME}.*$", re.MULTILINE)
 
 
-def read_tsv(text: str) -> Iterator[Entry]:
-    """start, end, word, separated by tabs; a first line of names is skipped. Whisper's (milliseconds) is recognised."""
+def read_table(text: str) -> Iterator[Entry]:
+    """start, end, word, between tabs, semicolons, commas or blanks; a first line of names is skipped. Whisper's is in ms."""
     scale, first = 1.0, True
     for number, line in _lines(text):
-        cells, head, first = [cell.strip() for cell in line.split("\t")], first, False
+        cells, head, first = _cells(line), first, False
         if head and not any(_is_number(cell) for cell in cells[:2]):
             if [c.lower() for c in cells] == ["start", "end", "text"]:
                 others = islice(_lines(text), 1, None)
-                scale = 0.001 if all(cell.isdigit() for _, other in others for cell in other.split("\t")[:2]) else 1.0
+                scale = 0.001 if all(cell.isdigit() for _, other in others for cell in _cells(other)[:2]) else 1.0
             continue
         if len(cells) < 2 or not (_is_number(cells[0]) and _is_number(cells[1])):
-            raise InputError(f"line {number} is {line[:60]!r}", "start, end and word belong there, separated by tabs")
+            raise InputError(f"line {number} is {line[:60]!r}", "start, end and word belong there, separated by tabs or commas")
         yield cells[2] if len(cells) > 2 else "", _number(cells[0]) * scale, _number(cells[1]) * scale
+
+
+# start and end in front of a line without tabs: separated by blanks; or by a comma or a semicolon, too
+_SPACED = re.compile(r"\s*+[-+]?\d[\d.]*+ ++[-+]?\d[\d.]*+(?: |$)")
+_ROW = re.compile(r"\s*+[-+]?\d[\d.]*+(?: ++|[,;] *+)[-+]?\d[\d.]*+(?:[ ,;]|$)")
+
+
+def _cells(line: str) -> list[str]:
+    """Up to three cells of a line of a table; in quotes, a comma or a semicolon is part of a cell."""
+    mark = "\t" if "\t" in line else None if _SPACED.match(line) else ";" if ";" in line else ","
+    try:
+        cells = line.split(mark, maxsplit=2) if mark in (None, "\t") else next(csv.reader([line], delimiter=mark))
+    except csv.Error as error:
+        raise InputError(f"{line[:60]!r}: {error}", "start, end and word belong there") from None
+    return [cell.strip() for cell in cells]
 
 
 def _lines(text: str) -> Iterator[tuple[int, str]]:
@@ -359,7 +378,9 @@ def _json_entries(node: object, depth: int) -> Iterator[Entry]:
     # A word without any time is one that the recogniser could not place: it is left out.
 
 
-_READERS = {".textgrid": read_textgrid, ".tsv": read_tsv, ".srt": read_srt, ".vtt": read_srt, ".json": read_json}
+_READERS = {
+    ".textgrid": read_textgrid, ".tsv": read_table, ".csv": read_table, ".srt": read_srt, ".vtt": read_srt, ".json": read_json
+}  # fmt: skip
 
 
 def _sniff(text: str):  # type: ignore[no-untyped-def]  # one of the readers above
@@ -373,5 +394,6 @@ def _sniff(text: str):  # type: ignore[no-untyped-def]  # one of the readers abo
         return read_srt
     lines = [line for line in text.split("\n") if line.strip()][:20]
     if lines and all(re.match(r"\s*[-+\d.,eE]+\t\s*[-+\d.,eE]+(\t|$)", line) for line in lines[1:] or lines):
-        return read_tsv
-    return None
+        return read_table
+    rows = [row for row in map(_ROW.match, lines[1:] or lines) if row]
+    return read_table if len(rows) == max(len(lines) - 1, 1) and any("." in row[0] for row in rows) else None

@@ -169,8 +169,8 @@ def stream(
             face_gain=face_gain, fps=fps, look_ahead=look_ahead,
             idle_after=_SILENCE if idle_after is None and is_live(source) else idle_after,
         )  # fmt: skip
-    except InputError as error:  # of the library, which calls the option as Python does
-        raise InputError(error.problem.replace("idle_after", "--idle-after"), error.hint) from None
+    except InputError as error:  # of the library, which calls options as Python does
+        raise InputError(_name_options(error.problem), error.hint) from None
     if not unpaced:
         session.warm_up()
     margin = MARGIN if look_ahead is None else SHORT_MARGIN
@@ -188,6 +188,11 @@ def stream(
         _play_to_the_end(session, pieces, partial(controls.steer, session), pacer, tell)
     if any(outlet.dropped for outlet in outlets) and not any(outlet.sent for outlet in outlets):
         raise InternalError("no receiver got a frame", "are the addresses right, and do the receivers run?")
+
+
+def _name_options(problem: str) -> str:
+    """What the library says is wrong, with options as they are typed."""
+    return problem.replace("idle_after", "--idle-after").replace("look_ahead", "--look-ahead")
 
 
 def _check_options(context: typer.Context, source: str, to: Sequence[str], parts: Sequence[str], face_gain: str) -> None:

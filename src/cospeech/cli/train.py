@@ -121,10 +121,12 @@ def _continue(plan: recipes.Recipe, folder: Path, changes: list[str], quiet: boo
     """The recipe that a run began with, with the changes of now; values that differ from the file's are told."""
     with _training():
         from ..training.checkpoint import continue_recipe
+        from ..training.recipe import FREE
     own, others = continue_recipe(folder, plan, changes)
     if others and not quiet:
         more = f" and {len(others) - 3} more" if len(others) > 3 else ""
-        typer.echo(f"note: the run keeps its own values: {', '.join(others[:3])}{more} (--set changes them)", err=True)
+        hint = f"--set changes {', '.join(FREE[1:])} alone"
+        typer.echo(f"note: the run keeps its own values: {', '.join(others[:3])}{more} ({hint})", err=True)
     return own
 
 

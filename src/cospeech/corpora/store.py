@@ -24,7 +24,10 @@ from .clip import SPLITS
 from .lazy_rows import LazyRows
 from .store_files import ARRAYS, NUMBERED, STATISTICS, Entry, open_array, read_entry, read_index
 
-__all__ = ["ARRAYS", "STATISTICS", "Entry", "Store", "gather"]
+__all__ = ["ARRAYS", "NO_WINDOW", "STATISTICS", "Entry", "Store", "gather"]
+
+NO_WINDOW = "longer clips; for a store without validation clips: data.validation=0.05, or train.validate_every=0"
+"""What helps where no clip of a split is long enough."""
 
 
 class Store:
@@ -120,7 +123,7 @@ class Store:
             if clip.frames >= frames and split in (None, clip.split) and {*arrays} <= {*clip.has}
         ]
         if frames < 1 or not chosen:
-            raise InputError(f"no window of {frames} frames in the {split or 'whole'} split of {str(self.folder)!r}")
+            raise InputError(f"no window of {frames} frames in the {split or 'whole'} split of {str(self.folder)!r}", NO_WINDOW)
         numbers, offsets, counts = np.array(chosen, np.int64).T
         return numbers, offsets, counts
 

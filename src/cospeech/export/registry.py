@@ -106,7 +106,8 @@ def format_of(path: str | PathLike[str]) -> Format:
     """
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
-        raise InputError(f"cannot tell the format of {str(path)!r}", f"known suffixes: {' '.join(FORMATS)}")
+        hint = f"{'Blender makes .fbx of a .glb; ' if suffix == '.fbx' else ''}known suffixes: {' '.join(FORMATS)}"
+        raise InputError(f"cannot tell the format of {str(path)!r}", hint)
     return FORMATS[suffix]
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from ..audio.emotions import EMOTIONS
+from ..audio.emotions import EMOTIONS, suggest_emotion
 from ..audio.speech import Word
 from ..errors import InputError, guess, nearest
 from ..limits import PLAUSIBLE_SECONDS
@@ -169,7 +169,7 @@ class EmotionMoment(_Part):
     def _check_weights(cls, weights: dict[str, float]) -> dict[str, float]:
         for name in weights:
             if name not in EMOTIONS:
-                raise ValueError(f"no emotion is called {name[:40]!r}|{nearest(name[:40], EMOTIONS)}")
+                raise ValueError(f"no emotion is called {name[:40]!r}|{suggest_emotion(name[:40], EMOTIONS)}")
         if sum(weights.values()) > 1 + 1e-6:
             raise ValueError(f"the weights have the sum {sum(weights.values()):g}|1 at most")
         return weights
@@ -210,7 +210,7 @@ class Stretch(_Part):
 
 def _check_emotion(emotion: str) -> str:
     if emotion != "auto" and emotion not in EMOTIONS:
-        raise ValueError(f"no emotion is called {emotion[:40]!r}|{nearest(emotion[:40], ('auto', *EMOTIONS))}")
+        raise ValueError(f"no emotion is called {emotion[:40]!r}|{suggest_emotion(emotion[:40], ('auto', *EMOTIONS))}")
     return emotion
 
 

@@ -16,7 +16,7 @@ from ..audio.features.at_16_khz import At16kHz, HeldSamples
 from ..audio.features.mel import RATE as SAMPLE_RATE
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech, Word, count_frames, shift_times
-from ..audio.speech_chunks import MOST_AT_ONCE
+from ..audio.speech_chunks import MOST_AT_ONCE, find_origin
 from ..audio.voice_emotion import LOOKS
 from ..errors import InputError
 from ..face.composition import Face
@@ -186,8 +186,9 @@ class Session(SessionControls):
         """
         check_speech(chunk)
         self._make(self.planned_until)  # what the piece before has left
+        heard = float(self._sound.duration)
         samples = self._sound.push(chunk)
-        self._origin = chunk.start if self._origin is None else self._origin
+        self._origin = find_origin(chunk, self._origin, heard)
         words: Sequence[Word] | None = shift_times(chunk, self._origin).words
         if self._played is not None:
             words = self._played.words.hear(words, float(self._sound.duration))

@@ -22,7 +22,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..audio.features.mel import RATE
-from ..audio.speech import Speech, count_frames
+from ..audio.speech import Speech, count_frames, shift_times
+from ..audio.speech_chunks import find_origin
 from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.rotations import Array, quat_continuous
@@ -85,6 +86,8 @@ class LiveSession:
         """How many there were; the first frame of this one; seconds until that frame, which are not heard."""
         self._idle: IdleSource | None = None
         self._waits, self._before = False, deque[Speech]()  # for sound that is not silent; the silence until then
+        self._fed = False  # whether this utterance has sound
+        self._counts_from: float | None = None  # see `find_origin`, on the clock
         self._time = self._quiet = Fraction(0)
         self._made = self._given = 0  # frames
         self._ready, self._past = deque[Motion](), deque[Motion]()
@@ -116,7 +119,7 @@ class LiveSession:
         """Hear what is said next, at once.
 
         Args:
-            sound: a `Speech`, or (n,) samples: floats in −1 … 1, or 16-bit integers.
+            sound: a `Speech`, whose words count as its ``start`` does; or (n,) samples: floats in −1 … 1, or 16-bit integers.
             rate: samples per second of an array.
 
         Returns:
@@ -131,7 +134,8 @@ class LiveSession:
                 raise InputError("samples without a rate", "session.push(samples, 24000)")
             speech = Speech(np.asarray(sound), rate, start=float(self._time))
         check_speech(speech)
-        for piece in in_short(speech):
+        self._counts_from = find_origin(speech, self._counts_from, float(self._time))
+        for piece in in_short(shift_times(speech, self._counts_from)):
             self._hear(piece)
         return self._next_frames()
 
@@ -204,8 +208,7 @@ class LiveSession:
         session.interrupt()
         for _ in session.idle(0.5):
             pass
-        if self._idle is None:
-            self._idle = self._open_idle()
+        self._idle = self._idle or self._open_idle()
 
     # ---------------------------------------------------------------------------------------------- steering
 
@@ -266,7 +269,7 @@ class LiveSession:
         silent = not len(piece) or float(np.abs(piece.samples).max()) < _QUIET
         self._quiet = self._quiet + piece.duration if silent else Fraction(0)
         began, self._time = self._time, self._time + piece.duration
-        if self._speaking is None and silent and self._waits:
+        if self._speaking is None and silent and (self._waits or not len(piece)):  # an empty piece begins nothing
             self._before.append(piece)
             while sum(each.duration for each in self._before) - self._before[0].duration >= _BEFORE:
                 self._before.popleft()
@@ -282,7 +285,7 @@ class LiveSession:
     def _begin_utterance(self, now: Fraction) -> None:
         """A session for what comes from ``now`` seconds on, and for the silence just before."""
         self._speaking = self._heard = self._prepared or self._open(self._options)
-        self._prepared, self._utterances = None, self._utterances + 1
+        self._prepared, self._utterances, self._fed = None, self._utterances + 1, False
         before, self._before = list(self._before), deque()
         first = now - sum((piece.duration for piece in before), Fraction(0))
         self._origin = max(count_frames(first, self._options.fps), self._made)
@@ -303,6 +306,7 @@ class LiveSession:
                 return
             self._skip = Fraction(0)
             piece = piece.window(piece.start + cut / piece.rate, np.inf) if cut else piece
+        self._fed = self._fed or len(piece) > 0
         self._take(self._speaking.push(piece))
 
     def _take(self, motions: Iterable[Motion]) -> None:
@@ -312,7 +316,7 @@ class LiveSession:
             self._queue(motion, self._speaking)
 
     def _end_utterance(self) -> None:
-        if self._speaking is not None and self._skip <= 0:
+        if self._speaking is not None and self._fed:
             self._take(self._speaking.finish())
         self._speaking, self._waits = None, True
         self._before.clear()
@@ -327,8 +331,7 @@ class LiveSession:
         """Idle up to this frame."""
         if end <= self._made:
             return
-        if self._idle is None:
-            self._idle = self._open_idle()
+        self._idle = self._idle or self._open_idle()
         if self._source is not self._idle and self._last is not None:  # two frames before tell how fast it moves
             before = self._idle.take(2)
             self._transition = PoseTransition(self._last, before)

@@ -20,6 +20,7 @@ from ..audio.event_detection import TICK
 from ..audio.features.mel import RATE as SAMPLE_RATE
 from ..audio.features.shared_prosody import SharedProsody
 from ..audio.speech import Speech, count_frames, shift_times
+from ..audio.speech_chunks import find_origin
 from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.part_joints import eye_joints, resting_joints, select_parts
@@ -129,7 +130,8 @@ class TrainedSession:
         self._ready: deque[list[Motion]] = deque()
         self._duration, self._frame = Fraction(0), 0
         self._rate: int | None = None
-        self._origin, self._over = 0.0, False
+        self._origin: float | None = None
+        self._over = False
 
     @property
     def emotion(self) -> dict[str, float]:
@@ -242,6 +244,7 @@ class TrainedSession:
     def push_takes(self, chunk: Speech) -> Iterator[list[Motion]]:
         """As `push`, of every take."""
         self._check(chunk)
+        self._origin = find_origin(chunk, self._origin, float(self._duration))
         for piece in in_short(shift_times(chunk, self._origin)):
             self._duration += piece.duration
             self._hear(piece)
@@ -315,7 +318,7 @@ class TrainedSession:
             was = "the speech is over" if self._over else f"the speech began at {self._rate} Hz"
             raise InputError(f"a piece of speech at {chunk.rate} Hz came, but {was}", "open a new session for it")
         if self._rate is None:
-            self._rate, self._origin = chunk.rate, chunk.start
+            self._rate = chunk.rate
 
     def _next_frames(self) -> Iterator[list[Motion]]:
         """What is ready: a piece leaves the queue before anybody sees it."""

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from .. import __version__
-from ..audio.emotions import EMOTIONS
+from ..audio.emotions import EMOTIONS, suggest_emotion
 from ..errors import InputError, nearest
 from ..export import FORMATS
 from ..models import DEFAULT
@@ -85,7 +85,7 @@ def check_emotion(emotion: str) -> None:
     """
     known = ("auto", *EMOTIONS)
     if emotion not in known:
-        raise InputError(f"no emotion is called {emotion[:40]!r}", nearest(emotion[:40], known))
+        raise InputError(f"no emotion is called {emotion[:40]!r}", suggest_emotion(emotion[:40], known))
 
 
 def check_plan(model: ModelRow, plan: Plan) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from ..errors import InputError, nearest
+from ..errors import InputError, guess, nearest
 from ..files import parse_toml, read_regular
 from ..limits import RECIPE_BYTES
 from .renamed import suggest_key
@@ -303,7 +303,8 @@ def load_recipe(path: str | PathLike[str], overrides: Iterable[str] = ()) -> Rec
     """
     file = _file(str(path))
     if not file.exists():
-        hint = f"a TOML file, or one that comes with the program: {', '.join(list_recipes())}"
+        likely = "" if file.suffix == ".toml" else guess(str(path), list_recipes())
+        hint = f"{likely}a TOML file, or one that comes with the program: {', '.join(list_recipes())}"
         raise InputError(f"cannot read {str(path)!r}: No such file or directory", hint)
     sections = parse_toml(read_regular(file, "a recipe", RECIPE_BYTES), repr(str(path)), "see docs/training.md")
     return change_recipe(sections, overrides)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..corpora.store import Store, gather
+from ..corpora.store import NO_WINDOW, Store, gather
 from ..errors import InputError
 from ..motion.rotations import Array
 
@@ -59,8 +59,7 @@ class Windows:
             chosen = {*bases[:: max(2, round(1 / held_out))]}
             good &= np.array([(name.split("|")[0] in chosen) == (split == "validation") for name in names])
         if not good.any():
-            hint = "longer clips; for a store without validation clips: data.validation=0.05, or train.validate_every=0"
-            raise InputError(f"no window of {frames} frames in the {split} split of {str(store.folder)!r}", hint)
+            raise InputError(f"no window of {frames} frames in the {split} split of {str(store.folder)!r}", NO_WINDOW)
         place = {name: k for k, name in enumerate(store.speakers)}
         self.clips, self._offsets, self._counts = numbers[good], self._offsets[good], self._counts[good]
         self._speakers = np.array([place[store.clips[k].speaker] for k in self.clips])

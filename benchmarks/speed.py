@@ -3,6 +3,7 @@
 python benchmarks/speed.py              # `cospeech bench`, with the machine named
 python benchmarks/speed.py --hours 3    # and a recording of so many hours: does memory grow?
 python benchmarks/speed.py --film 11    # the processor time of `generate` to .mp4 for so many seconds of speech, alone
+python benchmarks/speed.py --film 11 --camera face --avatar my.vrm    # the same with `render` as a second step
 """
 
 from __future__ import annotations
@@ -66,15 +67,24 @@ def memory_over(hours: float) -> list[tuple[float, float]]:
     return seen
 
 
-def film_times(seconds: float) -> tuple[float, float]:
-    """Seconds of processor and of waiting that `cospeech generate` takes for an ``.mp4`` of the example's first seconds."""
+def film_times(seconds: float, look: list[str]) -> tuple[float, float]:
+    """Seconds of processor and of waiting that an ``.mp4`` of the example's first seconds takes.
+
+    Args:
+        seconds: of speech.
+        look: options of `cospeech render`, which then draws what `cospeech generate` has written; that draws, too, where empty.
+    """
     samples, rate = soundfile.read(EXAMPLE, dtype="float32")
     with tempfile.TemporaryDirectory() as folder:
         audio = Path(folder) / "talk.wav"
         soundfile.write(audio, samples[: int(seconds * rate)], rate)
         before, began = os.times(), time.perf_counter()
-        command = [sys.executable, "-m", "cospeech", "generate", str(audio), "-o", str(audio.with_suffix(".mp4"))]
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        motion, film = str(audio.with_suffix(".npz")), str(audio.with_suffix(".mp4"))
+        steps = [["generate", str(audio), "-o", motion if look else film]]
+        if look:
+            steps.append(["render", motion, film, "--audio", str(audio), *look])
+        for step in steps:
+            subprocess.run([sys.executable, "-m", "cospeech", *step], check=True, stdout=subprocess.DEVNULL)
         after, ended = os.times(), time.perf_counter()
     used = after.children_user + after.children_system - before.children_user - before.children_system
     return used, ended - began
@@ -85,10 +95,14 @@ def main() -> None:
     options.add_argument("--seconds", type=float, default=60.0)
     options.add_argument("--hours", type=float, default=0.0)
     options.add_argument("--film", type=float, default=0.0)
+    options.add_argument("--camera")
+    options.add_argument("--avatar")
     chosen = options.parse_args()
     print(f"{machine()}, {time.strftime('%Y-%m-%d')}\n")
     if chosen.film:
-        used, took = film_times(chosen.film)
+        names = {"--camera": chosen.camera, "--avatar": chosen.avatar}
+        look = [word for name, value in names.items() if value for word in (name, value)]
+        used, took = film_times(chosen.film, look)
         print(f"{chosen.film:g} s of speech to .mp4: {used:.1f} s of processor time, {took:.1f} s of waiting")
         return
     print("| what | value | |\n|---|---:|---|")

@@ -33,7 +33,8 @@ WIDTH, HEIGHT = 120, 90
 
 def see(points, triangles, width=WIDTH, height=HEIGHT):
     drawn = raster.Raster(np.array(points, np.float32), np.array(triangles, np.intp).reshape(-1, 3).T, width, height)
-    return drawn.see(np.arange(width * height, dtype=np.int32))
+    seen = drawn.see(np.arange(width * height, dtype=np.int32))
+    return seen._replace(triangle=drawn.number[seen.triangle])
 
 
 def coverage(seen, width=WIDTH, height=HEIGHT):
@@ -120,16 +121,16 @@ def test_all_outlines_and_borders_are_looked_at_by_samples():
     shown = np.full(WIDTH * HEIGHT * 4, -1)
     shown[every.sample] = every.triangle
     shown = shown.reshape(-1, 4)
-    found = find_points(drawn, part, np.zeros(8, bool))
+    found = find_points(drawn, part[drawn.number], np.zeros(8, bool))
     mixed = np.zeros(len(shown), bool)
     mixed[found.mixed] = True
     assert np.array_equal(np.flatnonzero(mixed), found.mixed)
     assert np.array_equal(found.covered, (shown[mixed] >= 0).sum(1))
-    assert np.array_equal(found.triangle[len(found.whole) :], shown[mixed][shown[mixed] >= 0])
+    assert np.array_equal(found.sampled, shown[mixed][shown[mixed] >= 0])
     some = (shown >= 0).any(1)
     left_out = some & ~mixed
     left_out[found.whole] = False  # thinner than a pixel, between four middles
-    wrong = (shown[found.whole] != found.triangle[: len(found.whole), None]).any(1)
+    wrong = (shown[found.whole] != found.triangle[:, None]).any(1)
     assert left_out.sum() + wrong.sum() < 0.005 * some.sum()
 
 
@@ -145,7 +146,7 @@ def test_which_side_is_the_front():
     corners = np.array([(-1.0, -1, 0), (1, -1, 0), (0, 1, 0), (0, 0, 6.0)])
     triangles = np.array([(0, 1, 2), (0, 2, 1), (0, 1, 3)])
     drawn = [raster.Raster(camera.project(corners), triangles.T, WIDTH, HEIGHT, side) for side in (1, -1)]
-    assert [set(front_or_back.see_middles().triangle.tolist()) for front_or_back in drawn] == [{0}, {1}]
+    assert [set(side.number[side.see_middles().triangle].tolist()) for side in drawn] == [{0}, {1}]
 
 
 def test_projection_by_hand():

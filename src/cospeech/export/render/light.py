@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["KEY", "REACH", "backdrop", "develop", "draw_backdrop", "from_srgb", "scatter", "shade"]
+__all__ = ["KEY", "REACH", "backdrop", "develop", "draw_backdrop", "from_srgb", "scatter", "shade", "tone"]
 
 Floats = NDArray[np.float32]
 
@@ -97,19 +97,28 @@ def from_srgb(value: NDArray[np.floating]) -> NDArray[np.floating]:
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
-def _curve() -> NDArray[np.uint8]:
+def _curve() -> Floats:
     linear = np.arange(_STEPS) * (_RANGE / _STEPS)
     room = 1 - _SHOULDER
     soft = np.where(linear <= _SHOULDER, linear, _SHOULDER + room * (1 - np.exp(-(linear - _SHOULDER) / room)))
     srgb = np.where(soft <= 0.0031308, 12.92 * soft, 1.055 * soft ** (1 / 2.4) - 0.055)
-    return np.round(255 * srgb).astype(np.uint8)
+    return (255 * srgb).astype(np.float32)
 
 
-_CURVE = _curve()
+_TONES = _curve()
+_CURVE = np.round(_TONES).astype(np.uint8)
 
 
 def develop(light: Floats) -> NDArray[np.uint8]:
     """Linear light of any shape → 8-bit sRGB with a soft shoulder, so that highlights do not burn out."""
+    return _CURVE.take(_step(light), mode="clip")
+
+
+def tone(light: Floats) -> Floats:
+    """As `develop`, but 0 … 255 with fractions."""
+    return _TONES.take(_step(light), mode="clip")
+
+
+def _step(light: Floats) -> NDArray[np.intp]:
     step = light * np.float32(_STEPS / _RANGE)
-    np.maximum(step, 0, out=step)
-    return _CURVE.take(np.minimum(step, _STEPS - 1, out=step).astype(np.intp))
+    return np.clip(step, 0, _STEPS - 1, out=step).astype(np.intp)  # faster than maximum, then minimum

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .raster import SAMPLES, Floats, Indices, Ints, Keeps, Raster, VisiblePixels, VisibleSamples, sample_positions
+from .raster import SAMPLES, Indices, Ints, Keeps, Raster, VisiblePixels, VisibleSamples, pick
 
 __all__ = ["ShownPoints", "find_points"]
 
@@ -24,33 +24,33 @@ _FARTHEST = np.int32(0xFFFF)  # depth in such units beyond which all is far
 
 
 class ShownPoints(NamedTuple):
-    """ShownPoints to shade.
+    """What there is to shade. Triangles are indices in `Raster.number`.
 
     Attributes:
         whole: (A,) pixels that show one smooth piece of surface.
+        triangle: (A,) that is seen there.
         mixed: (B,) pixels at an outline or at a border of two parts.
         covered: (B,) 1 … 4, how many of their samples show the character.
-        x: (N,) place in the picture, pixels: in ``whole``, then at the samples of ``mixed``.
-        y: (N,)
-        triangle: (N,) that is seen there.
+        sample: (N,) these samples, as `raster.VisibleSamples` counts them.
+        sampled: (N,) triangles that are seen there.
     """
 
     whole: Indices
+    triangle: Indices
     mixed: Indices
     covered: Indices
-    x: Floats
-    y: Floats
-    triangle: Indices
+    sample: Indices
+    sampled: Indices
 
 
 def find_points(drawn: Raster, part: Ints, fine: Bools, holes: Bools | None = None, keeps: Keeps | None = None) -> ShownPoints:
     """Find what a picture shows.
 
     Args:
-        drawn: F triangles.
-        part: (F,) to which surface each belongs.
-        fine: (F,) which triangles have details that are smaller than a pixel: these are mixed everywhere.
-        holes: (F,) which triangles may have holes; None where none has.
+        drawn: K triangles.
+        part: (K,) to which surface each belongs.
+        fine: (K,) which triangles have details that are smaller than a pixel: these are mixed everywhere.
+        holes: (K,) which triangles may have holes; None where none has.
         keeps: as `Raster.see` takes it.
     """
     width = drawn.width
@@ -59,39 +59,34 @@ def find_points(drawn: Raster, part: Ints, fine: Bools, holes: Bools | None = No
     edges = _edges(middles, part, fine, veils, (drawn.height, width))
     seen = drawn.see(edges, keeps)
     smooth, first, count = _group(seen, part, fine)
-    pixel = seen.sample.take(first) >> 2
+    pixel = pick(seen.sample, first) >> 2
     # a middle is what a smooth pixel shows, unless a surface with holes hides it; then one of its samples is
     show = np.ones(width * drawn.height, bool)
     show[edges] = False
     show[pixel[smooth]] = True
     if holes is not None:
-        veiled = smooth & holes.take(seen.triangle.take(first))
+        veiled = smooth & pick(holes, pick(seen.triangle, first))
         show[pixel[veiled]] = False
-    kept = np.flatnonzero(show.take(middles.pixel))
-    whole, triangle = middles.pixel.take(kept), middles.triangle.take(kept)
-    x, y = middles.x.take(kept), middles.y.take(kept)
-    rough = np.repeat(~smooth, count)
-    picked = np.flatnonzero(rough)
+    kept = np.flatnonzero(pick(show, middles.pixel))
+    whole, triangle = pick(middles.pixel, kept), pick(middles.triangle, kept)
     if holes is not None:
-        lone = first[veiled]
-        whole, picked = np.concatenate([whole, pixel[veiled]]), np.concatenate([lone, picked])
-    at_x, at_y = sample_positions(seen.sample.take(picked), width)
-    return ShownPoints(
-        whole, pixel[~smooth], count[~smooth], np.concatenate([x, at_x]), np.concatenate([y, at_y]),
-        np.concatenate([triangle, seen.triangle.take(picked)]),
-    )  # fmt: skip
+        whole = np.concatenate([whole, pixel[veiled]])
+        triangle = np.concatenate([triangle, pick(seen.triangle, first[veiled])])
+    picked = np.flatnonzero(np.repeat(~smooth, count))
+    samples = pick(seen.sample, picked), pick(seen.triangle, picked)
+    return ShownPoints(whole, triangle, pixel[~smooth], count[~smooth], *samples)
 
 
 def _edges(middles: VisiblePixels, part: Ints, fine: Bools, veils: VisiblePixels | None, shape: tuple[int, int]) -> Indices:
     """Pixels, ascending, some of whose samples lie between middles that do not show one smooth piece of closed surface."""
     shown, edge = np.zeros(shape, np.int32), np.zeros(shape, bool)
-    shown.ravel()[middles.pixel] = _label(middles, part.take(middles.triangle) + 2)
-    edge.ravel()[middles.pixel[fine.take(middles.triangle)]] = True
+    shown.ravel()[middles.pixel] = _label(middles, pick((part + 2) * (_FARTHEST + 1), middles.triangle))
+    edge.ravel()[pick(middles.pixel, np.flatnonzero(pick(fine, middles.triangle)))] = True
     if veils is not None:
-        behind, before = shown.take(veils.pixel), _label(veils, 0)
+        behind, before = pick(shown, veils.pixel), _label(veils, 0)
         nearer = np.flatnonzero((behind == 0) | (before <= (behind & _FARTHEST)))
-        pixel = veils.pixel.take(nearer)
-        shown.ravel()[pixel] = _FARTHEST + 1 + before.take(nearer)
+        pixel = pick(veils.pixel, nearer)
+        shown.ravel()[pixel] = _FARTHEST + 1 + pick(before, nearer)
         edge.ravel()[pixel] = True
     beside, below = _differ(shown[:, 1:], shown[:, :-1]), _differ(shown[1:], shown[:-1])
     edge[:, 1:] |= beside
@@ -102,9 +97,9 @@ def _edges(middles: VisiblePixels, part: Ints, fine: Bools, veils: VisiblePixels
 
 
 def _label(pixels: VisiblePixels, surface: Ints | int) -> Ints:
-    """Surface and depth of what is seen: ``surface · 65,536 + millimetres``."""
-    depth = np.minimum(_MILLIMETRES / pixels.inverse, _FARTHEST).astype(np.int32)
-    depth += surface * (_FARTHEST + 1)
+    """Depth of what is seen, in millimetres, and with it its surface, a multiple of 65,536."""
+    depth = np.clip(_MILLIMETRES / pixels.inverse, 0, _FARTHEST).astype(np.int32)  # faster than `np.minimum`
+    depth += surface
     return depth
 
 
@@ -121,9 +116,9 @@ def _group(seen: VisibleSamples, part: Ints, fine: Bools) -> tuple[Bools, Indice
     pixel = seen.sample >> 2
     first = np.flatnonzero(np.diff(pixel, prepend=-1))
     count = np.diff(first, append=len(pixel))
-    smooth = (count == SAMPLES) & ~fine.take(seen.triangle.take(first))
+    smooth = (count == SAMPLES) & ~pick(fine, pick(seen.triangle, first))
     four = first[smooth]
-    inverse, parts = ([values.take(four + k) for k in range(SAMPLES)] for values in (seen.inverse, part.take(seen.triangle)))
+    inverse, parts = ([pick(values, four + k) for k in range(SAMPLES)] for values in (seen.inverse, pick(part, seen.triangle)))
     near, far = (side(side(inverse[0], inverse[1]), side(inverse[2], inverse[3])) for side in (np.maximum, np.minimum))
     same = (parts[0] == parts[1]) & (parts[0] == parts[2]) & (parts[0] == parts[3])
     smooth[smooth] = (near - far < _DEEP * near * far) & same

@@ -1,7 +1,8 @@
 """A character in front of a backdrop: pose in, picture out.
 
-`points` finds which points are seen. Pixels that show one smooth piece of surface are shaded once, in their middle. Pixels at
-an outline, at a border of two parts or on a glossy part are shaded at four samples and averaged in linear light.
+`points` finds which points are seen. Pixels that show one smooth piece of surface are shaded once, in their middle; without a
+texture they get a mixture of the colours of the vertices as the screen shows these. Pixels at an outline, at a border of two
+parts or on a glossy part are shaded at four samples and averaged in linear light.
 """
 
 from __future__ import annotations
@@ -17,14 +18,15 @@ from ..mannequin import Character, skin_with_normals
 from . import light, raster
 from .camera import Camera
 from .patch import Patch
+from .planes import Slopes
 from .points import ShownPoints, find_points
+from .raster import evaluate, pick
 from .shadow import FloorShadow, floor_shadow, measure_light, openness
-from .texture import SurfaceTable
+from .texture import LaidTextures, SurfaceTable
 
 __all__ = ["Scene"]
 
 _PENUMBRA = 0.05  # metres: blur of the key's shadows; ours, as of a large soft box, and no finer than the mesh
-_SLIVER = 1e-2  # pixels²; ours: below half this area a triangle has one colour
 _COARSE = 0.024  # metres: side of the cubes in which one vertex casts the shadow of all; ours, half the penumbra
 _STEP = 32  # pixels by which patches grow; ours: even, as films want, and so long that most pictures have patches of one size
 _GLOSSY = 0.5  # roughness below which a highlight is smaller than the triangles: eyes, teeth, tongue
@@ -34,18 +36,24 @@ _GLOSSY = 0.5  # roughness below which a highlight is smaller than the triangles
 _Shine = tuple[raster.Floats, raster.Floats, raster.Floats, raster.Floats, raster.Floats, raster.Floats]
 
 
-class _Posed(NamedTuple):
-    """The character before the camera.
+class _Seen(NamedTuple):
+    """What a picture shows, and the K triangles that may be seen there.
 
     Attributes:
-        screen: (V, 3) its vertices in the picture, as `raster.see` takes them.
-        shine: what `light.shade` wants to know of them.
-        levels: (F,) as `texture.SurfaceTable.levels` gives them.
+        width: of the picture, pixels.
+        points: what is seen.
+        corners: (3, K) vertices of the triangles.
+        slopes: of the triangles.
+        glossy: (K,) triangles on which a highlight is smaller than they are.
+        textures: on the triangles.
     """
 
-    screen: raster.Floats
-    shine: _Shine
-    levels: raster.Ints
+    width: int
+    points: ShownPoints
+    corners: raster.Indices
+    slopes: Slopes
+    glossy: NDArray[np.bool_]
+    textures: LaidTextures
 
 
 class Scene:
@@ -68,7 +76,6 @@ class Scene:
         self._roughness = np.concatenate([np.full(len(p.vertices), p.roughness, np.float32) for p in parts])
         self._glossy = np.array([p.roughness < _GLOSSY for p in parts])[self._part]
         self._surfaces = SurfaceTable(character)
-        self._exact = self._glossy | self._surfaces.textured
         self._casting = _casters(character)
         self._open = _openness(character)
         self._backdrop = light.backdrop(width, height, background)
@@ -87,32 +94,34 @@ class Scene:
             positions: (J, 3) their world positions, metres.
             face: (52,) ARKit weights.
         """
-        posed, turned = skin_with_normals(self.character, rotations, positions, face)
-        vertices, normals = np.concatenate(posed), np.concatenate(turned)
+        skin, turned = skin_with_normals(self.character, rotations, positions, face)
+        vertices, normals = np.concatenate(skin), np.concatenate(turned)
         screen, shadow = camera.project(vertices), floor_shadow(camera, vertices)
         window = _window(screen, camera.width, camera.height)
         patch = self._bare_patch(window, shadow)
         if window is None:
             return patch
-        rows, columns = window
-        screen[:, :2] -= columns.start, rows.start
-        size = columns.stop - columns.start, rows.stop - rows.start
-        levels = self._surfaces.levels(screen, self._corners)
-        holes = self._surfaces.open if self._surfaces.open.any() else None
-        keeps = None if holes is None else self._holes(screen, levels, size[0])
-        drawn = raster.Raster(screen, self._corners, *size, side=1)
-        points = find_points(drawn, self._part, self._glossy, holes, keeps)
-        colour = self._shade(points, _Posed(screen, self._shine(camera, vertices, normals, points.triangle), levels))
-        behind = self._behind(points.mixed // size[0] + rows.start, points.mixed % size[0] + columns.start, shadow)
-        wholes = len(points.whole)
-        mixed = _average(colour[:, wholes:], points.covered, behind)
-        across = patch.pixels.shape[1]
-        part, first = patch.pixels.reshape(-1, 3), (rows.start - patch.top) * across + columns.start - patch.left
-        for pixel, values in ((points.whole, colour[:, :wholes]), (points.mixed, mixed)):
-            at = pixel + (pixel // size[0] * (across - size[0]) + first)
-            for channel, value in zip(part.T, values, strict=True):  # several times faster than all at once
-                channel[at] = light.develop(value)
+        screen[:, :2] -= patch.left, patch.top
+        seen = self._see(screen, *patch.pixels.shape[1::-1])
+        shine = self._shine(camera, vertices, normals, _list_corners(seen))
+        shaded = light.shade(*shine)
+        canvas, points = patch.pixels.reshape(-1, 3).T, seen.points
+        _paint_whole(canvas, seen, shine, shaded)
+        colour = _shade(seen, points.sampled, *raster.sample_positions(points.sample, seen.width), shine, shaded)
+        behind = self._behind(points.mixed // seen.width + patch.top, points.mixed % seen.width + patch.left, shadow)
+        _put(canvas, points.mixed, light.develop(_average(colour, points.covered, behind)))
         return patch
+
+    def _see(self, screen: raster.Floats, width: int, height: int) -> _Seen:
+        """What a picture of that size shows of vertices (V, 3)."""
+        drawn = raster.Raster(screen, self._corners, width, height, side=1)
+        corners, glossy = pick(self._corners, drawn.number, 1), pick(self._glossy, drawn.number)
+        slopes = Slopes(screen, corners)
+        textures = self._surfaces.lay(screen, slopes, corners, drawn.number)
+        holes = textures.open if textures.open.any() else None
+        keeps = None if holes is None else _make_keeps(textures, width)
+        points = find_points(drawn, pick(self._part, drawn.number), glossy, holes, keeps)
+        return _Seen(width, points, corners, slopes, glossy, textures)
 
     def _bare_patch(self, window: tuple[slice, slice] | None, shadow: FloorShadow | None) -> Patch:
         """The backdrop where the character in its ``window`` and its shadow on the floor are in the picture."""
@@ -131,68 +140,90 @@ class Scene:
         colour: raster.Floats = self._backdrop[:, row, column]
         return colour if shadow is None else colour * shadow.share(row, column)
 
-    def _shine(self, camera: Camera, vertices: Array, normals: Array, triangle: raster.Indices) -> _Shine:
-        """What `light.shade` wants to know at the vertices, if these triangles are seen."""
+    def _shine(self, camera: Camera, vertices: Array, normals: Array, corners: raster.Indices) -> _Shine:
+        """What `light.shade` wants to know at the vertices, if triangles with these corners are seen."""
         axes = camera.axes * np.array([[1], [1], [-1]])  # right, up, back to the camera
-        shown, asked = np.zeros(len(self._part), bool), np.zeros(len(vertices), bool)
-        shown[triangle] = True
-        asked[self._corners.take(np.flatnonzero(shown), axis=1)] = True
         key = (light.KEY @ axes).astype(np.float32)
+        asked = np.zeros(len(vertices), bool)
+        asked[corners] = True
         asked &= normals @ key > light.REACH
         lit = measure_light(vertices, normals, self._casting, key, _PENUMBRA, asked)
         sight = (axes @ (camera.position - vertices).T).astype(np.float32)
         sight /= np.sqrt(_dot(sight, sight))
         return axes.astype(np.float32) @ normals.T, sight, self._colour, self._roughness, self._open, lit
 
-    def _holes(self, screen: Array, levels: raster.Ints, width: int) -> raster.Keeps:
-        """What tells which samples of surfaces with holes are seen."""
 
-        def keeps(sample: raster.Indices, triangle: raster.Indices) -> NDArray[np.bool_]:
-            kept = np.ones(len(sample), bool)
-            asked = np.flatnonzero(self._surfaces.open.take(triangle))
-            own, places = triangle[asked], sample[asked]
-            corner = self._corners.take(own, axis=1)
-            weight = _weights(screen, corner, *raster.sample_positions(places, width))
-            looked = self._surfaces.look(own, corner, weight, levels)
-            kept[asked] = self._surfaces.shows_surface(own, places, looked.opacity)
-            return kept
+def _list_corners(seen: _Seen) -> raster.Indices:
+    """(3, N) vertices of the triangles that are seen in a seen."""
+    shown = np.zeros(seen.corners.shape[1], bool)
+    shown[seen.points.triangle] = shown[seen.points.sampled] = True
+    return pick(seen.corners, np.flatnonzero(shown), 1)
 
-        return keeps
 
-    def _shade(self, points: ShownPoints, posed: _Posed) -> raster.Floats:
-        """Linear colours (3, N) of surface points: from vertex to vertex, but exactly on surfaces with texture or gloss."""
-        shaded, triangle = light.shade(*posed.shine), points.triangle
-        colour = _slant(shaded, posed.screen, self._corners, points)
-        which = np.flatnonzero(self._exact.take(triangle)) if self._exact.any() else ()
-        if len(which):
-            triangle = triangle.take(which)
-            weight = _weights(posed.screen, self._corners.take(triangle, axis=1), points.x.take(which), points.y.take(which))
-            colour[:, which] = self._shade_exactly(shaded, triangle, weight, posed)
-        return colour
+def _make_keeps(textures: LaidTextures, width: int) -> raster.Keeps:
+    """What tells which samples of surfaces with holes are seen."""
 
-    def _shade_exactly(
-        self, shaded: raster.Floats, triangle: raster.Indices, weight: raster.Floats, posed: _Posed
-    ) -> raster.Floats:
-        """Colours (3, N) of points with textures or gloss, from those of the vertices."""
-        shine, corner = posed.shine, self._corners.take(triangle, axis=1)  # (3, N)
-        colour = _mix(shaded, corner, weight)
-        textured = np.flatnonzero(self._surfaces.textured.take(triangle))
-        texture = np.ones((3, 0), np.float32)
-        if len(textured):
-            own = corner[:, textured], weight[:, textured]
-            texture = self._surfaces.look(triangle[textured], *own, posed.levels).colour
-            normal, _, albedo, _, open_sky, lit = shine
-            colour[:, textured] += _mix(light.scatter(normal, open_sky, lit) * albedo, *own) * (texture - 1)
-        glossy = np.flatnonzero(self._glossy.take(triangle))
-        if len(glossy):
-            corner, weight = corner[:, glossy], weight[:, glossy]
-            normal, sight, albedo, *others = (_mix(np.atleast_2d(values), corner, weight) for values in shine)
-            normal /= np.sqrt(_dot(normal, normal) + np.float32(1e-12))
-            both = np.searchsorted(textured, glossy)
-            has = np.flatnonzero(np.append(textured, -1)[both] == glossy)
-            albedo[:, has] *= texture[:, both[has]]
-            colour[:, glossy] = light.shade(normal, sight, albedo, *(values[0] for values in others))
-        return colour
+    def keeps(sample: raster.Indices, triangle: raster.Indices) -> NDArray[np.bool_]:
+        kept = np.ones(len(sample), bool)
+        asked = np.flatnonzero(pick(textures.open, triangle))
+        own, places = triangle[asked], sample[asked]
+        opacity = textures.opacity(own, *raster.sample_positions(places, width))
+        kept[asked] = textures.shows_surface(own, places, opacity)
+        return kept
+
+    return keeps
+
+
+def _paint_whole(canvas: NDArray[np.uint8], seen: _Seen, shine: _Shine, shaded: raster.Floats) -> None:
+    """Paint the pixels of the canvas (3, P) that show one smooth piece of surface."""
+    pixel, triangle = seen.points.whole, seen.points.triangle
+    textured = pick(seen.textures.textured, triangle)
+    exact = np.flatnonzero(textured)
+    if len(exact):
+        at, own = pick(pixel, exact), pick(triangle, exact)
+        colour = _shade(seen, own, *raster.middle_positions(at, seen.width), shine, shaded)
+        _put(canvas, at, light.develop(colour))
+        plain = np.flatnonzero(~textured)
+        pixel, triangle = pick(pixel, plain), pick(triangle, plain)
+    if len(pixel):
+        half = np.float32(0.5)  # with which the cast to whole numbers rounds
+        planes = seen.slopes.planes(light.tone(shaded) + half)
+        tones = evaluate(planes, triangle, *raster.middle_positions(pixel, seen.width))
+        _put(canvas, pixel, np.clip(tones, 0, 255, out=tones).astype(np.uint8))
+
+
+def _put(canvas: NDArray[np.uint8], pixel: raster.Indices, colour: NDArray[np.uint8]) -> None:
+    """Set pixels (N,) of the canvas (3, P) to colours (3, N)."""
+    for channel, values in zip(canvas, colour, strict=True):  # several times faster than all at once
+        channel[pixel] = values
+
+
+def _shade(
+    seen: _Seen, triangle: raster.Indices, x: raster.Floats, y: raster.Floats, shine: _Shine, shaded: raster.Floats
+) -> raster.Floats:
+    """Linear colours (3, N) of places x and y, in pixels, on triangles (N,), with their texture and gloss."""
+    colour = evaluate(seen.slopes.planes(shaded), triangle, x, y)
+    textured, texture = np.flatnonzero(pick(seen.textures.textured, triangle)), np.ones((3, 0), np.float32)
+    normal, _, albedo, _, open_sky, lit = shine
+    if len(textured):
+        own = pick(triangle, textured), pick(x, textured), pick(y, textured)
+        texture = seen.textures.look(*own)
+        bare = evaluate(seen.slopes.planes(light.scatter(normal, open_sky, lit) * albedo), *own)
+        bare *= texture - 1
+        colour[:, textured] += bare
+    glossy = np.flatnonzero(pick(seen.glossy, triangle))
+    if len(glossy):
+        values = np.concatenate([np.atleast_2d(value) for value in shine])
+        which = np.flatnonzero(seen.glossy)  # few: planes of so many values are not made of all
+        place = np.searchsorted(which, pick(triangle, glossy))
+        values = evaluate(seen.slopes.some(which).planes(values), place, pick(x, glossy), pick(y, glossy))
+        normal, sight, albedo, others = values[:3], values[3:6], values[6:9], values[9:]
+        normal /= np.sqrt(_dot(normal, normal) + np.float32(1e-12))
+        both = np.searchsorted(textured, glossy)
+        has = np.flatnonzero(np.append(textured, -1)[both] == glossy)
+        albedo[:, has] *= texture[:, both[has]]
+        colour[:, glossy] = light.shade(normal, sight, albedo, *others)
+    return colour
 
 
 def _span(parts: list[slice]) -> tuple[int, int]:
@@ -250,60 +281,9 @@ def _openness(character: Character) -> raster.Floats:
     return openness(vertices, normals, _casters(character))
 
 
-def _weights(screen: Array, corner: NDArray[np.integer], x: raster.Floats, y: raster.Floats) -> raster.Floats:
-    """Perspective-correct barycentric weights (3, N) of points in the triangles with corners (3, N)."""
-    (ax, bx, cx), (ay, by, cy), (az, bz, cz) = np.ascontiguousarray(screen.T).take(corner, axis=1)
-    ax, bx, cx, ay, by, cy = ax - x, bx - x, cx - x, ay - y, by - y, cy - y
-    area = np.stack([(bx * cy - cx * by) * az, (cx * ay - ax * cy) * bz, (ax * by - bx * ay) * cz])
-    total = area[0] + area[1] + area[2]
-    total[np.abs(total) < 1e-12] = 1
-    area /= total
-    np.clip(area, 0, 1, out=area)  # the middle of a pixel may lie beside the triangle that was seen in it
-    area /= area[0] + area[1] + area[2]
-    return area
-
-
-def _mix(values: raster.Floats, corner: NDArray[np.integer], weight: raster.Floats) -> raster.Floats:
-    """Values (C, V) of vertices, mixed by weights (3, N) at the corners (3, N) of triangles: (C, N)."""
-    mixed = np.empty((len(values), corner.shape[1]), np.float32)
-    for row, value in zip(mixed, values, strict=True):
-        np.multiply(value.take(corner[0]), weight[0], out=row)
-        row += value.take(corner[1]) * weight[1]
-        row += value.take(corner[2]) * weight[2]
-    return mixed
-
-
-def _slant(values: raster.Floats, screen: raster.Floats, corner: raster.Indices, points: ShownPoints) -> raster.Floats:
-    """Values (C, V) of vertices at points, (C, N): linear in the picture over each triangle with corners (3, F), never below 0.
-
-    On triangles of some pixels this looks as with weights in perspective, and is several times as fast.
-    """
-    shown = np.zeros(corner.shape[1], bool)
-    shown[points.triangle] = True
-    which = np.flatnonzero(shown)
-    number = np.zeros(len(shown), np.intp)
-    number[which] = np.arange(len(which))
-    corner, triangle = corner.take(which, axis=1), number.take(points.triangle)
-    (x0, x1, x2), (y0, y1, y2) = np.ascontiguousarray(screen[:, :2].T).take(corner, axis=1)
-    x1, x2, y1, y2 = x1 - x0, x2 - x0, y1 - y0, y2 - y0
-    area = x1 * y2 - x2 * y1
-    flat = np.abs(area) < _SLIVER
-    per_area = np.where(flat, 0, 1 / np.where(flat, 1, area))
-    out = np.empty((len(values), len(points.x)), np.float32)
-    for row, value in zip(out, values, strict=True):
-        v0, v1, v2 = value.take(corner)
-        v1, v2 = v1 - v0, v2 - v0
-        across, down = (v1 * y2 - v2 * y1) * per_area, (v2 * x1 - v1 * x2) * per_area
-        np.multiply(across.take(triangle), points.x, out=row)
-        row += down.take(triangle) * points.y
-        row += (v0 - x0 * across - y0 * down).take(triangle)
-        np.maximum(row, 0, out=row)
-    return out
-
-
 def _average(colour: raster.Floats, count: raster.Ints, behind: raster.Floats) -> raster.Floats:
     """Colours (3, P) of pixels of whose samples the first ``count`` (P,) show ``colour`` (3, N), and the others ``behind``."""
-    total = np.add.reduceat(np.minimum(colour, 1), np.cumsum(count) - count, axis=1)
+    total = np.add.reduceat(np.clip(colour, 0, 1), np.cumsum(count) - count, axis=1)
     average: raster.Floats = (total + behind * (raster.SAMPLES - count)) * np.float32(1 / raster.SAMPLES)
     return average
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...motion.rotations import Array
 from .camera import Camera
-from .raster import Floats, Indices, Raster
+from .raster import Floats, Indices, Raster, pick
 
 Bools = NDArray[np.bool_]
 
@@ -59,7 +59,7 @@ def measure_light(
     scale, radius = np.float32(_NEAREST * _CELL), blur / _CELL
     flat = (axes / np.float32(_CELL)) @ vertices.T
     flat[2] -= (flat[2].min() + flat[2].max()) / 2
-    x, y, z = flat.take(at, axis=1)
+    x, y, z = pick(flat, at, 1)
     low, high = np.array([x.min(), y.min()]) - radius - _MARGIN, np.array([x.max(), y.max()]) + radius + _MARGIN
     low = np.floor(low / 2) * 2  # whole blocks of cells, so that the cells stay in place while the character moves
     across, down = (int(size) // 2 + 1 for size in high - low)  # in blocks
@@ -80,7 +80,7 @@ def measure_light(
     dx, dy = ((part * radii).astype(np.float32)[:, None] for part in (turn.real, turn.imag))
     over = z + np.maximum(fall[0] * dx + fall[1] * dy, 0)
     block = ((y + dy) * np.float32(0.5)).astype(np.int32) * np.int32(across) + ((x + dx) * np.float32(0.5)).astype(np.int32)
-    hidden = (depth.take(block, axis=0) > over[:, :, None]).sum(0, dtype=np.uint8).sum(1)
+    hidden = (pick(depth, block, 0) > over[:, :, None]).sum(0, dtype=np.uint8).sum(1)
     found[at] = 1 - hidden * np.float32(1 / (4 * len(taps)))
     return found
 
@@ -144,8 +144,8 @@ def floor_shadow(camera: Camera, vertices: Floats) -> FloorShadow | None:
     i, j = u.astype(np.int32), v.astype(np.int32)
     u, v = u - i.astype(np.float32), v - j.astype(np.float32)
     flat, at = grid.ravel(), (i * np.int32(_GRID) + j).astype(np.intp)
-    near = flat.take(at) * (1 - v) + flat.take(at + 1) * v
-    far = flat.take(at + _GRID) * (1 - v) + flat.take(at + _GRID + 1) * v
+    near = pick(flat, at) * (1 - v) + pick(flat, at + 1) * v
+    far = pick(flat, at + _GRID) * (1 - v) + pick(flat, at + _GRID + 1) * v
     return FloorShadow(slice(top, bottom), slice(left, right), near * (1 - u) + far * u)
 
 

@@ -1,12 +1,13 @@
 """Textures on the parts of a character: looked up at points of triangles, at the sharpness that the picture can show.
 
 All textures lie one after another in one array, each with smaller and smaller copies of itself (a mip pyramid, Williams
-1983). A triangle uses the copy whose pixels are about as large as the picture's, so that nothing flickers.
+1983). A triangle uses the copy whose pixels are about as large as the picture's, so that nothing flickers. Every copy has a
+border of one pixel, which says what lies beyond the edge: so the four pixels around a point are always neighbours.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,20 +16,19 @@ from PIL import Image
 from ..mannequin import Character
 from ..surface import Texture
 from .light import from_srgb
-from .raster import Floats, Ints
+from .planes import Slopes
+from .raster import Floats, Indices, Ints, evaluate, pick
 
-__all__ = ["Looked", "SurfaceTable"]
+__all__ = ["LaidTextures", "SurfaceTable"]
 
-_LINEAR = from_srgb(np.arange(256) / 255).astype(np.float32)
+# Linear red, green and blue of a pixel lie in one number of 64 bits, 21 bits each, so that one multiplication weighs all three:
+# 13 bits of light, finer than 8 bits of sRGB where these are finest, times weights of which four make 256.
+_LANE, _SHARES = 21, 8
+_MOST_LIGHT = (1 << _LANE - _SHARES) - 1
+_LINEAR = np.round(from_srgb(np.arange(256) / 255) * _MOST_LIGHT).astype(np.int64)
+_FARTHEST = 1e4  # ours: so many times no texture is laid side by side; damaged files name places beyond
 _STEPS = np.array([0.125, 0.625, 0.875, 0.375], np.float32)  # opacity above which each sample of a pixel shows the surface
 _FOLDS = {"repeat": 0, "mirror": 1, "clamp": 2}
-
-
-class Looked(NamedTuple):
-    """What textures say at points: linear RGB (3, N) and opacity (N,)."""
-
-    colour: Floats
-    opacity: Floats
 
 
 class SurfaceTable:
@@ -62,98 +62,144 @@ class SurfaceTable:
         self._cutoff = np.repeat(np.array(cutoffs, np.float32), counts)
         self.open = self._cutoff != 0
         rows = list(zip(surfaces, character.parts, strict=True))
-        self._places = np.concatenate([np.zeros((len(p.vertices), 2)) if s is None else s.places for s, p in rows])
-        self._places = np.ascontiguousarray(self._places.T, np.float32)
-        self._opacity = np.concatenate([np.ones(len(p.vertices)) if s is None else s.opacity for s, p in rows]).astype(
-            np.float32
-        )
-        self._pyramids(textures)
+        places = np.concatenate([np.zeros((len(p.vertices), 2)) if s is None else s.places for s, p in rows])
+        places = np.clip(np.nan_to_num(places), -_FARTHEST, _FARTHEST)
+        self._places = np.ascontiguousarray(places.T, np.float32)
+        opacity = [np.ones(len(p.vertices)) if s is None else s.opacity for s, p in rows]
+        self._opacity = np.concatenate(opacity).astype(np.float32)
+        self._measure(textures)
 
-    def _pyramids(self, textures: list[Texture]) -> None:
-        texels: list[NDArray[np.uint8]] = []
-        starts: list[int] = []
-        sizes: list[tuple[int, int]] = []
+    def _measure(self, textures: list[Texture]) -> None:
+        """Find the place of each copy of each texture; `_fill` makes those that are asked for."""
+        self._pictures: list[tuple[Texture, tuple[int, int]]] = []
         self._levels: list[tuple[int, int]] = []
-        start = 0
         for texture in textures:
-            picture = Image.fromarray(texture.pixels)
-            first = len(starts)
-            while True:
-                level = np.asarray(picture)
-                texels.append(level.reshape(-1, 4))
-                starts.append(start)
-                sizes.append((picture.width, picture.height))
-                start += len(texels[-1])
-                if max(picture.size) == 1:
-                    break
-                picture = picture.resize((max(1, picture.width // 2), max(1, picture.height // 2)), Image.Resampling.BOX)
-            self._levels.append((first, len(starts) - first))
-        # four bytes in one number, which is looked up once
-        self._texels = np.concatenate([*texels, np.zeros((1, 4), np.uint8)]).view("<u4").ravel().astype(np.uint32)
-        self._start, self._size = np.array(starts, np.int64), np.array(sizes, np.int32).reshape(-1, 2)
-        self._fold = np.array([[_FOLDS[axis] for axis in texture.wrap] for texture in textures]).reshape(-1, 2)
+            first, (height, width) = len(self._pictures), texture.pixels.shape[:2]
+            self._pictures.append((texture, (width, height)))
+            while max(width, height) > 1:
+                width, height = max(1, width // 2), max(1, height // 2)
+                self._pictures.append((texture, (width, height)))
+            self._levels.append((first, len(self._pictures) - first))
+        sizes = np.array([size for _, size in self._pictures], np.int64).reshape(-1, 2)
+        counts = (sizes + 2).prod(1)
+        # width, height, first pixel, pixels per row: picked in one go
+        self._tables = np.column_stack([sizes, np.cumsum(counts) - counts, sizes[:, 0] + 2]).astype(np.int32)
+        self._folds = np.array([[_FOLDS[axis] for axis in texture.wrap] for texture in textures]).reshape(-1, 2)
+        self._made = np.zeros(len(counts), bool)
+        # memory that is not written to takes no room (zeros come from the system as they are)
+        self._texels, self._alphas = np.zeros(counts.sum(), np.int64), np.zeros(counts.sum(), np.uint8)
 
-    def levels(self, screen: Floats, corners: NDArray[np.intp]) -> Ints:
-        """(F,) which level of which texture each triangle uses in this picture, −1 for none.
+    def _fill(self, level: int) -> None:
+        texture, size = self._pictures[level]
+        picture = Image.fromarray(texture.pixels)
+        if picture.size != size:
+            picture = picture.resize(size, Image.Resampling.BOX)
+        across, down = ("wrap" if axis == "repeat" else "edge" for axis in texture.wrap)
+        padded = np.pad(np.asarray(picture), ((0, 0), (1, 1), (0, 0)), mode=across)  # type: ignore[call-overload]
+        padded = np.pad(padded, ((1, 1), (0, 0), (0, 0)), mode=down)  # type: ignore[call-overload]
+        red, green, blue, alpha = padded.reshape(-1, 4).T
+        start = int(self._tables[level, 2])
+        self._texels[start : start + len(red)] = _LINEAR[red] << 2 * _LANE | _LINEAR[green] << _LANE | _LINEAR[blue]
+        self._alphas[start : start + len(red)] = alpha
+        self._made[level] = True
+
+    def lay(self, screen: Floats, slopes: Slopes, corners: Indices, number: Indices) -> LaidTextures:
+        """The textures as they lie on triangles in this picture.
 
         Args:
-            screen: (V, 3) as `raster.see` takes it.
-            corners: (3, F) vertices of all triangles.
+            screen: (V, 3) as `raster.Raster` takes it.
+            slopes: of the triangles.
+            corners: (3, K) their vertices.
+            number: (K,) which of all triangles they are.
         """
-        found = np.full(len(self._texture), -1, np.int32)
+        return LaidTextures(self, screen, slopes, corners, number)
+
+
+class LaidTextures:
+    """The textures on K triangles in one picture, as `SurfaceTable.lay` makes them."""
+
+    def __init__(self, table: SurfaceTable, screen: Floats, slopes: Slopes, corners: Indices, number: Indices) -> None:
+        self._table, self._screen, self._slopes = table, screen, slopes
+        self._texture, self._cutoff = pick(table._texture, number), pick(table._cutoff, number)
+        self.textured = self._texture >= 0
+        self.open = self._cutoff != 0
+        self._levels = self._find_levels(corners)
+        for level in np.unique(self._levels[self._levels >= 0]).tolist():
+            if not table._made[level]:
+                table._fill(level)
+
+    def _find_levels(self, corners: Indices) -> Ints:
+        """(K,) which copy of which texture each triangle uses, −1 for none."""
+        table, found = self._table, np.full(len(self._texture), -1, np.int32)
         which = np.flatnonzero(self.textured)
         if not len(which):
             return found
-        corner, number = corners[:, which], self._texture[which]
-        first, count = np.array(self._levels, np.int32)[number].T
-        texels = _areas(*self._places.take(corner, axis=1)) * self._size[first].prod(1)
-        pixels = _areas(*np.ascontiguousarray(screen[:, :2].T).take(corner, axis=1))
+        corner, number = pick(corners, which, 1), self._texture[which]
+        first, count = np.array(table._levels, np.int32)[number].T
+        texels = _areas(*pick(table._places, corner, 1)) * table._tables[first, :2].astype(np.float32).prod(1)
+        pixels = _areas(*pick(np.ascontiguousarray(self._screen[:, :2].T), corner, 1))
         level = np.round(0.5 * np.log2(np.maximum(texels, 1e-9) / np.maximum(pixels, 1e-6)))
         found[which] = first + np.clip(level, 0, count - 1).astype(np.int32)
         return found
 
-    def look(self, triangle: Ints, corner: NDArray[np.integer], weight: Floats, levels: Ints) -> Looked:
-        """Texture times opacity at points.
+    @cached_property
+    def _planes(self) -> Floats:
+        """(3, K, 4) of inverse depth, and of texture coordinates times that: these are linear in the picture."""
+        inverse = np.ascontiguousarray(self._screen[:, 2])
+        return self._slopes.planes(np.stack([inverse, *(self._table._places * inverse)]))
 
-        Args:
-            triangle: (N,) in which they lie.
-            corner: (3, N) its vertices.
-            weight: (3, N) their barycentric weights.
-            levels: of all triangles, from `levels`.
-        """
-        opacity = sum(self._opacity.take(corner[k]) * weight[k] for k in range(3))
-        colour = np.ones((3, len(triangle)), np.float32)
-        level = levels.take(triangle)
-        has = np.flatnonzero(level >= 0)
+    def look(self, triangle: Indices, x: Floats, y: Floats) -> Floats:
+        """Linear RGB (3, N) of textures at places, in pixels, of triangles (N,) that have one."""
+        table, total = self._table, np.zeros(len(triangle), np.int64)
+        for place, share in self._find_texels(triangle, x, y):
+            texel = pick(table._texels, place)
+            texel *= share
+            total += texel
+        rgb = np.empty((3, len(triangle)), np.float32)
+        for row, shift in zip(rgb, (2 * _LANE, _LANE, 0), strict=True):
+            row[:] = total >> shift & (1 << _LANE) - 1
+            row *= np.float32(1 / (_MOST_LIGHT << _SHARES))
+        return rgb
+
+    def opacity(self, triangle: Indices, x: Floats, y: Floats) -> Floats:
+        """(N,) that of vertices times that of textures."""
+        found = evaluate(self._opacities, triangle, x, y)[0]
+        has = np.flatnonzero(pick(self.textured, triangle))
         if len(has):
-            corner, weight, level = corner[:, has], weight[:, has], level[has]
-            u, v = (sum(row.take(corner[k]) * weight[k] for k in range(3)) for row in self._places)
-            rgb, alpha = self._sample(u, v, level, self._fold[self._texture[triangle[has]]].T)
-            colour[:, has] = rgb
-            opacity[has] *= alpha
-        return Looked(colour, opacity)
+            alpha = np.zeros(len(has), np.int64)
+            for place, share in self._find_texels(pick(triangle, has), pick(x, has), pick(y, has)):
+                alpha += pick(self._table._alphas, place) * share
+            found[has] *= alpha.astype(np.float32) * np.float32(1 / (255 << _SHARES))
+        return found
 
-    def _sample(self, u: Floats, v: Floats, level: Ints, folds: Ints) -> tuple[Floats, Floats]:
-        """Between the four nearest pixels of a level: (3, N) and (N,)."""
-        width, height = self._size.T.take(level, axis=1)
-        left, right, across = _neighbours(u, width, folds[0])
-        upper, lower, down = _neighbours(v, height, folds[1])
-        start = self._start.take(level)
-        rgb, alpha = np.zeros((3, len(u)), np.float32), np.zeros(len(u), np.float32)
-        for row, share in ((upper, 1 - down), (lower, down)):
-            first = start + row * width.astype(np.int64)
-            for column, part in ((left, 1 - across), (right, across)):
-                texel = self._texels.take(first + column)
-                mixed = share * part
-                for shift, channel in zip((0, 8, 16), rgb, strict=True):
-                    channel += _LINEAR.take(texel >> np.uint32(shift) & np.uint32(255)) * mixed
-                alpha += (texel >> np.uint32(24)).astype(np.float32) * (mixed * np.float32(1 / 255))
-        return rgb, alpha
+    @cached_property
+    def _opacities(self) -> Floats:
+        return self._slopes.planes(self._table._opacity[None])
+
+    def _find_texels(self, triangle: Indices, x: Floats, y: Floats) -> list[tuple[Indices, Ints]]:
+        """The four nearest pixels of a texture, and their shares, which make 256."""
+        inverse, u, v = evaluate(self._planes, triangle, x, y)
+        inverse = np.maximum(inverse, np.float32(1e-6))  # beside a triangle in steep perspective it may reach 0
+        width, height, start, across = pick(pick(self._table._tables, self._levels, 0), triangle, 0).T
+        number = pick(self._texture, triangle)
+        columns, rows = (
+            (_fold(at / inverse, fold, number) * size + np.float32(0.5)) * np.float32(1 << _SHARES)
+            for at, fold, size in zip((u, v), self._table._folds.T, (width, height), strict=True)
+        )
+        column, row = columns.astype(np.int64), rows.astype(np.int64)
+        right, lower = column & (1 << _SHARES) - 1, row & (1 << _SHARES) - 1
+        both = right * lower >> _SHARES
+        first = (row >> _SHARES) * across + (column >> _SHARES) + start
+        below = first + across
+        return [
+            (first, (1 << _SHARES) - right - lower + both), (first + 1, right - both),
+            (below, lower - both), (below + 1, both),
+        ]  # fmt: skip
 
     def shows_surface(self, triangle: Ints, sample: Ints, opacity: Floats) -> NDArray[np.bool_]:
         """Whether each sample (N,) of a picture shows the surface, whose opacity is given there, or what lies behind it."""
-        cutoff = self._cutoff.take(triangle)
-        return np.where(np.isnan(cutoff), opacity > _STEPS.take(sample & 3), opacity >= cutoff)
+        cutoff = pick(self._cutoff, triangle)
+        return np.where(np.isnan(cutoff), opacity > pick(_STEPS, sample & 3), opacity >= cutoff)
 
 
 def _areas(x: Floats, y: Floats) -> Floats:
@@ -161,16 +207,12 @@ def _areas(x: Floats, y: Floats) -> Floats:
     return np.abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])) / 2
 
 
-def _neighbours(at: Floats, size: Ints, fold: Ints) -> tuple[Ints, Ints, Floats]:
-    """The two pixels on either side of texture coordinates (N,), and the share of the second."""
-    folded = at - np.floor(at)
-    mirrored, clamped = np.flatnonzero(fold == 1), np.flatnonzero(fold == 2)
-    folded[mirrored] = 1 - np.abs(np.mod(at[mirrored], 2) - 1)
-    folded[clamped] = np.clip(at[clamped], 0, 1)
-    place = np.nan_to_num(folded) * size.astype(np.float32) - np.float32(0.5)
-    low = np.floor(place).astype(np.int32)
-    share = (place - low).astype(np.float32)
-    high = low + 1
-    low = np.where((low < 0) & (fold == 0), size - 1, np.maximum(low, 0))
-    high = np.where((high >= size) & (fold == 0), 0, np.minimum(high, size - 1))
-    return np.minimum(low, size - 1), high, share
+def _fold(at: Floats, folds: Ints, number: Ints) -> Floats:
+    """Texture coordinates (N,) brought into 0 … 1, as the textures (N,) want that."""
+    folded: Floats = at - np.floor(at)
+    if folds.any():
+        fold = pick(folds, number)
+        mirrored, clamped = np.flatnonzero(fold == 1), np.flatnonzero(fold == 2)
+        folded[mirrored] = 1 - np.abs(np.mod(at[mirrored], 2) - 1)
+        folded[clamped] = np.clip(at[clamped], 0, 1)
+    return folded

@@ -17,7 +17,7 @@ from cospeech.runtime.bundles.graph_check import OPERATORS  # noqa: E402
 from cospeech.runtime.flow.graph import build_graphs  # noqa: E402
 from cospeech.runtime.flow.weights import pack_weights  # noqa: E402
 from cospeech.runtime.network import Network  # noqa: E402
-from cospeech.training.export import onnx_export  # noqa: E402
+from cospeech.training.export import onnx_export, torch_shortcuts  # noqa: E402
 from cospeech.training.export.onnx_export import Exported, measure_reach  # noqa: E402
 from tests.support.exports import export_graphs  # noqa: E402
 from tests.support.runtime_bundles import random_arrays, small_sizes  # noqa: E402
@@ -89,6 +89,36 @@ def test_a_frame_of_speech_and_a_style_lie_side_by_side():
         found = engine.run(rows=row.numpy(), style=style.numpy(), **state)
         state = {name: found[f"next.{name}"] for name in state}
         assert off(found["poses"], memory.numpy()) < 1e-5
+
+
+@pytest.mark.filterwarnings("ignore:LSTM with projections is not supported with oneDNN")
+@pytest.mark.parametrize("both", [True, False])
+@pytest.mark.parametrize("batch_first", [True, False])
+def test_shapes_of_recurrent_layers_are_told_as_pytorch_makes_them(batch_first, both):
+    """What PyTorch's exporter is told in the place of a loop that it would compile."""
+    rows, two = torch.randn(3, 6, 4), 2 * (1 + both)
+    takes = 3 if batch_first else 6
+    options = {"num_layers": 2, "bidirectional": both, "batch_first": batch_first}
+    for net, state, shape in (
+        (torch.nn.LSTM(4, 5, **options), (torch.zeros(two, takes, 5),) * 2, torch_shortcuts._shape_lstm),
+        (torch.nn.LSTM(4, 5, proj_size=2, **options), (torch.zeros(two, takes, 2), torch.zeros(two, takes, 5)),
+         torch_shortcuts._shape_lstm),
+        (torch.nn.GRU(4, 5, **options), torch.zeros(two, takes, 5), torch_shortcuts._shape_gru),
+    ):  # fmt: skip
+        made, after = net(rows, state)
+        wanted = [made, *(after if isinstance(after, tuple) else [after])]
+        told = shape(rows, state, [], True, 2, 0.0, False, both, batch_first)
+        assert [(x.shape, x.dtype) for x in told] == [(x.shape, x.dtype) for x in wanted]
+
+
+def test_a_version_of_pytorch_without_what_is_shortened_takes_its_time(monkeypatch):
+    patches = pytest.importorskip("torch.export._patches")
+    before = dict(vars(patches))
+    more = [("torch.no_such_module", "name", id), ("torch.export", "no_such_name", id)]
+    monkeypatch.setattr(torch_shortcuts, "_LONG", [*more, *torch_shortcuts._LONG])
+    with torch_shortcuts.shorten_exports():
+        assert patches.lstm_while_loop_impl is torch_shortcuts._shape_lstm
+    assert vars(patches) == before
 
 
 @pytest.mark.parametrize("name", KINDS)

@@ -27,6 +27,7 @@ from ...motion.rotations import Array
 from ...runtime.bundles.signature import Signature
 from ...runtime.network import open_session
 from .frame_graph import Dims, FrameGraph
+from .torch_shortcuts import shorten_exports
 
 __all__ = ["Exported", "export_graphs"]
 
@@ -112,7 +113,7 @@ def _trace(name: str, graph: ExportGraph, module: torch.nn.Module) -> Any:
     varies = {} if graph.fixed else over_time
     shapes = [{0: takes} | varies.get(str(graph.inputs.get(each, ("N", ""))[1]), {}) for each in given]
     names = [*graph.outputs, *(f"next.{each}" for each in graph.states)]
-    with _quiet():
+    with _quiet(), shorten_exports():
         try:
             program = torch.onnx.export(
                 _Listed(module), ([*given.values()],), dynamo=True, input_names=[*given], output_names=names,

@@ -11,6 +11,7 @@ import pytest
 from cospeech.export import load, save
 from cospeech.motion.bone_mapping import recognise
 from cospeech.motion.motion import Motion
+from cospeech.motion.rest_calibration import calibrate_rest
 from cospeech.motion.rotations import (
     axis_angle_to_quat,
     quat_angle,
@@ -76,6 +77,16 @@ def test_a_tpose_that_fits_is_kept(tmp_path):
     read = load(tmp_path / "x.bvh")
     assert read.skeleton.kind == "custom"
     assert np.abs(np.sum(read.skeleton.rest * humanoid().rest, -1)).min() > 1 - 1e-9
+
+
+def test_a_thumb_is_set_right_with_its_hand():
+    body, rest = humanoid(), humanoid().rest.copy()
+    rest[body.index["leftHand"]] = axis_angle_to_quat((1.0, 0, 0), np.radians(120))
+    turned = replace(body, rest=rest, kind="custom")
+    right = calibrate_rest(turned, {name: name for name in body.names}, gesturing(120).rotations)
+    for joint in ("leftHand", "leftThumbMetacarpal", "leftThumbDistal"):
+        off = quat_angle(right.rest[body.index[joint]], body.rest[body.index[joint]])
+        assert np.degrees(off) < 25, joint  # what the motion itself turns on the average
 
 
 @pytest.mark.slow

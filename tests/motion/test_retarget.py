@@ -166,6 +166,26 @@ def test_a_hand_that_is_modelled_spread_is_at_ease():
     assert np.degrees(quat_angle(there.retarget(spread).rotations, still.rotations)).max() < 0.01
 
 
+def test_a_finger_without_length_says_nothing():
+    ours, stub = humanoid(), "leftLittleProximal"
+    source = without(replace(ours, ends={**ours.ends, stub: (0.0, 0.0, 0.0)}), "leftLittle(Intermediate|Distal)")
+    rotations = quat_identity(2, len(source))
+    for joint in (stub, "leftRingProximal"):
+        rotations[1, source.index[joint]] = axis_angle_to_quat(np.array([1.0, 0.0, 0.0]), np.radians(120))
+    there = Motion(fps=30, rotations=rotations, root=np.tile(ours.offsets[0], (2, 1)), skeleton=source).retarget("humanoid")
+    turned = np.degrees(quat_angle(there.rotations[1], there.rotations[0]))
+    assert turned[ours.index[stub]] == pytest.approx(0, abs=1e-3)
+    assert turned[ours.index["leftRingProximal"]] == pytest.approx(120)
+
+
+def test_a_fingertip_on_the_wrong_side_of_its_joint_does_not_fold_the_finger():
+    ours = humanoid()
+    ends = {name: tuple(-np.array(end)) if name.endswith("IndexDistal") else end for name, end in ours.ends.items()}
+    source = replace(ours, offsets=ours.offsets * 1.1, ends=ends)
+    still = Motion(fps=30, rotations=np.tile(ours.rest, (2, 1, 1)), root=np.tile(ours.offsets[0], (2, 1)), skeleton=source)
+    assert np.degrees(quat_angle(still.retarget("humanoid").rotations, still.rotations)).max() < 0.01
+
+
 def with_axes(skeleton: Skeleton, seed: int = 1) -> Skeleton:
     """The same body, the axes of its bones lying anyhow: only ``rest`` tells the T-pose."""
     frames = rotvec_to_quat(np.random.default_rng(seed).normal(0, 2, (len(skeleton), 3)))

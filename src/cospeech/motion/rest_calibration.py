@@ -35,6 +35,7 @@ _HIGHEST_FLOOR = 0.12  # metres; ours: feet that never come lower hang on purpos
 _TRUNK = ("spine", "chest", "upperChest", "neck", "head")
 _NEXT = {"UpperArm": "LowerArm", "LowerArm": "Hand", "UpperLeg": "LowerLeg", "LowerLeg": "Foot", "Shoulder": "UpperArm",
          "Foot": "Toes", "Hand": "MiddleProximal"}  # fmt: skip
+_HELD = {"Thumb": "Hand", "Eye": "head", "jaw": "head"}  # what no line tells of: it turns with what holds it
 _CARRIERS = {
     "LowerArm": ("UpperArm", _Y), "Hand": ("LowerArm", _Z),
     "UpperLeg": ("hips", _X), "LowerLeg": ("UpperLeg", _X), "Foot": ("LowerLeg", _X), "Toes": ("Foot", _X),
@@ -80,6 +81,7 @@ def calibrate_rest(skeleton: Skeleton, names: Mapping[str, str], rotations: Arra
         turns = _find_turns(_Lines(joints, points, tpoints, since), _LEAST_OF_MANY)
     if not turns:
         return skeleton
+    turns |= {ours: turns[holder] for ours, holder in _name_holders(joints).items() if holder in turns}
     corrected = rest.copy()
     for ours, turn in turns.items():
         corrected[joints[ours]] = quat_multiply(quat_conjugate(turn), rest[joints[ours]])
@@ -118,6 +120,17 @@ def _find_turns(lines: _Lines, least: float) -> dict[str, Array]:
         if turn is not None:
             found[ours] = turn
             lines.since[ours] = quat_multiply(lines.since[ours], turn)
+    return found
+
+
+def _name_holders(joints: Mapping[str, int]) -> dict[str, str]:
+    """Our name → the name of what holds it, for joints that no line tells of: else a hand is set right without its thumb."""
+    found = {}
+    for ours in joints:
+        side = next((s for s in ("left", "right") if ours.startswith(s)), "")
+        holder = next((held for part, held in _HELD.items() if ours.removeprefix(side).startswith(part)), None)
+        if holder is not None:
+            found[ours] = holder if holder == "head" else side + holder
     return found
 
 

@@ -45,6 +45,7 @@ skeleton = find_skeleton  # by its name, as in `cospeech.motion.skeletons.SKELET
 _AIMED = ("UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Thumb", "Index", "Middle", "Ring", "Little")
 _SPINE = ("spine", "chest", "upperChest")
 _FINGERS = ("Index", "Middle", "Ring", "Little")
+_ROOTS = ("ThumbMetacarpal", *(f"{finger}Proximal" for finger in _FINGERS))
 _FAN, _WIDE = np.radians((15.0, 40.0))  # from index to little in the T-pose; [ours]: of a hand at ease, of a spread one
 
 
@@ -183,6 +184,21 @@ class _Plan:
         return root
 
 
+def _is_stub(skeleton: Skeleton, joint: str, ours: str) -> bool:
+    """Is a whole finger one joint without length? It has no direction, and files turn it about itself by any angle."""
+    tip = skeleton.ends.get(joint)
+    return tip is not None and not any(tip) and ours.endswith(_ROOTS)
+
+
+def _drop_folds(aims: Mapping[str, Array]) -> dict[str, Array]:
+    """Directions of bones in the T-pose without the last ones of fingers that lie folded back on those before them.
+
+    There is no such hand: the file's tip lies on the wrong side of its joint.
+    """
+    above = {name: name.replace("Distal", "Proximal" if "Thumb" in name else "Intermediate") for name in aims}
+    return {name: aim for name, aim in aims.items() if not name.endswith("Distal") or aim @ aims.get(above[name], aim) >= 0}
+
+
 def _close_fans(aims: Mapping[str, Array]) -> dict[str, Array]:
     """Directions of bones in the T-pose, with those of widely spread fingers brought near to each other.
 
@@ -217,9 +233,11 @@ def _plan(a: _Key, b: _Key) -> _Plan:
         partner = {ours: name for ours, name in partner.items() if ours not in _SPINE or name != tops[0]}
         partner[tops[1]] = tops[0]  # type: ignore[index, assignment]
     source_rest, target_rest = (s.forward(s.rest, s.offsets[0])[1] for s in (source, target))
-    aims = _close_fans(directions(source, theirs)), _close_fans(directions(target, goal))
+    aims = tuple(_close_fans(_drop_folds(directions(s, n))) for s, n in ((source, theirs), (target, goal)))
     pairs, before = [], []
     for ours, name in partner.items():
+        if any(_is_stub(s, n[key], ours) for s, n, key in ((source, theirs, name), (target, goal, ours))):
+            continue
         j, k = target.index[goal[ours]], source.index[theirs[name]]
         change = quat_identity()
         if any(word in ours for word in _AIMED) and ours in aims[0] and ours in aims[1]:

@@ -47,11 +47,12 @@ def spoken(seconds: float = 3.2) -> Speech:
 
 
 def cut_with_words(speech: Speech, edges) -> list[Speech]:
-    """A word comes with the piece that it starts in."""
+    """A word comes with the piece that it starts in; times count from the first one."""
     bounds = [0, *edges, len(speech)]
+    said = [tuple(w for w in speech.words if a <= w.start * speech.rate < b) for a, b in pairwise(bounds)]
     return [
-        Speech(speech.samples[a:b], speech.rate, tuple(w for w in speech.words if a <= w.start * speech.rate < b))
-        for a, b in pairwise(bounds)
+        Speech(speech.samples[a:b], speech.rate, words, start=a / speech.rate)
+        for (a, b), words in zip(pairwise(bounds), said, strict=True)
     ]
 
 

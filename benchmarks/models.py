@@ -36,9 +36,9 @@ import numpy as np
 
 import cospeech
 from cospeech.audio.features.prosody import find_pauses
-from cospeech.corpora.synthetic.silences import add_silences
+from cospeech.corpora.synthetic.silences import cut_pieces
 from cospeech.corpora.synthetic.speech_splits import split_recordings
-from cospeech.corpora.synthetic.voices import pieces_of, recordings
+from cospeech.corpora.synthetic.voices import recordings
 from cospeech.metrics.beat_lift import LAGS, RATE, beat_lift, energy_envelope
 from cospeech.metrics.movement import Track, wrist_speeds
 from cospeech.models import MODELS, NETWORKS, SHIPPED, Model
@@ -93,9 +93,7 @@ def read_recordings(folder: Path) -> Iterable[cospeech.Speech]:
 def held_out(folder: Path, split: str, share: float) -> list[cospeech.Speech]:
     """Recordings of a split, in pieces, with a share of pauses put into them."""
     found = read_recordings(folder)
-    pieces = pieces_of(found if split == "all" else split_recordings(found)[split], PIECE)
-    long = [piece for piece in pieces if float(piece.duration) > PIECE / 2]
-    return [add_silences(piece, share, k) for k, piece in enumerate(long)]
+    return cut_pieces(found if split == "all" else split_recordings(found)[split], PIECE, share)
 
 
 def speeds(motion: cospeech.Motion) -> np.ndarray:

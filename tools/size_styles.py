@@ -15,21 +15,21 @@ of the wrists (m/s) in each style, in the rules and in the bundle.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cospeech.audio.speech import Speech
-from cospeech.corpora.synthetic.silences import add_silences
+from cospeech.corpora.synthetic.silences import cut_pieces
 from cospeech.corpora.synthetic.speakers import choose_speakers
-from cospeech.corpora.synthetic.voices import pieces_of, recordings
+from cospeech.corpora.synthetic.voices import recordings
 from cospeech.models import BUNDLE, SHIPPED, Model, load
 from cospeech.motion.motion import Motion
 from cospeech.motion.poses import find_pose
-from cospeech.runtime.bundles.bundle import pack_arrays, read_bundle, write_bundle
+from cospeech.runtime.bundles.bundle import Bundle, pack_arrays, read_bundle, write_bundle
 from cospeech.runtime.bundles.spec import STATISTICS, read_spec
 
 SPEAKERS, SEED = 8, 0  # as tools/build_weights.py
@@ -38,29 +38,17 @@ ROUNDS = 3
 STEP = 0.8  # exponent of the ratio of speeds: a hold makes slow hands slower still, so the whole ratio would be too much
 LEAST, MOST = 0.4, 1.6  # times as large as it was; further out, arms go where no recording has them
 SIDES = ("left", "right")
-FILES = {"holds": True, "beat_alignment": True}
 
 
-@dataclass
-class Part:
-    """Arrays of the statistics that are multiplied, and how motion is made with them."""
-
-    array: str
-    options: dict[str, Any]
+def name_arrays(bundle: Bundle) -> list[str]:
+    """The arrays of a bundle's statistics that are sized: for files, and then for streams where another network plays them."""
+    known = bundle.arrays(STATISTICS)
+    return [name for name in ("speaker_std", "style_gain", "live_style_gain") if name in known]
 
 
-def parts_of(name: str) -> list[Part]:
-    """What is sized in a bundle."""
-    if name == "stylised-flow":
-        return [Part("speaker_std", FILES)]
-    offline = Part("style_gain", FILES | ({"look_ahead": np.inf} if name == "chain-of-generation" else {}))
-    return [offline, Part("live_style_gain", {})] if name == "chain-of-generation" else [offline]
-
-
-def read_pieces(folder: Path) -> list[Speech]:
-    """Pieces of the recordings of a folder, with pauses put into them."""
-    long = [piece for piece in pieces_of(recordings(folder), PIECE) if float(piece.duration) > PIECE / 2]
-    return [add_silences(piece, SHARE, k) for k, piece in enumerate(long)]
+def options_of(array: str, model: Model) -> Mapping[str, Any]:
+    """How a model plays what an array bears on."""
+    return {} if array.startswith("live") else model.for_files
 
 
 def wrist_speeds(motion: Motion) -> np.ndarray:
@@ -70,32 +58,33 @@ def wrist_speeds(motion: Motion) -> np.ndarray:
     return np.linalg.norm(ways, axis=-1).mean(0) * motion.fps
 
 
-def measure(model: Model, styles: Sequence[object], pieces: Sequence[Speech], options: dict[str, Any]) -> np.ndarray:
+def measure(model: Model, styles: Sequence[object], pieces: Sequence[Speech], options: Mapping[str, Any]) -> np.ndarray:
     """(S, 2) mean speeds of the wrists in each style, m/s."""
-    options = {"parts": ("body", "hands"), "emotion": "neutral"} | options
+    options = {"parts": ("body", "hands"), "emotion": "neutral", **options}
     return np.array([
         np.mean([wrist_speeds(model.generate(piece, style=style, seed=k, **options)) for k, piece in enumerate(pieces)], 0)
         for style in styles
     ])  # fmt: skip
 
 
-def size(path: Path, name: str, wanted: np.ndarray, names: Sequence[str], pieces: Sequence[Speech], out: Path) -> None:
+def size(path: Path, wanted: np.ndarray, names: Sequence[str], pieces: Sequence[Speech], out: Path) -> None:
     """Write the bundle with sized styles."""
     bundle = read_bundle(path)
     bones = [number.split(".")[0] for number in find_pose(read_spec(bundle).pose).names]
     columns = [np.array([bone.startswith(side) for bone in bones]) for side in SIDES]
     manifest = {key: value for key, value in bundle.manifest.items() if key not in ("members", "format")}
-    for part in parts_of(name):
-        first = bundle.arrays(STATISTICS)[part.array]
+    for array in name_arrays(bundle):
+        first = bundle.arrays(STATISTICS)[array]
         factors = np.ones_like(wanted)
         for turn in range(ROUNDS):
             write_bundle(out, manifest, bundle.members)
-            found = measure(load(out), names, pieces, part.options)
-            print(f"{part.array}, round {turn}: {compare(wanted, found)}", flush=True)
+            model = load(out)
+            found = measure(model, names, pieces, options_of(array, model))
+            print(f"{array}, round {turn}: {compare(wanted, found)}", flush=True)
             factors = (factors * (wanted / found) ** STEP).clip(LEAST, MOST)
             arrays = dict(bundle.arrays(STATISTICS))
             gains = [factors[:, k : k + 1] ** own for k, own in enumerate(columns)]
-            arrays[part.array] = (first * gains[0] * gains[1]).astype(np.float32)
+            arrays[array] = (first * gains[0] * gains[1]).astype(np.float32)
             bundle = replace(bundle, members={**bundle.members, STATISTICS: pack_arrays(arrays)})
     write_bundle(out, manifest, bundle.members)
 
@@ -114,15 +103,16 @@ def main() -> None:
     parser.add_argument("--check", action="store_true", help="measure --out on the other pieces of the speech")
     chosen = parser.parse_args()
     path = SHIPPED / f"{chosen.name}{BUNDLE}"
-    out, pieces = chosen.out or path, read_pieces(chosen.speech)[chosen.check :: 2]
+    out, pieces = chosen.out or path, cut_pieces(recordings(chosen.speech), PIECE, SHARE)[chosen.check :: 2]
     people = choose_speakers(SPEAKERS, SEED)
     wanted = measure(load("rules"), [person.style for person in people], pieces, {})
     names = [person.name for person in people]
     if not chosen.check:
-        size(path, chosen.name, wanted, names, pieces, out)
+        size(path, wanted, names, pieces, out)
         return
-    for part in parts_of(chosen.name):
-        print(f"{part.array}: {compare(wanted, measure(load(out), names, pieces, part.options))}")
+    model = load(out)
+    for array in name_arrays(read_bundle(out)):
+        print(f"{array}: {compare(wanted, measure(model, names, pieces, options_of(array, model)))}")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from ..errors import InputError, guess
+from ..errors import InputError, nearest
 from ..files import read_regular
 from ..limits import EMOTION_BYTES, EMOTION_ROWS, PLAUSIBLE_SECONDS
 from ..motion.named_numbers import read_number
@@ -135,8 +135,7 @@ def suggest_emotion(word: str, known: Iterable[str]) -> str:
     >>> suggest_emotion("joy", ["neutral", "happiness"])
     "did you mean 'happiness'? known: neutral, happiness"
     """
-    names = list(known)
-    return f"{guess(_ALIKE.get(word.lower(), word), names)}known: {', '.join(names)}"
+    return nearest(_ALIKE.get(word.lower(), word), known)
 
 
 def emotion_track(emotion: object) -> Moods | None:

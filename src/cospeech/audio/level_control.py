@@ -2,8 +2,8 @@
 
 Networks are trained on speech of usual levels. Quiet speech, such as that of a far microphone, makes them move less: at 24 dB
 less, the hands of the three that ship move .59 to .77 times as fast. So the level of loud syllables is followed, and a gain
-brings it up. Speech of usual levels keeps its bits. Each row's gain follows from the rows up to it: a stream has the gains of
-the whole.
+brings it up. Speech of usual levels keeps its bits, but for its first syllable. Each row's gain follows from the rows up to it:
+a stream has the gains of the whole.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class LevelControl:
 
     >>> control = LevelControl(20)
     >>> loud, voice = np.full(40, -15.0), np.ones(40)
-    >>> control.follow(loud, voice).max(), control.follow(loud - 400, 0 * voice).max()
+    >>> float(control.follow(loud, voice)[-1]), float(control.follow(loud - 400, 0 * voice).max())
     (0.0, 0.0)
     """
 

@@ -9,9 +9,9 @@ from math import inf
 
 import numpy as np
 
-from .speech import Samples, Speech, SpeechSource, Word, count_frames
+from .speech import Samples, Speech, SpeechSource, Word, count_frames, shift_times
 
-__all__ = ["MOST_AT_ONCE", "find_origin", "speech_chunks"]
+__all__ = ["MOST_AT_ONCE", "PieceTimes", "speech_chunks"]
 
 MOST_AT_ONCE = 8.0
 """Seconds of speech that are played in one go when there is plenty to do [ours]. More take memory and save little time."""
@@ -36,24 +36,25 @@ def speech_chunks(source: SpeechSource, tail: Fraction = Fraction(0)) -> Iterato
         yield _chunk(held, source, at, source.duration + tail - at, words, last=True)
 
 
-def find_origin(piece: Speech, origin: float | None, heard: float) -> float:
-    """What the times of a piece of a stream count from, so that `shift_times` brings it and its words to their place.
+class PieceTimes:
+    """Counts the times of pieces of a stream, and of their words, from the beginning of the stream.
 
     Pieces whose starts follow each other count from one origin. A piece whose start is elsewhere counts by itself, such as
     one that a text-to-speech begins at 0.
 
-    >>> pieces = [Speech(np.zeros(1600, np.float32), start=start) for start in (4.0, 4.1, 0.0)]
-    >>> find_origin(pieces[0], None, 0.0), find_origin(pieces[1], 4.0, 0.1), find_origin(pieces[2], 4.0, 0.25)
-    (4.0, 4.0, -0.25)
-
-    Args:
-        piece: what comes next.
-        origin: of the piece before, in seconds; None where there was none.
-        heard: seconds of sound before the piece.
+    >>> pieces, times = [Speech(np.zeros(1600, np.float32), start=start) for start in (4.0, 4.1, 0.0)], PieceTimes()
+    >>> [times.count(piece, heard).start for piece, heard in zip(pieces, (0.0, 0.1, 0.25), strict=True)][::2]
+    [0.0, 0.25]
     """
-    if origin is not None and abs(piece.start - origin - heard) < _SAME_TIME:
-        return origin
-    return piece.start - heard
+
+    def __init__(self) -> None:
+        self._origin: float | None = None  # of the piece before, seconds
+
+    def count(self, piece: Speech, heard: float) -> Speech:
+        """The next piece, with its times; ``heard``: seconds of sound before it."""
+        if self._origin is None or abs(piece.start - self._origin - heard) >= _SAME_TIME:
+            self._origin = piece.start - heard
+        return shift_times(piece, self._origin)
 
 
 def _silence(source: SpeechSource, seconds: Fraction) -> Iterator[Samples]:

@@ -15,8 +15,8 @@ from ..audio.event_detection import EventDetector
 from ..audio.features.at_16_khz import At16kHz, HeldSamples
 from ..audio.features.mel import RATE as SAMPLE_RATE
 from ..audio.features.shared_prosody import SharedProsody
-from ..audio.speech import Speech, Word, count_frames, shift_times
-from ..audio.speech_chunks import MOST_AT_ONCE, find_origin
+from ..audio.speech import Speech, Word, count_frames
+from ..audio.speech_chunks import MOST_AT_ONCE, PieceTimes
 from ..audio.voice_emotion import LOOKS
 from ..errors import InputError
 from ..face.composition import Face
@@ -102,7 +102,7 @@ class Session(SessionControls):
         self.gestures: deque[Gesture] = deque()
         """Strokes in the order of planning: those to come, and those that ended in the last five minutes (`KEPT`)."""
         self._sound, self._held = At16kHz(), HeldSamples()
-        self._origin: float | None = None
+        self._times = PieceTimes()
         self._words: list[Word] = []
         self._ticks = 0
         self._frame = 0
@@ -188,8 +188,7 @@ class Session(SessionControls):
         self._make(self.planned_until)  # what the piece before has left
         heard = float(self._sound.duration)
         samples = self._sound.push(chunk)
-        self._origin = find_origin(chunk, self._origin, heard)
-        words: Sequence[Word] | None = shift_times(chunk, self._origin).words
+        words: Sequence[Word] | None = self._times.count(chunk, heard).words
         if self._played is not None:
             words = self._played.words.hear(words, float(self._sound.duration))
         self._words.extend(words or ())

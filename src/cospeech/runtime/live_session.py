@@ -22,8 +22,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..audio.features.mel import RATE
-from ..audio.speech import Speech, count_frames, shift_times
-from ..audio.speech_chunks import find_origin
+from ..audio.speech import Speech, count_frames
+from ..audio.speech_chunks import PieceTimes
 from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.rotations import Array, quat_continuous
@@ -87,7 +87,7 @@ class LiveSession:
         self._idle: IdleSource | None = None
         self._waits, self._before = False, deque[Speech]()  # for sound that is not silent; the silence until then
         self._fed = False  # whether this utterance has sound
-        self._counts_from: float | None = None  # see `find_origin`, on the clock
+        self._times = PieceTimes()  # on the clock
         self._time = self._quiet = Fraction(0)
         self._made = self._given = 0  # frames
         self._ready, self._past = deque[Motion](), deque[Motion]()
@@ -134,8 +134,7 @@ class LiveSession:
                 raise InputError("samples without a rate", "session.push(samples, 24000)")
             speech = Speech(np.asarray(sound), rate, start=float(self._time))
         check_speech(speech)
-        self._counts_from = find_origin(speech, self._counts_from, float(self._time))
-        for piece in in_short(shift_times(speech, self._counts_from)):
+        for piece in in_short(self._times.count(speech, float(self._time))):
             self._hear(piece)
         return self._next_frames()
 

@@ -19,8 +19,8 @@ from ..audio.emotions import Moods, emotion_track
 from ..audio.event_detection import TICK
 from ..audio.features.mel import RATE as SAMPLE_RATE
 from ..audio.features.shared_prosody import SharedProsody
-from ..audio.speech import Speech, count_frames, shift_times
-from ..audio.speech_chunks import find_origin
+from ..audio.speech import Speech, count_frames
+from ..audio.speech_chunks import PieceTimes
 from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.part_joints import eye_joints, resting_joints, select_parts
@@ -130,8 +130,7 @@ class TrainedSession:
         self._ready: deque[list[Motion]] = deque()
         self._duration, self._frame = Fraction(0), 0
         self._rate: int | None = None
-        self._origin: float | None = None
-        self._over = False
+        self._times, self._over = PieceTimes(), False
 
     @property
     def emotion(self) -> dict[str, float]:
@@ -244,8 +243,7 @@ class TrainedSession:
     def push_takes(self, chunk: Speech) -> Iterator[list[Motion]]:
         """As `push`, of every take."""
         self._check(chunk)
-        self._origin = find_origin(chunk, self._origin, float(self._duration))
-        for piece in in_short(shift_times(chunk, self._origin)):
+        for piece in in_short(self._times.count(chunk, float(self._duration))):
             self._duration += piece.duration
             self._hear(piece)
         return self._next_frames()

@@ -30,7 +30,11 @@ class SpeechFrontend:
         self._system = system
         self._controls = Crossfade(_row(controls), system.fps)
         self._features = open_features(system.audio, system.fps)
-        self._level = LevelControl(system.fps) if has_levels(system.audio) else None
+        self._level: LevelControl | None = None
+        if has_levels(system.audio):
+            names = audio_columns(system.audio)
+            self._level, self._heard_by = LevelControl(system.fps), [names.index("energy"), names.index("voicing")]
+            self._per_decibel = np.array(louder(system.audio)) / 10
         self._unheard = reduce_audio(_hear_silence(system.audio, system.fps), system.audio)
         self._silence = self._standard(self._unheard)
         self._given = 0
@@ -77,16 +81,13 @@ class SpeechFrontend:
 
     def _raise(self, columns: Array) -> Array:
         """(T, C) columns → (T, A) reduced; quiet speech is raised to a usual level, silence stays silence."""
-        audio = self._system.audio
-        rows = reduce_audio(columns, audio)
+        rows = reduce_audio(columns, self._system.audio)
         if self._level is None:
             return rows
-        energy, voicing = (columns[:, audio_columns(audio).index(name)] for name in ("energy", "voicing"))
-        gains = self._level.follow(energy, voicing)
+        gains = self._level.follow(*columns[:, self._heard_by].T)
         if not gains.any():
             return rows
-        rise = gains[:, None] * (np.array(louder(audio)) / 10)
-        return rows + np.minimum(rise, np.maximum(rows - self._unheard, 0)).astype(np.float32)
+        return rows + np.minimum(gains[:, None] * self._per_decibel, np.maximum(rows - self._unheard, 0)).astype(np.float32)
 
     def _standard(self, rows: Array) -> Array:
         """(T, A) rows as the network hears them; sounds louder or softer than any it has heard are as those."""

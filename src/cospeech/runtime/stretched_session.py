@@ -10,8 +10,8 @@ from fractions import Fraction
 
 import numpy as np
 
-from ..audio.speech import Speech, shift_times
-from ..audio.speech_chunks import find_origin
+from ..audio.speech import Speech
+from ..audio.speech_chunks import PieceTimes
 from ..errors import CospeechWarning, InputError
 from ..motion.motion import Motion
 from ..motion.rotations import Array
@@ -61,8 +61,7 @@ class StretchedSession:
             start(replace(own, style=style))  # it complains now, not in the middle of the speech
         self._waiting: list[list[Motion]] = [[] for _ in seeds]
         self._switch, self._time, self._fps = MotionSwitch(), Fraction(0), options.fps
-        self._words = PlannedWords(plan.speech_words)
-        self._origin: float | None = None
+        self._words, self._times = PlannedWords(plan.speech_words), PieceTimes()
 
     emotion = property(lambda self: self._first.emotion, doc="See `TrainedSession.emotion`.")
     expression = property(lambda self: self._first.expression, doc="See `TrainedSession.expression`.")
@@ -104,8 +103,7 @@ class StretchedSession:
         """See `TrainedSession.push_takes`."""
         check_speech(chunk)
         end = self._time + chunk.duration
-        self._origin = find_origin(chunk, self._origin, float(self._time))
-        chunk = shift_times(chunk, self._origin)
+        chunk = self._times.count(chunk, float(self._time))
         words = self._words.hear(chunk.words, float(end))
         chunk = chunk if words is chunk.words else replace(chunk, words=tuple(words or ()))
         while self._settings and self._settings[0][0] < end:

@@ -5,6 +5,7 @@ Recordings that are read aloud have hardly a pause of a second. People who talk 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from fractions import Fraction
 
@@ -13,8 +14,9 @@ import numpy as np
 from ...audio.features.mel import RATE
 from ...audio.features.prosody import FPS, analyse, find_pauses
 from ...audio.speech import Speech, Word
+from .voices import pieces_of
 
-__all__ = ["add_silences"]
+__all__ = ["add_silences", "cut_pieces"]
 
 _GAP = (1.0, 4.0)  # s; [ours] longer than the .6 s after which the rules' hands come to rest
 _EDGE = (0.4, 2.5)  # s, before and after the speech; [ours]
@@ -46,6 +48,12 @@ def add_silences(speech: Speech, share: float, seed: int) -> Speech:
         if sum(each for _, each in kept) + long <= wanted + _GAP[0]:
             kept.append((at, long))
     return _insert(speech, sorted(kept), room, rng)
+
+
+def cut_pieces(speeches: Iterable[Speech], seconds: float, share: float) -> list[Speech]:
+    """Pieces of speeches at 16 kHz (`voices.pieces_of`) that last half of ``seconds`` at least, a share of silence in each."""
+    long = [piece for piece in pieces_of(speeches, seconds) if float(piece.duration) > seconds / 2]
+    return [add_silences(piece, share, k) for k, piece in enumerate(long)]
 
 
 def _insert(speech: Speech, gaps: list[tuple[float, float]], room: float, rng: np.random.Generator) -> Speech:

@@ -154,7 +154,7 @@ class Scene:
 
 
 def _list_corners(seen: _Seen) -> raster.Indices:
-    """(3, N) vertices of the triangles that are seen in a seen."""
+    """(3, N) vertices of the triangles that a picture shows."""
     shown = np.zeros(seen.corners.shape[1], bool)
     shown[seen.points.triangle] = shown[seen.points.sampled] = True
     return pick(seen.corners, np.flatnonzero(shown), 1)

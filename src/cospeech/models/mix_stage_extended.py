@@ -14,6 +14,7 @@ what is left, the distance to one recording, is least for the mean of all motion
            └─► G₁ … G_M ──────────────────────────────┴─► Ŷ of L_adv and L_id, which then reach H too
 
     stroke_timing     ℓ_T = 1 − r of the logarithms of the speeds of Ŷ and of the recording, without what changes over 2 s
+    manner            a second Eˢₚ, which learns from recordings, names the speaker of Ŷ. It does not see mean and size of poses
 
 What each does for the motion: docs/models/mix_stage.md, "Added".
 """
@@ -28,6 +29,7 @@ from torch import Tensor, nn
 from .mix_stage import MixStage, MixStageConfig
 from .nn.adversarial_losses import ADVERSARIAL_LOSSES
 from .nn.gumbel import smooth_gumbel
+from .nn.manner import MannerClassifier
 from .nn.mixture import mix
 from .nn.objective import Batch
 from .nn.pose_discriminator import PoseDiscriminator
@@ -51,9 +53,12 @@ class MixStageExtendedConfig(MixStageConfig):
     that makes takes differ, drawn for so long a time. [ours]; 0: of those that L_rec is of."""
     stroke_timing: float = 0.0
     """Weight of how little the speed of the poses of L_adv rises and falls when the recorded one does. [ours]"""
+    manner: float = 0.0
+    """Weight of how little the poses of L_adv move in the manner of their speaker (models/nn/manner.py). [ours]"""
 
     def __post_init__(self) -> None:
-        check_least(self, "an extended Mix-StAGE", dict.fromkeys(("reconstruction", "persistence", "stroke_timing"), 0))
+        weights = ("reconstruction", "persistence", "stroke_timing", "manner")
+        check_least(self, "an extended Mix-StAGE", dict.fromkeys(weights, 0))
 
 
 class MixStageExtended(MixStage):
@@ -66,6 +71,10 @@ class MixStageExtended(MixStage):
 
     Config = MixStageExtendedConfig
     config: MixStageExtendedConfig
+
+    def __init__(self, config: MixStageExtendedConfig, *, pose: int, audio: int, speakers: int) -> None:
+        super().__init__(config, pose=pose, audio=audio, speakers=speakers)
+        self.manner = MannerClassifier(pose, 2 * config.channels, speakers) if config.manner else None
 
     def _make_discriminator(self) -> nn.Module:
         if not self.config.pose_discriminator:
@@ -96,8 +105,11 @@ class MixStageExtended(MixStage):
         return terms
 
     def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """As of the paper, L_rec and L_joint weighted, and ``stroke_timing``."""
+        """As of the paper, L_rec and L_joint weighted, ``stroke_timing`` and ``manner``."""
         self._shared_forward = decoded = self._decode_batch(batch, step)
         terms, weight = super().generator_loss(batch, step), self.config.reconstruction
         terms = {name: weight * term if name in ("rec", "joint") else term for name, term in terms.items()}
+        if self.manner is not None:
+            terms["manner_recorded"], named = self.manner.losses(batch["pose"].mT, decoded.judged, batch["speaker"])
+            terms["manner"] = self.config.manner * named
         return terms | timing_term(self.config.stroke_timing, decoded.judged, batch["pose"].mT)

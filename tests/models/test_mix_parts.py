@@ -8,7 +8,6 @@ torch = pytest.importorskip("torch", reason="networks need torch (the train extr
 
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.nn.content import AudioContent, PoseContent, StyleLogits  # noqa: E402
-from cospeech.models.nn.manner import MannerClassifier  # noqa: E402
 from cospeech.models.nn.mixture import ModeLogits, SubGenerators, mix, one_hot_priors  # noqa: E402
 from cospeech.models.nn.patch import PatchDiscriminator, velocity  # noqa: E402
 from cospeech.models.nn.unet1d import UNet1d  # noqa: E402
@@ -114,47 +113,3 @@ def test_patches_of_64_frames_are_12_and_no_score_sees_all():
 def test_sizes_of_parts(make, count):
     with torch.device("meta"):
         assert sum(value.numel() for value in make().parameters()) == count
-
-
-def test_manner_is_blind_to_mean_and_size_and_sees_which_parts_move_together():
-    torch.manual_seed(0)
-    net, pose = MannerClassifier(4, 8, 3), walk(2, 4, 64).cumsum(2)
-    size = torch.tensor([0.5, 1.0, 2.0, 4.0]).view(1, 4, 1)
-    with torch.no_grad():
-        plain = net(pose)
-        assert plain.shape == (2, 3)
-        same = (net(size * pose + 7 * size) - plain).abs().max()  # not 0: numbers that hardly vary count as still
-        others = [(net(other) - plain).abs().max() for other in (pose.flip(1), pose[:, :, ::2].repeat_interleave(2, 2))]
-        assert min(others) > 20 * same
-        assert torch.isfinite(net(torch.zeros(1, 4, 64))).all()
-
-
-def test_manner_learns_from_recordings_alone_and_moves_what_is_generated():
-    torch.manual_seed(0)
-    net, recorded, speaker = MannerClassifier(4, 8, 3), walk(3, 4, 64).cumsum(2), torch.arange(3)
-    made = walk(3, 4, 64, seed=1).cumsum(2).requires_grad_()
-    first, second = net.losses(recorded, made, speaker)
-    second.backward(retain_graph=True)
-    assert all(value.grad is None for value in net.parameters())
-    assert made.grad.abs().amax() > 0
-    first.backward()
-    assert all(value.grad.abs().max() > 0 for value in net.parameters())
-
-
-def test_manner_tells_two_kinds_of_movement_apart():
-    """The same numbers, in the same range; in one kind the second follows the first, in the other it goes against it."""
-    torch.manual_seed(0)
-    net, kinds = MannerClassifier(2, 8, 2), torch.tensor([1.0, -1.0]).repeat(16)
-
-    def draw(seed: int):
-        steps = walk(32, 1, 64, seed=seed).cumsum(2)
-        return torch.cat([steps, kinds.view(-1, 1, 1) * steps + 0.1 * walk(32, 1, 64, seed=seed + 1)], 1)
-
-    learner = torch.optim.Adam(net.parameters(), 3e-3)
-    for step in range(60):
-        learner.zero_grad()
-        pose = draw(2 * step)
-        net.losses(pose, pose, (kinds < 0).long())[0].backward()
-        learner.step()
-    with torch.no_grad():
-        assert (net(draw(1001)).argmax(1) == (kinds < 0)).float().mean() > 0.9

@@ -9,13 +9,14 @@ off by default:
     motion_statistics            ℓ_M = |m(P) − m(P*)|₁, m: mean pose, and deviations of pose, velocity, acceleration
     speed_envelope               ℓ_V = |v(P) − v(P*)|² / |v(P*)|², v: how fast the pose changes, over 0.2 s
     stroke_timing                ℓ_T = 1 − r of the logarithms of v(P) and v(P*), without what changes over 2 s
+    manner                       ℓ_C = CCE of a classifier that names P's speaker, and sees neither mean nor size of poses
     speech_swap                  clips that are played to the speech of another clip, in the style of their own labels
     word_dropout, seed_dropout   clips without words, without seed poses: what may be missing when it plays
     label_conditioning           clips with the style of their labels: style and emotion may be given when it plays
     face_teacher_forcing         clips with their recorded face: a face may be given when it plays
     gain_augmentation            louder or softer speech: the level of a microphone says nothing about the emotion
 
-    ℓ = equation 9 + λ_M ℓ_M + λ_V ℓ_V + λ_T ℓ_T + λ_D (D(P) − 1)²
+    ℓ = equation 9 + λ_M ℓ_M + λ_V ℓ_V + λ_T ℓ_T + λ_C ℓ_C + λ_D (D(P) − 1)²
     D minimises (D(P*) − 1)² + D(P)² + D(P*, speech of another clip)²
 
 What each does for the motion: docs/models/chain_of_generation.md, "Added".
@@ -37,6 +38,7 @@ from .nn.adversarial_losses import ADVERSARIAL_LOSSES
 from .nn.cascade import EMOTIONS, CascadeOutput
 from .nn.gain_augmentation import GainAugmentation
 from .nn.gumbel import smooth_gumbel
+from .nn.manner import MannerClassifier
 from .nn.motion_statistics_loss import motion_statistics
 from .nn.objective import Batch, Objective
 from .nn.patch import PATCH_FRAMES
@@ -74,6 +76,8 @@ class ChainExtendedConfig(ChainConfig):
     stroke_timing: float = 0.0
     """Weight of how little the speed of a clip's poses rises and falls when the recorded one does. It says nothing of the size
     and form of strokes. [ours]"""
+    manner: float = 0.0
+    """Weight of how little a clip moves in the manner of its speaker (models/nn/manner.py). [ours]"""
     noise: int = 0
     """Numbers of smooth Gumbel noise that both decoders get at every frame, by which takes differ. [ours]"""
     persistence: float = 15.0
@@ -84,7 +88,7 @@ class ChainExtendedConfig(ChainConfig):
     """Of its first convolution. [ours]"""
 
     def __post_init__(self) -> None:
-        weights = ("motion_statistics", "speed_envelope", "stroke_timing", "adversarial")
+        weights = ("motion_statistics", "speed_envelope", "stroke_timing", "manner", "adversarial")
         check_least(self, "an extended Chain of Generation", dict.fromkeys(weights, 0))
 
 
@@ -131,7 +135,7 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         louder: Sequence[float] = (),
     ) -> None:  # fmt: skip
         check_least(config, "an extended Chain of Generation", {"discriminator_channels": 1, "noise": 0})
-        if config.adversarial > 0 and config.frames < PATCH_FRAMES:
+        if max(config.adversarial, config.manner) > 0 and config.frames < PATCH_FRAMES:
             raise InputError(f"clips of {config.frames} frames"[:200], f"{PATCH_FRAMES} at least to be judged")
         super().__init__(config, pose=pose, audio=audio, speakers=speakers, hands=hands, text=text)
         heard, adversarial = self.speech_encoder.inputs, config.adversarial > 0
@@ -140,6 +144,7 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         self.discriminator = (
             PoseDiscriminator(pose, heard, config.discriminator_channels, speakers, EMOTIONS) if adversarial else None
         )
+        self.manner = MannerClassifier(pose, 2 * config.discriminator_channels, speakers) if config.manner else None
         self._shared_forward: tuple[Batch, Turn] | None = None
 
     @classmethod
@@ -281,6 +286,8 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         if c.speed_envelope:
             terms["speed_envelope"] = c.speed_envelope * speed_distance(made.pose, wanted)
         terms |= timing_term(c.stroke_timing, made.pose, wanted)
+        if self.manner is not None:
+            terms |= self.manner.terms(c.manner, pose, made.pose, batch["speaker"])
         if self.discriminator is not None:
             terms["adv"] = c.adversarial * ADVERSARIAL_LOSSES["squares"].generator_loss(self._score(made.pose, turn.played))
         return terms

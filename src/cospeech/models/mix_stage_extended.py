@@ -110,6 +110,5 @@ class MixStageExtended(MixStage):
         terms, weight = super().generator_loss(batch, step), self.config.reconstruction
         terms = {name: weight * term if name in ("rec", "joint") else term for name, term in terms.items()}
         if self.manner is not None:
-            terms["manner_recorded"], named = self.manner.losses(batch["pose"].mT, decoded.judged, batch["speaker"])
-            terms["manner"] = self.config.manner * named
+            terms |= self.manner.terms(self.config.manner, batch["pose"].mT, decoded.judged, batch["speaker"])
         return terms | timing_term(self.config.stroke_timing, decoded.judged, batch["pose"].mT)

@@ -54,8 +54,10 @@ class MannerClassifier(nn.Module):
         logits: Tensor = self.out(torch.cat([h.mean(-1), (h.var(-1, correction=0) + _TINY).sqrt()], 1))
         return logits
 
-    def losses(self, recorded: Tensor, made: Tensor, speaker: Tensor) -> tuple[Tensor, Tensor]:
-        """Two cross entropies, of recorded and of generated (B, D, T) poses; the second does not move the classifier."""
+    def terms(self, weight: float, recorded: Tensor, made: Tensor, speaker: Tensor) -> dict[str, Tensor]:
+        """Of a loss: how little it knows the speakers of recorded poses (B, D, T), by which it learns, and ``weight`` times
+        that of generated ones, which does not move it."""
         frozen = {name: value.detach() for name, value in self.named_parameters()}
         named: Tensor = functional_call(self, frozen, (made,))
-        return F.cross_entropy(self(recorded), speaker), F.cross_entropy(named, speaker)
+        known = F.cross_entropy(self(recorded), speaker)
+        return {"manner_recorded": known, "manner": weight * F.cross_entropy(named, speaker)}

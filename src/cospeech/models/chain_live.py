@@ -23,6 +23,7 @@ from .chain_of_generation_extended import ChainExtendedConfig, ChainOfGeneration
 from .nn.cascade import Layers
 from .nn.channel_attention import PastAttention
 from .nn.objective import Batch, Objective
+from .nn.part_speeds import Parts
 from .nn.recurrent import Forwards
 from .nn.temporal import CausalConv, Memory
 
@@ -48,7 +49,7 @@ class ChainLive(ChainOfGenerationExtended):
 
     Args:
         config: sizes and weights.
-        pose, audio, speakers, hands, text, louder: as of `ChainOfGeneration`.
+        pose, audio, speakers, hands, text, louder, parts: as of `ChainOfGeneration`.
         teacher: a trained one; without it all is learnt of the recordings, the classifier first.
     """
 
@@ -57,11 +58,11 @@ class ChainLive(ChainOfGenerationExtended):
 
     def __init__(
         self, config: ChainLiveConfig, *, pose: int, audio: int, speakers: int, hands: Collection[int], text: int = 0,
-        louder: Sequence[float] = (), teacher: ChainOfGeneration | None = None,
+        louder: Sequence[float] = (), parts: Parts = (), teacher: ChainOfGeneration | None = None,
     ) -> None:  # fmt: skip
         if config.look_ahead < 1 or config.pooling_window < 2:
             raise InputError(f"a look-ahead of {config.look_ahead} frames, {config.pooling_window} pooled", "1 and 2 at least")
-        super().__init__(config, pose=pose, audio=audio, speakers=speakers, hands=hands, text=text, louder=louder)
+        super().__init__(config, pose=pose, audio=audio, speakers=speakers, hands=hands, text=text, louder=louder, parts=parts)
         self.delay, self.teacher = config.look_ahead, teacher
         if teacher is not None:
             if (teacher.pose, teacher.audio, teacher.styles, teacher.modes) != (pose, self.audio, self.styles, self.modes):

@@ -9,6 +9,8 @@ off by default:
     motion_statistics            ℓ_M = |m(P) − m(P*)|₁, m: mean pose, and deviations of pose, velocity, acceleration
     speed_envelope               ℓ_V = |v(P) − v(P*)|² / |v(P*)|², v: how fast the pose changes, over 0.2 s
     stroke_timing                ℓ_T = 1 − r of the logarithms of v(P) and v(P*), without what changes over 2 s
+    speed_distribution           ℓ_W = W₁ of the distributions of the logarithms of v, of each part of the body
+    part_timing                  ℓ_P: ℓ_T of each part of the body, the mean
     manner                       ℓ_C = CCE of a classifier that names P's speaker, and sees neither mean nor size of poses
     speech_swap                  clips that are played to the speech of another clip, in the style of their own labels
     word_dropout, seed_dropout   clips without words, without seed poses: what may be missing when it plays
@@ -16,7 +18,7 @@ off by default:
     face_teacher_forcing         clips with their recorded face: a face may be given when it plays
     gain_augmentation            louder or softer speech: the level of a microphone says nothing about the emotion
 
-    ℓ = equation 9 + λ_M ℓ_M + λ_V ℓ_V + λ_T ℓ_T + λ_C ℓ_C + λ_D (D(P) − 1)²
+    ℓ = equation 9 + λ_M ℓ_M + λ_V ℓ_V + λ_T ℓ_T + λ_W ℓ_W + λ_P ℓ_P + λ_C ℓ_C + λ_D (D(P) − 1)²
     D minimises (D(P*) − 1)² + D(P)² + D(P*, speech of another clip)²
 
 What each does for the motion: docs/models/chain_of_generation.md, "Added".
@@ -41,6 +43,7 @@ from .nn.gumbel import smooth_gumbel
 from .nn.manner import MannerClassifier
 from .nn.motion_statistics_loss import motion_statistics
 from .nn.objective import Batch, Objective
+from .nn.part_speeds import Parts, part_terms
 from .nn.patch import PATCH_FRAMES
 from .nn.pose_discriminator import PoseDiscriminator
 from .nn.settings import check_least
@@ -76,6 +79,10 @@ class ChainExtendedConfig(ChainConfig):
     stroke_timing: float = 0.0
     """Weight of how little the speed of a clip's poses rises and falls when the recorded one does. It says nothing of the size
     and form of strokes. [ours]"""
+    speed_distribution: float = 0.0
+    """Weight of how far the distribution of speeds of each part of the body is from the recorded one. [ours]"""
+    part_timing: float = 0.0
+    """Weight of how little each part of the body moves when it moves in the recording. [ours]"""
     manner: float = 0.0
     """Weight of how little a clip moves in the manner of its speaker (models/nn/manner.py). [ours]"""
     noise: int = 0
@@ -88,8 +95,9 @@ class ChainExtendedConfig(ChainConfig):
     """Of its first convolution. [ours]"""
 
     def __post_init__(self) -> None:
-        weights = ("motion_statistics", "speed_envelope", "stroke_timing", "manner", "adversarial")
-        check_least(self, "an extended Chain of Generation", dict.fromkeys(weights, 0))
+        weights = ("motion_statistics", "speed_envelope", "stroke_timing", "adversarial")
+        more = ("speed_distribution", "part_timing", "manner")
+        check_least(self, "an extended Chain of Generation", dict.fromkeys((*weights, *more), 0))
 
 
 class Turn(NamedTuple):
@@ -122,6 +130,7 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         config: sizes and weights.
         pose, audio, speakers, hands, text: as of `ChainOfGeneration`.
         louder: (A,) by how much each number of speech grows with 10 dB, for ``gain_augmentation``.
+        parts: columns of each part of the body, for ``speed_distribution`` and ``part_timing``.
 
     Raises:
         InputError: sizes that do not fit each other.
@@ -132,14 +141,14 @@ class ChainOfGenerationExtended(ChainOfGeneration):
 
     def __init__(
         self, config: ChainExtendedConfig, *, pose: int, audio: int, speakers: int, hands: Collection[int], text: int = 0,
-        louder: Sequence[float] = (),
+        louder: Sequence[float] = (), parts: Parts = (),
     ) -> None:  # fmt: skip
         check_least(config, "an extended Chain of Generation", {"discriminator_channels": 1, "noise": 0})
         if max(config.adversarial, config.manner) > 0 and config.frames < PATCH_FRAMES:
             raise InputError(f"clips of {config.frames} frames"[:200], f"{PATCH_FRAMES} at least to be judged")
         super().__init__(config, pose=pose, audio=audio, speakers=speakers, hands=hands, text=text)
         heard, adversarial = self.speech_encoder.inputs, config.adversarial > 0
-        self.modes = config.noise
+        self.modes, self.parts = config.noise, parts or [range(pose)]
         self.gain_augmentation = GainAugmentation(config.gain_augmentation, heard, louder)
         self.discriminator = (
             PoseDiscriminator(pose, heard, config.discriminator_channels, speakers, EMOTIONS) if adversarial else None
@@ -149,8 +158,10 @@ class ChainOfGenerationExtended(ChainOfGeneration):
 
     @classmethod
     def dimensions_for(cls, config: ChainExtendedConfig) -> tuple[str, ...]:
-        """With what is louder in loud speech, where its gain is changed."""
-        return (*cls.dimensions, "louder") if config.gain_augmentation > 0 else cls.dimensions
+        """With what is louder in loud speech, where its gain is changed, and the parts of the body, where a term is of them."""
+        louder = ("louder",) if config.gain_augmentation > 0 else ()
+        parts = ("parts",) if config.speed_distribution or config.part_timing else ()
+        return (*cls.dimensions, *louder, *parts)
 
     @property
     def extra_width(self) -> int:
@@ -286,6 +297,8 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         if c.speed_envelope:
             terms["speed_envelope"] = c.speed_envelope * speed_distance(made.pose, wanted)
         terms |= timing_term(c.stroke_timing, made.pose, wanted)
+        terms |= part_terms(c.speed_distribution, 0.0, made.pose, pose, self.parts)
+        terms |= part_terms(0.0, c.part_timing, made.pose, wanted, self.parts)
         if self.manner is not None:
             terms |= self.manner.terms(c.manner, pose, made.pose, batch["speaker"])
         if self.discriminator is not None:

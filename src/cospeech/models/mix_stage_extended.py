@@ -14,6 +14,8 @@ what is left, the distance to one recording, is least for the mean of all motion
            └─► G₁ … G_M ──────────────────────────────┴─► Ŷ of L_adv and L_id, which then reach H too
 
     stroke_timing     ℓ_T = 1 − r of the logarithms of the speeds of Ŷ and of the recording, without what changes over 2 s
+    speed_distribution, part_timing
+                      how much of the time each part of the body rests, and when it moves (models/nn/part_speeds.py)
     manner            a second Eˢₚ, which learns from recordings, names the speaker of Ŷ. It does not see mean and size of poses
 
 What each does for the motion: docs/models/mix_stage.md, "Added".
@@ -32,6 +34,7 @@ from .nn.gumbel import smooth_gumbel
 from .nn.manner import MannerClassifier
 from .nn.mixture import mix
 from .nn.objective import Batch
+from .nn.part_speeds import Parts, part_terms
 from .nn.pose_discriminator import PoseDiscriminator
 from .nn.settings import check_least
 from .nn.speed_distance import timing_term
@@ -53,11 +56,15 @@ class MixStageExtendedConfig(MixStageConfig):
     that makes takes differ, drawn for so long a time. [ours]; 0: of those that L_rec is of."""
     stroke_timing: float = 0.0
     """Weight of how little the speed of the poses of L_adv rises and falls when the recorded one does. [ours]"""
+    speed_distribution: float = 0.0
+    """Weight of how far the distribution of speeds of each part of the body is from the recorded one. [ours]"""
+    part_timing: float = 0.0
+    """Weight of how little each part of the body moves when it moves in the recording. [ours]"""
     manner: float = 0.0
     """Weight of how little the poses of L_adv move in the manner of their speaker (models/nn/manner.py). [ours]"""
 
     def __post_init__(self) -> None:
-        weights = ("reconstruction", "persistence", "stroke_timing", "manner")
+        weights = ("reconstruction", "persistence", "stroke_timing", "speed_distribution", "part_timing", "manner")
         check_least(self, "an extended Mix-StAGE", dict.fromkeys(weights, 0))
 
 
@@ -67,14 +74,21 @@ class MixStageExtended(MixStage):
     Args:
         config: sizes and weights.
         pose, audio, speakers: as of `MixStage`.
+        parts: columns of each part of the body, for ``speed_distribution`` and ``part_timing``.
     """
 
     Config = MixStageExtendedConfig
     config: MixStageExtendedConfig
 
-    def __init__(self, config: MixStageExtendedConfig, *, pose: int, audio: int, speakers: int) -> None:
+    def __init__(self, config: MixStageExtendedConfig, *, pose: int, audio: int, speakers: int, parts: Parts = ()) -> None:
         super().__init__(config, pose=pose, audio=audio, speakers=speakers)
+        self.parts = parts or [range(pose)]
         self.manner = MannerClassifier(pose, 2 * config.channels, speakers) if config.manner else None
+
+    @classmethod
+    def dimensions_for(cls, config: MixStageExtendedConfig) -> tuple[str, ...]:
+        """With the parts of the body, where a term is of them."""
+        return (*cls.dimensions, "parts") if config.speed_distribution or config.part_timing else cls.dimensions
 
     def _make_discriminator(self) -> nn.Module:
         if not self.config.pose_discriminator:
@@ -105,10 +119,12 @@ class MixStageExtended(MixStage):
         return terms
 
     def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """As of the paper, L_rec and L_joint weighted, ``stroke_timing`` and ``manner``."""
+        """As of the paper, L_rec and L_joint weighted, and the terms of what is ours."""
         self._shared_forward = decoded = self._decode_batch(batch, step)
         terms, weight = super().generator_loss(batch, step), self.config.reconstruction
         terms = {name: weight * term if name in ("rec", "joint") else term for name, term in terms.items()}
         if self.manner is not None:
             terms |= self.manner.terms(self.config.manner, batch["pose"].mT, decoded.judged, batch["speaker"])
-        return terms | timing_term(self.config.stroke_timing, decoded.judged, batch["pose"].mT)
+        c, pose = self.config, batch["pose"].mT
+        terms |= part_terms(c.speed_distribution, c.part_timing, decoded.judged, pose, self.parts)
+        return terms | timing_term(c.stroke_timing, decoded.judged, pose)

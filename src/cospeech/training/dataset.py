@@ -18,7 +18,7 @@ from ..audio.features.reduce import REDUCTIONS, audio_columns, has_like_columns,
 from ..corpora.store import Store
 from ..errors import InputError, nearest
 from ..models.nn.trainable import Trainable
-from ..motion.poses.joints import hand_columns
+from ..motion.poses.joints import hand_columns, part_columns
 from ..motion.rotations import Array
 from .audio_source import with_audio
 from .batch_loader import (
@@ -182,12 +182,13 @@ DIMENSIONS: dict[str, Callable[[Store, Data, Mapping[str, Normaliser]], Any]] = 
     "speakers": lambda store, data, standards: len(store.speakers),
     "words": lambda store, data, standards: len(store.words),
     "hands": lambda store, data, standards: hand_columns(store.names["pose"]),
+    "parts": lambda store, data, standards: part_columns(store.names["pose"]),
     "text": lambda store, data, standards: 0 if data.words is None else int(store.arrays["text"].shape[1]),
     "louder": _louder,
     "representation": lambda store, data, standards: store.pose,
 }
 """Keyword that a network may be built by → what the store says of it: D, A, S, different words, the columns of a pose that are
-hands, the width of a word vector (0: ids of subwords), how the speech grows with its level, and the name of the poses'
+hands, those of each part of the body, the width of a word vector (0: ids of subwords), how the speech grows with its level, and the name of the poses'
 representation."""
 _ALWAYS = ("pose", "audio", "speakers", "words")  # what every run keeps, whatever its network is built by
 

@@ -12,11 +12,17 @@ from ..motion import Motion
 from ..rotations import Array, quat_continuous, quat_normalize
 from ..skeleton import Skeleton, humanoid
 
-__all__ = ["build_motion", "check_humanoid", "hand_columns", "humanoid_vectors", "pick", "size"]
+__all__ = ["build_motion", "check_humanoid", "hand_columns", "humanoid_vectors", "part_columns", "pick", "size"]
 
 _FARTHEST = 100.0  # ours: metres, radians or a weight beyond which a number is a mistake
 
 _HAND = re.compile(r"(left|right)_?(hand|grip|wrist|thumb|index|middle|ring|pinky|little)", re.IGNORECASE)
+_SIDE = re.compile(r"(left|right|[LR](?=[A-Z]))", re.IGNORECASE)
+_PARTS = {
+    "hand": re.compile(r".{1,5}?_?(hand|grip|wrist|thumb|index|middle|ring|pinky|little)", re.IGNORECASE),
+    "leg": re.compile(r".*(leg|hip|knee|ankle|foot|toe)", re.IGNORECASE),
+    "head": re.compile(r"(neck|head|nose)", re.IGNORECASE),
+}
 
 
 def hand_columns(names: Sequence[str]) -> list[int]:
@@ -29,6 +35,21 @@ def hand_columns(names: Sequence[str]) -> list[int]:
     if not 0 < len(found) < len(names):
         raise InputError(f"a pose of which {len(found)} of {len(names)} columns are hands", "such as euler or expmap-humanoid")
     return found
+
+
+def part_columns(names: Sequence[str]) -> list[list[int]]:
+    """Which columns of a pose are trunk, head, and of each side arm, hand and leg, as far as it has them; by the columns' names.
+
+    >>> part_columns(["hips.x", "head.rx", "leftUpperArm.rx", "leftHand.rx", "leftGrip.0"])
+    [[0], [1], [2], [3, 4]]
+    """
+    found: dict[str, list[int]] = {}
+    for k, name in enumerate(names):
+        side = _SIDE.match(name)
+        kinds = ("hand", "leg") if side else ("head",)
+        kind = next((kind for kind in kinds if _PARTS[kind].match(name)), "arm" if side else "trunk")
+        found.setdefault(f"{side[0] if side else ''} {kind}", []).append(k)
+    return [*found.values()]
 
 
 def _gesture_space(skeleton: Skeleton, joints: Sequence[str], hint: str = "") -> list[int]:

@@ -43,6 +43,7 @@ _PLAYED |= {
     "motion_statistics": 1.0,
     "manner": 0.5,
     "speed_distribution": 1.0,
+    "part_correlation": 1.0,
     "part_timing": 1.0,
 }
 _BEAT = {"frames": 34, "code": 16, "widening": 2, "difference": 0.0, "velocity": 0.1}

@@ -10,6 +10,7 @@ off by default:
     speed_envelope               ℓ_V = |v(P) − v(P*)|² / |v(P*)|², v: how fast the pose changes, over 0.2 s
     stroke_timing                ℓ_T = 1 − r of the logarithms of v(P) and v(P*), without what changes over 2 s
     speed_distribution           ℓ_W = W₁ of the distributions of the logarithms of v, of each part of the body
+    part_correlation             ℓ_R = |r(P) − r(P*)|₁, r: correlations of these logarithms, of each part with each
     part_timing                  ℓ_P: ℓ_T of each part of the body, the mean
     manner                       ℓ_C = CCE of a classifier that names P's speaker, and sees neither mean nor size of poses
     speech_swap                  clips that are played to the speech of another clip, in the style of their own labels
@@ -18,7 +19,7 @@ off by default:
     face_teacher_forcing         clips with their recorded face: a face may be given when it plays
     gain_augmentation            louder or softer speech: the level of a microphone says nothing about the emotion
 
-    ℓ = equation 9 + λ_M ℓ_M + λ_V ℓ_V + λ_T ℓ_T + λ_W ℓ_W + λ_P ℓ_P + λ_C ℓ_C + λ_D (D(P) − 1)²
+    ℓ = equation 9 + λ_M ℓ_M + λ_V ℓ_V + λ_T ℓ_T + λ_W ℓ_W + λ_R ℓ_R + λ_P ℓ_P + λ_C ℓ_C + λ_D (D(P) − 1)²
     D minimises (D(P*) − 1)² + D(P)² + D(P*, speech of another clip)²
 
 What each does for the motion: docs/models/chain_of_generation.md, "Added".
@@ -43,7 +44,7 @@ from .nn.gumbel import smooth_gumbel
 from .nn.manner import MannerClassifier
 from .nn.motion_statistics_loss import motion_statistics
 from .nn.objective import Batch, Objective
-from .nn.part_speeds import Parts, part_terms
+from .nn.part_speeds import Parts, PartWeights, part_terms
 from .nn.patch import PATCH_FRAMES
 from .nn.pose_discriminator import PoseDiscriminator
 from .nn.settings import check_least
@@ -81,6 +82,8 @@ class ChainExtendedConfig(ChainConfig):
     and form of strokes. [ours]"""
     speed_distribution: float = 0.0
     """Weight of how far the distribution of speeds of each part of the body is from the recorded one. [ours]"""
+    part_correlation: float = 0.0
+    """Weight of how far the correlations of the speeds of parts of the body are from the recorded ones. [ours]"""
     part_timing: float = 0.0
     """Weight of how little each part of the body moves when it moves in the recording. [ours]"""
     manner: float = 0.0
@@ -95,9 +98,8 @@ class ChainExtendedConfig(ChainConfig):
     """Of its first convolution. [ours]"""
 
     def __post_init__(self) -> None:
-        weights = ("motion_statistics", "speed_envelope", "stroke_timing", "adversarial")
-        more = ("speed_distribution", "part_timing", "manner")
-        check_least(self, "an extended Chain of Generation", dict.fromkeys((*weights, *more), 0))
+        weights = ("motion_statistics", "speed_envelope", "stroke_timing", "manner", "adversarial", *PartWeights._fields)
+        check_least(self, "an extended Chain of Generation", dict.fromkeys(weights, 0))
 
 
 class Turn(NamedTuple):
@@ -130,7 +132,7 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         config: sizes and weights.
         pose, audio, speakers, hands, text: as of `ChainOfGeneration`.
         louder: (A,) by how much each number of speech grows with 10 dB, for ``gain_augmentation``.
-        parts: columns of each part of the body, for ``speed_distribution`` and ``part_timing``.
+        parts: columns of each part of the body, for the three terms of parts.
 
     Raises:
         InputError: sizes that do not fit each other.
@@ -160,7 +162,7 @@ class ChainOfGenerationExtended(ChainOfGeneration):
     def dimensions_for(cls, config: ChainExtendedConfig) -> tuple[str, ...]:
         """With what is louder in loud speech, where its gain is changed, and the parts of the body, where a term is of them."""
         louder = ("louder",) if config.gain_augmentation > 0 else ()
-        parts = ("parts",) if config.speed_distribution or config.part_timing else ()
+        parts = ("parts",) if config.speed_distribution or config.part_correlation or config.part_timing else ()
         return (*cls.dimensions, *louder, *parts)
 
     @property
@@ -297,8 +299,8 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         if c.speed_envelope:
             terms["speed_envelope"] = c.speed_envelope * speed_distance(made.pose, wanted)
         terms |= timing_term(c.stroke_timing, made.pose, wanted)
-        terms |= part_terms(c.speed_distribution, 0.0, made.pose, pose, self.parts)
-        terms |= part_terms(0.0, c.part_timing, made.pose, wanted, self.parts)
+        terms |= part_terms(PartWeights(c.speed_distribution, c.part_correlation), made.pose, pose, self.parts)
+        terms |= part_terms(PartWeights(part_timing=c.part_timing), made.pose, wanted, self.parts)
         if self.manner is not None:
             terms |= self.manner.terms(c.manner, pose, made.pose, batch["speaker"])
         if self.discriminator is not None:

@@ -14,8 +14,9 @@ what is left, the distance to one recording, is least for the mean of all motion
            └─► G₁ … G_M ──────────────────────────────┴─► Ŷ of L_adv and L_id, which then reach H too
 
     stroke_timing     ℓ_T = 1 − r of the logarithms of the speeds of Ŷ and of the recording, without what changes over 2 s
-    speed_distribution, part_timing
-                      how much of the time each part of the body rests, and when it moves (models/nn/part_speeds.py)
+    speed_distribution, part_correlation, part_timing
+                      how much of the time each part of the body rests, which parts move together, and when
+                      (models/nn/part_speeds.py)
     manner            a second Eˢₚ, which learns from recordings, names the speaker of Ŷ. It does not see mean and size of poses
 
 What each does for the motion: docs/models/mix_stage.md, "Added".
@@ -34,7 +35,7 @@ from .nn.gumbel import smooth_gumbel
 from .nn.manner import MannerClassifier
 from .nn.mixture import mix
 from .nn.objective import Batch
-from .nn.part_speeds import Parts, part_terms
+from .nn.part_speeds import Parts, PartWeights, part_terms
 from .nn.pose_discriminator import PoseDiscriminator
 from .nn.settings import check_least
 from .nn.speed_distance import timing_term
@@ -58,13 +59,15 @@ class MixStageExtendedConfig(MixStageConfig):
     """Weight of how little the speed of the poses of L_adv rises and falls when the recorded one does. [ours]"""
     speed_distribution: float = 0.0
     """Weight of how far the distribution of speeds of each part of the body is from the recorded one. [ours]"""
+    part_correlation: float = 0.0
+    """Weight of how far the correlations of the speeds of parts of the body are from the recorded ones. [ours]"""
     part_timing: float = 0.0
     """Weight of how little each part of the body moves when it moves in the recording. [ours]"""
     manner: float = 0.0
     """Weight of how little the poses of L_adv move in the manner of their speaker (models/nn/manner.py). [ours]"""
 
     def __post_init__(self) -> None:
-        weights = ("reconstruction", "persistence", "stroke_timing", "speed_distribution", "part_timing", "manner")
+        weights = ("reconstruction", "persistence", "stroke_timing", "manner", *PartWeights._fields)
         check_least(self, "an extended Mix-StAGE", dict.fromkeys(weights, 0))
 
 
@@ -74,7 +77,7 @@ class MixStageExtended(MixStage):
     Args:
         config: sizes and weights.
         pose, audio, speakers: as of `MixStage`.
-        parts: columns of each part of the body, for ``speed_distribution`` and ``part_timing``.
+        parts: columns of each part of the body, for the three terms of parts.
     """
 
     Config = MixStageExtendedConfig
@@ -88,7 +91,8 @@ class MixStageExtended(MixStage):
     @classmethod
     def dimensions_for(cls, config: MixStageExtendedConfig) -> tuple[str, ...]:
         """With the parts of the body, where a term is of them."""
-        return (*cls.dimensions, "parts") if config.speed_distribution or config.part_timing else cls.dimensions
+        needed = config.speed_distribution or config.part_correlation or config.part_timing
+        return (*cls.dimensions, "parts") if needed else cls.dimensions
 
     def _make_discriminator(self) -> nn.Module:
         if not self.config.pose_discriminator:
@@ -126,5 +130,6 @@ class MixStageExtended(MixStage):
         if self.manner is not None:
             terms |= self.manner.terms(self.config.manner, batch["pose"].mT, decoded.judged, batch["speaker"])
         c, pose = self.config, batch["pose"].mT
-        terms |= part_terms(c.speed_distribution, c.part_timing, decoded.judged, pose, self.parts)
+        weights = PartWeights(c.speed_distribution, c.part_correlation, c.part_timing)
+        terms |= part_terms(weights, decoded.judged, pose, self.parts)
         return terms | timing_term(c.stroke_timing, decoded.judged, pose)

@@ -188,8 +188,8 @@ DIMENSIONS: dict[str, Callable[[Store, Data, Mapping[str, Normaliser]], Any]] = 
     "representation": lambda store, data, standards: store.pose,
 }
 """Keyword that a network may be built by → what the store says of it: D, A, S, different words, the columns of a pose that are
-hands, those of each part of the body, the width of a word vector (0: ids of subwords), how the speech grows with its level, and the name of the poses'
-representation."""
+hands, those of each part of the body, the width of a word vector (0: ids of subwords), how the speech grows with its level, and
+the name of the poses' representation."""
 _ALWAYS = ("pose", "audio", "speakers", "words")  # what every run keeps, whatever its network is built by
 
 

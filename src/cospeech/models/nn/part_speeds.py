@@ -7,18 +7,28 @@ rest. In people, and in the rules, arms rest for a fifth of the time between qui
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from .speed_distance import pose_speed, timing_distance
 
-__all__ = ["Parts", "distribution_distance", "part_timing_distance", "part_terms"]
+__all__ = ["PartWeights", "Parts", "correlation_distance", "distribution_distance", "part_terms", "part_timing_distance"]
 
 _REST = 0.02  # standard deviations a frame [ours]: hands that are slower rest; the same as of `timing_distance`
+_TINY = 1e-6  # [ours] a square whose root has a slope
 
 Parts = Sequence[Sequence[int]]
 """Columns of a pose for each part of a body."""
+
+
+class PartWeights(NamedTuple):
+    """Of the terms of a loss; all 0: there are none."""
+
+    speed_distribution: float = 0.0
+    part_correlation: float = 0.0
+    part_timing: float = 0.0
 
 
 def distribution_distance(made: Tensor, recorded: Tensor, parts: Parts) -> Tensor:
@@ -31,11 +41,8 @@ def distribution_distance(made: Tensor, recorded: Tensor, parts: Parts) -> Tenso
         parts: P lists of columns.
     """
 
-    def spread(pose: Tensor) -> Tensor:
-        logs = torch.stack([(pose_speed(pose[:, list(part)]) + _REST).log() for part in parts], 1)
-        return logs.sort(-1).values
-
-    return (spread(made) - spread(recorded)).abs().mean()
+    one, other = (_log_speeds(pose, parts).sort(-1).values for pose in (made, recorded))
+    return (one - other).abs().mean()
 
 
 def part_timing_distance(made: Tensor, recorded: Tensor, parts: Parts) -> Tensor:
@@ -43,7 +50,32 @@ def part_timing_distance(made: Tensor, recorded: Tensor, parts: Parts) -> Tensor
     return torch.stack([timing_distance(made[:, list(part)], recorded[:, list(part)]) for part in parts]).mean()
 
 
-def part_terms(distribution: float, timing: float, made: Tensor, recorded: Tensor, parts: Parts) -> dict[str, Tensor]:
-    """``speed_distribution`` and ``part_timing``, weighted, as terms of a loss; of weight 0, no term."""
-    terms = {"speed_distribution": distribution * distribution_distance(made, recorded, parts)} if distribution else {}
-    return terms | ({"part_timing": timing * part_timing_distance(made, recorded, parts)} if timing else {})
+def correlation_distance(made: Tensor, recorded: Tensor, parts: Parts) -> Tensor:
+    """How far the correlations of the parts' speeds, of each with each, are from those of the recorded window.
+
+    It says which parts move together, and nothing of when. Of one part alone it is 0.
+    """
+    if len(parts) < 2:
+        return made.new_zeros(())
+
+    def correlate(pose: Tensor) -> Tensor:
+        logs = _log_speeds(pose, parts)
+        logs = logs - logs.mean(-1, keepdim=True)
+        size = (logs.square().sum(-1) + _TINY).sqrt()
+        together: Tensor = logs @ logs.mT / (size.unsqueeze(2) * size.unsqueeze(1))
+        return together
+
+    pairs = torch.triu_indices(len(parts), len(parts), 1)
+    return (correlate(made) - correlate(recorded))[:, pairs[0], pairs[1]].abs().mean()
+
+
+def part_terms(weights: PartWeights, made: Tensor, recorded: Tensor, parts: Parts) -> dict[str, Tensor]:
+    """The three distances, weighted, as terms of a loss; of weight 0, no term."""
+    distances = (distribution_distance, correlation_distance, part_timing_distance)
+    pairs = zip(PartWeights._fields, weights, distances, strict=True)
+    return {name: weight * distance(made, recorded, parts) for name, weight, distance in pairs if weight}
+
+
+def _log_speeds(pose: Tensor, parts: Parts) -> Tensor:
+    """(B, P, T)."""
+    return torch.stack([(pose_speed(pose[:, list(part)]) + _REST).log() for part in parts], 1)

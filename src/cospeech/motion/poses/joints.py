@@ -38,7 +38,7 @@ def hand_columns(names: Sequence[str]) -> list[int]:
 
 
 def part_columns(names: Sequence[str]) -> list[list[int]]:
-    """Which columns of a pose are trunk, head, and of each side arm, hand and leg, as far as it has them; by the columns' names.
+    """Which columns of a pose are trunk, head, and of each side arm, hand and leg, as far as it has them; by their names.
 
     >>> part_columns(["hips.x", "head.rx", "leftUpperArm.rx", "leftHand.rx", "leftGrip.0"])
     [[0], [1], [2], [3, 4]]

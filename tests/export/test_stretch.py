@@ -40,7 +40,9 @@ JOINTS_BENT = {  # about which axis, degrees, and the stretch of any edge of the
     "leftLowerLeg": ((1.0, 0.0, 0.0), 120, {"trousers": 0.45}),
     "leftLowerArm": ((0.0, -1.0, 0.0), 140, {"shirt": 0.45}),
     "leftUpperArm": ((0.0, 0.0, -1.0), 80, {"shirt": 0.45}),
-    "leftIndexProximal": ((0.0, 0.0, -1.0), 80, {"leftHand": 0.45}),
+    "leftIndexProximal": ((0.0, 0.0, -1.0), 80, {"leftHand": 0.3}),
+    "rightRingProximal": ((0.0, 0.0, 1.0), 80, {"rightHand": 0.3}),
+    "leftThumbMetacarpal": ((0.0, 1.0, 0.0), 75, {"leftHand": 0.3}),
     "head": ((0.0, 1.0, 0.0), 60, {"face": 0.45}),
     "leftToes": ((-1.0, 0.0, 0.0), 40, {"leftShoe": 0.3, "leftSole": 0.3}),
 }

@@ -18,14 +18,14 @@ from cospeech.motion.skeletons.humanoid import MIRROR
 
 from .ease import LEAST, Cloth, Poses, ease, place
 from .net import smoothstep, vertex_normals
-from .poses import build_limit_poses, build_speaking_poses
+from .poses import build_finger_poses, build_limit_poses, build_speaking_poses
 from .sculpture import mirror_part, pack_weights, sculpt_pose, unpack_weights
 
 __all__ = ["ease_parts"]
 
 # Stretch that costs nothing, and the price of more, in poses of the rules and at limits; ours.
-SKIN_PAYS, CLOTH_PAYS = ((0.22, 30.0), (0.26, 6.0)), ((0.19, 90.0), (0.26, 4.0))
-RANDOM = 600  # poses at limits; ours
+SKIN_PAYS, CLOTH_PAYS = ((0.22, 30.0), (0.24, 10.0)), ((0.19, 90.0), (0.26, 4.0))
+RANDOM, RANDOM_HANDS = 600, 1200  # poses at limits; ours: fingers have more ways to bend than limbs
 SKIN_GIVES, SLEEVES_GIVE, SHIRT_GIVES, TROUSERS_GIVE = 0.002, 0.007, 0.005, 0.0055  # metres, along each axis; ours
 STITCH = 0.018  # metres around a point that is sewn on from which it takes its weights; ours
 SLEEVE = 0.20  # metres from the middle, where the sleeves begin
@@ -50,7 +50,7 @@ def _ease_neck(face: Part) -> Part:
     """What makes faces follows the head alone, so only the neck's weights change."""
     joints = _indices(lambda name: name in ("upperChest", "neck", "head"))
     free = smoothstep(1.530, 1.500, face.vertices[:, 1])
-    (eased,) = _ease([face], joints, _poses(joints, 0, SKIN_PAYS), free, np.zeros(len(free)))
+    (eased,) = _ease([face], joints, _poses(joints, build_limit_poses(RANDOM, 0), SKIN_PAYS), free, np.zeros(len(free)))
     return eased
 
 
@@ -60,7 +60,8 @@ def _ease_hand(hand: Part) -> Part:
     joints = _indices(lambda name: name == "leftLowerArm" or name.startswith(tuple("left" + part for part in fingers)))
     out = hand.vertices[:, 0] - humanoid().tpose[humanoid().index["leftHand"], 0]
     free = smoothstep(-0.12, -0.06, out)
-    (eased,) = _ease([hand], joints, _poses(joints, 1, SKIN_PAYS, both=True), free, SKIN_GIVES * free)
+    limits = np.concatenate([build_limit_poses(RANDOM_HANDS, 1), build_finger_poses()])
+    (eased,) = _ease([hand], joints, _poses(joints, limits, SKIN_PAYS, both=True), free, SKIN_GIVES * free)
     return eased
 
 
@@ -88,7 +89,8 @@ def _ease_clothes(parts: list[Part]) -> list[Part]:
     barred = points[:, :1] * side < -MIDDLE
     barred |= (y > KNEES_REACH)[:, None] & np.array(["LowerLeg" in humanoid().names[j] for j in joints])
     twins = _twins(points, leads), np.searchsorted(joints, _mirror_joints()[joints])
-    return _ease(parts, joints, _poses(joints, 2, CLOTH_PAYS), free * leads, give * free * leads, barred, follow, twins)
+    poses = _poses(joints, build_limit_poses(RANDOM, 2), CLOTH_PAYS)
+    return _ease(parts, joints, poses, free * leads, give * free * leads, barred, follow, twins)
 
 
 def _indices(chosen: Callable[[str], bool]) -> Array:
@@ -101,17 +103,17 @@ def _mirror_joints() -> Array:
     return np.array([index[MIRROR.get(name, name)] for name in humanoid().names])
 
 
-def _poses(joints: Array, seed: int, pays: tuple[tuple[float, float], ...], both: bool = False) -> Poses:
-    """Of the rules, mirrored too if ``both``, and at limits; only the joints (J',) move."""
+def _poses(joints: Array, limits: Array, pays: tuple[tuple[float, float], ...], both: bool = False) -> Poses:
+    """Of the rules, mirrored too if ``both``, and ``limits``; only the joints (J',) move."""
     speaking = build_speaking_poses()
     if both:
         motion = Motion(30.0, speaking, np.tile(humanoid().offsets[0], (len(speaking), 1)))
         speaking = np.concatenate([speaking, motion.mirror().rotations])
-    local = np.concatenate([speaking, build_limit_poses(RANDOM, seed)])
+    local = np.concatenate([speaking, limits])
     still = np.ones(len(humanoid()), bool)
     still[joints[1:]] = False  # the chain's first joint carries it all
     local[:, still] = [0, 0, 0, 1]
-    allowed, price = (np.repeat(pair, (len(speaking), RANDOM)) for pair in zip(*pays, strict=True))
+    allowed, price = (np.repeat(pair, (len(speaking), len(limits))) for pair in zip(*pays, strict=True))
     positions, world = humanoid().forward(local, np.tile(humanoid().offsets[0], (len(local), 1)))
     return Poses(_moves(positions, quat_to_matrix(world))[:, joints], allowed, price)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from cospeech.motion.rotations import Array, axis_angle_to_quat, quat_identity, 
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import STYLES
 
-__all__ = ["build_limit_poses", "build_speaking_poses"]
+__all__ = ["build_finger_poses", "build_limit_poses", "build_speaking_poses"]
 
 _FRAMES = 60  # of each performance; ours
 _TAKES = ((3, EXAMPLE_WORDS), (4, None), (5, None))  # seeds and transcripts of the performances in each style; ours
@@ -23,15 +24,15 @@ _LIMITS = {
     "chest": ((-15, 25), (-20, 20), (-15, 15)),
     "upperChest": ((-10, 20), (-15, 15), (-10, 10)),
     "neck": ((-35, 40), (-45, 45), (-45, 45)),
-    "head": ((-70, 45), (-45, 45), (-25, 25)),
+    "head": ((-85, 45), (-45, 45), (-25, 25)),
     "Shoulder": ((-10, 10), (-20, 20), (-10, 30)),
     "Hand": ((-110, 110), (-30, 30), (-75, 75)),
     "UpperLeg": ((-125, 25), (-40, 40), (-25, 55)),
     "LowerLeg": ((0, 150), (-10, 10), (-5, 5)),
     "Foot": ((-35, 45), (-30, 30), (-20, 20)),
     "Toes": ((-45, 20), (-5, 5), (-5, 5)),
-    "ThumbMetacarpal": ((-40, 50), (-40, 40), (-25, 25)),
-    "ThumbProximal": ((-40, 20), (-30, 50), (-8, 8)),
+    "ThumbMetacarpal": ((-40, 60), (-40, 80), (-30, 30)),
+    "ThumbProximal": ((-40, 20), (-30, 60), (-16, 16)),
     "ThumbDistal": ((-40, 20), (-15, 50), (-5, 5)),
 }
 _ARM = ((-85, 75), (-110, 35), (-80, 80))  # degrees: above the T-pose's arm, to the back, and twisted; ours
@@ -65,6 +66,23 @@ def build_limit_poses(count: int, seed: int) -> Array:
             for name, turn in (_draw_arm(rng) | _draw_fingers(rng)).items():
                 pose[index[side + name]] = _mirror(turn, side)
     return found
+
+
+def build_finger_poses() -> Array:
+    """(12, J, 4) local rotations of the humanoid: each finger of the left hand apart from the others.
+
+    It bends as in a fist, or at its knuckle alone, or stays straight in a fist. By chance such hands are too few, and the
+    skin between two knuckles would stretch most of all.
+    """
+    fist, found = dict(zip(("Proximal", "Intermediate", "Distal"), _CURL, strict=True)), []
+    for finger in _FAN:
+        others = [other for other in _FAN if other != finger]
+        for fingers, joints in (([finger], [*fist]), ([finger], ["Proximal"]), (others, [*fist])):
+            pose = quat_identity(len(humanoid())).astype(float)
+            for name, joint in product(fingers, joints):
+                pose[humanoid().index[f"left{name}{joint}"]] = _turn(0, 0, -fist[joint])
+            found.append(pose)
+    return np.stack(found)
 
 
 def _mirror(turn: Array, side: str) -> Array:

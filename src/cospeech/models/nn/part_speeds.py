@@ -12,7 +12,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from .speed_distance import pose_speed, timing_distance
+from .speed_distance import SPAN, pose_speed, timing_distance
 
 __all__ = ["PartWeights", "Parts", "correlation_distance", "distribution_distance", "part_terms", "part_timing_distance"]
 
@@ -32,16 +32,18 @@ class PartWeights(NamedTuple):
 
 
 def distribution_distance(made: Tensor, recorded: Tensor, parts: Parts) -> Tensor:
-    """W₁ of the distributions of the logarithms of each part's speeds in a window; the mean over parts and windows.
+    """W₁ of the distributions of the logarithms of each part's speeds; the mean over parts and pieces of `SPAN` frames.
 
-    It says how much of the time a part rests and how quick its strokes are, and nothing of when.
+    It says how much of a piece a part rests and how quick its strokes are, and not when in the piece. Of a whole window it
+    would be enough to rest in the pauses of the speech.
 
     Args:
         made, recorded: (B, D, T) poses.
         parts: P lists of columns.
     """
 
-    one, other = (_log_speeds(pose, parts).sort(-1).values for pose in (made, recorded))
+    logs = (_log_speeds(pose, parts) for pose in (made, recorded))
+    one, other = (rows.unfold(-1, min(SPAN, rows.shape[-1]), SPAN // 2).sort(-1).values for rows in logs)
     return (one - other).abs().mean()
 
 

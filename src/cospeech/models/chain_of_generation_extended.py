@@ -12,14 +12,13 @@ off by default:
     speed_distribution           ℓ_W = W₁ of the distributions of the logarithms of v, of each part of the body
     part_correlation             ℓ_R = |r(P) − r(P*)|₁, r: correlations of these logarithms, of each part with each
     part_timing                  ℓ_P: ℓ_T of each part of the body, the mean
-    manner                       ℓ_C = CCE of a classifier that names P's speaker, and sees neither mean nor size of poses
     speech_swap                  clips that are played to the speech of another clip, in the style of their own labels
     word_dropout, seed_dropout   clips without words, without seed poses: what may be missing when it plays
     label_conditioning           clips with the style of their labels: style and emotion may be given when it plays
     face_teacher_forcing         clips with their recorded face: a face may be given when it plays
     gain_augmentation            louder or softer speech: the level of a microphone says nothing about the emotion
 
-    ℓ = equation 9 + λ_M ℓ_M + λ_V ℓ_V + λ_T ℓ_T + λ_W ℓ_W + λ_R ℓ_R + λ_P ℓ_P + λ_C ℓ_C + λ_D (D(P) − 1)²
+    ℓ = equation 9 + λ_M ℓ_M + λ_V ℓ_V + λ_T ℓ_T + λ_W ℓ_W + λ_R ℓ_R + λ_P ℓ_P + λ_D (D(P) − 1)²
     D minimises (D(P*) − 1)² + D(P)² + D(P*, speech of another clip)²
 
 What each does for the motion: docs/models/chain_of_generation.md, "Added".
@@ -41,7 +40,6 @@ from .nn.adversarial_losses import ADVERSARIAL_LOSSES
 from .nn.cascade import EMOTIONS, CascadeOutput
 from .nn.gain_augmentation import GainAugmentation
 from .nn.gumbel import smooth_gumbel
-from .nn.manner import MannerClassifier
 from .nn.motion_statistics_loss import motion_statistics
 from .nn.objective import Batch, Objective
 from .nn.part_speeds import Parts, PartWeights, part_terms
@@ -86,8 +84,6 @@ class ChainExtendedConfig(ChainConfig):
     """Weight of how far the correlations of the speeds of parts of the body are from the recorded ones. [ours]"""
     part_timing: float = 0.0
     """Weight of how little each part of the body moves when it moves in the recording. [ours]"""
-    manner: float = 0.0
-    """Weight of how little a clip moves in the manner of its speaker (models/nn/manner.py). [ours]"""
     noise: int = 0
     """Numbers of smooth Gumbel noise that both decoders get at every frame, by which takes differ. [ours]"""
     persistence: float = 15.0
@@ -98,7 +94,7 @@ class ChainExtendedConfig(ChainConfig):
     """Of its first convolution. [ours]"""
 
     def __post_init__(self) -> None:
-        weights = ("motion_statistics", "speed_envelope", "stroke_timing", "manner", "adversarial", *PartWeights._fields)
+        weights = ("motion_statistics", "speed_envelope", "stroke_timing", "adversarial", *PartWeights._fields)
         check_least(self, "an extended Chain of Generation", dict.fromkeys(weights, 0))
 
 
@@ -146,7 +142,7 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         louder: Sequence[float] = (), parts: Parts = (),
     ) -> None:  # fmt: skip
         check_least(config, "an extended Chain of Generation", {"discriminator_channels": 1, "noise": 0})
-        if max(config.adversarial, config.manner) > 0 and config.frames < PATCH_FRAMES:
+        if config.adversarial > 0 and config.frames < PATCH_FRAMES:
             raise InputError(f"clips of {config.frames} frames"[:200], f"{PATCH_FRAMES} at least to be judged")
         super().__init__(config, pose=pose, audio=audio, speakers=speakers, hands=hands, text=text)
         heard, adversarial = self.speech_encoder.inputs, config.adversarial > 0
@@ -155,7 +151,6 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         self.discriminator = (
             PoseDiscriminator(pose, heard, config.discriminator_channels, speakers, EMOTIONS) if adversarial else None
         )
-        self.manner = MannerClassifier(pose, 2 * config.discriminator_channels, speakers) if config.manner else None
         self._shared_forward: tuple[Batch, Turn] | None = None
 
     @classmethod
@@ -301,8 +296,6 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         terms |= timing_term(c.stroke_timing, made.pose, wanted)
         terms |= part_terms(PartWeights(c.speed_distribution, c.part_correlation), made.pose, pose, self.parts)
         terms |= part_terms(PartWeights(part_timing=c.part_timing), made.pose, wanted, self.parts)
-        if self.manner is not None:
-            terms |= self.manner.terms(c.manner, pose, made.pose, batch["speaker"])
         if self.discriminator is not None:
             terms["adv"] = c.adversarial * ADVERSARIAL_LOSSES["squares"].generator_loss(self._score(made.pose, turn.played))
         return terms

@@ -17,7 +17,6 @@ what is left, the distance to one recording, is least for the mean of all motion
     speed_distribution, part_correlation, part_timing
                       how much of the time each part of the body rests, which parts move together, and when
                       (models/nn/part_speeds.py)
-    manner            a second Eˢₚ, which learns from recordings, names the speaker of Ŷ. It does not see mean and size of poses
 
 What each does for the motion: docs/models/mix_stage.md, "Added".
 """
@@ -32,7 +31,6 @@ from torch import Tensor, nn
 from .mix_stage import MixStage, MixStageConfig
 from .nn.adversarial_losses import ADVERSARIAL_LOSSES
 from .nn.gumbel import smooth_gumbel
-from .nn.manner import MannerClassifier
 from .nn.mixture import mix
 from .nn.objective import Batch
 from .nn.part_speeds import Parts, PartWeights, part_terms
@@ -63,11 +61,9 @@ class MixStageExtendedConfig(MixStageConfig):
     """Weight of how far the correlations of the speeds of parts of the body are from the recorded ones. [ours]"""
     part_timing: float = 0.0
     """Weight of how little each part of the body moves when it moves in the recording. [ours]"""
-    manner: float = 0.0
-    """Weight of how little the poses of L_adv move in the manner of their speaker (models/nn/manner.py). [ours]"""
 
     def __post_init__(self) -> None:
-        weights = ("reconstruction", "persistence", "stroke_timing", "manner", *PartWeights._fields)
+        weights = ("reconstruction", "persistence", "stroke_timing", *PartWeights._fields)
         check_least(self, "an extended Mix-StAGE", dict.fromkeys(weights, 0))
 
 
@@ -86,7 +82,6 @@ class MixStageExtended(MixStage):
     def __init__(self, config: MixStageExtendedConfig, *, pose: int, audio: int, speakers: int, parts: Parts = ()) -> None:
         super().__init__(config, pose=pose, audio=audio, speakers=speakers)
         self.parts = parts or [range(pose)]
-        self.manner = MannerClassifier(pose, 2 * config.channels, speakers) if config.manner else None
 
     @classmethod
     def dimensions_for(cls, config: MixStageExtendedConfig) -> tuple[str, ...]:
@@ -127,8 +122,6 @@ class MixStageExtended(MixStage):
         self._shared_forward = decoded = self._decode_batch(batch, step)
         terms, weight = super().generator_loss(batch, step), self.config.reconstruction
         terms = {name: weight * term if name in ("rec", "joint") else term for name, term in terms.items()}
-        if self.manner is not None:
-            terms |= self.manner.terms(self.config.manner, batch["pose"].mT, decoded.judged, batch["speaker"])
         c, pose = self.config, batch["pose"].mT
         weights = PartWeights(c.speed_distribution, c.part_correlation, c.part_timing)
         terms |= part_terms(weights, decoded.judged, pose, self.parts)

@@ -51,8 +51,8 @@ def load_words(
 
     Args:
         path: .TextGrid (long or short, any encoding Praat writes), .tsv or .csv (start, end, word; Audacity's and
-            Whisper's too), .srt, .vtt, .json (a list of words with times, or what Whisper, Gentle, Vosk or PocketSphinx write),
-            or plain text.
+            Whisper's too), .srt, .vtt, .json (a list of words with times, or what Whisper, Gentle, Vosk or PocketSphinx write,
+            or a text-to-speech service says, see `cospeech.audio.tts_words`; also as JSON lines), or plain text.
         speech: what the words belong to: plain text is aligned to it, times past its end are cut off.
         speech_seconds: its length, where the speech is not at hand, or does not know it yet; plain text alone is spread evenly.
 

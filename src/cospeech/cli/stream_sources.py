@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..files import parse_json
+from ..limits import TRANSCRIPT_JSON_VALUES
 from ..runtime.live_controls import LiveControls
 
 if TYPE_CHECKING:
@@ -192,14 +194,21 @@ def _collect_words(path: str, words: WaitingWords, tell: Callable[[str], None]) 
     """The lines of a file; or those of all who write to a named pipe, one after the other."""
     from ..audio.live_sources import read_lines
     from ..audio.transcripts import settle
-    from ..audio.word_json import read_json
+    from ..audio.word_json import read_documents
 
     while True:
-        for line in read_lines(path, _WORDS_LINE):
+        lines = filter(bytes.strip, read_lines(path, _WORDS_LINE))
+        documents = map(_parse_words, lines)  # goes on after an error, as a generator would not
+        while True:
             try:
-                if line.strip():
-                    words.put(settle(read_json(line.decode("utf-8", "replace"), "a line")))
+                for entry in read_documents(documents):
+                    words.put(settle([entry]))
+                break
             except InputError as error:
                 tell(f"words: {error}")
         if not Path(path).is_fifo():
             return
+
+
+def _parse_words(line: bytes) -> object:
+    return parse_json(line.decode("utf-8", "replace"), "a line", TRANSCRIPT_JSON_VALUES)

@@ -61,7 +61,7 @@ class LiveControls:
     def _word_putter(self, place: int) -> Callable[[object], None] | None:
         """What takes the words of a message; their times count from this place in the sound."""
         from ..audio.transcripts import settle
-        from ..audio.word_json import read_entries
+        from ..audio.word_json import read_documents
 
         words = self._words
-        return None if words is None else lambda value: words.put(settle(read_entries(value)), place)
+        return None if words is None else lambda value: words.put(settle(read_documents(iter([value]))), place)

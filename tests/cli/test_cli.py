@@ -20,6 +20,7 @@ from cospeech.export import FORMATS
 from cospeech.models import MODELS
 from cospeech.rules import STYLES, RuleBasedModel
 from cospeech.runtime.bundles.bundle import write_bundle
+from cospeech.training.recipe import list_recipes
 
 SECONDS, RATE = 1.51, 16_000
 
@@ -151,6 +152,15 @@ def test_list(cli, what):
 def test_list_has_every_model_and_format(cli):
     assert [row["name"] for row in json.loads(cli("list", "models", "--json")[1])] == list(MODELS)
     assert [row["name"] for row in json.loads(cli("list", "formats", "--json")[1])] == list(FORMATS)
+
+
+def test_list_says_in_a_sentence_what_a_recipe_trains(cli):
+    rows = {row["name"]: row["what"] for row in json.loads(cli("list", "recipes", "--json")[1])}
+    assert rows.keys() == {*list_recipes()}
+    assert rows["flow_ted"] == "Ye et al. 2022, stylised flow, TED: the paper's values (table 1; first row of table 2)"
+    assert rows["cmix_gan_pats"].endswith("for one speaker of a store of PATS")
+    assert rows["speech_classifier"].startswith("Xu et al. 2024, appendix A.4: speaker and emotion from speech")
+    assert max(map(len, rows.values())) < 160
 
 
 def test_list_tells_what_ships_and_whose_styles(cli, tmp_path, monkeypatch):

@@ -148,7 +148,9 @@ def _failure(results: Reports) -> CospeechError:
 
 @app.command("list")
 def list_(
-    what: Annotated[str, Argument(metavar="WHAT", help="models, styles, emotions, formats, skeletons, metrics or corpora.")],
+    what: Annotated[
+        str, Argument(metavar="WHAT", help="models, styles, emotions, formats, skeletons, metrics, corpora or recipes.")
+    ],
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:

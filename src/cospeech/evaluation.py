@@ -55,7 +55,9 @@ def play(model: str | Model, clips: Sequence[Clip], *, takes: int = 1, seed: int
     player, played = load(model) if isinstance(model, str) else model, dict[str, list[Motion | Clip]]()
     for clip in clips:
         if clip.speech is None:
-            raise InputError(f"clip {clip.name!r} has no speech to play", "name the corpus: --raw RAW")
+            others = any(each.speech is not None for each in clips)
+            hint = "its sound is not in the folder of --raw" if others else "name the corpus: --raw RAW"
+            raise InputError(f"clip {clip.name!r} has no speech to play", hint)
         body = clip.motion if clip.motion is not None else clip.points
         if body is None:
             raise InputError(f"clip {clip.name!r} has no motion to compare with")

@@ -16,7 +16,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, describe_extra
+from ..errors import InputError, describe_extra, say_count
 from .speech import Speech
 from .waiting_sound import WaitingSound
 
@@ -203,7 +203,7 @@ class _Decoder:
     def end(self) -> None:
         """The sound is over, or begins anew."""
         if self._rest:
-            self._tell("odd", f"the sound ends within a sample; {_bytes(len(self._rest))} left out ({self._layout})")
+            self._tell("odd", f"the sound ends within a sample; {say_count(len(self._rest), 'byte')} left out ({self._layout})")
         self._rest = b""
 
     def _tell(self, fault: str, text: str) -> None:
@@ -222,10 +222,6 @@ def _check_raw(data: bytes) -> None:
         if data.startswith(head):
             hint = "give the file's name to --input, or send raw samples: ffmpeg -i talk.wav -f s16le -ac 1 -ar 16000 -"
             raise InputError(f"this is {name} file, not raw samples", hint)
-
-
-def _bytes(count: int) -> str:
-    return f"{count} byte" if count == 1 else f"{count} bytes"
 
 
 def read_microphone(rate: int) -> Iterator[Samples]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..errors import InputError, InternalError
+from ..errors import InputError, InternalError, say_count
 from ..models import DEFAULT, PARTS
 from .options import (
     Debug,
@@ -308,7 +308,7 @@ def _play_to_the_end(
 
 def _end(pacer: FramePacer, tell: Callable[[str], None], *, drop: bool) -> None:
     pace = pacer.close(drop=drop)
-    tell(f"{pace.frames} frames, {pace.late} late (the latest by {pace.worst * 1e3:.0f} ms)")
+    tell(f"{say_count(pace.frames, 'frame')}, {pace.late} late (the latest by {pace.worst * 1e3:.0f} ms)")
 
 
 def _play(session: LiveSession, pieces: Iterable[Speech], steer: Callable[[Speech], Speech], pacer: FramePacer) -> None:

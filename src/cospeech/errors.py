@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-__all__ = ["CospeechError", "CospeechWarning", "InputError", "InternalError", "describe_extra", "guess", "nearest"]
+__all__ = ["CospeechError", "CospeechWarning", "InputError", "InternalError", "describe_extra", "guess", "nearest", "say_count"]
 
 _LONGEST = 2000  # characters; ours: above what lists of all known names take
 
@@ -72,3 +72,17 @@ def guess(word: str, known: Iterable[str]) -> str:
 
     close = get_close_matches(str(word).lower(), list(known), n=1, cutoff=0.5)  # ours: below it the guesses surprise
     return f"did you mean {close[0]!r}? " if close else ""
+
+
+def say_count(number: int, noun: str, plural: str = "") -> str:
+    """A number of things, for messages.
+
+    Args:
+        number: of them.
+        noun: for one.
+        plural: for several, where it is not the noun with an s.
+
+    >>> say_count(1, "clip"), say_count(0, "clip"), say_count(12_000, "speech", "speeches")
+    ('1 clip', '0 clips', '12000 speeches')
+    """
+    return f"{number} {noun if number == 1 else plural or noun + 's'}"

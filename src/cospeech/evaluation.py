@@ -18,7 +18,7 @@ import numpy as np
 from .corpora.clip import Clip
 from .corpora.motion_files import load_motions
 from .corpora.samples import POSE_STATISTICS, load_stored_clips, sample_of
-from .errors import InputError, describe_extra, nearest
+from .errors import InputError, describe_extra, nearest, say_count
 from .metrics import METRICS, FeatureNet, Sample, Score, Tools, load_metric
 from .metrics.controls import CONTROLS, control_rows, faults_of_order
 from .metrics.table import DEFAULT, Table
@@ -55,7 +55,9 @@ def play(model: str | Model, clips: Sequence[Clip], *, takes: int = 1, seed: int
     player, played = load(model) if isinstance(model, str) else model, dict[str, list[Motion | Clip]]()
     for clip in clips:
         if clip.speech is None:
-            raise InputError(f"clip {clip.name!r} has no speech to play", "name the corpus: --raw RAW")
+            others = any(each.speech is not None for each in clips)
+            hint = "its sound is not in the folder of --raw" if others else "name the corpus: --raw RAW"
+            raise InputError(f"clip {clip.name!r} has no speech to play", hint)
         body = clip.motion if clip.motion is not None else clip.points
         if body is None:
             raise InputError(f"clip {clip.name!r} has no motion to compare with")
@@ -217,7 +219,7 @@ def evaluate_clips(
     faults = {c: faults_of_order(m.about, {row: cells[row][c] for row in CONTROLS}) for c, m in chosen.items()}
     minutes = sum(clip.duration for clip in reference) / 60
     assert tools.features is not None
-    about = f"{len(reference)} clips, {minutes:.1f} min; features: {tools.features.name}"
+    about = f"{say_count(len(reference), 'clip')}, {minutes:.1f} min; features: {tools.features.name}"
     return Table(tuple(rows), tuple(chosen), cells, why, {c: f for c, f in faults.items() if f}, about, len(reference))
 
 
@@ -226,7 +228,8 @@ def _check_seed_frames(seed_frames: int, clips: Sequence[Clip]) -> None:
     bodies = [clip.motion if clip.motion is not None else clip.points for clip in clips]
     longest = max((len(body) for body in bodies if body is not None), default=0)
     if seed_frames < 0 or 0 < longest <= seed_frames:
-        raise InputError(f"{seed_frames} seed frames", f"0 … {max(longest - 1, 0)}: the longest clip has {longest} frames")
+        hint = f"0 … {max(longest - 1, 0)}: the longest clip has {say_count(longest, 'frame')}"
+        raise InputError(say_count(seed_frames, "seed frame"), hint)
 
 
 def _fit(body: Motion | Points, clip: Clip) -> Clip:
@@ -286,7 +289,7 @@ def _system(motions: Motions, reference: Sequence[Clip], seed_frames: int, track
         motions = load_motions(motions, names)
     if not isinstance(motions, Mapping):
         if len(motions) != len(reference):
-            raise InputError(f"{len(motions)} motions for {len(reference)} clips", "one for each, in their order")
+            raise InputError(f"{len(motions)} motions for {say_count(len(reference), 'clip')}", "one for each, in their order")
         motions = dict(zip(names, motions, strict=True))
     unknown = sorted(set(motions) - set(names))
     if unknown or set(names) - set(motions):

@@ -129,7 +129,7 @@ def parse_json(text: str | bytes, name: str, most: int) -> Any:
         raise InputError(f"{name} has more than {most:,} values", "cut it into pieces")
 
     def refuse(constant: str) -> NoReturn:
-        raise InputError(f"{name} holds {constant}", "only finite numbers can be read")
+        raise InputError(f"{name} holds {constant}{_field_of(text, constant)}", "only finite numbers can be read")
 
     try:
         return json.loads(text, parse_constant=refuse)
@@ -139,6 +139,13 @@ def parse_json(text: str | bytes, name: str, most: int) -> Any:
         raise InputError(f"{name} is not JSON: {error}"[:200], "is it cut off?") from None
     except RecursionError:
         raise InputError(f"{name} is nested too deeply", "is it damaged?") from None
+
+
+def _field_of(text: str | bytes, constant: str) -> str:
+    """In which field a constant stands, for a message; nothing where that is not known."""
+    read = text if isinstance(text, str) else text.decode("utf-8", "replace")
+    found = re.search(rf'"(\w{{1,60}})"\s*:\s*(?:\[[^][{{}}"]*)?{constant}', read)
+    return f" in {found[1]!r}" if found else ""
 
 
 def _values(text: str | bytes) -> int:

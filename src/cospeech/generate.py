@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, cast
 from . import __version__
 from .audio.emotions import EmotionTrack, read_emotion_track
 from .audio.forced_alignment import align_with_recogniser
-from .audio.level import note_quiet
+from .audio.level import note_level
 from .audio.speech import Speech, Word, count_frames, open_speech
 from .audio.speech_chunks import speech_chunks
 from .errors import CospeechWarning, InputError
@@ -134,7 +134,7 @@ def generate_files(
         for group, performance in _passes(loaded, options):
             staged = [[place(take_path(path, take + 1, takes)) for path in files] for take in group]
             heard = speech_chunks(source, silence)
-            made = _play_takes(performance, heard if group.start else note_quiet(heard, source.name))
+            made = _play_takes(performance, heard if group.start else note_level(heard, source.name))
             expected = None if source.expected_seconds is None else source.expected_seconds + tail
             moving = _with_progress(old.over(made) if old else made, progress, group.start, takes, expected)
             counts |= _write_all(moving, staged, target, options.fps, keywords)

@@ -16,10 +16,12 @@ import cospeech
 from cospeech.cli.catalogue import CATALOGUES
 from cospeech.cli.demo import EXAMPLE
 from cospeech.cli.unexpected import explain
+from cospeech.errors import say_count
 from cospeech.export import FORMATS
 from cospeech.models import MODELS
 from cospeech.rules import STYLES, RuleBasedModel
 from cospeech.runtime.bundles.bundle import write_bundle
+from cospeech.training.recipe import list_recipes
 
 SECONDS, RATE = 1.51, 16_000
 
@@ -151,6 +153,27 @@ def test_list(cli, what):
 def test_list_has_every_model_and_format(cli):
     assert [row["name"] for row in json.loads(cli("list", "models", "--json")[1])] == list(MODELS)
     assert [row["name"] for row in json.loads(cli("list", "formats", "--json")[1])] == list(FORMATS)
+
+
+@pytest.mark.parametrize(("number", "told"), [(0, "0 speeches"), (1, "1 speech"), (2, "2 speeches")])
+def test_one_thing_is_no_several(number, told):
+    assert say_count(number, "speech", "speeches") == told
+    assert say_count(number, "frame") == told.replace("speeches", "frames").replace("speech", "frame")
+
+
+@pytest.mark.slow
+def test_a_clip_of_one_frame_is_told_as_one(cli, place):
+    cospeech.load("rules").generate(cospeech.Speech.load("talk.wav").window(0, 0.03)).save("one.bvh")
+    assert "  1 frame at 30 fps" in cli("convert", "one.bvh", "one.npz")[1]
+
+
+def test_list_says_in_a_sentence_what_a_recipe_trains(cli):
+    rows = {row["name"]: row["what"] for row in json.loads(cli("list", "recipes", "--json")[1])}
+    assert rows.keys() == {*list_recipes()}
+    assert rows["flow_ted"] == "Ye et al. 2022, stylised flow, TED: the paper's values (table 1; first row of table 2)"
+    assert rows["cmix_gan_pats"].endswith("for one speaker of a store of PATS")
+    assert rows["speech_classifier"].startswith("Xu et al. 2024, appendix A.4: speaker and emotion from speech")
+    assert max(map(len, rows.values())) < 160
 
 
 def test_list_tells_what_ships_and_whose_styles(cli, tmp_path, monkeypatch):

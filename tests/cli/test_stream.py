@@ -64,6 +64,23 @@ def test_raw_samples_on_standard_input_end_the_stream():
 
 
 @pytest.mark.slow
+def test_words_beside_raw_samples_change_the_motion(tmp_path):
+    speech = Speech.load(example()[0], transcript=example()[1]).window(0, 3)
+    samples = (speech.samples * 32767).astype("<i2").tobytes()
+    said = "".join(json.dumps({"word": each.text, "start": each.start, "end": each.end}) + "\n" for each in speech.words)
+    (tmp_path / "words").write_text(said)
+
+    def stream(*more: str) -> np.ndarray:
+        command = [*COMMAND, "-i", "-", "--to", "-", "--fps", "25", "--quiet", *more]
+        frames = lines(subprocess.run(command, input=samples, cwd=tmp_path, capture_output=True, check=True).stdout)[1]
+        return np.array([frame["face"] for frame in frames[:70]])
+
+    plain, words, transcript = stream(), stream("--words", "words"), stream("--transcript", str(example()[1]))
+    apart = [np.abs(plain - words).mean(), np.abs(plain - transcript).mean(), np.abs(words - transcript).mean()]
+    assert apart[2] < 0.3 * min(apart[:2])  # alike, but for silence that either heard where the pipe was late
+
+
+@pytest.mark.slow
 def test_standard_input_that_ends_within_a_sample_is_played_to_its_end():
     samples = (np.sin(np.arange(4000) / 20) * 8000).astype("<i2").tobytes() + b"x"
     done = subprocess.run(
@@ -88,7 +105,11 @@ def test_standard_input_without_sound_is_told():
         (["-i", "nowhere.wav"], "nowhere.wav"),
         (["-i", "-", "--rate", "10"], "10 samples per second"),
         (["-i", "-", "--samples", "u8"], "samples of kind 'u8'"),
-        (["-i", "-", "--transcript", "talk.srt"], "a transcript of live speech"),
+        (["-i", "mic", "--transcript", "talk.srt"], "a transcript of the microphone"),
+        (["-i", "-", "--transcript", "nowhere.srt"], "nowhere.srt"),
+        (["-i", "-", "--words", "nowhere"], "cannot read 'nowhere': there is no such file or pipe (mkfifo words makes a pipe)"),
+        (["-i", "-", "--words", "."], "cannot read '.': it is a folder"),
+        (["-i", "talk.wav", "--words", "words"], "--words beside a sound file (--transcript gives its words)"),
         (["-i", "-", "--to", "osc://x"], "cannot send to 'osc://x'"),
         (["-i", "-", "--fps", "0"], "fps 0"),
         (["-i", "-", "--model", "nobody"], "nobody"),

@@ -88,7 +88,7 @@ def made(tmp_path_factory) -> Path:
 @pytest.mark.parametrize(
     "line",
     ["--help", "generate --help", "convert talk.bvh other.vrma -q", "render talk.npz talk.png -q"]
-    + [f"list {what}" for what in ("models", "styles", "emotions", "formats", "skeletons", "metrics", "corpora")],
+    + [f"list {what}" for what in ("models", "styles", "emotions", "formats", "skeletons", "metrics", "corpora", "recipes")],
 )
 def test_the_core_is_enough(made, line):
     """Neither torch nor scipy nor anything else that `make demo` does not install is imported on the way to a motion."""

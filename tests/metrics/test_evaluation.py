@@ -481,6 +481,22 @@ def test_a_store_of_a_corpus_that_is_not_known_says_whose_module_to_import(corpu
 
 
 @pytest.mark.slow
+def test_the_wrong_corpus_is_told_and_so_is_a_recording_without_sound(corpus, tmp_path):
+    """Both had been answered with the hint to give --raw, which was given."""
+    first = load_stored_clips(corpus / "store", split=None)[0].name
+    for folder in ("other", "partly"):
+        shutil.copytree(corpus / "raw", tmp_path / folder)
+    for path in (tmp_path / "other").glob("*/*"):
+        path.rename(path.with_name(path.name.replace("_0_", "_1_")))
+    with pytest.raises(InputError, match=rf"other' has none of the recordings of the store .*{first}.*name the beat corpus"):
+        load_stored_clips(corpus / "store", split=None, raw=tmp_path / "other")
+    for path in (tmp_path / "partly").glob(f"*/{first}.*"):
+        path.unlink()
+    with pytest.raises(InputError, match=rf"'{first}' has no speech to play \(its sound is not in the folder of --raw"):
+        evaluate_store({"rules": "rules"}, corpus / "store", split="all", raw=tmp_path / "partly", metrics=("w1_speed",))
+
+
+@pytest.mark.slow
 def test_the_command_judges_a_folder_against_a_store(corpus, tmp_path):
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     register(app)

@@ -38,13 +38,22 @@ def test_messages_call_the_session():
 @pytest.mark.parametrize(
     "text",
     ["", "{", "[]", "{}", '"interrupt"', '{"stop": true}', '{"interrupt": false}', '{"emotion": 3}', '{"intensity": "big"}',
-     '{"intensity": true}', '{"parts": [1]}', '{"style": null}', "[" * 5000, '{"style": "' + "a" * 20_000 + '"}', b"\xff\xfe"],
+     '{"intensity": true}', '{"parts": [1]}', '{"style": null}', "[" * 5000, '{"style": "' + "a" * 70_000 + '"}',
+     '{"words": []}', b"\xff\xfe"],
 )  # fmt: skip
 def test_a_message_that_says_nothing_sensible_is_refused_whole(text):
     session = Listener()
     with pytest.raises(InputError):
         apply_control(session, text)
     assert session.calls == []
+
+
+def test_words_of_a_message_go_where_words_are_wanted():
+    session, words = Listener(), []
+    done = apply_control(session, '{"words": [{"word": "no"}], "style": "calm"}', put_words=words.append)
+    assert (done, words, session.calls) == ({"words", "style"}, [[{"word": "no"}]], [("restyle", "calm")])
+    with pytest.raises(InputError, match="interrupt, words"):
+        apply_control(session, '{"word": "no"}', put_words=words.append)
 
 
 def test_lines_and_texts_arrive_as_they_come():

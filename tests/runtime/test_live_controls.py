@@ -10,6 +10,7 @@ import pytest
 
 from cospeech.audio.live_sources import PIECE, pace_pieces, read_websocket
 from cospeech.audio.waiting_sound import WaitingSound
+from cospeech.audio.waiting_words import WaitingWords
 from cospeech.errors import InputError
 from cospeech.runtime.live_controls import LiveControls
 
@@ -66,6 +67,39 @@ def test_an_interruption_drops_what_was_sent_ahead_and_keeps_what_follows(odd):
     assert not heard[5 * SIZE : 6 * SIZE].any()  # the piece that was under way
     assert (heard[6 * SIZE :] == np.float32(16000 / 32768)).all()
     assert len(heard) == 9 * SIZE
+
+
+def words_heard(*messages: str | None) -> tuple[list[tuple[str, float]], list[InputError]]:
+    """Words and their starts, of messages each of which comes after three pieces of sound."""
+    told: list[InputError] = []
+    waiting = WaitingSound(100 * RATE)
+    controls = LiveControls(waiting, told.append, WaitingWords(waiting, RATE, pytest.fail))
+    for message in messages:
+        waiting.put(np.full(3 * SIZE, 0.5, np.float32))
+        if message is not None:
+            assert controls.put(message) == ("true" in message)
+    waiting.end()
+    pieces = pace_pieces(None, RATE, idle=False, waiting=waiting, sleep=lambda seconds: None)
+    heard = [controls.steer(Listener(), piece) for piece in pieces]
+    return [(word.text, round(word.start, 6)) for piece in heard for word in piece.words], told
+
+
+def test_words_among_the_sound_count_from_where_their_message_stands():
+    said = '{"words": [{"word": "interrupt", "start": 0.01, "end": 0.05}, {"word": "me", "start": 0.07, "end": 0.08}]}'
+    assert words_heard(said, None) == ([("interrupt", 0.07)], [])  # the sound ends before the other one
+    assert words_heard(None, said, None, None) == ([("interrupt", 0.13), ("me", 0.19)], [])
+
+
+def test_an_interruption_drops_the_words_before_it_and_none_of_its_own_message():
+    lost = '{"words": [{"word": "lost", "start": 0.0, "end": 0.1}]}'
+    new = '{"interrupt": true, "words": [{"word": "new", "start": 0.02, "end": 0.04}]}'
+    assert words_heard(lost, new, None) == ([("new", 0.04)], [])  # the piece that is heard is 0.02 s of silence
+
+
+def test_words_that_are_none_are_told_and_the_sound_goes_on():
+    words, told = words_heard('{"words": [{"word": "a", "start": "soon", "end": 1}]}', '{"words": 3}', None)
+    assert words == []
+    assert [error.problem for error in told] == ["'soon' is not a time", "JSON that holds '3'"]
 
 
 def test_within_a_piece_the_old_samples_are_silent_and_the_new_ones_are_heard():

@@ -10,17 +10,18 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from os import PathLike
 from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, describe_extra
+from ..errors import InputError, describe_extra, say_count
 from .speech import Speech
 from .waiting_sound import WaitingSound
 
 __all__ = [
-    "BEHIND", "FORMATS", "PIECE", "SLACK", "decode_pcm", "pace_pieces", "read_lines", "read_microphone", "read_pcm",
+    "BEHIND", "FORMATS", "LINE", "PIECE", "SLACK", "decode_pcm", "pace_pieces", "read_lines", "read_microphone", "read_pcm",
     "read_websocket", "wait_for_each",
 ]  # fmt: skip
 
@@ -30,7 +31,8 @@ FORMATS: dict[str, np.dtype[Any]] = {"s16": np.dtype("<i2"), "f32": np.dtype("<f
 SLACK = 0.03  # seconds that sound may be late before silence takes its place (ours: half of the pacing's margin)
 _HEADS = {b"RIFF": "a WAV", b"fLaC": "a FLAC", b"OggS": "an Ogg", b"ID3": "an MP3"}
 """First bytes of sound files. As samples of 16 bits they would be loud: above a fifth of full scale."""
-_LINE = 1 << 16  # bytes of a line (ours)
+LINE = 1 << 16  # bytes of a line (ours)
+_READ = 1 << 16  # bytes that are read at once: what a pipe of Linux holds
 BEHIND = 300.0  # seconds of sound that may wait: who sends more is made to wait (ours: longer than an answer)
 
 Samples = NDArray[np.float32]
@@ -124,11 +126,23 @@ def read_pcm(
     decoder.end()
 
 
-def read_lines(number: int = 0) -> Iterator[bytes]:
-    """Lines of standard input, or of another file descriptor, as they come; without a lock that would hold up the end."""
-    with open(number, "rb", buffering=0, closefd=False) as file:
-        while line := file.readline(_LINE):
-            yield line
+def read_lines(source: int | str | PathLike[str] = 0, longest: int = LINE) -> Iterator[bytes]:
+    """Lines of standard input, of another file descriptor, or of a file or pipe, as they come; no lock holds up the end.
+
+    Args:
+        source: a descriptor, which stays open, or a path.
+        longest: bytes of a line; a longer one comes in parts.
+    """
+    rest = b""
+    with open(source, "rb", buffering=0, closefd=not isinstance(source, int)) as file:
+        while data := file.read(_READ):
+            *lines, rest = (rest + data).split(b"\n")
+            yield from (line + b"\n" for line in lines)
+            if len(rest) >= longest:
+                yield rest
+                rest = b""
+    if rest:
+        yield rest
 
 
 def decode_pcm(data: bytes, kind: str) -> Samples:
@@ -189,7 +203,7 @@ class _Decoder:
     def end(self) -> None:
         """The sound is over, or begins anew."""
         if self._rest:
-            self._tell("odd", f"the sound ends within a sample; {_bytes(len(self._rest))} left out ({self._layout})")
+            self._tell("odd", f"the sound ends within a sample; {say_count(len(self._rest), 'byte')} left out ({self._layout})")
         self._rest = b""
 
     def _tell(self, fault: str, text: str) -> None:
@@ -208,10 +222,6 @@ def _check_raw(data: bytes) -> None:
         if data.startswith(head):
             hint = "give the file's name to --input, or send raw samples: ffmpeg -i talk.wav -f s16le -ac 1 -ar 16000 -"
             raise InputError(f"this is {name} file, not raw samples", hint)
-
-
-def _bytes(count: int) -> str:
-    return f"{count} byte" if count == 1 else f"{count} bytes"
 
 
 def read_microphone(rate: int) -> Iterator[Samples]:

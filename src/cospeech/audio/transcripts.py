@@ -20,17 +20,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import CospeechWarning, InputError
-from ..files import parse_json, read_regular
-from ..limits import PLAUSIBLE_SECONDS, TRANSCRIPT_BYTES, TRANSCRIPT_JSON_VALUES, WORDS
+from ..files import read_regular
+from ..limits import PLAUSIBLE_SECONDS, TRANSCRIPT_BYTES, WORDS
 from .forced_alignment import align, bare, spread, tokenise
 from .speech import Word
+from .word_entries import Entry, read_time
+from .word_json import read_json
 
 if TYPE_CHECKING:
     from .speech import Speech, SpeechSource
 
-__all__ = ["align", "load_speech_words", "load_words", "settle"]
-
-Entry = tuple[str, float, float]  # text, start, end
+__all__ = ["align", "cut_overlaps", "load_speech_words", "load_words", "settle"]
 
 SHORTEST = 0.01  # seconds; ours: what a word without a length gets
 SILENCES = frozenset({"sil", "sp", "spn", "pau", "eps", "silence", "#", "_", "-"})  # of HTK, MFA, Festival, MAUS
@@ -51,8 +51,8 @@ def load_words(
 
     Args:
         path: .TextGrid (long or short, any encoding Praat writes), .tsv or .csv (start, end, word; Audacity's and
-            Whisper's too), .srt, .vtt, .json (a list of words with times, or what Whisper, Gentle, Vosk or PocketSphinx write),
-            or plain text.
+            Whisper's too), .srt, .vtt, .json (a list of words with times, or what Whisper, Gentle, Vosk or PocketSphinx write,
+            or a text-to-speech service says, see `cospeech.audio.tts_words`; also as JSON lines), or plain text.
         speech: what the words belong to: plain text is aligned to it, times past its end are cut off.
         speech_seconds: its length, where the speech is not at hand, or does not know it yet; plain text alone is spread evenly.
 
@@ -83,7 +83,7 @@ def load_words(
 
 
 def load_speech_words(
-    path: str | PathLike[str], *, speech: Speech | SpeechSource, speech_seconds: float | None = None
+    path: str | PathLike[str], *, speech: Speech | SpeechSource | None = None, speech_seconds: float | None = None
 ) -> tuple[Word, ...]:
     """The words of a speech: as `load_words`, and there is one at least.
 
@@ -126,7 +126,7 @@ def settle(
         words += spread(tokens, start, end) if len(tokens) != 1 else [Word(bare(tokens[0]), start, end)]
         if len(words) > WORDS or count > 2 * WORDS:  # between two words there may be a silence
             raise InputError(f"a transcript of more than {WORDS:,} words", "cut it into pieces")
-    words = _without_overlaps(sorted((w for w in words if w.end > 0), key=lambda w: (w.start, w.end)))
+    words = cut_overlaps(sorted((w for w in words if w.end > 0), key=lambda w: (w.start, w.end)))
     if seconds is None:
         return tuple(words)
     inside = tuple(Word(w.text, w.start, min(w.end, seconds)) for w in words if w.start < seconds)
@@ -153,8 +153,8 @@ def _tokens(text: str) -> list[str]:
     return [] if spoken.strip().lower() in SILENCES else tokenise(spoken)
 
 
-def _without_overlaps(words: list[Word]) -> list[Word]:
-    """Where two overlap, the earlier ends where the later begins; each keeps at least SHORTEST."""
+def cut_overlaps(words: list[Word]) -> list[Word]:
+    """Words in order of their starts; where two overlap, the earlier ends where the later begins. Each keeps `SHORTEST`."""
     starts, free = [], 0.0
     for word in words:
         starts.append(max(word.start, free))
@@ -188,16 +188,6 @@ def _decode(data: bytes, name: str) -> str:
 
 def _no_transcript(name: str) -> InputError:
     return InputError(f"{name!r} is no transcript: it is not text", "TextGrid, .tsv, .srt, .vtt, .json, or plain text in UTF-8")
-
-
-def _number(text: object) -> float:
-    """A time in seconds; a decimal comma is read too."""
-    if isinstance(text, bool) or not isinstance(text, (str, int, float)):
-        raise InputError(f"{str(text)[:40]!r} is not a time", "times are in seconds")
-    try:
-        return float(text.replace(",", ".") if isinstance(text, str) else text)
-    except (ValueError, OverflowError):
-        raise InputError(f"{str(text)[:40]!r} is not a time", "times are in seconds") from None
 
 
 # ---- TextGrid: https://www.fon.hum.uva.nl/praat/manual/TextGrid_file_formats.html ----
@@ -285,7 +275,7 @@ def read_table(text: str) -> Iterator[Entry]:
             continue
         if len(cells) < 2 or not (_is_number(cells[0]) and _is_number(cells[1])):
             raise InputError(f"line {number} is {line[:60]!r}", "start, end and word belong there, separated by tabs or commas")
-        yield cells[2] if len(cells) > 2 else "", _number(cells[0]) * scale, _number(cells[1]) * scale
+        yield cells[2] if len(cells) > 2 else "", read_time(cells[0]) * scale, read_time(cells[1]) * scale
 
 
 # start and end in front of a line without tabs: separated by blanks; or by a comma or a semicolon, too
@@ -310,7 +300,7 @@ def _lines(text: str) -> Iterator[tuple[int, str]]:
 
 def _is_number(cell: str) -> bool:
     try:
-        _number(cell)
+        read_time(cell)
     except InputError:
         return False
     return True
@@ -332,50 +322,6 @@ def read_srt(text: str) -> Iterator[Entry]:
 def _clock(parts: tuple[str | None, ...]) -> float:
     hours, minutes, seconds, fraction = parts
     return int(hours or 0) * 3600 + int(minutes or 0) * 60 + int(seconds or 0) + float(f"0.{fraction}")
-
-
-# ---- JSON ----
-
-TEXT_KEYS = ("word", "text", "w", "t", "label", "punctuated_word", "value")
-START_KEYS = ("start", "b", "begin", "start_time", "startTime", "xmin", "from", "s")
-END_KEYS = ("end", "stop", "end_time", "endTime", "xmax", "to", "e")
-LIST_KEYS = ("words", "w", "segments", "result", "results", "word_segments", "fragments", "transcript")
-
-
-def read_json(text: str) -> Iterator[Entry]:
-    """A list of {word, start, end}; or that list, or segments that hold such lists, named as recognisers do."""
-    yield from _json_entries(parse_json(text, "the transcript", TRANSCRIPT_JSON_VALUES), 0)
-
-
-def _json_entries(node: object, depth: int) -> Iterator[Entry]:
-    if depth > 4:
-        raise InputError("JSON in which words are nested too deeply", "a list of words with start and end")
-    if isinstance(node, list):
-        for item in node:
-            if not isinstance(item, dict):
-                raise InputError(f"{str(item)[:40]!r} in a list of words", '{"word": …, "start": …, "end": …} belongs there')
-            yield from _json_entries(item, depth + 1)
-        return
-    if not isinstance(node, dict):
-        raise InputError(f"JSON that holds {str(node)[:40]!r}", "a list of words with start and end")
-    inner = next((node[key] for key in LIST_KEYS if isinstance(node.get(key), list) and node[key]), None)
-    if inner is not None:
-        yield from _json_entries(inner, depth + 1)
-        return
-    said = next((node[key] for key in TEXT_KEYS if isinstance(node.get(key), str)), None)
-    start = next((node[key] for key in START_KEYS if node.get(key) is not None), None)
-    end = next((node[key] for key in END_KEYS if node.get(key) is not None), None)
-    if said is not None and start is not None:
-        length = next((node[key] for key in ("d", "duration", "dur") if node.get(key) is not None), None)
-        if end is None and length is None:
-            raise InputError(f"{said[:40]!r} has a start but no end", "give each word start and end")
-        begin = _number(start)
-        yield said, begin, begin + _number(length) if end is None else _number(end)
-    elif depth == 0 and not any(isinstance(node.get(key), list) for key in LIST_KEYS):
-        raise InputError(
-            f"JSON without words: its names are {', '.join(map(repr, list(node)[:5]))}", "a list of words with times"
-        )
-    # A word without any time is one that the recogniser could not place: it is left out.
 
 
 _READERS = {

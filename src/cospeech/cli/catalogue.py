@@ -100,6 +100,12 @@ def _corpora() -> list[Row]:
     ]
 
 
+def _recipes() -> list[Row]:
+    from ..training.recipe import describe_recipe, list_recipes
+
+    return [{"name": name, "what": describe_recipe(name)} for name in list_recipes()]
+
+
 CATALOGUES: dict[str, Callable[[], list[Row]]] = {
     "models": _models,
     "styles": _styles,
@@ -108,6 +114,7 @@ CATALOGUES: dict[str, Callable[[], list[Row]]] = {
     "skeletons": _skeletons,
     "metrics": _metrics,
     "corpora": _corpora,
+    "recipes": _recipes,
 }
 """Kind → function that lists it."""
 
@@ -131,6 +138,7 @@ _HOW = {
     "skeletons": "cospeech generate talk.wav -o talk.bvh --skeleton NAME; cospeech convert FILE FILE.bvh --skeleton NAME",
     "metrics": "cospeech evaluate MODEL --corpus STORE --metrics NAME,NAME; what they mean: docs/metrics.md",
     "corpora": "cospeech prepare NAME FOLDER STORE; synthetic ones: cospeech synthesise FOLDER --layout NAME",
+    "recipes": "cospeech train NAME --store STORE; what a recipe is: docs/training.md",
 }
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from ..errors import InputError
+from ..errors import InputError, say_count
 from .options import Avatar, Clip, Debug, Drawn, Map, Motion, NewFps, Picture, Quiet, Retarget, View, number, option
 
 __all__ = ["register"]
@@ -78,7 +78,7 @@ def convert(
     edits = Edits(joined=tuple(joined or ()), start=start, end=end, face=face, mirror=mirror, loop=loop, blend=blend)
     motion = convert_file(source, target, skeleton=skeleton, fps=fps, names=names, avatar=avatar, clip=clip, edits=edits)
     if not quiet:
-        typer.echo(f"{target}  {len(motion)} frames at {motion.fps:g} fps  ({format_of(target).opens})")
+        typer.echo(f"{target}  {say_count(len(motion), 'frame')} at {motion.fps:g} fps  ({format_of(target).opens})")
 
 
 def render(

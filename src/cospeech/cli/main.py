@@ -18,7 +18,7 @@ import typer
 from typer import Argument, Option
 
 from .. import __version__
-from ..errors import CospeechError, CospeechWarning, InputError, InternalError
+from ..errors import CospeechError, CospeechWarning, InputError, InternalError, say_count
 from ..models import DEFAULT, PARTS
 from . import convert as cli_convert
 from . import corpora as cli_corpora
@@ -141,14 +141,17 @@ def _failure(results: Reports) -> CospeechError:
     failed, shown = results.failed, 3
     told = [f"{failure.speech}: {failure.error}" for failure in failed[:shown]]
     told += [f"and {len(failed) - shown} more"] if len(failed) > shown else []
-    problem = f"{len(failed)} of {len(failed) + len(results.speeches)} speeches failed: {'; '.join(told)}"
+    every = say_count(len(failed) + len(results.speeches), "speech", "speeches")
+    problem = f"{len(failed)} of {every} failed: {'; '.join(told)}"
     kind = InternalError if all(failure.ours for failure in failed) else InputError
     return kind(problem, "--report FILE lists all; the others are done" if results.speeches else "--report FILE lists all")
 
 
 @app.command("list")
 def list_(
-    what: Annotated[str, Argument(metavar="WHAT", help="models, styles, emotions, formats, skeletons, metrics or corpora.")],
+    what: Annotated[
+        str, Argument(metavar="WHAT", help="models, styles, emotions, formats, skeletons, metrics, corpora or recipes.")
+    ],
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
@@ -220,7 +223,7 @@ def _show_outputs(results: list[Report]) -> None:
     took = sum(result.realtime_factor * result.speech_seconds * result.takes for result in results)
     seconds, frames = (sum(values) for values in zip(*((r.speech_seconds, r.frames) for r in results), strict=True))
     what = "" if len(results) == 1 else f"{len(results)} speeches: "
-    print(f"{what}{seconds:.2f} s of speech, {frames} frames at {results[0].fps:g} fps, made in {took:.1f} s")
+    print(f"{what}{seconds:.2f} s of speech, {say_count(frames, 'frame')} at {results[0].fps:g} fps, made in {took:.1f} s")
     outputs = [name for result in results for name in result.outputs]
     width = max(map(len, outputs))
     told = set()

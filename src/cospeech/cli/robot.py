@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Argument
 
-from ..errors import InputError
+from ..errors import InputError, say_count
 from ..models import DEFAULT
 from .options import Debug, Emotion, Intensity, Model, Quiet, Seed, Style, Transcript, number, option
 from .progress import show_progress
@@ -106,8 +106,8 @@ def robot(
     commands, outside = _make_commands(append_idle(motion.resample(fps), rest, seed=seed, intensity=intensity), joints)
     save_trajectory(target, commands, joints, fps=fps)
     if not quiet:
-        count = "1 joint" if len(joints) == 1 else f"{len(joints)} joints"
-        typer.echo(f"{target}  {len(commands)} commands for {count} at {fps:g} per second")
+        counts = f"{say_count(len(commands), 'command')} for {say_count(len(joints), 'joint')}"
+        typer.echo(f"{target}  {counts} at {fps:g} per second")
         _tell_what_stays(robot, source.name, table.get("joints", {}), joints, commands, outside)
 
 

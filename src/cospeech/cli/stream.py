@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..errors import InputError, InternalError
+from ..errors import InputError, InternalError, say_count
 from ..models import DEFAULT, PARTS
 from .options import (
     Debug,
@@ -29,7 +29,7 @@ from .options import (
     option,
     whole,
 )
-from .stream_sources import check_sources, is_live, open_control, open_pieces
+from .stream_sources import check_sources, is_live, open_pieces
 
 if TYPE_CHECKING:
     from ..audio.speech import Speech
@@ -79,7 +79,24 @@ Rate = Annotated[
     int, option("--rate", metavar="HZ", parser=whole, help="Samples per second of raw samples and the microphone.")
 ]
 Kind = Annotated[str, option("--samples", metavar="KIND", help="Raw samples: s16 or f32, little-endian, one channel.")]
-Words = Annotated[str | None, option("--transcript", metavar="FILE", help="Words of a sound file, with their times.")]
+Transcript = Annotated[
+    str | None,
+    option(
+        "--transcript",
+        metavar="FILE",
+        help="Words of the speech, where they are known beforehand; every file that `generate` reads. For raw samples, times "
+        "count from the first sample.",
+    ),
+]
+Words = Annotated[
+    str | None,
+    option(
+        "--words",
+        metavar="FILE",
+        help="File or named pipe of words that come beside raw samples, as JSON lines: "
+        '{"word": "huge", "start": 0.5, "end": 0.9}, in seconds from the first sample (docs/guides/live.md).',
+    ),
+]
 Control = Annotated[
     str | None,
     option(
@@ -134,7 +151,8 @@ def stream(
     fps: Fps = 60.0,
     avatar: Avatar = None,
     names: AvatarMap = None,
-    transcript: Words = None,
+    transcript: Transcript = None,
+    words: Words = None,
     control: Control = None,
     idle_after: IdleAfter = None,
     look_ahead: LookAhead = None,
@@ -151,14 +169,14 @@ def stream(
     \b
     cospeech stream --input mic --to vmc://127.0.0.1:39539
     cospeech stream --input talk.wav --to listen://127.0.0.1:8765 --fps 60
-    my_tts | cospeech stream -i - --rate 24000 --to listen://127.0.0.1:8765
+    my_tts | cospeech stream -i - --rate 24000 --words words.pipe --to listen://127.0.0.1:8765
     """
     from ..audio.live_sources import PIECE
     from ..export.live.pacing import MARGIN, SHORT_MARGIN, FramePacer
     from ..export.live.targets import StreamSettings
     from ..generate import open_live_session
 
-    check_sources(source, control, transcript, rate, samples)
+    check_sources(source, control, transcript, words, rate, samples)
     bones = _read_map(names, avatar)
     tell = _say_nothing if quiet else _tell
     wanted = tuple(part.strip() for part in parts.split(","))
@@ -178,10 +196,8 @@ def stream(
     settings = StreamSettings(fps, delay, wanted, None if avatar is None else Path(avatar), bones)
     with ExitStack() as stack:
         pieces, controls = open_pieces(
-            stack, source, transcript, rate=rate, kind=samples, slack=margin / 2, unpaced=unpaced, tell=tell
+            stack, source, transcript, words, control, rate=rate, kind=samples, slack=margin / 2, unpaced=unpaced, tell=tell
         )
-        if control is not None:
-            open_control(stack, control, controls, tell)
         outlets = _open_outlets(stack, to, settings, tell)
         pacer = FramePacer(outlets, delay, paced=not unpaced)
         tell(f"listening to {source}; frames leave {delay:.2f} s after their sound (Ctrl-C ends)")
@@ -292,7 +308,7 @@ def _play_to_the_end(
 
 def _end(pacer: FramePacer, tell: Callable[[str], None], *, drop: bool) -> None:
     pace = pacer.close(drop=drop)
-    tell(f"{pace.frames} frames, {pace.late} late (the latest by {pace.worst * 1e3:.0f} ms)")
+    tell(f"{say_count(pace.frames, 'frame')}, {pace.late} late (the latest by {pace.worst * 1e3:.0f} ms)")
 
 
 def _play(session: LiveSession, pieces: Iterable[Speech], steer: Callable[[Speech], Speech], pacer: FramePacer) -> None:

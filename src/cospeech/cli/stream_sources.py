@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..files import parse_json
+from ..limits import TRANSCRIPT_JSON_VALUES
 from ..runtime.live_controls import LiveControls
 
 if TYPE_CHECKING:
     from ..audio.speech import Speech
     from ..audio.waiting_sound import WaitingSound
+    from ..audio.waiting_words import WaitingWords
 
-__all__ = ["check_sources", "is_live", "open_control", "open_pieces"]
+__all__ = ["check_sources", "is_live", "open_pieces"]
 
 _RATES = (8_000, 192_000)  # samples per second of raw sound that can be said
+_WORDS_LINE = 16 << 20  # bytes of a line of --words [ours: with a minute of sound in base64, which some services put there]
 
 
-def check_sources(source: str, control: str | None, transcript: str | None, rate: int, samples: str) -> None:
+def check_sources(source: str, control: str | None, transcript: str | None, words: str | None, rate: int, samples: str) -> None:
     """See that what was asked for goes together.
 
     Raises:
@@ -40,8 +46,25 @@ def check_sources(source: str, control: str | None, transcript: str | None, rate
         raise InputError(f"--control and --input are both {control!r}", "a WebSocket that sends sound may send messages, too")
     if not _RATES[0] <= rate <= _RATES[1]:
         raise InputError(f"{rate} samples per second", f"{_RATES[0]} … {_RATES[1]}")
-    if transcript is not None and is_live(source):
-        raise InputError("a transcript of live speech", "leave out --transcript, or give a sound file")
+    if transcript is not None and source == "mic":
+        raise InputError("a transcript of the microphone", "nobody knows yet when words are spoken: leave out --transcript")
+    if words is not None:
+        _check_words(words, source)
+
+
+def _check_words(path: str, source: str) -> None:
+    """See that words can be read.
+
+    Raises:
+        InputError: there is no such file or pipe, or the speech is a sound file.
+    """
+    if not is_live(source):
+        raise InputError("--words beside a sound file", "--transcript gives its words")
+    if not Path(path).exists():
+        raise InputError(f"cannot read {path!r}: there is no such file or pipe", "mkfifo words makes a pipe")
+    if Path(path).is_dir() or not os.access(path, os.R_OK):
+        reason = "it is a folder" if Path(path).is_dir() else "Permission denied"
+        raise InputError(f"cannot read {path!r}: {reason}", "name a file or a pipe")
 
 
 def is_live(source: str) -> bool:
@@ -52,28 +75,48 @@ def is_live(source: str) -> bool:
 
 
 def open_pieces(
-    stack: ExitStack, source: str, transcript: str | None, *, rate: int, kind: str, slack: float, unpaced: bool,
-    tell: Callable[[str], None],
+    stack: ExitStack, source: str, transcript: str | None, words: str | None, control: str | None, *, rate: int, kind: str,
+    slack: float, unpaced: bool, tell: Callable[[str], None],
 ) -> tuple[Iterator[Speech], LiveControls]:  # fmt: skip
     """The speech of a source, piece by piece, and the messages that steer; what it opens is closed with ``stack``.
 
     Args:
+        transcript: file of the words of the whole speech.
+        words: file or pipe of words that come beside live sound.
+        control: where messages that steer come from, besides those of the source.
         slack: seconds that live sound may be late.
         unpaced: read a file as fast as it can be played.
         tell: told what is wrong with a message or with raw samples.
 
     Raises:
-        InputError: the source cannot be opened.
+        InputError: the source or the control cannot be opened, or the transcript cannot be read.
     """
     from ..audio.live_sources import BEHIND, pace_pieces
     from ..audio.waiting_sound import WaitingSound
+    from ..audio.waiting_words import WaitingWords
 
     waiting = WaitingSound(round(BEHIND * rate))
-    controls = LiveControls(waiting, lambda error: tell(f"control: {error}"))
-    if not is_live(source):
-        return _pieces_of_file(stack, source, transcript, unpaced), controls
-    blocks = _open_blocks(stack, source, rate, kind, controls, tell)
-    return _see_that_sound_comes(pace_pieces(blocks, rate, slack=slack, waiting=waiting), waiting), controls
+    waiting_words = WaitingWords(waiting, rate, lambda text: tell(f"words: {text}")) if is_live(source) else None
+    controls = LiveControls(waiting, lambda error: tell(f"control: {error}"), waiting_words)
+    if waiting_words is None:
+        pieces = _pieces_of_file(stack, source, transcript, unpaced)
+    else:
+        _open_words(transcript, words, waiting_words, tell)
+        blocks = _open_blocks(stack, source, rate, kind, controls, tell)
+        pieces = _see_that_sound_comes(pace_pieces(blocks, rate, slack=slack, waiting=waiting), waiting)
+    if control is not None:
+        _open_control(stack, control, controls, tell)
+    return pieces, controls
+
+
+def _open_words(transcript: str | None, path: str | None, words: WaitingWords, tell: Callable[[str], None]) -> None:
+    """Put the words of a transcript, and in a thread those that come beside the sound."""
+    from ..audio.transcripts import load_speech_words
+
+    if transcript is not None:
+        words.put(load_speech_words(transcript))
+    if path is not None:
+        _start(_collect_words, path, words, tell)
 
 
 def _see_that_sound_comes(pieces: Iterator[Speech], waiting: WaitingSound) -> Iterator[Speech]:
@@ -119,7 +162,7 @@ def _pieces_of_file(stack: ExitStack, path: str, transcript: str | None, unpaced
     return pieces if unpaced else wait_for_each(pieces)
 
 
-def open_control(stack: ExitStack, address: str, controls: LiveControls, tell: Callable[[str], None]) -> None:
+def _open_control(stack: ExitStack, address: str, controls: LiveControls, tell: Callable[[str], None]) -> None:
     """Hear the messages of ``--control``, besides those of the input.
 
     Raises:
@@ -134,10 +177,38 @@ def open_control(stack: ExitStack, address: str, controls: LiveControls, tell: C
         from ..export.live.receiver import open_receiver
 
         messages = stack.enter_context(open_receiver(address, lambda text: tell(f"note: {text}")))
-    threading.Thread(target=_collect, args=(messages, controls), name="cospeech control", daemon=True).start()
+    _start(_collect, messages, controls)
+
+
+def _start(collect: Callable[..., None], *given: object) -> None:
+    """Call in a thread that ends with the program."""
+    threading.Thread(target=collect, args=given, name=f"cospeech {collect.__name__}", daemon=True).start()
 
 
 def _collect(messages: Iterable[str | bytes], controls: LiveControls) -> None:
-    """In a thread."""
     for message in messages:
         controls.put(message)
+
+
+def _collect_words(path: str, words: WaitingWords, tell: Callable[[str], None]) -> None:
+    """The lines of a file; or those of all who write to a named pipe, one after the other."""
+    from ..audio.live_sources import read_lines
+    from ..audio.transcripts import settle
+    from ..audio.word_json import read_documents
+
+    while True:
+        lines = filter(bytes.strip, read_lines(path, _WORDS_LINE))
+        documents = map(_parse_words, lines)  # goes on after an error, as a generator would not
+        while True:
+            try:
+                for entry in read_documents(documents):
+                    words.put(settle([entry]))
+                break
+            except InputError as error:
+                tell(f"words: {error}")
+        if not Path(path).is_fifo():
+            return
+
+
+def _parse_words(line: bytes) -> object:
+    return parse_json(line.decode("utf-8", "replace"), "a line", TRANSCRIPT_JSON_VALUES)

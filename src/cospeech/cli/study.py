@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
+from ..errors import say_count
 from .options import Debug, Json, Port, Quiet, Seed, option, whole
 from .progress import show_progress
 
@@ -110,7 +111,8 @@ def make(
         from ..studio.study.session import make_session
 
         typer.echo(
-            f"{output}  {len(plan.systems)} systems, {len(plan.stimuli)} speeches, {len(make_session(plan, 0))} pages a rater"
+            f"{output}  {say_count(len(plan.systems), 'system')}, {say_count(len(plan.stimuli), 'speech', 'speeches')}, "
+            f"{say_count(len(make_session(plan, 0)), 'page')} a rater"
         )
         typer.echo(f"  put your own words for consent into {output / 'plan.json'}, then: cospeech study serve {output}")
 
@@ -155,7 +157,8 @@ def export_(
 
     plan = export_page(study, page, sessions=sessions)
     if not quiet:
-        typer.echo(f"{page}  {len(plan.clips)} clips, {sessions} orders; raters send you the file that the page saves")
+        counts = f"{say_count(len(plan.clips), 'clip')}, {say_count(sessions, 'order')}"
+        typer.echo(f"{page}  {counts}; raters send you the file that the page saves")
 
 
 @study_app.command("import")

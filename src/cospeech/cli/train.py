@@ -25,7 +25,7 @@ Recipe = Annotated[
     Path,
     Argument(
         metavar="RECIPE",
-        help="Name of a recipe that comes with the program, such as laptop (a small one) or flow_ted; or path of a TOML file.",
+        help="Name of a recipe, such as laptop (a small one); `cospeech list recipes` prints them. Or the path of a TOML file.",
     ),
 ]
 Store = Annotated[

@@ -141,7 +141,7 @@ def load_stored_clips(
         raw: the corpus it was made from; a store keeps no sound, and metrics that hear need it.
 
     Raises:
-        InputError: not a store, an unknown split, no clip in it, or a corpus that is not known or cannot be read.
+        InputError: not a store, an unknown split, no clip in it; a corpus that is not known, cannot be read, or is another one.
     """
     store, split = Store(folder), None if split == "all" else split
     if split not in (None, *SPLITS):
@@ -192,10 +192,16 @@ def _sounds(store: Store, entries: Sequence[Entry], raw: str | PathLike[str]) ->
     for entry in entries:
         for name in {entry.name, entry.name.partition("@")[0], find_original(entry.name.partition("@")[0])}:
             wanted.setdefault(name, []).append(entry)
-    found = {}
+    found, known = {}, False
     for clip in import_module(CORPORA[store.corpus].module).read(raw):
-        if isinstance(clip, Clip) and clip.speech is not None:
+        if not isinstance(clip, Clip):
+            continue
+        known = known or clip.name in wanted
+        if clip.speech is not None:
             for entry in wanted.get(clip.name, ()):
                 start = clip.speech.start + entry.start - clip.start
                 found[entry.name] = clip.speech.window(start, start + entry.frames / store.fps)
+    if not known:
+        problem = f"{str(raw)!r} has none of the recordings of the store {str(store.folder)!r}, such as {entries[0].name!r}"
+        raise InputError(problem, f"name the {store.corpus} corpus that the store was prepared from")
     return found

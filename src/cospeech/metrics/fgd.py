@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, say_count
 from ..motion.rotations import Array
 from ._scipy import scipy
 from .interval import Resampled
@@ -89,7 +89,7 @@ def frechet_published(mean_a: Array, covariance_a: Array, mean_b: Array, covaria
 def _clips(samples: Sequence[Sample], net: FeatureNet) -> list[Array]:
     found = [features for sample in samples if len(features := net.windows(sample))]
     if sum(map(len, found)) < 2:
-        raise InputError(f"{sum(map(len, found))} windows of {net.frames} frames", "longer clips, or more of them")
+        raise InputError(f"{say_count(sum(map(len, found)), 'window')} of {net.frames} frames", "longer clips, or more of them")
     return found
 
 
@@ -120,7 +120,7 @@ def fgd(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) 
     value = frechet(*moments(np.concatenate(a)), *moments(np.concatenate(b)))
     count = sum(map(len, a))
     drawn = _resample(a, b, value, tools.seed)
-    return Score(value, drawn.interval, count, f"{tools.features.name}, {count} windows", drawn.draws)
+    return Score(value, drawn.interval, count, f"{tools.features.name}, {say_count(count, 'window')}", drawn.draws)
 
 
 @metric("features", better="lower", same=("rate", "joints"))

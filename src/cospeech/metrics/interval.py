@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, say_count
 from ..motion.rotations import Array
 from .sample import Score
 
@@ -40,7 +40,7 @@ def mean_score(values: Sequence[float], weights: Sequence[float] | None = None, 
     x = np.asarray(values, np.float64)
     w = np.ones(len(x)) if weights is None else np.asarray(weights, np.float64)
     if not len(x) or not np.isfinite(x).all() or not w.sum() > 0:
-        raise InputError(f"a mean over {len(x)} clips", "at least one clip that is long enough")
+        raise InputError(f"a mean over {say_count(len(x), 'clip')}", "at least one clip that is long enough")
     value = float(x @ w / w.sum())
     if len(x) < 2:
         return Score(value, None, 1, note)

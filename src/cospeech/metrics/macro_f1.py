@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, say_count
 from ..motion.rotations import Array
 from .interval import bootstrap
 from .sample import Score
@@ -54,5 +54,5 @@ def macro_f1(true: Sequence[int], said: Sequence[int], clips: Sequence[str], *, 
     np.add.at(counts, (np.searchsorted(names, clips), a, b), 1)
     drawn = bootstrap(lambda k: mean_f1(counts[k].sum(0)), len(names), draws=DRAWS, seed=seed)
     occurring = int((counts.sum((0, 2)) > 0).sum())
-    note = f"{occurring} classes, {len(names)} clips"
+    note = f"{say_count(occurring, 'class', 'classes')}, {say_count(len(names), 'clip')}"
     return Score(mean_f1(counts.sum(0)), drawn.interval, len(a), note, drawn.draws)

@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, say_count
 from .interval import mean_score
 from .metric import metric
 from .sample import Sample, Score, Tools, pose_vectors
@@ -50,7 +50,7 @@ def multimodality_ha2g(generated: Sequence[Sample], reference: Sequence[Sample],
     assert tools.features is not None
     rows = np.concatenate([w for s in generated if len(w := tools.features.windows(s))] or [np.zeros((0, 1))])
     if len(rows) < 2:
-        raise InputError(f"{len(rows)} windows", "longer clips, or more of them")
+        raise InputError(say_count(len(rows), "window"), "longer clips, or more of them")
     rng = np.random.default_rng(tools.seed)
     a, b = (rng.integers(0, len(rows), SHUFFLES) for _ in range(2))
     return Score(float(np.abs(rows[a] - rows[b]).mean(1).mean()), None, len(rows), tools.features.name)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..errors import say_count
 from . import load_metric
 from .controls import WRONG
 from .metric import Score
@@ -128,7 +129,7 @@ class Table:
         ]
         if self.clips in COVERAGE:
             rate = f"holds the true value in some {COVERAGE[self.clips]} of 100 cases, not in 95"
-            lines.append(f"note: ± is too narrow with so few clips: an interval over {self.clips} clips {rate}")
+            lines.append(f"note: ± is too narrow with so few clips: an interval over {say_count(self.clips, 'clip')} {rate}")
         lines += [f"{_mark(found)} {name}: {'; '.join(found)}" for name, found in self.faults.items() if found]
         lines += [f"– {', '.join(names)}: {why}" for why, names in self._reasons().items()]
         return "\n".join(lines)

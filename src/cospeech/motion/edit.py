@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, say_count
 from .curves import smoothstep
 from .motion import Motion
 from .rotations import Array, quat_conjugate, quat_continuous, quat_multiply, quat_to_rotvec, rotvec_to_quat
@@ -103,7 +103,7 @@ def loop(motion: Motion, *, blend: float | None = None) -> Motion:
         blend: seconds before the end in which it turns towards the beginning, at most half of the motion; None: as in `join`.
     """
     if len(motion) < 2:
-        raise InputError(f"{len(motion)} frames cannot be looped", "give two or more")
+        raise InputError(f"{say_count(len(motion), 'frame')} cannot be looped", "give two or more")
     backwards = _reverse(motion)
     seconds = _time_of(backwards[-1:], backwards[:1]) if blend is None else blend
     turned = _reverse(_go_on(backwards[-2:], backwards, min(seconds, motion.duration / 2)))

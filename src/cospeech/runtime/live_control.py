@@ -4,6 +4,7 @@
 {"emotion": "happiness", "intensity": 1.2}
 {"style": "calm"}
 {"parts": ["face", "body"]}
+{"words": [{"word": "huge", "start": 0.2, "end": 0.6}]}
 """
 
 from __future__ import annotations
@@ -25,32 +26,40 @@ CONTROLS: dict[str, Callable[[LiveSession, Any], None]] = {
     "interrupt": lambda session, value: session.interrupt(),
 }
 """Key → what it does; they are done in this order."""
-_LONGEST = 10_000  # characters of a message [ours: the longest that says something has some hundred]
+_LONGEST = 1 << 16  # characters of a message [ours: a thousand words with their times]
 
 
-def apply_control(session: LiveSession, text: str | bytes) -> set[str]:
+def apply_control(session: LiveSession, text: str | bytes, *, put_words: Callable[[object], object] | None = None) -> set[str]:
     """Do what a message says.
 
+    Args:
+        session: that it steers.
+        text: the message.
+        put_words: takes the value of ``words``, where words are wanted; it raises InputError if they are none.
+
     Returns:
-        The keys of `CONTROLS` that it had.
+        The keys that it had, of `CONTROLS` and ``words``.
 
     Raises:
         InputError: it is no message of this kind; what comes before the wrong value is done.
     """
     text = text if isinstance(text, str) else text.decode("utf-8", "replace")
+    known = [*CONTROLS] if put_words is None else [*CONTROLS, "words"]
     try:
         message = json.loads(text) if len(text) <= _LONGEST else None
     except (ValueError, RecursionError):
         message = None
     if not isinstance(message, dict) or not message:
-        raise InputError(f"{text.strip()[:60]!r} is no control message", f"a JSON object with some of {', '.join(CONTROLS)}")
+        raise InputError(f"{text.strip()[:60]!r} is no control message", f"a JSON object with some of {', '.join(known)}")
     for key in message:
-        if key not in CONTROLS:
-            raise InputError(f"no control is called {key[:40]!r}", f"known: {', '.join(CONTROLS)}")
+        if key not in known:
+            raise InputError(f"no control is called {key[:40]!r}", f"known: {', '.join(known)}")
     _check(message)
     for key, control in CONTROLS.items():
         if key in message:
             control(session, message[key])
+    if put_words is not None and "words" in message:
+        put_words(message["words"])
     return {*message}
 
 
@@ -61,5 +70,5 @@ def _check(message: dict[str, Any]) -> None:
         if key == "interrupt" and value is not True:
             raise InputError(f"interrupt is {str(value)[:40]!r}", "true, or leave it out")
         wrong = key in kinds and (not isinstance(value, kinds[key]) or isinstance(value, bool))
-        if wrong or (isinstance(value, list) and not all(isinstance(part, str) for part in value)):
+        if wrong or (key == "parts" and isinstance(value, list) and not all(isinstance(part, str) for part in value)):
             raise InputError(f"{key} is {str(value)[:40]!r}", "text" if key != "intensity" else "a number")

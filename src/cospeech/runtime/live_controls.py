@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from queue import SimpleQueue
 from typing import TYPE_CHECKING
@@ -11,9 +12,12 @@ from ..errors import InputError
 if TYPE_CHECKING:
     from ..audio.speech import Speech
     from ..audio.waiting_sound import WaitingSound
+    from ..audio.waiting_words import WaitingWords
     from .live_session import LiveSession
 
 __all__ = ["LiveControls"]
+
+_INTERRUPTS = re.compile(r'"interrupt"\s*:')  # the key; the word may be among those that are spoken
 
 
 class LiveControls:
@@ -22,33 +26,42 @@ class LiveControls:
     Args:
         sound: what waits to be heard; an interruption drops it.
         tell: told the error of a message that says nothing sensible.
+        words: where words wait; None where they do not come with the sound.
     """
 
-    def __init__(self, sound: WaitingSound, tell: Callable[[InputError], object]) -> None:
-        self._sound, self._tell = sound, tell
+    def __init__(self, sound: WaitingSound, tell: Callable[[InputError], object], words: WaitingWords | None = None) -> None:
+        self._sound, self._tell, self._words = sound, tell, words
         self._messages: SimpleQueue[tuple[str | bytes, int]] = SimpleQueue()
 
     def put(self, message: str | bytes) -> bool:
         """Add a message; any thread may. Returns whether the sound before it is void: it interrupts."""
         self._messages.put((message, self._sound.received))
-        return '"interrupt"' in (message if isinstance(message, str) else message.decode("utf-8", "replace"))
+        return _INTERRUPTS.search(message if isinstance(message, str) else message.decode("utf-8", "replace")) is not None
 
     def steer(self, session: LiveSession, piece: Speech) -> Speech:
         """Do what the messages say that have come; the stream goes on after one that says nothing sensible.
 
         Returns:
-            The piece that is heard now, silent where an interruption dropped it.
+            The piece that is heard now, silent where an interruption dropped it, with the words that start in it.
         """
         from .live_control import apply_control
 
         while not self._messages.empty():
             message, place = self._messages.get()
             try:
-                done = apply_control(session, message)
+                done = apply_control(session, message, put_words=self._word_putter(place))
             except InputError as error:
                 self._tell(error)
                 continue
             if "interrupt" in done:
                 self._sound.drop(place)
                 piece = self._sound.mute_piece(piece)
-        return piece
+        return piece if self._words is None else self._words.join(piece)
+
+    def _word_putter(self, place: int) -> Callable[[object], None] | None:
+        """What takes the words of a message; their times count from this place in the sound."""
+        from ..audio.transcripts import settle
+        from ..audio.word_json import read_documents
+
+        words = self._words
+        return None if words is None else lambda value: words.put(settle(read_documents(iter([value]))), place)

@@ -6,10 +6,12 @@ from the store.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import MISSING, asdict, dataclass, field, fields, replace
+from itertools import takewhile
 from os import PathLike
 from pathlib import Path
 from types import NoneType, UnionType
@@ -27,6 +29,7 @@ __all__ = [
     "Train",
     "build",
     "change_recipe",
+    "describe_recipe",
     "list_changes",
     "list_recipes",
     "load_recipe",
@@ -36,6 +39,7 @@ __all__ = [
 SHIPPED = Path(__file__).with_name("recipes")
 """Where the recipes lie that come with the program: ``NAME.toml``."""
 
+_SENTENCE = re.compile(r"\.\s+(?=\D)")  # where one ends; "et al. 2022" is none
 _KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "text in quotes", NoneType: "nothing"}
 FREE = ("data.store", "train.steps", "train.device", "train.threads", "train.save_every", "train.tensorboard")
 """What may change when a run is resumed: it alters how far and where, not what is computed."""
@@ -280,6 +284,12 @@ def _override(sections: dict[str, Any], text: str) -> None:
 def list_recipes() -> list[str]:
     """Names of the recipes that come with the program."""
     return sorted(path.stem for path in SHIPPED.glob("*.toml"))
+
+
+def describe_recipe(name: str) -> str:
+    """What a recipe that comes with the program trains: the first sentence of the comment at its head."""
+    lines = takewhile(lambda line: line.startswith("#"), (SHIPPED / f"{name}.toml").read_text("utf-8").splitlines())
+    return _SENTENCE.split(" ".join(line.lstrip("# ") for line in lines), maxsplit=1)[0].rstrip(".")
 
 
 def _file(path: str) -> Path:

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import NoReturn
 
 from ...audio.speech import Speech
-from ...audio.transcripts import Entry, settle
+from ...audio.transcripts import settle
+from ...audio.word_entries import Entry
 from ...errors import InputError
 from ...motion.skeletons.trinity import FULL_BODY, UPPER_BODY
 from ..clip import Clip, Dropped

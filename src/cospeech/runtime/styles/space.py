@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, say_count
 from ...motion.motion import Motion
 from ...motion.rotations import Array
 from ..bundles.spec import VOICE
@@ -107,7 +107,7 @@ class CodeSpace:
         frames = min(len(poses) for poses in shown)
         if frames < least:
             hint = f"at least {least} frames, {least / system.fps:.2f} s"
-            raise InputError(f"example {name} has only {frames} frames at {system.fps:g} per second", hint)
+            raise InputError(f"example {name} has only {say_count(frames, 'frame')} at {system.fps:g} per second", hint)
         shown = tuple(np.clip(poses, system.statistics.pose_low, system.statistics.pose_high) for poses in shown)
         pieces = [stretch for poses in shown for stretch in stretches(poses, least)]
         return np.mean([encoder.run(poses=piece[None])["style"][0] for piece in pieces], 0), shown

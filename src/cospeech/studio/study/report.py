@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...errors import say_count
 from ...metrics.holm import correct
 from ...motion.rotations import Array
 from .answers import Answers, Rater
@@ -225,12 +226,14 @@ def _chance(p: float) -> str:
 def report_text(plan: StudyPlan, findings: Findings) -> str:
     """The report, in Markdown."""
     counted = findings.counted
+    shown = f"{say_count(len(plan.systems), 'system')}, {say_count(len(plan.stimuli), 'speech', 'speeches')}"
+    minutes = f"; median time {counted.minutes:.1f} minutes" if counted.kept else ""
     lines = [
         f"# {plan.title}",
         "",
-        f"{len(plan.systems)} systems, {len(plan.stimuli)} speeches, template {plan.template}, variant {plan.variant}.",
-        f"{len(counted.kept)} raters count; {len(counted.failed)} failed attention checks; {len(counted.incomplete)} did not "
-        "finish" + (f"; median time {counted.minutes:.1f} minutes." if counted.kept else "."),
+        f"{shown}, template {plan.template}, variant {plan.variant}.",
+        f"{say_count(len(counted.kept), 'rater counts', 'raters count')}; {len(counted.failed)} failed attention checks; "
+        f"{len(counted.incomplete)} did not finish{minutes}.",
     ]
     for question in plan.questions:
         means, pairs = findings.means[question.name], findings.differences[question.name]

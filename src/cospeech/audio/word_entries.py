@@ -1,0 +1,58 @@
+"""What every reader of a transcript gives: a text, and when it is said."""
+
+from __future__ import annotations
+
+from ..errors import InputError
+
+__all__ = ["Entry", "check_number", "check_text", "read_time"]
+
+Entry = tuple[str, float, float]
+"""Text, start, end; times in seconds."""
+_MOST = 1e15  # above what any unit of time needs [ours: ten years in ticks of 100 ns]; infinity is above it, too
+
+
+def read_time(text: object) -> float:
+    """A time in seconds; a decimal comma is read too.
+
+    Raises:
+        InputError: it is no number.
+    """
+    if isinstance(text, bool) or not isinstance(text, (str, int, float)):
+        raise InputError(f"{str(text)[:40]!r} is not a time", "times are in seconds")
+    try:
+        return float(text.replace(",", ".") if isinstance(text, str) else text)
+    except (ValueError, OverflowError):
+        raise InputError(f"{str(text)[:40]!r} is not a time", "times are in seconds") from None
+
+
+def check_number(value: object, name: str, unit: str) -> float:
+    """A number from 0 on, of a field.
+
+    Args:
+        value: of the field; None where there is none.
+        name: of the field, for the message.
+        unit: what the number counts, for the message.
+
+    Raises:
+        InputError: there is none, or it is no number, or below 0, or not finite.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float) or not (0 <= value <= _MOST):
+        problem = f"there is no {name}" if value is None else f"{name} is {str(value)[:40]}"
+        raise InputError(problem, f"{unit}, 0 and more")
+    return float(value)
+
+
+def check_text(value: object, name: str, hint: str) -> str:
+    """A text, of a field.
+
+    Args:
+        value: of the field; None where there is none.
+        name: of the field, for the message.
+        hint: of the message.
+
+    Raises:
+        InputError: there is none, or it is no text.
+    """
+    if not isinstance(value, str):
+        raise InputError(f"there is no {name}" if value is None else f"{name} is {str(value)[:40]}", hint)
+    return value

@@ -85,7 +85,7 @@ def test_a_loop_ends_where_it_begins():
     assert steps(after).max() < 1.5 * steps(short).max() + 0.05
     np.testing.assert_array_equal(made.rotations[:50], short.rotations[:50])
     np.testing.assert_array_equal(made.root[:50], short.root[:50])
-    with pytest.raises(InputError, match="1 frames"):
+    with pytest.raises(InputError, match="1 frame cannot be looped"):
         loop(MOTION[:1])
 
 

@@ -169,7 +169,7 @@ def stream(
     \b
     cospeech stream --input mic --to vmc://127.0.0.1:39539
     cospeech stream --input talk.wav --to listen://127.0.0.1:8765 --fps 60
-    my_tts | cospeech stream -i - --rate 24000 --words words.pipe --to listen://127.0.0.1:8765
+    my_tts | cospeech stream -i - --words words.pipe --to listen://127.0.0.1:8765
     """
     from ..audio.live_sources import PIECE
     from ..export.live.pacing import MARGIN, SHORT_MARGIN, FramePacer

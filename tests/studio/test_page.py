@@ -535,6 +535,11 @@ def test_a_take_that_is_cancelled_leaves_what_was_shown(page, tmp_path):
     page.set_input_files("#speech-file", tmp_path / "long.wav")
     cancel = page.locator('#cards button:has-text("Cancel")')
     cancel.wait_for()
+    cancel.evaluate("button => { button.dataset.first = 'yes' }")
+    before = page.evaluate("cospeechStudio.takes[0].progress")
+    wait_until(page, f"cospeechStudio.takes[0].progress > {before}", 30)
+    assert cancel.get_attribute("data-first") == "yes"  # a button that is replaced at each step of progress loses clicks
+    assert page.evaluate("document.querySelector('#cards progress').value === cospeechStudio.takes[0].progress")
     cancel.click()
     wait_until(page, "document.getElementById('notice').textContent === 'cancelled'")
     assert page.evaluate("cospeechStudio.takes[0].progress") is None

@@ -7,6 +7,7 @@ import type { Takes } from "../takes";
 
 export class Cards {
   private writing: AbortController | null = null;
+  private drawn = "";
 
   constructor(private readonly store: Store, private readonly takes: Takes) {
     const { formats } = store.state.catalogue;
@@ -23,10 +24,7 @@ export class Cards {
   }
 
   private draw(state: State): void {
-    const cards = state.speech === null ? [] : state.takes.map((take, k) => this.card(take, k));
-    const focused = document.activeElement?.id;
-    find("cards").replaceChildren(...cards);
-    if (focused?.startsWith("card-")) document.getElementById(focused)?.focus();
+    this.drawCards(state);
     find<HTMLButtonElement>("add-take").disabled = !this.takes.mayAdd || state.speech === null;
     find<HTMLButtonElement>("remove-take").disabled = state.takes.length < 2;
     const link = find<HTMLAnchorElement>("download");
@@ -37,6 +35,21 @@ export class Cards {
     link.textContent = `Download take ${state.chosen + 1}`;
   }
 
+  /** Buttons stay where they are while only the progress changes: one that is replaced under a finger loses its click. */
+  private drawCards({ speech, takes, chosen }: State): void {
+    const shown = speech === null ? [] : takes;
+    const drawn = JSON.stringify([chosen, shown.map((take) => [
+      take.key, take.seed, take.edited !== null, take.problem, take.progress !== null,
+    ])]);
+    if (drawn !== this.drawn) {
+      const focused = document.activeElement?.id;
+      find("cards").replaceChildren(...shown.map((take, k) => this.card(take, k)));
+      if (focused?.startsWith("card-")) document.getElementById(focused)?.focus();
+      this.drawn = drawn;
+    }
+    for (const { key, progress } of shown) if (progress !== null) find<HTMLProgressElement>(`card-${key}-progress`).value = progress;
+  }
+
   private card(take: Take, k: number): HTMLElement {
     const chosen = this.store.state.chosen === k;
     const name = make("button", {
@@ -45,7 +58,7 @@ export class Cards {
     }, `Take ${k + 1}`);
     const card = make("div", { class: `card${chosen ? " chosen" : ""}` }, name);
     if (take.progress !== null) {
-      const progress = make("progress", { max: "1", value: String(take.progress), "aria-label": `Take ${k + 1} is made` });
+      const progress = make("progress", { max: "1", id: `card-${take.key}-progress`, "aria-label": `Take ${k + 1} is made` });
       const stop = make("button", { type: "button", class: "quiet", id: `card-${take.key}-stop`, click: () => this.takes.cancel(take) }, "Cancel");
       card.append(progress, stop);
     } else card.append(make("span", { class: "soft" }, `seed ${take.seed}${take.edited ? ", edited" : ""}`));

@@ -17,6 +17,7 @@ off by default:
     label_conditioning           clips with the style of their labels: style and emotion may be given when it plays
     face_teacher_forcing         clips with their recorded face: a face may be given when it plays
     gain_augmentation            louder or softer speech: the level of a microphone says nothing about the emotion
+    speech_augmentation          what the decoders hear, as other voices and rooms would have it
 
     ℓ = equation 9 + λ_M ℓ_M + λ_V ℓ_V + λ_T ℓ_T + λ_W ℓ_W + λ_R ℓ_R + λ_P ℓ_P + λ_D (D(P) − 1)²
     D minimises (D(P*) − 1)² + D(P)² + D(P*, speech of another clip)²
@@ -46,6 +47,7 @@ from .nn.part_speeds import Parts, PartWeights, part_terms
 from .nn.patch import PATCH_FRAMES
 from .nn.pose_discriminator import PoseDiscriminator
 from .nn.settings import check_least
+from .nn.speech_augmentation import SpeechAugmentation
 from .nn.speed_distance import speed_distance, timing_term
 from .nn.temporal import Memory
 
@@ -66,6 +68,9 @@ class ChainExtendedConfig(ChainConfig):
     """Share of training clips of which TFFDec sees the recorded face. [ours]"""
     gain_augmentation: float = 0.0
     """dB by which training clips are made louder or softer at most. [ours]"""
+    speech_augmentation: float = 0.0
+    """By how much each number of speech is changed throughout a clip, in deviations of the corpus, for the decoders
+    alone (models/nn/speech_augmentation.py). [ours]"""
     speech_swap: float = 0.0
     """Share of training clips that are played to the speech of another of their batch, in the style of their own labels: of
     what they should be like D and ``motion_statistics`` tell. [ours]"""
@@ -94,8 +99,8 @@ class ChainExtendedConfig(ChainConfig):
     """Of its first convolution. [ours]"""
 
     def __post_init__(self) -> None:
-        weights = ("motion_statistics", "speed_envelope", "stroke_timing", "adversarial", *PartWeights._fields)
-        check_least(self, "an extended Chain of Generation", dict.fromkeys(weights, 0))
+        least = ("motion_statistics", "speed_envelope", "stroke_timing", "adversarial", "speech_augmentation")
+        check_least(self, "an extended Chain of Generation", dict.fromkeys((*least, *PartWeights._fields), 0))
 
 
 class Turn(NamedTuple):
@@ -148,6 +153,7 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         heard, adversarial = self.speech_encoder.inputs, config.adversarial > 0
         self.modes, self.parts = config.noise, parts or [range(pose)]
         self.gain_augmentation = GainAugmentation(config.gain_augmentation, heard, louder)
+        self.speech_augmentation = SpeechAugmentation(config.speech_augmentation)
         self.discriminator = (
             PoseDiscriminator(pose, heard, config.discriminator_channels, speakers, EMOTIONS) if adversarial else None
         )
@@ -254,7 +260,8 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         seeds = self.mask_seeds(batch["pose"].mT, coins[:, 1] >= self.config.seed_dropout)
         face = F.pad(played["face"].mT, (self.delay, 0), value=torch.nan)[..., :frames]
         face = torch.where(coins[:, 2] < self.config.face_teacher_forcing, face, torch.nan)
-        made, features = self(played[self.speech_encoder.array].mT, words, style, self.extra(seeds, noise), Memory(), face)
+        other = self.speech_augmentation(played[self.speech_encoder.array], batch.chance)
+        made, features = self(other.mT, words, style, self.extra(seeds, noise), Memory(), face)
         return Turn(self._cut(made), features, made.features, recorded, played, own, style, words, noise)
 
     def _score(self, pose: Tensor, batch: Batch, shift: int = 0) -> Tensor:

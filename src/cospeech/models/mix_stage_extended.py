@@ -17,6 +17,8 @@ what is left, the distance to one recording, is least for the mean of all motion
     speed_distribution, part_correlation, part_timing
                       how much of the time each part of the body rests, which parts move together, and when
                       (models/nn/part_speeds.py)
+    speech_augmentation
+                      speech as other voices and rooms would have it (models/nn/speech_augmentation.py)
 
 What each does for the motion: docs/models/mix_stage.md, "Added".
 """
@@ -36,6 +38,7 @@ from .nn.objective import Batch
 from .nn.part_speeds import Parts, PartWeights, part_terms
 from .nn.pose_discriminator import PoseDiscriminator
 from .nn.settings import check_least
+from .nn.speech_augmentation import SpeechAugmentation
 from .nn.speed_distance import timing_term
 
 __all__ = ["MixStageExtended", "MixStageExtendedConfig"]
@@ -61,9 +64,11 @@ class MixStageExtendedConfig(MixStageConfig):
     """Weight of how far the correlations of the speeds of parts of the body are from the recorded ones. [ours]"""
     part_timing: float = 0.0
     """Weight of how little each part of the body moves when it moves in the recording. [ours]"""
+    speech_augmentation: float = 0.0
+    """By how much each number of speech is changed throughout a window, in deviations of the corpus. [ours]"""
 
     def __post_init__(self) -> None:
-        weights = ("reconstruction", "persistence", "stroke_timing", *PartWeights._fields)
+        weights = ("reconstruction", "persistence", "stroke_timing", "speech_augmentation", *PartWeights._fields)
         check_least(self, "an extended Mix-StAGE", dict.fromkeys(weights, 0))
 
 
@@ -82,6 +87,7 @@ class MixStageExtended(MixStage):
     def __init__(self, config: MixStageExtendedConfig, *, pose: int, audio: int, speakers: int, parts: Parts = ()) -> None:
         super().__init__(config, pose=pose, audio=audio, speakers=speakers)
         self.parts = parts or [range(pose)]
+        self.speech_augmentation = SpeechAugmentation(config.speech_augmentation)
 
     @classmethod
     def dimensions_for(cls, config: MixStageExtendedConfig) -> tuple[str, ...]:
@@ -93,6 +99,11 @@ class MixStageExtended(MixStage):
         if not self.config.pose_discriminator:
             return super()._make_discriminator()
         return PoseDiscriminator(self.pose, self.audio, self.config.patch_channels, max(1, self.styles))
+
+    def _encode_contents(self, batch: Batch, step: int) -> tuple[Tensor, Tensor | None]:
+        """As of the paper; what is heard is changed where there is ``speech_augmentation``."""
+        heard = self.speech_augmentation(batch["audio"], batch.chance)
+        return super()._encode_contents(Batch({**batch.arrays, "audio": heard}, batch.chance), step)
 
     def _draw_poses(self, batch: Batch, made: Tensor, logits: Tensor, mixed: Tensor) -> Tensor:
         """As it is played, with priors of H and noise, where there is ``persistence``."""

@@ -131,8 +131,9 @@ def _find_joints(robot: str, table: Mapping[str, Any]) -> tuple[RobotJoint, ...]
         raise InputError(
             f"[joints] of --map changes nothing for {robot!r}", "it is for a URDF; [limits.JOINT] is for any robot"
         )
-    joints = read_urdf(robot, table.get("joints")) if _is_urdf(robot) else find_robot(robot)
-    return narrow_joints(joints, table.get("limits", {}))
+    limits = table.get("limits", {})
+    joints = read_urdf(robot, table.get("joints"), limits) if _is_urdf(robot) else find_robot(robot)
+    return narrow_joints(joints, limits)
 
 
 def _make_commands(motion: Motion, joints: Sequence[RobotJoint]) -> tuple[Array, tuple[str, ...]]:

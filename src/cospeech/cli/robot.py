@@ -10,7 +10,7 @@ from typer import Argument
 
 from ..errors import InputError, say_count
 from ..models import DEFAULT
-from .options import Debug, Emotion, Intensity, Model, Quiet, Seed, Style, Transcript, number, option
+from .options import Debug, Emotion, Intensity, Model, Quiet, Seed, Style, Transcript, number, option, rate
 from .progress import show_progress
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ Rest = Annotated[
         "after a motion file.",
     ),
 ]
-Rate = Annotated[float, option("--fps", metavar="NUMBER", parser=number, help="Commands per second, 1 … 240.")]
+Rate = Annotated[float, option("--fps", metavar="NUMBER", parser=rate, help="Commands per second, 1 … 240.")]
 
 _OF_SPEECH = {"model": DEFAULT, "style": None, "emotion": "auto", "transcript": None, "seed": 0, "intensity": 1.0}
 """Options that change nothing for a motion file, and what they are where not given."""

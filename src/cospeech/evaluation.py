@@ -224,6 +224,8 @@ def evaluate_clips(
 
 def _choose_metrics(metrics: Sequence[str], systems: Collection[str]) -> dict[str, Metric]:
     """Name → metric, of names that are known; no system may have the name of a control row."""
+    if isinstance(metrics, str):
+        raise InputError(f"metrics {metrics[:60]!r}", f"a list of names: metrics=[{metrics[:60]!r}]")
     chosen = {name: load_metric(name) for name in metrics}
     if not chosen:
         raise InputError("no metrics", f"known: {', '.join(METRICS)}")

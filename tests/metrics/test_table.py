@@ -55,7 +55,12 @@ def test_a_printed_table_is_its_text():
 
 @pytest.mark.parametrize(
     ("metrics", "name", "problem"),
-    [(("pkc",), "mine", "no metric is called 'pkc'"), ((), "mine", "no metrics"), (("pck",), "white noise", "a system called")],
+    [
+        (("pkc",), "mine", "no metric is called 'pkc'"),
+        ("pck", "mine", "a list of names"),
+        ((), "mine", "no metrics"),
+        (("pck",), "white noise", "a system called"),
+    ],
 )
 def test_a_wrong_name_is_told_before_anything_is_read_or_played(metrics, name, problem, tmp_path):
     with pytest.raises(InputError, match=problem):

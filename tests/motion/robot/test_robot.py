@@ -461,5 +461,8 @@ def test_files_of_commands(tmp_path):
         save_trajectory(tmp_path / "talk.txt", commands, joints, fps=FPS)
     with pytest.raises(InputError, match="no robot is called 'noa'"):
         find_robot("noa")
+    for wrong in ("nao", (), ["HeadYaw"]):
+        with pytest.raises(InputError, match=r"find_robot\('nao'\)"):
+            RobotStream(wrong, fps=FPS)
     with pytest.raises(InputError, match="for a robot of 25"):
         RobotStream(joints, fps=25).push(motion)

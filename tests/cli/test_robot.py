@@ -127,6 +127,15 @@ def test_a_map_gives_the_limits_that_a_urdf_does_not_say(cli, place):
     assert 0.3 < np.abs(np.diff(rows[:, 1])).max() * 50 <= 0.5 + 1e-3
 
 
+def test_limits_in_degrees_are_told(cli, place):
+    degrees = '<limit lower="-90" upper="90" velocity="2"/>', '<limit lower="-1" upper="1" velocity="180"/>'
+    for limits in (*degrees, '<limit lower="-6.3" upper="6.3" velocity="25"/>'):
+        (place / "wide.urdf").write_text(f'<robot><joint name="HeadYaw" type="revolute">{limits}</joint></robot>')
+        code, _, err = cli("robot", "talk.bvh", "talk.csv", "--robot", "wide.urdf")
+        assert code == 0
+        assert ("limits that do not limit: HeadYaw (a URDF counts in radians" in err) == (limits in degrees)
+
+
 def test_a_map_names_the_joints_of_a_foreign_motion(cli, place):
     from cospeech.motion.skeleton import humanoid
 

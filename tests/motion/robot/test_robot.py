@@ -260,6 +260,17 @@ def test_blanks_in_a_map_say_nothing(urdf):
         assert (arm.channel, arm.sign, arm.offset) == ("left_elbow", -1, -0.5)
 
 
+def test_a_urdf_may_have_a_namespace(tmp_path):
+    inner = '<axis xyz="0 0 -1"/><limit lower="-1" upper="1" velocity="2"/><safety_controller soft_upper_limit="0.5"/>'
+    inner = (
+        f'<joint name="HeadYaw" type="revolute">{inner}</joint><joint name="b" type="revolute"><mimic joint="HeadYaw"/></joint>'
+    )
+    (tmp_path / "r.urdf").write_text(f'<robot xmlns="http://www.ros.org">{inner}</robot>')
+    (head,) = read_urdf(tmp_path / "r.urdf")
+    assert (head.name, head.sign, head.lower, head.upper) == ("HeadYaw", -1, -1, 0.5)
+    assert list_followers(tmp_path / "r.urdf") == {"b": "HeadYaw"}
+
+
 def test_soft_limits_that_are_narrower_hold(tmp_path):
     def limits(soft: str, kind: str = "revolute") -> tuple[float, float]:
         inner = f'<limit lower="-1" upper="1" velocity="2"/><safety_controller k_velocity="1" {soft}/>'

@@ -89,9 +89,9 @@ def _read_joints(path: str | PathLike[str]) -> tuple[dict[str, ElementTree.Eleme
         raise InputError(f"{str(path)!r} is no XML: {error}", "is it a .urdf, not a .xacro?") from None
     found: dict[str, ElementTree.Element] = {}
     followers: dict[str, str] = {}
-    for joint in tree.iter("joint"):
+    for joint in tree.findall(".//{*}joint"):  # {*}: with a namespace of its own, too
         if joint.get("type") in _MOVING:
-            name, mimic = joint.get("name", ""), joint.find("mimic")
+            name, mimic = joint.get("name", ""), joint.find("{*}mimic")
             if name in found or name in followers:
                 raise InputError(f"{str(path)!r} has two joints {name!r}", "each joint needs a name of its own")
             if mimic is None:
@@ -126,7 +126,7 @@ def _is_turned_over(element: ElementTree.Element) -> bool:
 
     Of an axis that is oblique, nothing is known; one that is not written is +x.
     """
-    axis = element.find("axis")
+    axis = element.find("{*}axis")
     try:
         parts = [] if axis is None else [float(part) for part in axis.get("xyz", "").split()]
     except ValueError:
@@ -163,7 +163,7 @@ def _parse_channel(name: str, what: str) -> tuple[str, float, float]:
 
 def _read_limits(name: str, element: ElementTree.Element, given: Mapping[str, float]) -> tuple[float, float, float]:
     """Lower, upper and velocity: the narrower of hard and soft limits; those that are given where the URDF has none."""
-    limit, soft = element.find("limit"), element.find("safety_controller")
+    limit, soft = element.find("{*}limit"), element.find("{*}safety_controller")
     turns_without_end = element.get("type") == "continuous"
     found = dict[str, float]()
     for key in ("lower", "upper", "velocity"):

@@ -88,7 +88,7 @@ def _join(clips: Sequence[tuple[File, Motion]], blend: float | None) -> Motion:
             raise InputError(
                 f"{str(first)!r} and {str(path)!r} have different skeletons, and cannot be joined",
                 f"retarget first: cospeech convert {shlex.quote(str(foreign))} {shlex.quote(str(made))} --skeleton humanoid; "
-                f"then name {made.name} in its place",
+                f"then name {shlex.quote(str(made))} in its place",
             )
     return edit.join([motion for _, motion in clips], blend=blend)
 

@@ -6,7 +6,7 @@ print(table.to_text())
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from os import PathLike, fspath
@@ -19,7 +19,7 @@ from .corpora.clip import Clip
 from .corpora.motion_files import load_motions
 from .corpora.samples import POSE_STATISTICS, load_stored_clips, sample_of
 from .errors import InputError, describe_extra, nearest, say_count
-from .metrics import METRICS, FeatureNet, Sample, Score, Tools, load_metric
+from .metrics import METRICS, FeatureNet, Metric, Sample, Score, Tools, load_metric
 from .metrics.controls import CONTROLS, control_rows, faults_of_order
 from .metrics.table import DEFAULT, Table
 from .models import MODELS, Model, load, plays
@@ -123,6 +123,7 @@ def evaluate_store(
     """
     if not 1 <= takes <= 100:
         raise InputError(f"{takes} takes", "1 … 100")
+    _choose_metrics(metrics, targets)  # before models play, which takes long
     for target in targets.values():
         if isinstance(target, str) and not plays(target) and not Path(target).is_dir():
             hint = f"models: {', '.join(MODELS)}; NAME.cospeech; the folder of a run"
@@ -164,6 +165,7 @@ def evaluate(
             {Path(model).name: model}, corpus,
             raw=raw, metrics=metrics, split=split, takes=takes, seed=seed, features=features,
         )  # fmt: skip
+    _choose_metrics(metrics, ())
     clips = load_stored_clips(corpus, split=split, raw=raw) if isinstance(corpus, str | PathLike) else list(corpus)
     systems: dict[str, Any] = {} if model is None else {_name(model): play(model, clips, takes=takes, seed=seed)}
     return evaluate_clips(systems, clips, metrics=metrics, tools=feature_tools(features, clips))
@@ -195,12 +197,9 @@ def evaluate_clips(
     Raises:
         InputError: a name is unknown, motions and clips do not match, or there is nothing to evaluate against.
     """
-    chosen = {name: load_metric(name) for name in metrics}
+    chosen = _choose_metrics(metrics, systems)
     tools = Tools(features=POSE_STATISTICS) if tools is None else tools
     tools = replace(tools, features=POSE_STATISTICS) if tools.features is None else tools
-    both = sorted(set(systems) & set(CONTROLS))
-    if not chosen or both:
-        raise InputError(f"a system called {both[0]!r}" if both else "no metrics", f"known: {', '.join(METRICS)}")
     _check_seed_frames(seed_frames, reference)
     track = any("track" in measure.about.needs for measure in chosen.values())
     truth = [sample_of(clip, track=track) for clip in reference]
@@ -221,6 +220,19 @@ def evaluate_clips(
     assert tools.features is not None
     about = f"{say_count(len(reference), 'clip')}, {minutes:.1f} min; features: {tools.features.name}"
     return Table(tuple(rows), tuple(chosen), cells, why, {c: f for c, f in faults.items() if f}, about, len(reference))
+
+
+def _choose_metrics(metrics: Sequence[str], systems: Collection[str]) -> dict[str, Metric]:
+    """Name → metric, of names that are known; no system may have the name of a control row."""
+    if isinstance(metrics, str):
+        raise InputError(f"metrics {metrics[:60]!r}", f"a list of names: metrics=[{metrics[:60]!r}]")
+    chosen = {name: load_metric(name) for name in metrics}
+    if not chosen:
+        raise InputError("no metrics", f"known: {', '.join(METRICS)}")
+    for name in systems:
+        if name in CONTROLS:
+            raise InputError(f"a system called {name!r}", f"another name: {', '.join(CONTROLS)} are control rows")
+    return chosen
 
 
 def _check_seed_frames(seed_frames: int, clips: Sequence[Clip]) -> None:

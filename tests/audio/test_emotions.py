@@ -93,6 +93,7 @@ def test_what_a_session_may_be_asked_for():
         (None, "None"),
         (3, "3"),
         (["anger"], "anger"),
+        (np.ones((10, 8)), "or a track"),
         ("x" * 900, "xxx"),
     ):
         with pytest.raises(InputError, match=match):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from fractions import Fraction
 from pathlib import Path
 from unittest import mock
 
@@ -83,10 +84,10 @@ def test_without_output_it_writes_bvh_and_glb_here(cli, place):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("fps", [12.5, 24, 29.97, 60])
+@pytest.mark.parametrize("fps", [12.5, 24, 29.97, 60, "30000/1001"])
 def test_length_is_exact_at_any_rate(cli, place, fps):
     assert cli("generate", "talk.wav", "-o", "a.bvh", "--fps", fps, "-q")[0] == 0
-    assert frames_of(Path("a.bvh")) == math.ceil(SECONDS * fps)
+    assert frames_of(Path("a.bvh")) == math.ceil(SECONDS * Fraction(fps))
 
 
 @pytest.mark.slow
@@ -232,6 +233,7 @@ BAD = [
     ("generate talk.wav -o a.bvh --fps 0", "fps 0"),
     ("generate talk.wav -o a.bvh --fps -30", "fps -30"),
     ("generate talk.wav -o a.bvh --fps nan", "fps nan"),
+    ("generate talk.wav -o a.bvh --fps 30/0", "'30/0' is not a number"),
     ("generate talk.wav -o a.bvh --fps fast", "fast"),
     ("generate talk.wav -o a.bvh --takes 0", "takes 0"),
     ("generate talk.wav -o a.bvh --takes 100000", "takes 1"),

@@ -87,6 +87,7 @@ def test_clips_of_other_skeletons_are_joined_after_the_command_of_the_hint(cli, 
     assert f"{first!r} and {second!r} have different skeletons" in err
     command = err.partition("retarget first: cospeech ")[2].partition(";")[0]
     assert command == "convert 'their clip.bvh' 'their clip-humanoid.bvh' --skeleton humanoid"
+    assert "then name 'their clip-humanoid.bvh' in its place" in err
     assert cli(*shlex.split(command))[0] == 0
     names = [name.replace("clip.bvh", "clip-humanoid.bvh") for name in (first, second)]
     assert cli("convert", names[0], "out.bvh", "--join", names[1])[0] == 0

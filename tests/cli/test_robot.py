@@ -113,6 +113,29 @@ def test_a_map_limits_any_robot(cli, place):
     assert (code, err) == (0, "")  # pan is left out on purpose
 
 
+def test_a_map_gives_the_limits_that_a_urdf_does_not_say(cli, place):
+    (place / "bare.urdf").write_text('<robot><joint name="left/arm" type="continuous"/></robot>')
+    (place / "bare.toml").write_text('[joints]\n"left/arm" = "right_elbow - 0.1"\n')
+    command = ("robot", "talk.bvh", "talk.csv", "--robot", "bare.urdf", "--map", "bare.toml")
+    code, _, err = cli(*command)
+    assert code == 2
+    assert "joint 'left/arm' has no limits: velocity is missing" in err
+    with (place / "bare.toml").open("a") as file:
+        file.write('[limits."left/arm"]\nvelocity = 0.5\n')
+    assert cli(*command)[0] == 0
+    rows = np.loadtxt(place / "talk.csv", delimiter=",", skiprows=1)
+    assert 0.3 < np.abs(np.diff(rows[:, 1])).max() * 50 <= 0.5 + 1e-3
+
+
+def test_limits_in_degrees_are_told(cli, place):
+    degrees = '<limit lower="-90" upper="90" velocity="2"/>', '<limit lower="-1" upper="1" velocity="180"/>'
+    for limits in (*degrees, '<limit lower="-6.3" upper="6.3" velocity="25"/>'):
+        (place / "wide.urdf").write_text(f'<robot><joint name="HeadYaw" type="revolute">{limits}</joint></robot>')
+        code, _, err = cli("robot", "talk.bvh", "talk.csv", "--robot", "wide.urdf")
+        assert code == 0
+        assert ("limits that do not limit: HeadYaw (a URDF counts in radians" in err) == (limits in degrees)
+
+
 def test_a_map_names_the_joints_of_a_foreign_motion(cli, place):
     from cospeech.motion.skeleton import humanoid
 

@@ -150,6 +150,17 @@ def test_json_reads_any_subset_in_any_order(tmp_path):
     assert motion.face.sum() == pytest.approx(5 * 0.75)
 
 
+@pytest.mark.parametrize("fps", [24, 29.97, 60.0])
+def test_json_of_audio2face(tmp_path, fps):
+    names, rows = ["EyeBlinkLeft", "JawOpen", "TongueUp"], [[0, k / 10, 1] for k in range(5)]
+    data = {"exportFps": fps, "trackPath": "talk.wav", "numPoses": 3, "numFrames": 5, "facsNames": names, "weightMat": rows}
+    (tmp_path / "a2f.json").write_text(json.dumps(data))
+    motion = load(tmp_path / "a2f.json")
+    assert (len(motion), motion.fps) == (5, pytest.approx(fps, rel=1e-5))
+    np.testing.assert_allclose(motion.face[:, ARKIT_INDEX["jawOpen"]], np.arange(5) / 10, atol=1e-4)
+    assert np.count_nonzero(motion.face) == 4
+
+
 @pytest.mark.parametrize(
     ("suffix", "text", "problem"),
     [
@@ -169,6 +180,11 @@ def test_json_reads_any_subset_in_any_order(tmp_path):
         (".json", '{"names": ["jawOpen"], "frames": [{"weights": [1, 2], "time": 0}]}', "2 weights for 1"),
         (".json", '{"names": ["jawOpen"], "frames": [{"weights": ["a"], "time": 0}]}', "cannot be read"),
         (".json", '{"names": ["a"], "frames": [{"weights": [1], "time": 0}]}', "none of ARKit"),
+        (".json", '{"exportFps": "30", "facsNames": ["jawOpen"], "weightMat": [[1]]}', "exportFps 30"),
+        (".json", '{"facsNames": ["jawOpen"], "weightMat": [[1]]}', "exportFps None"),
+        (".json", '{"exportFps": 30, "facsNames": ["jawOpen"], "weightMat": [[1, 2]]}', "2 weights for 1"),
+        (".json", '{"exportFps": 30, "facsNames": ["jawOpen"], "weightMat": [1]}', "cannot be read"),
+        (".json", '{"exportFps": 30, "weightMat": [[1]]}', "no ARKit weights"),
     ],
 )
 def test_bad_faces(tmp_path, suffix, text, problem):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import inspect
+import json
 import os
 import re
 import subprocess
@@ -209,6 +210,38 @@ def test_python_of_the_docs_runs(path, desk, monkeypatch):
     needs_weights(code)
     monkeypatch.chdir(desk)
     exec(compile(code, path.name, "exec"), {})
+
+
+BROWSER = """
+const sent = %s;
+const bones = {};
+const bone = (name) => bones[name] ??= {
+  quaternion: { set(...q) { this.now = q; } },
+  position: { set(...p) { this.now = p; } },
+};
+const vrm = {
+  meta: { metaVersion: "%s" },
+  humanoid: { getNormalizedBoneNode: bone, normalizedRestPose: { hips: { position: [0, 2, 0] } } },
+  expressionManager: { setValue() {} },
+};
+class WebSocket {}
+%s
+for (const message of sent) socket.onmessage({ data: JSON.stringify(message) });
+console.log(JSON.stringify([bones.hips.position.now, bones.hips.quaternion.now]));
+"""
+
+
+def test_the_client_in_javascript_turns_an_avatar_of_vrm_0_that_faces_the_other_way(node):
+    (client,) = fences(ROOT / "docs" / "guides" / "live.md", "js")
+    start = {"type": "start", "joints": ["hips"], "offsets": [[0, 1, 0]], "face": ["jawOpen"]}
+    frame = {"type": "frame", "root": [0.1, 0.9, 0.2], "rotations": [[0.1, 0.2, 0.3, 0.9]], "face": [0]}
+    moved = {}
+    for version in "01":
+        script = BROWSER % (json.dumps([start, frame]), version, client)
+        done = subprocess.run([node, "-e", script], capture_output=True, text=True, timeout=60, check=True)
+        moved[version] = [pytest.approx(values) for values in json.loads(done.stdout)]
+    assert moved["1"] == [[0.2, 1.8, 0.4], [0.1, 0.2, 0.3, 0.9]]  # its hips are twice as high as ours
+    assert moved["0"] == [[-0.2, 1.8, -0.4], [-0.1, 0.2, -0.3, 0.9]]  # the same, after a half turn about the vertical
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)

@@ -89,6 +89,13 @@ def test_a_loop_ends_where_it_begins():
         loop(MOTION[:1])
 
 
+def test_eyes_do_not_half_shut_before_a_blink_that_ends_a_loop():
+    face = np.zeros((90, 52), np.float32)
+    face[-4:, 0] = (0.97, 0.96, 0.54, 0.09)  # a step further the lid would be open, not wider than open
+    made = loop(replace(MOTION, face=face))
+    np.testing.assert_allclose(made.face[:, 0], face[:, 0], atol=1e-6)
+
+
 def test_the_face_of_another():
     other = replace(gesturing(40, 60.0), face=np.linspace(0, 1, 40)[:, None].repeat(52, 1).astype(np.float32))
     made = replace_face(MOTION, other)

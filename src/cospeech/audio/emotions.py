@@ -146,13 +146,13 @@ def emotion_track(emotion: object) -> Moods | None:
     """
     if isinstance(emotion, Moods):
         return emotion
-    if emotion == "auto":
-        return None
-    if isinstance(emotion, str) and emotion in EMOTIONS:
-        return EmotionTrack.constant(emotion)
     known = ("auto", *EMOTIONS)
     if not isinstance(emotion, str):
         raise InputError(f"an emotion that is {emotion!r:.60}", f"one of {', '.join(known)}, or a track")
+    if emotion == "auto":
+        return None
+    if emotion in EMOTIONS:
+        return EmotionTrack.constant(emotion)
     raise InputError(f"no emotion is called {emotion[:60]!r}", suggest_emotion(emotion[:60], known))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -45,7 +45,16 @@ HearingGain = Annotated[
     bool,
     Option("--hearing", help="Measure how much runs hear: their loss with another's speech, less that with their own."),
 ]
-Out = Annotated[Path | None, Option("--out", "-o", metavar="FILE", help="Also write the table as JSON to this file.")]
+Out = Annotated[
+    Path | None,
+    Option(
+        "--out",
+        "-o",
+        metavar="FILE",
+        help="Also write the table to this file: .json, .csv (a line for each score) or .tex (LaTeX, with the package "
+        "booktabs). With --table and --hearing: .json.",
+    ),
+]
 Json = Annotated[bool, Option("--json", help="Print the table as JSON.")]
 Table = Annotated[
     str | None,
@@ -132,7 +141,7 @@ def _table(
     if figure is not None:
         draw_table(table, table_runs, figure, raw=raw)
         tell(f"wrote {figure}")
-    _show(json.dumps(table, indent=1, ensure_ascii=False), to_text(table), out, as_json)
+    _show({".json": lambda: json.dumps(table, indent=1, ensure_ascii=False)}, to_text(table), out, as_json)
 
 
 def _hearing(systems: Mapping[str, str], store: Path, split: str, out: Path | None, as_json: bool) -> None:
@@ -143,7 +152,7 @@ def _hearing(systems: Mapping[str, str], store: Path, split: str, out: Path | No
         raise InputError("--hearing without a run", "name the folders of some runs")
     found = {name: measure_hearing(folder, store, split=split) for name, folder in systems.items()}
     told = {name: [each._asdict() for each in terms] for name, terms in found.items()}
-    _show(json.dumps(told, indent=1), describe_hearing(found), out, as_json)
+    _show({".json": lambda: json.dumps(told, indent=1)}, describe_hearing(found), out, as_json)
 
 
 def _names(metrics: str | None) -> list[str]:
@@ -175,12 +184,24 @@ def _check_options(context: typer.Context, table: str | None, systems: list[str]
             check_idle(context, ("figure",), "beside --headroom, which makes no row")
 
 
-def _show(data: str, text: str, out: Path | None, as_json: bool) -> None:
-    """Print a table, and write it where that is wanted."""
-    typer.echo(data if as_json else text)  # first: a file that cannot be written does not lose it
+def _check_out(out: Path, has_scores: bool) -> None:
+    """A file for the table can be written, and its suffix names a format that this table has.
+
+    Raises:
+        InputError: it cannot, or it does not.
+    """
+    check_destination(out)
+    known = (".json", ".csv", ".tex") if has_scores else (".json",)
+    if out.suffix.lower() not in known:
+        raise InputError(f"a table as {out.suffix or 'a file without suffix'}", f"known: {' '.join(known)}")
+
+
+def _show(files: Mapping[str, Callable[[], str]], text: str, out: Path | None, as_json: bool) -> None:
+    """Print a table, and write it where that is wanted; ``files``: suffix → what makes the text of the file."""
+    typer.echo(files[".json"]() if as_json else text)  # first: a file that cannot be written does not lose it
     if out is not None:
         with atomic(out) as path:
-            path.write_text(data + "\n", "utf-8")
+            path.write_text(files[out.suffix.lower()]() + "\n", "utf-8")
 
 
 def register(app: typer.Typer) -> None:
@@ -222,12 +243,12 @@ def register(app: typer.Typer) -> None:
 
         \b
         cospeech evaluate rules --corpus stores/beat --raw raw/beat --metrics fgd,beat_align
-        cospeech evaluate mine=generated --corpus stores/beat --raw raw/beat
+        cospeech evaluate mine=generated --corpus stores/beat --raw raw/beat -o table.tex
         cospeech evaluate --table flow-2 --store stores/ted --raw raw/ted --small
         """
         _check_options(context, table, systems or [], headroom)
         if out is not None:
-            check_destination(out)
+            _check_out(out, has_scores=table is None and not hearing)
         if table is not None:
             _table(
                 table, corpus, out, as_json, raw=raw, seeds=seeds, rows=rows or [], runs=runs, recipes=recipes, small=small,
@@ -243,4 +264,4 @@ def register(app: typer.Typer) -> None:
             _parse_source(systems or []), corpus, raw=raw, split=split, takes=takes, seed=seed,
             metrics=_names(metrics), seed_frames=seed_frames, features=features,
         )  # fmt: skip
-        _show(result.to_json(), result.to_text(), out, as_json)
+        _show({".json": result.to_json, ".csv": result.to_csv, ".tex": result.to_latex}, result.to_text(), out, as_json)

@@ -16,7 +16,7 @@ __all__ = [
     "Audio", "Avatar", "Clip", "Continue", "Debug", "Drawn", "Emotion", "Face", "FaceGain", "Folder", "Fps", "Intensity",
     "Jobs", "Json", "Map", "Model", "Motion", "NewFps", "Output", "Parts", "Picture", "Port", "Quiet", "ReportFile", "Retarget",
     "RigMap", "Seed", "Skeleton", "Speaker", "Style", "Tail", "Takes", "Temperature", "Transcribe", "Transcript", "View",
-    "check_idle", "number", "option", "whole",
+    "check_idle", "number", "option", "rate", "whole",
 ]  # fmt: skip
 
 
@@ -31,6 +31,15 @@ def number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
+        raise typer.BadParameter(f"{text!r} is not a number") from None
+
+
+def rate(text: str | float) -> float:
+    """Frames per second: 29.97, or the fraction 30000/1001; a default is a number already."""
+    above, slash, below = str(text).partition("/")
+    try:
+        return float(above) / float(below) if slash else float(above)
+    except (ValueError, ZeroDivisionError):
         raise typer.BadParameter(f"{text!r} is not a number") from None
 
 
@@ -196,9 +205,9 @@ Tail = Annotated[
         help="Silence after the speech, 0 … 60 seconds, in which the hands come down; 3 are enough.",
     ),
 ]
-Fps = Annotated[float, option("--fps", metavar="NUMBER", parser=number, help="Frames per second, 1 … 240.")]
+Fps = Annotated[float, option("--fps", metavar="NUMBER", parser=rate, help="Frames per second, 1 … 240: 24, or 30000/1001.")]
 NewFps = Annotated[
-    float | None, option("--fps", metavar="NUMBER", parser=number, help="Resample to this many frames per second.")
+    float | None, option("--fps", metavar="NUMBER", parser=rate, help="Resample to this many frames per second.")
 ]
 Avatar = Annotated[
     Path | None,

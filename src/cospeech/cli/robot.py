@@ -10,7 +10,7 @@ from typer import Argument
 
 from ..errors import InputError, say_count
 from ..models import DEFAULT
-from .options import Debug, Emotion, Intensity, Model, Quiet, Seed, Style, Transcript, number, option
+from .options import Debug, Emotion, Intensity, Model, Quiet, Seed, Style, Transcript, number, option, rate
 from .progress import show_progress
 
 if TYPE_CHECKING:
@@ -48,8 +48,10 @@ Rest = Annotated[
         "after a motion file.",
     ),
 ]
-Rate = Annotated[float, option("--fps", metavar="NUMBER", parser=number, help="Commands per second, 1 … 240.")]
+Rate = Annotated[float, option("--fps", metavar="NUMBER", parser=rate, help="Commands per second, 1 … 240.")]
 
+_WIDE, _FAST = 25.2, 50.0
+"""Radians from limit to limit, and per second, above which limits limit nothing. [ours: ± two turns; twice NAO's fastest]"""
 _OF_SPEECH = {"model": DEFAULT, "style": None, "emotion": "auto", "transcript": None, "seed": 0, "intensity": 1.0}
 """Options that change nothing for a motion file, and what they are where not given."""
 
@@ -131,8 +133,9 @@ def _find_joints(robot: str, table: Mapping[str, Any]) -> tuple[RobotJoint, ...]
         raise InputError(
             f"[joints] of --map changes nothing for {robot!r}", "it is for a URDF; [limits.JOINT] is for any robot"
         )
-    joints = read_urdf(robot, table.get("joints")) if _is_urdf(robot) else find_robot(robot)
-    return narrow_joints(joints, table.get("limits", {}))
+    limits = table.get("limits", {})
+    joints = read_urdf(robot, table.get("joints"), limits) if _is_urdf(robot) else find_robot(robot)
+    return narrow_joints(joints, limits)
 
 
 def _make_commands(motion: Motion, joints: Sequence[RobotJoint]) -> tuple[Array, tuple[str, ...]]:
@@ -148,12 +151,17 @@ def _make_commands(motion: Motion, joints: Sequence[RobotJoint]) -> tuple[Array,
 def _tell_what_stays(
     robot: str, name: str, channels: Mapping[str, str], joints: Sequence[RobotJoint], commands: Array, outside: Sequence[str]
 ) -> None:
-    """On standard error: joints that do not move, and why."""
+    """On standard error: joints that do not move, and why; and limits that limit nothing."""
     from ..motion.robot import list_followers, list_joints
 
     followers = list_followers(robot) if _is_urdf(robot) else {}
     for leader in dict.fromkeys(followers.values()):
         typer.echo(f"follows {leader}: {', '.join(name for name in followers if followers[name] == leader)}", err=True)
+    loose = [
+        joint.name for joint in joints if not joint.is_hand and (joint.upper - joint.lower > _WIDE or joint.velocity > _FAST)
+    ]
+    if loose:
+        typer.echo(f"limits that do not limit: {', '.join(loose)} (a URDF counts in radians, not in degrees)", err=True)
     left_out = {joint for joint, what in channels.items() if not what}
     others = set(list_joints(robot)) - {joint.name for joint in joints} - left_out if _is_urdf(robot) else set()
     if others:

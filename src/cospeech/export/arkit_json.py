@@ -1,7 +1,8 @@
 """ARKit-52 weights as JSON in the face layout of the BEAT data set (Liu et al. 2022).
 
 ``{"names": [...], "frames": [{"weights": [...], "time": seconds, "rotation": []}, ...]}``; BEAT lists 51 names in
-alphabetical order (without ``tongueOut``); ours are these 51 and ``tongueOut`` last. Any subset in any order is read.
+alphabetical order (without ``tongueOut``); ours are these 51 and ``tongueOut`` last. Any subset in any order is read, and so
+is the layout of NVIDIA's Audio2Face: ``{"exportFps": 30, "facsNames": [...], "weightMat": [[...], ...], ...}``.
 """
 
 from __future__ import annotations
@@ -9,13 +10,13 @@ from __future__ import annotations
 import json
 from os import PathLike
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 
 from ..errors import InputError
 from ..files import parse_json
-from ..limits import FACE_JSON_BYTES, JSON_VALUES, PLAUSIBLE_SECONDS
+from ..limits import FACE_JSON_BYTES, JSON_VALUES, MOTION_RATES, PLAUSIBLE_SECONDS
 from ..motion.motion import Motion
 from ..motion.rotations import Array
 from ..motion.skeleton import humanoid
@@ -68,13 +69,13 @@ def load(path: str | PathLike[str]) -> Motion:
     Uneven clocks are put on a constant rate; in a gap the weights change linearly.
 
     Raises:
-        InputError: not JSON, not this layout, no known name, uneven rows, values that are not finite, or times so far apart
+        InputError: not JSON, neither layout, no known name, uneven rows, values that are not finite, or times so far apart
             that the motion would be too large.
     """
     name = repr(str(path))
     text = read_bytes(path, limit=FACE_JSON_BYTES)
     data = parse_json(text, name, JSON_VALUES)
-    names, frames = (data.get("names"), data.get("frames")) if isinstance(data, dict) else (None, None)
+    names, frames = _names_and_frames(data, name) if isinstance(data, dict) else (None, None)
     if not isinstance(names, list) or not isinstance(frames, list) or not all(isinstance(n, str) for n in names):
         raise InputError(f"{name} holds no ARKit weights", 'expected {"names": [...], "frames": [...]}')
     known = {_LOWER[n.lower()]: k for k, n in enumerate(names) if n.lower() in _LOWER}  # of two columns the last
@@ -90,6 +91,17 @@ def load(path: str | PathLike[str]) -> Motion:
     face = np.zeros((len(weights), len(ARKIT)))
     face[:, list(known)] = np.clip(weights, 0, 1)
     return make_standing(len(face), fps=fps, face=face)
+
+
+def _names_and_frames(data: dict[str, Any], name: str) -> tuple[Any, Any]:
+    """What BEAT's layout calls so; the matrix of Audio2Face becomes such frames."""
+    rows = data.get("weightMat")
+    if "names" in data or not isinstance(rows, list):
+        return data.get("names"), data.get("frames")
+    fps = data.get("exportFps")
+    if isinstance(fps, bool) or not isinstance(fps, int | float) or not MOTION_RATES[0] <= fps <= MOTION_RATES[1]:
+        raise InputError(f"{name} has exportFps {str(fps)[:40]}", "frames per second, such as 30")
+    return data.get("facsNames"), [{"weights": row, "time": k / fps} for k, row in enumerate(rows)]
 
 
 def _rows(frames: list, width: int, columns: list[int], name: str) -> tuple[Array, Array]:

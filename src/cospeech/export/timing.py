@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 
 from ..errors import InputError
 from ..limits import MOTION_RATES
 from ..motion.rotations import Array
 
-__all__ = ["frame_rate", "frames_of", "on_grid", "rate_of_step"]
+__all__ = ["fraction_of_rate", "frame_rate", "frames_of", "on_grid", "rate_of_step"]
 
 _RATES = (10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 72, 90, 100, 120, 144, 150, 180, 200, 240)
-_NTSC = tuple(f * 1000 / 1001 for f in (24, 30, 60, 120))
+_NTSC_FRACTIONS = tuple(Fraction(f * 1000, 1001) for f in (24, 30, 60, 120))
+_NTSC = tuple(float(rate) for rate in _NTSC_FRACTIONS)
+_NEAR = 2e-4  # of a rate: 29.97 is 30000/1001
 
 
 def frame_rate(times: Array, fallback: float) -> float:
@@ -35,10 +39,18 @@ def frame_rate(times: Array, fallback: float) -> float:
     regular = np.abs(steps - step) < 0.25 * step  # without gaps; the step itself is always among them
     rate = 1 / float(np.mean(steps[regular]))
     for common in (float(round(rate)), *_NTSC):
-        if common > 0 and abs(rate - common) < 2e-4 * common:
+        if common > 0 and abs(rate - common) < _NEAR * common:
             return common
     rounded = float(round(rate))
     return rounded if rounded > 0 and abs(rate - rounded) < 2e-3 * rounded else rate
+
+
+def fraction_of_rate(fps: float) -> Fraction:
+    """The fraction that editors know by this rate: 30000/1001 for 29.97."""
+    for common in (Fraction(round(fps)), *_NTSC_FRACTIONS):
+        if abs(fps - common) < (_NEAR * common if common.denominator > 1 else 1e-9):
+            return common
+    return Fraction(fps).limit_denominator(1001)
 
 
 def _even(times: Array, fps: float) -> bool:

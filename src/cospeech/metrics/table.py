@@ -1,8 +1,11 @@
-"""A table of systems and control rows by metrics, as text and as JSON."""
+"""A table of systems and control rows by metrics: as text, JSON, CSV and LaTeX."""
 
 from __future__ import annotations
 
+import csv
+import io
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -10,7 +13,7 @@ import numpy as np
 
 from ..errors import say_count
 from . import load_metric
-from .controls import WRONG
+from .controls import CONTROLS, WRONG
 from .metric import Score
 
 __all__ = ["DEFAULT", "Table"]
@@ -41,6 +44,22 @@ def _spread(score: Score) -> str:
 
 def _mark(faults: Sequence[str]) -> str:
     return "!" if any(WRONG in fault for fault in faults) else "~" if faults else ""
+
+
+_LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", **{c: f"\\{c}" for c in "&%$#_{}"}}
+_ARROWS = {"higher": r"\uparrow", "lower": r"\downarrow", "reference": r"\rightarrow"}
+_MARKS = {"": "", "!": "^{!}", "~": r"^{\sim}"}
+
+
+def _escape(text: str) -> str:
+    """A name as LaTeX prints it."""
+    return "".join(_LATEX.get(letter, letter) for letter in text)
+
+
+def _formula(cell: str) -> str:
+    """A cell of `Table.to_text` as LaTeX: powers of ten, and the sign of plus or minus."""
+    powers = re.sub(r"e([+-]?)0*(\d+)", lambda found: rf" \times 10^{{{found[1].strip('+')}{found[2]}}}", cell)
+    return "--" if cell == "–" else f"${powers.replace('±', chr(92) + 'pm').replace(' [', chr(92) + ';[')}$"
 
 
 @dataclass(frozen=True)
@@ -90,6 +109,34 @@ class Table:
             ensure_ascii=False,
         )
 
+    def to_csv(self) -> str:
+        """A line for each system and metric, which pandas and R read; without a score, the note says why."""
+        file = io.StringIO()
+        lines = csv.writer(file, lineterminator="\n")
+        lines.writerow(("system", "metric", "better", "unit", "value", "low", "high", "count", "note"))
+        for row in self.rows:
+            for name in self.columns:
+                about, score = load_metric(name).about, self.cells[row][name]
+                if score is None:
+                    found: tuple[object, ...] = ("", "", "", "", self.why.get(row, {}).get(name, ""))
+                else:
+                    found = (score.value, *(score.interval or ("", "")), score.count, score.note)
+                lines.writerow((row, name, about.better, about.unit, *found))
+        return file.getvalue().removesuffix("\n")
+
+    def to_latex(self) -> str:
+        """A tabular for the package booktabs, with the lines of `to_text` that explain it as comments."""
+        lines = [r"\begin{tabular}{l" + "r" * len(self.columns) + "}", r"\toprule"]
+        arrows = (_ARROWS[load_metric(name).about.better] + _MARKS[_mark(self.faults.get(name, ()))] for name in self.columns)
+        heads = (f"{_escape(name)} ${arrow}$" for name, arrow in zip(self.columns, arrows, strict=True))
+        lines += [" & ".join(["", *heads]) + r" \\", r"\midrule"]
+        for k, row in enumerate(self.rows):
+            if k and row in CONTROLS and self.rows[k - 1] not in CONTROLS:
+                lines.append(r"\midrule")
+            lines.append(" & ".join([_escape(row), *(_formula(self._cell(row, name)) for name in self.columns)]) + r" \\")
+        lines += [r"\bottomrule", r"\end{tabular}"]
+        return "\n".join([*(f"% {line}" for line in [self.about, *self._legend()] if line), *lines])
+
     def _cell(self, row: str, column: str) -> str:
         score = self.cells[row][column]
         if score is None:
@@ -121,8 +168,13 @@ class Table:
         for block in blocks:
             lines += ["", " " * first + "".join(f"  {heads[n]:>{sizes[n]}}" for n in block)]
             lines += [f"{row:<{first}}" + "".join(f"  {self._cell(row, n):>{sizes[n]}}" for n in block) for row in self.rows]
-        lines += [
-            "",
+        return "\n".join([*lines, "", *self._legend()])
+
+    __str__ = to_text
+
+    def _legend(self) -> list[str]:
+        """What the signs of a table mean, and the faults of its metrics."""
+        lines = [
             "± half of the 95 % interval, [from, to] where it is not symmetric",
             "↑ higher is better, ↓ lower, → nearest to the ground truth",
             "! the control rows are in the wrong order; ~ they are too near to each other to tell, on so few clips",
@@ -131,5 +183,4 @@ class Table:
             rate = f"holds the true value in some {COVERAGE[self.clips]} of 100 cases, not in 95"
             lines.append(f"note: ± is too narrow with so few clips: an interval over {say_count(self.clips, 'clip')} {rate}")
         lines += [f"{_mark(found)} {name}: {'; '.join(found)}" for name, found in self.faults.items() if found]
-        lines += [f"– {', '.join(names)}: {why}" for why, names in self._reasons().items()]
-        return "\n".join(lines)
+        return lines + [f"– {', '.join(names)}: {why}" for why, names in self._reasons().items()]

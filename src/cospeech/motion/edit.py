@@ -138,7 +138,7 @@ def _go_on(before: Motion, motion: Motion, blend: float | None) -> Motion:
     turned, placed = fade.apply(motion.rotations, motion.root, left, drift)
     face = motion.face
     if face is not None and before.face is not None:
-        first = 2 * face[0] - face[min(1, len(face) - 1)]
+        first = np.clip(2 * face[0] - face[min(1, len(face) - 1)], 0, 1)
         face = np.clip(face + smoothstep(left)[:, None] * (before.face[-1] - first), 0, 1).astype(face.dtype)
     return replace(motion, rotations=turned, root=placed, face=face)
 

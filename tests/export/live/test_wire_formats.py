@@ -164,6 +164,14 @@ def test_live_link_packets(fps):
     np.testing.assert_allclose(packets[2]["values"][52:], head_and_eyes(motion)[2], atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("fps", "known"), [(29.97, 30000 / 1001), (23.976, 24000 / 1001), (59.94, 60000 / 1001), (24, 24), (12.5, 12.5)]
+)
+def test_live_link_names_rates_of_television_as_unreal_does(fps, known):
+    ((packet,),) = LiveLinkEncoder().frames(gesturing(1, float(fps)))
+    assert read_live_link(packet)["fps"] == known
+
+
 def test_json_texts_hold_the_motion():
     motion = gesturing(3)
     encoder = JsonEncoder(motion.fps, 1.5, motion.skeleton, face=True)

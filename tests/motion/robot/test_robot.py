@@ -236,6 +236,41 @@ def test_joints_of_a_urdf(urdf):
     assert arm.upper == pytest.approx(2 * np.pi)
 
 
+def test_limits_are_given_where_a_urdf_says_none(tmp_path):
+    inner = '<joint name="arm" type="revolute"/><joint name="pan" type="continuous"/><joint name="tilt" type="revolute">'
+    inner += '<limit lower="-1" upper="1" effort="0" velocity="0"/></joint>'  # as exporters write it that do not know
+    (tmp_path / "r.urdf").write_text(f"<robot>{inner}</robot>")
+    channels = {"arm": "left_elbow", "pan": "head_yaw", "tilt": "head_pitch"}
+    given = {"arm": {"lower": -1.5, "upper": 0, "velocity": 3}, "pan": {"velocity": 2}, "tilt": {"velocity": 1, "lower": -9}}
+    arm, pan, tilt = read_urdf(tmp_path / "r.urdf", channels, given)
+    assert (arm.lower, arm.upper, arm.velocity) == (-1.5, 0, 3)
+    assert (pan.upper, pan.velocity) == (pytest.approx(2 * np.pi), 2)
+    assert (tilt.lower, tilt.upper, tilt.velocity) == (-1, 1, 1)  # what the URDF says counts
+    with pytest.raises(InputError, match=r"'tilt' has no limits: velocity is 0 .*\[limits.\"tilt\"\] and velocity = …"):
+        read_urdf(tmp_path / "r.urdf", {"tilt": "head_pitch"})
+    with pytest.raises(InputError, match="'arm' has no limits: upper is missing"):
+        read_urdf(tmp_path / "r.urdf", {"arm": "left_elbow"}, {"arm": {"lower": -1.5}})
+    with pytest.raises(InputError, match="'pan' has velocity = '2'"):
+        read_urdf(tmp_path / "r.urdf", channels, given | {"pan": {"velocity": "2"}})
+
+
+def test_blanks_in_a_map_say_nothing(urdf):
+    for what in ("-left_elbow-0.5", " - left_elbow - 0.5 ", "-left_elbow -5e-1"):
+        _, arm = read_urdf(urdf, {"arm": what})
+        assert (arm.channel, arm.sign, arm.offset) == ("left_elbow", -1, -0.5)
+
+
+def test_a_urdf_may_have_a_namespace(tmp_path):
+    inner = '<axis xyz="0 0 -1"/><limit lower="-1" upper="1" velocity="2"/><safety_controller soft_upper_limit="0.5"/>'
+    inner = (
+        f'<joint name="HeadYaw" type="revolute">{inner}</joint><joint name="b" type="revolute"><mimic joint="HeadYaw"/></joint>'
+    )
+    (tmp_path / "r.urdf").write_text(f'<robot xmlns="http://www.ros.org">{inner}</robot>')
+    (head,) = read_urdf(tmp_path / "r.urdf")
+    assert (head.name, head.sign, head.lower, head.upper) == ("HeadYaw", -1, -1, 0.5)
+    assert list_followers(tmp_path / "r.urdf") == {"b": "HeadYaw"}
+
+
 def test_soft_limits_that_are_narrower_hold(tmp_path):
     def limits(soft: str, kind: str = "revolute") -> tuple[float, float]:
         inner = f'<limit lower="-1" upper="1" velocity="2"/><safety_controller k_velocity="1" {soft}/>'
@@ -285,6 +320,7 @@ def test_a_joint_whose_axis_points_the_other_way_takes_the_other_sign(tmp_path):
         ({"leg": "left_elbow"}, "has no joint 'leg' that moves"),
         ({"arm": "left_knee"}, "takes 'left_knee'"),
         ({"arm": "left_elbow+x"}, "takes 'left_elbow.x'"),
+        ({"arm": "--left_elbow"}, "takes '--left_elbow'"),
         ({"broken": "left_elbow"}, "has no limits"),
         ({"LShoulderPitch": ""}, "is recognised"),
     ],
@@ -436,5 +472,8 @@ def test_files_of_commands(tmp_path):
         save_trajectory(tmp_path / "talk.txt", commands, joints, fps=FPS)
     with pytest.raises(InputError, match="no robot is called 'noa'"):
         find_robot("noa")
+    for wrong in ("nao", (), ["HeadYaw"]):
+        with pytest.raises(InputError, match=r"find_robot\('nao'\)"):
+            RobotStream(wrong, fps=FPS)
     with pytest.raises(InputError, match="for a robot of 25"):
         RobotStream(joints, fps=25).push(motion)

@@ -11,13 +11,13 @@ from __future__ import annotations
 import struct
 import uuid
 from collections.abc import Iterator
-from fractions import Fraction
 
 import numpy as np
 
 from ...motion.motion import Motion
 from ...motion.skeletons.arkit import ARKIT
 from ..live_link_csv import head_and_eyes
+from ..timing import fraction_of_rate
 from ..to_humanoid import as_humanoid
 
 __all__ = ["PORT", "LiveLinkEncoder"]
@@ -50,7 +50,7 @@ class LiveLinkEncoder:
         motion = as_humanoid(motion)
         face = np.zeros((len(motion), len(ARKIT))) if motion.face is None else np.clip(motion.face, 0, 1)
         values = np.concatenate([face, head_and_eyes(motion)], 1).astype(">f4")
-        rate = Fraction(motion.fps).limit_denominator(1001)
+        rate = fraction_of_rate(motion.fps)
         for k, row in enumerate(values):
             at = motion.start * motion.fps + k
             whole = int(at + 1e-6)

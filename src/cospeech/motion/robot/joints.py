@@ -13,7 +13,7 @@ from ...errors import InputError, nearest
 from ..rotations import Array
 from .angles import CHANNELS
 
-__all__ = ["LIMITS", "RobotJoint", "narrow_joints"]
+__all__ = ["LIMITS", "RobotJoint", "check_limits", "narrow_joints"]
 
 LIMITS = ("lower", "upper", "velocity", "acceleration")
 _PUSH = 8.0  # per second: a joint reaches its full speed in an eighth of a second [ours; makers do not publish it]
@@ -97,17 +97,27 @@ def narrow_joints(joints: Sequence[RobotJoint], limits: Mapping[str, Mapping[str
     return tuple(_narrow(joint, limits[joint.name]) if joint.name in limits else joint for joint in joints)
 
 
-def _narrow(joint: RobotJoint, limits: Mapping[str, float]) -> RobotJoint:
+def check_limits(name: str, limits: Mapping[str, float]) -> None:
+    """Limits that are given for a joint are some of `LIMITS`, and numbers.
+
+    Raises:
+        InputError: they are not, or a speed or an acceleration is not above 0.
+    """
     for key, value in limits.items():
         if key not in LIMITS:
-            raise InputError(f"joint {joint.name!r} has a limit {key!r}", nearest(key, LIMITS))
+            raise InputError(f"joint {name!r} has a limit {key!r}", nearest(key, LIMITS))
         if isinstance(value, bool) or not isinstance(value, Real) or not np.isfinite(value):
-            raise InputError(f"joint {joint.name!r} has {key} = {str(value)[:40]!r}", "a number")
+            raise InputError(f"joint {name!r} has {key} = {str(value)[:40]!r}", "a number")
+        if key in ("velocity", "acceleration") and value <= 0:
+            raise InputError(f"joint {name!r} has {key} = {value:g}", "above 0")
+
+
+def _narrow(joint: RobotJoint, limits: Mapping[str, float]) -> RobotJoint:
+    check_limits(joint.name, limits)
+    for key, value in limits.items():
         own = getattr(joint, key)
         if key != "acceleration" and (value < own if key == "lower" else value > own):
             raise InputError(f"joint {joint.name!r} has {key} = {value:g}, the robot {own:g}", "limits may only be narrowed")
-        if key in ("velocity", "acceleration") and value <= 0:
-            raise InputError(f"joint {joint.name!r} has {key} = {value:g}", "above 0")
     faster = joint.acceleration / joint.velocity * limits.get("velocity", joint.velocity)
     changed: dict[str, Any] = {"acceleration": faster, **limits}
     return replace(joint, **changed)

@@ -43,8 +43,9 @@ class RobotStream:
     """
 
     def __init__(self, joints: Sequence[RobotJoint], *, fps: float, start: Mapping[str, float] | None = None) -> None:
-        if not joints:
-            raise InputError("a robot without joints", "find_robot('nao'), or read_urdf('my_robot.urdf')")
+        if not joints or not all(isinstance(joint, RobotJoint) for joint in joints):
+            problem = f"joints that are {joints!r:.60}" if joints else "a robot without joints"
+            raise InputError(problem, "find_robot('nao'), or read_urdf('my_robot.urdf')")
         self.joints, self.fps, self._angles = tuple(joints), fps, BodyAngles()
         limits = [[getattr(joint, name) for joint in joints] for name in LIMITS]
         start = start or {}

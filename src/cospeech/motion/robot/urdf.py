@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from os import PathLike
 from xml.etree import ElementTree
@@ -10,7 +11,7 @@ import numpy as np
 
 from ...errors import InputError, nearest
 from ...files import read_regular
-from .joints import RobotJoint
+from .joints import RobotJoint, check_limits
 from .robots import ROBOTS
 
 __all__ = ["list_followers", "list_joints", "read_urdf"]
@@ -19,7 +20,11 @@ _URDF = 16 << 20  # bytes; ours: a large robot has some 200 kB
 _MOVING = ("revolute", "continuous", "prismatic")
 
 
-def read_urdf(path: str | PathLike[str], channels: Mapping[str, str] | None = None) -> tuple[RobotJoint, ...]:
+def read_urdf(
+    path: str | PathLike[str],
+    channels: Mapping[str, str] | None = None,
+    limits: Mapping[str, Mapping[str, float]] | None = None,
+) -> tuple[RobotJoint, ...]:
     """Joints of a robot from its URDF, in the order of the file.
 
     Args:
@@ -29,10 +34,12 @@ def read_urdf(path: str | PathLike[str], channels: Mapping[str, str] | None = No
             the lower limit (closed) to the upper one (open); of ``"-left_hand"``, open is the lower one. Joints with the names
             of a known robot need none. Such a joint takes the other sign where its axis points the other way. A joint that
             follows another (``<mimic>``) takes nothing.
+        limits: joint → lower, upper and velocity where the URDF says nothing of them; a velocity of 0 says nothing. What it
+            says counts: `narrow_joints` narrows that.
 
     Raises:
-        InputError: no URDF, a joint that it does not have, one that follows another, one without limits, or one that slides
-            and takes no hand.
+        InputError: no URDF, a joint that it does not have, one that follows another, one whose limits neither it nor ``limits``
+            gives, or one that slides and takes no hand.
     """
     moving, followers = _read_joints(path)
     for name in channels or {}:
@@ -47,7 +54,10 @@ def read_urdf(path: str | PathLike[str], channels: Mapping[str, str] | None = No
     for name in wanted:
         if name not in moving:
             raise InputError(f"{str(path)!r} has no joint {name!r} that moves", nearest(name, moving))
-    return tuple(_joint(name, moving[name], wanted[name]) for name in moving if name in wanted)
+    given = limits or {}
+    for name in given:
+        check_limits(name, given[name])
+    return tuple(_joint(name, moving[name], wanted[name], given.get(name, {})) for name in moving if name in wanted)
 
 
 def list_joints(path: str | PathLike[str]) -> tuple[str, ...]:
@@ -79,9 +89,9 @@ def _read_joints(path: str | PathLike[str]) -> tuple[dict[str, ElementTree.Eleme
         raise InputError(f"{str(path)!r} is no XML: {error}", "is it a .urdf, not a .xacro?") from None
     found: dict[str, ElementTree.Element] = {}
     followers: dict[str, str] = {}
-    for joint in tree.iter("joint"):
+    for joint in tree.findall(".//{*}joint"):  # {*}: with a namespace of its own, too
         if joint.get("type") in _MOVING:
-            name, mimic = joint.get("name", ""), joint.find("mimic")
+            name, mimic = joint.get("name", ""), joint.find("{*}mimic")
             if name in found or name in followers:
                 raise InputError(f"{str(path)!r} has two joints {name!r}", "each joint needs a name of its own")
             if mimic is None:
@@ -116,7 +126,7 @@ def _is_turned_over(element: ElementTree.Element) -> bool:
 
     Of an axis that is oblique, nothing is known; one that is not written is +x.
     """
-    axis = element.find("axis")
+    axis = element.find("{*}axis")
     try:
         parts = [] if axis is None else [float(part) for part in axis.get("xyz", "").split()]
     except ValueError:
@@ -124,9 +134,9 @@ def _is_turned_over(element: ElementTree.Element) -> bool:
     return sum(parts) < 0 and sum(part != 0 for part in parts) == 1
 
 
-def _joint(name: str, element: ElementTree.Element, what: str) -> RobotJoint:
+def _joint(name: str, element: ElementTree.Element, what: str, given: Mapping[str, float]) -> RobotJoint:
     channel, sign, offset = _parse_channel(name, what)
-    lower, upper, velocity = _read_limits(name, element)
+    lower, upper, velocity = _read_limits(name, element, given)
     joint = RobotJoint(name, channel, lower, upper, velocity, sign, offset)
     if element.get("type") == "prismatic" and not joint.is_hand:
         raise InputError(
@@ -141,32 +151,33 @@ def _joint(name: str, element: ElementTree.Element, what: str) -> RobotJoint:
 
 def _parse_channel(name: str, what: str) -> tuple[str, float, float]:
     """Channel, sign and offset of a text such as ``-left_elbow+0.5``."""
-    channel, offset = what.lstrip("-"), 0.0
-    for mark in "+-":
-        if mark in channel:
-            channel, _, text = channel.partition(mark)
-            try:
-                offset = float(mark + text)
-            except ValueError:
-                raise InputError(f"joint {name!r} takes {what!r}", "write left_elbow, or -left_elbow+0.5 in radians") from None
-            break
-    return channel, -1.0 if what.startswith("-") else 1.0, offset
+    found = re.fullmatch(r"(-?)([a-z_]+)([+-].+)?", what.replace(" ", ""))
+    try:
+        offset = float(found[3] or 0) if found else None
+    except ValueError:
+        offset = None
+    if found is None or offset is None:
+        raise InputError(f"joint {name!r} takes {what!r}", "write left_elbow, or -left_elbow+0.5 in radians")
+    return found[2], -1.0 if found[1] else 1.0, offset
 
 
-def _read_limits(name: str, element: ElementTree.Element) -> tuple[float, float, float]:
-    """Lower, upper and velocity: the narrower of hard and soft limits."""
-    limit, soft = element.find("limit"), element.find("safety_controller")
+def _read_limits(name: str, element: ElementTree.Element, given: Mapping[str, float]) -> tuple[float, float, float]:
+    """Lower, upper and velocity: the narrower of hard and soft limits; those that are given where the URDF has none."""
+    limit, soft = element.find("{*}limit"), element.find("{*}safety_controller")
     turns_without_end = element.get("type") == "continuous"
     found = dict[str, float]()
     for key in ("lower", "upper", "velocity"):
         if turns_without_end and key != "velocity":
             found[key] = {"lower": -2 * np.pi, "upper": 2 * np.pi}[key]
-        elif limit is None or limit.get(key) is None:
-            raise InputError(
-                f"joint {name!r} has no limits: {key} is missing", "a URDF says <limit lower=… upper=… velocity=…/>"
-            )
-        else:
-            found[key] = _read_number(name, limit, key)
+            continue
+        said = None if limit is None or limit.get(key) is None else _read_number(name, limit, key)
+        if said is None or (key == "velocity" and said == 0):  # many exporters write 0 where they do not know
+            if key not in given:
+                problem = f"joint {name!r} has no limits: {key} is {'missing' if said is None else 0}"
+                hint = f'a URDF says <limit lower=… upper=… velocity=…/>; or a map: [limits."{name}"] and {key} = … below it'
+                raise InputError(problem, hint)
+            said = given[key]
+        found[key] = float(said)
     for key, narrower in (("lower", max), ("upper", min)):
         if soft is not None and soft.get(f"soft_{key}_limit") is not None:
             found[key] = narrower(found[key], _read_number(name, soft, f"soft_{key}_limit"))

@@ -129,6 +129,16 @@ def test_columns_are_shares_at_moments(tmp_path):
     assert np.allclose(track.at([0]), [one("fear", 0.5)])
 
 
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_spreadsheets_may_write_semicolons_tabs_and_decimal_commas(tmp_path, mark):
+    rows = ["time,emotion,weight", "0.5,anger,0.4", "3,anger,", "5.25,neutral,0.2"]
+    wanted = read_emotion_track(written(tmp_path, "\n".join(rows)))
+    text = "\r\n".join(row.replace(",", mark).replace(".", ",") for row in rows)
+    found = read_emotion_track(written(tmp_path, "\ufeff" + text))
+    assert np.array_equal(found.times, wanted.times)
+    assert np.array_equal(found.weights, wanted.weights)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "match"),
@@ -143,7 +153,8 @@ def test_columns_are_shares_at_moments(tmp_path):
         ("time,emotion\n1e9,fear\n", r"line 2: time 1e\+09"), ("time,emotion\n0,fear,1\n", "line 2: 3 cells"),
         ("time,emotion,weight\n0,fear,2\n", "line 2: weight 2"), ("time,emotion,weight\n0,fear,x\n", "line 2: weight 'x'"),
         ("time,fear\n0,-0.1\n", "line 2: fear -0.1"), ("time,fear\n0,60\n", "line 2: fear 60"),
-        ("time;emotion\n0;fear\n", "line 1: header"), (b"time,emotion\n0,\xff\n", "no UTF-8 text at byte 15"),
+        ("time|emotion\n0|fear\n", "line 1: header"), ("time;emotion\n0,5;fear;1\n", "line 2: 3 cells"),
+        (b"time,emotion\n0,\xff\n", "no UTF-8 text at byte 15"),
         ("time,emotion\n" + "\n".join(f"{k},fear" for k in range(100_001)), "100,000 rows"),
         ('time,emotion\n0,"' + "x" * 200_000, "line 2"),
     ],

@@ -165,6 +165,9 @@ def read_emotion_track(path: str | PathLike[str]) -> EmotionTrack:
     ``time`` and any of the emotions' names as columns: shares at that moment, linear in between; what they lack to 1 is
     neutral, and where they exceed it they are scaled down.
 
+    Columns may be separated by semicolons or tabs, too; numbers may then have a decimal comma, as spreadsheets of many
+    countries write them.
+
     Args:
         path: UTF-8 text; times in seconds, each later than the one before.
 
@@ -199,11 +202,13 @@ def _rows(path: str | PathLike[str], shown: str) -> list[tuple[int, list[str]]]:
         text = read_regular(path, "an emotion track", EMOTION_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{shown!r} is no UTF-8 text at byte {error.start}", "save it as CSV in UTF-8") from None
-    reader, rows = csv.reader(io.StringIO(text, newline=None)), []
+    first = text.lstrip().partition("\n")[0]
+    mark = next((each for each in ";\t" if each in first), ",")
+    reader, rows = csv.reader(io.StringIO(text, newline=None), delimiter=mark), list[tuple[int, list[str]]]()
     try:
         for cells in reader:
             if any(cell.strip() for cell in cells):
-                rows.append((reader.line_num, cells))
+                rows.append((reader.line_num, [cell.replace(",", ".") for cell in cells]))
             if len(rows) > EMOTION_ROWS + 1 or reader.line_num > 2 * EMOTION_ROWS:  # blank lines count, too
                 raise InputError(f"{shown!r} has more than {EMOTION_ROWS:,} rows", "is it an emotion track?")
     except csv.Error as error:

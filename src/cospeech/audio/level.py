@@ -56,9 +56,13 @@ def note_level(chunks: Iterable[Speech], name: str) -> Iterator[Speech]:
         level = max(level, loudest_level(chunk))
         clipped, count = clipped + count_clipped_samples(chunk), count + len(chunk)
         yield chunk
-    if level < QUIET:
-        told = "silent" if level == -np.inf else f"quiet: {level:.0f} dB at its loudest"
-        problem = f"{name} is {told}; mouth and hands move less than they would (make it louder: -14 to -24 dB is usual)"
+    if level == -np.inf:
+        warnings.warn(f"{name} is silent; mouth and hands rest throughout", CospeechWarning, stacklevel=2)
+    elif level < QUIET:
+        problem = (
+            f"{name} is quiet: {level:.0f} dB at its loudest; mouth and hands move less than they would "
+            "(make it louder: -14 to -24 dB is usual)"
+        )
         warnings.warn(problem, CospeechWarning, stacklevel=2)
     if clipped > CLIPPED * count:
         told = f"{clipped / count:.0%} of its samples are cut off at full scale"

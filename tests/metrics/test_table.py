@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from html import unescape
 
 import pytest
 
@@ -51,6 +52,12 @@ def test_the_latex_is_a_tabular_that_says_what_the_text_says():
 
 def test_a_printed_table_is_its_text():
     assert str(TABLE) == TABLE.to_text()
+
+
+def test_a_notebook_shows_the_text_and_no_markup_of_names():
+    table = Table(("a <b>",), ("jerk",), {"a <b>": {"jerk": None}})
+    assert "a &lt;b&gt;" in table._repr_html_()
+    assert unescape(table._repr_html_()) == f"<pre>{table.to_text()}</pre>"
 
 
 @pytest.mark.parametrize(

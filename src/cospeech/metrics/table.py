@@ -8,6 +8,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from html import escape
 
 import numpy as np
 
@@ -171,6 +172,10 @@ class Table:
         return "\n".join([*lines, "", *self._legend()])
 
     __str__ = to_text
+
+    def _repr_html_(self) -> str:
+        """How a notebook shows it."""
+        return f"<pre>{escape(self.to_text())}</pre>"
 
     def _legend(self) -> list[str]:
         """What the signs of a table mean, and the faults of its metrics."""

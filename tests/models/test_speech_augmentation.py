@@ -56,7 +56,7 @@ def test_an_amount_below_zero_is_refused(make):
         make(speech_augmentation=-0.1)
 
 
-def test_mix_stage_hears_it_and_its_discriminator_does_not(monkeypatch):
+def test_mix_stage_hears_it_and_its_discriminator_does_not():
     net = mixes.extended(pose_discriminator=True, speech_augmentation=AMOUNT).train()
     batch, heard, judged = mixes.batch(), [], []
     net.audio_content.register_forward_pre_hook(lambda part, given: heard.append(given[0]))

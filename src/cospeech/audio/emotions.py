@@ -208,7 +208,7 @@ def _rows(path: str | PathLike[str], shown: str) -> list[tuple[int, list[str]]]:
     try:
         for cells in reader:
             if any(cell.strip() for cell in cells):
-                rows.append((reader.line_num, [cell.replace(",", ".") for cell in cells]))
+                rows.append((reader.line_num, cells))
             if len(rows) > EMOTION_ROWS + 1 or reader.line_num > 2 * EMOTION_ROWS:  # blank lines count, too
                 raise InputError(f"{shown!r} has more than {EMOTION_ROWS:,} rows", "is it an emotion track?")
     except csv.Error as error:
@@ -255,7 +255,7 @@ def _shares(names: list[str], cells: list[str], place: str) -> Array:
 
 
 def _number(text: str, place: str) -> float:
-    return read_number(text, f"{place} {text.strip()[:40]!r} is no number", "such as 12.5")
+    return read_number(text.replace(",", "."), f"{place} {text.strip()[:40]!r} is no number", "such as 12.5")
 
 
 def _blend_emotions(keys: list[tuple[float, Array]]) -> EmotionTrack:

@@ -115,7 +115,7 @@ def convert_file(
         names: a TOML file that says which joint of ``source``, of the rig or of the avatar is which of ours.
         audio: the speech, for pictures.
         camera: for pictures, the name of a view: ``body``, ``full``, ``face`` or ``hands``.
-        avatar: a VRM or GLB character for ``.glb`` and for pictures, in place of our mannequin.
+        avatar: a VRM, GLB or FBX character for ``.glb`` and for pictures, or an FBX for ``.fbx``, in place of our mannequin.
         clip: which animation of a ``source`` that has several: its name, or its number from 0; the first where not given.
         edits: what is done to the motion before all that.
 

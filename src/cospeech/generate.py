@@ -95,7 +95,7 @@ def generate_files(
         bone_map: a TOML file that gives the joints of such a rig, or of the avatar, our names, if they are not recognised.
         fps: frames per second; every file has exactly ceil(duration × fps) frames, duration that of speech and tail.
         tail: seconds of silence after the speech, 0 … 60, in which the hands come down.
-        avatar: a VRM or GLB character to show in the place of ours.
+        avatar: a VRM, GLB or FBX character to show in the place of ours.
         report: write the `Report` as JSON here too.
         special: suffix → keywords for the writer of that format, as ``{".bvh": {"units": "m"}}``.
         progress: called with (seconds done, seconds in all or None).

@@ -10,7 +10,8 @@ __all__ = [
     "AVATAR_METRES", "AVATAR_SHAPE_NUMBERS", "AVATAR_VERTICES", "BLOCK_TIMEOUT", "BONE_MAP_BYTES", "BUNDLE_CARD_BYTES",
     "BUNDLE_GRAPH_BYTES", "BUNDLE_MANIFEST_BYTES", "BUNDLE_MEMBERS", "BUNDLE_WEIGHTS_BYTES", "CHANNELS",
     "CORPUS_TABLE_BYTES", "CORPUS_TEXT_BYTES", "DECODER_CPU_SECONDS", "DECODER_MEMORY", "EMOTION_BYTES", "EMOTION_ROWS",
-    "FACE_JSON_BYTES", "FREE_JOINT_FRAMES", "GLTF_JSON_VALUES", "GLTF_NODES", "GLTF_VALUES", "GLTF_ZEROS", "HDF5_BYTES",
+    "FACE_JSON_BYTES", "FBX_DEPTH", "FBX_NODES", "FBX_UNPACKED", "FREE_JOINT_FRAMES",
+    "GLTF_JSON_VALUES", "GLTF_NODES", "GLTF_VALUES", "GLTF_ZEROS", "HDF5_BYTES",
     "HDF5_LMDB_TIMEOUT", "HDF5_MEMORY", "HDF5_OBJECTS", "JOINTS", "JOINT_FRAMES", "JOINT_FRAMES_PER_BYTE", "JSON_VALUES",
     "LIMITS", "LINE_CHARACTERS", "LONGEST_ENTRY_BYTES", "LONGEST_MESSAGE_BYTES", "MOTION_BYTES", "MOTION_RATES", "NPZ_BYTES",
     "NPZ_MEMBERS", "OPEN_TIMEOUT", "PIPED_BYTES", "PLAN_BYTES", "PLAN_VALUES",
@@ -62,6 +63,12 @@ GLTF_NODES = 20_000
 """Nodes of a glTF file."""
 GLTF_JSON_VALUES = 4_000_000
 """Commas, lists and objects in the JSON of a glTF file; a dressed VRM character has some 100,000."""
+FBX_NODES = 2_000_000
+"""Records of an FBX file; a dressed character with all its curves has some 100,000."""
+FBX_DEPTH = 64
+"""Records of an FBX file in each other; files have some ten."""
+FBX_UNPACKED = 1 << 30
+"""Bytes of all arrays of an FBX file after unpacking: 3 hours of all our curves."""
 AVATAR_VERTICES = 400_000
 """Of all meshes of a character that is drawn; those of games have 20,000 to 100,000."""
 AVATAR_SHAPE_NUMBERS = 60_000_000
@@ -193,6 +200,9 @@ LIMITS = (
     Limit("glTF accessor without data", GLTF_ZEROS, "numbers", "it stands for zeros, and takes no bytes of the file"),
     Limit("glTF file", GLTF_NODES, "nodes", "characters have some hundreds"),
     Limit("JSON of a glTF file", GLTF_JSON_VALUES, "commas, lists and objects", "a dressed character has some 100,000"),
+    Limit("FBX file", FBX_NODES, "records", "a dressed character has some 100,000"),
+    Limit("FBX file, records in each other", FBX_DEPTH, "levels", "files have some ten"),
+    Limit("FBX file, unpacked", FBX_UNPACKED, "bytes", "3 hours of all our curves"),
     Limit("character that is drawn", AVATAR_VERTICES, "vertices", "characters of games have 20,000 to 100,000"),
     Limit("character that is drawn, shapes", AVATAR_SHAPE_NUMBERS, "numbers", "52 shapes of 100,000 vertices have 16 million"),
     Limit("character that is drawn, reach", AVATAR_METRES, "metres", "at a height of 1.72 m; enough for staffs and wings"),

@@ -184,7 +184,7 @@ def test_a_clip_is_chosen_by_name_or_number(two_clips, tmp_path):
         convert_file(two_clips, tmp_path / "b.bvh", clip="trn")
     with pytest.raises(InputError, match=r"no clip 2 \(0 … 1"):
         convert_file(two_clips, tmp_path / "b.bvh", clip="2")
-    with pytest.raises(InputError, match=r"no clips to choose from \(.glb files have"):
+    with pytest.raises(InputError, match=r"no clips to choose from \(.glb .fbx files have"):
         convert_file(tmp_path / "a.bvh", tmp_path / "b.bvh", clip="2")
 
 

@@ -77,7 +77,7 @@ def bent(value: object, chance: random.Random) -> object:
 def sources(tmp_path_factory) -> dict[str, bytes]:
     folder, motion = tmp_path_factory.mktemp("good"), gesturing(6)
     made = {}
-    for suffix in (".glb", ".vrma", ".csv", ".json", ".npz"):
+    for suffix in (".glb", ".fbx", ".vrma", ".csv", ".json", ".npz"):
         save(motion, folder / f"a{suffix}", **({"character": stand_in()} if suffix == ".glb" else {}))
         made[suffix] = (folder / f"a{suffix}").read_bytes()
     return made
@@ -98,7 +98,7 @@ def read(load_one, path) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("suffix", [".glb", ".vrma", ".csv", ".json", ".npz"])
+@pytest.mark.parametrize("suffix", [".glb", ".fbx", ".vrma", ".csv", ".json", ".npz"])
 def test_bytes(sources, tmp_path, suffix):
     chance, outcomes = random.Random(suffix), []
     for _ in range(EACH):

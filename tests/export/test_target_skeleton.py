@@ -63,7 +63,8 @@ def test_a_character_gives_its_skeleton(tmp_path):
     ("name", "words"),
     [
         ("miximo", "did you mean 'mixamo'"),
-        ("rig.fbx", ".bvh .glb .gltf .vrm"),
+        ("rig.obj", ".bvh .glb .gltf .vrm .fbx"),
+        ("nothing.fbx", "nothing.fbx"),
         ("nothing.bvh", "nothing.bvh"),
         ("nothing.glb", "nothing.glb"),
     ],

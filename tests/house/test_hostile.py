@@ -434,7 +434,7 @@ OPENERS = {  # suffix → whoever opens a path that a user names
     "word vectors": (".vec", lambda p: open_vectors(p)),
     "split": (".csv", lambda p: read_split(p)),
     "info": (".csv", lambda p: read_info(p)),
-    **{suffix: (suffix, lambda p: Motion.load(p)) for suffix in (".bvh", ".glb", ".vrma", ".csv", ".json", ".npz")},
+    **{suffix: (suffix, lambda p: Motion.load(p)) for suffix in (".bvh", ".glb", ".fbx", ".vrma", ".csv", ".json", ".npz")},
 }  # fmt: skip
 
 

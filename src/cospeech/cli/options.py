@@ -177,7 +177,7 @@ Parts = Annotated[
         help="Parts that move, separated by commas; the rest stays neutral. Arms belong to the body, fingers to the hands.",
     ),
 ]
-_RIG = "a name (`cospeech list skeletons`) or your rig: a .bvh, .glb or .vrm file."
+_RIG = "a name (`cospeech list skeletons`) or your rig: a .bvh, .glb, .vrm or .fbx file."
 Skeleton = Annotated[str, option("--skeleton", metavar="NAME|FILE", help=f"Skeleton of .bvh files: {_RIG}")]
 Retarget = Annotated[str | None, option("--skeleton", metavar="NAME|FILE", help=f"Retarget to this skeleton: {_RIG}")]
 Map = Annotated[
@@ -211,7 +211,11 @@ NewFps = Annotated[
 ]
 Avatar = Annotated[
     Path | None,
-    option("--avatar", metavar="FILE", help="VRM or GLB character for .glb files and pictures, in place of our mannequin."),
+    option(
+        "--avatar",
+        metavar="FILE",
+        help="VRM, GLB or FBX character for .glb files and pictures, or FBX for .fbx files, in place of our mannequin.",
+    ),
 ]
 Clip = Annotated[
     str | None,

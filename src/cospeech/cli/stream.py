@@ -49,7 +49,7 @@ Avatar = Annotated[
     option(
         "--avatar",
         metavar="FILE",
-        help="VRM or GLB character that vmc:// moves: its bones keep their lengths. Without it, they have our mannequin's.",
+        help="VRM, GLB or FBX character that vmc:// moves, with its lengths of bones; without it, they are our mannequin's.",
     ),
 ]
 AvatarMap = Annotated[

@@ -40,7 +40,7 @@ def check_avatar(avatar: File, written: set[str], bones: Mapping[str, str] | Non
         fit = " ".join(suffixes(lambda entry: entry.wears_avatar))
         raise InputError(f"avatar {str(avatar)!r} would not be seen", f"it is for {fit} files")
     if not Path(avatar).is_file():
-        raise InputError(f"no avatar at {str(avatar)!r}", "name a .vrm or .glb file")
+        raise InputError(f"no avatar at {str(avatar)!r}", "name a .vrm, .glb or .fbx file")
     from .avatar import check_surface, load_avatar
 
     found = load_avatar(avatar, bones)

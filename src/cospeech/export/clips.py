@@ -7,7 +7,8 @@ from os import PathLike
 from pathlib import Path
 
 from ..errors import CospeechWarning, InputError, nearest
-from .gltf import GltfFile, read_glb
+from .character_files import read_character
+from .gltf import GltfFile
 
 __all__ = ["MANNEQUIN_SKIN", "find_clip", "holds_other_figure", "note_lost_clips"]
 
@@ -53,8 +54,8 @@ def note_lost_clips(file: GltfFile) -> None:
 
 
 def holds_other_figure(path: str | PathLike[str]) -> bool:
-    """Whether a .glb or .vrm holds a figure with a skin that is not our mannequin."""
-    if Path(path).suffix.lower() not in (".glb", ".vrm"):
+    """Whether a .glb, .vrm or .fbx holds a figure with a skin that is not our mannequin."""
+    if Path(path).suffix.lower() not in (".glb", ".vrm", ".fbx"):
         return False
-    file = read_glb(path)
+    file = read_character(path)
     return any(skin.get("name") != MANNEQUIN_SKIN for skin in file.list("skins"))

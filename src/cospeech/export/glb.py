@@ -18,7 +18,8 @@ from ..motion.motion import Motion
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT
 from . import Writer as BaseWriter
-from .avatar import Avatar, AvatarScene, load_avatar
+from .avatar import Avatar, load_avatar
+from .avatar_scene import AvatarScene
 from .clips import MANNEQUIN_SKIN
 from .gltf_build import GltfBuilder
 from .surface import normalise_normals
@@ -116,20 +117,13 @@ def character_document(character: Character) -> tuple[GltfBuilder, list[int], li
     inverse = builder.add(bind.reshape(-1, 16), "MAT4")
     builder.append("skins", {"name": MANNEQUIN_SKIN, "joints": joints, "inverseBindMatrices": inverse, "skeleton": 0})
     roots, faces = [armature], []
-    for name, parts in _meshes(character):
+    for name, parts in character.meshes():
         mesh = _mesh(builder, name, parts)
         roots.append(builder.append("nodes", {"name": name, "mesh": mesh, "skin": 0}))
         if parts[0].morphs:
             faces.append(roots[-1])
     builder.json["scenes"] = [{"name": "cospeech", "nodes": roots}]
     return builder, joints, faces
-
-
-def _meshes(character: Character) -> list[tuple[str, list[Part]]]:
-    """Two meshes: what has morph targets, so that animators find one set of shape keys, and what has none."""
-    moving = [part for part in character.parts if part.morphs]
-    still = [part for part in character.parts if not part.morphs]
-    return [(name, parts) for name, parts in (("face", moving), ("body", still)) if parts]
 
 
 def _mesh(builder: GltfBuilder, name: str, parts: list[Part]) -> int:

@@ -83,6 +83,10 @@ class GltfFile:
                 state[passed] = 2
         return parents
 
+    def curves(self, index: int) -> dict[tuple[int, str], Any] | None:
+        """The curves of an animation, where they are not in the document (see `cospeech.export.tracks.read_animation`)."""
+        return None
+
     def list(self, key: str) -> list[dict[str, Any]]:
         """A top-level list, empty where absent."""
         return self.json.get(key, [])
@@ -103,11 +107,7 @@ class GltfFile:
         return self._buffers[index]
 
     def view(self, index: int) -> bytes:
-        """The bytes of a buffer view, an embedded image's say.
-
-        Raises:
-            InputError: it is out of bounds.
-        """
+        """The bytes of a buffer view, an embedded image's say; an `InputError` where it is out of bounds."""
         with report_damage(self.name):
             length = _natural(self.list("bufferViews")[_natural(index)]["byteLength"])
             return self._view(index, 0, 1, length, length).tobytes()

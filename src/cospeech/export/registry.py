@@ -58,6 +58,11 @@ _OURS = {
         "Blender: File > Import > glTF 2.0; Windows: 3D Viewer; Unity, Unreal, Godot: drop it into the project",
         readable=True, wears_avatar=True, clips=True,
     ),
+    ".fbx": Format(
+        "cospeech.export.fbx.writer", "animated character with skin and 52 blendshapes, or the bones of your rig",
+        "Unreal, Unity: drop it into the project; Maya, MotionBuilder, 3ds Max, Blender: File > Import > FBX",
+        readable=True, any_skeleton=True, wears_avatar=True, clips=True,
+    ),
     ".vrma": Format(
         "cospeech.export.vrma", "VRM animation 1.0, for any VRM avatar",
         "play it on any VRM avatar: three-vrm, UniVRM, VRM add-on for Blender", readable=True,
@@ -106,8 +111,7 @@ def format_of(path: str | PathLike[str]) -> Format:
     """
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
-        hint = f"{'Blender makes .fbx of a .glb; ' if suffix == '.fbx' else ''}known suffixes: {' '.join(FORMATS)}"
-        raise InputError(f"cannot tell the format of {str(path)!r}", hint)
+        raise InputError(f"cannot tell the format of {str(path)!r}", f"known suffixes: {' '.join(FORMATS)}")
     return FORMATS[suffix]
 
 

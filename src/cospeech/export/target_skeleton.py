@@ -12,10 +12,11 @@ from ..motion.bone_mapping import names_joints, recognise, recognise_file
 from ..motion.skeleton import Skeleton, find_skeleton
 from ..motion.skeletons import SKELETONS
 from ..motion.tpose import on_floor
+from .character_files import CHARACTERS, read_character
 
 __all__ = ["RIGS", "find_target", "rig_files", "rig_joints"]
 
-RIGS = (".bvh", ".glb", ".gltf", ".vrm")
+RIGS = (".bvh", *CHARACTERS)
 """Suffixes of files whose skeleton can be taken."""
 
 
@@ -66,9 +67,8 @@ def rig_joints(name: str | PathLike[str] | Skeleton, found: Skeleton) -> tuple[s
     if isinstance(name, Skeleton) or Path(name).suffix.lower() not in RIGS[1:]:
         return found.names
     from .bind_skeleton import read_node_names
-    from .gltf import read_glb
 
-    return tuple(read_node_names(read_glb(name)))  # the skeleton of a VRM has VRM's names in the place of these
+    return tuple(read_node_names(read_character(name)))  # the skeleton of a VRM has VRM's names in the place of these
 
 
 def rig_files(skeleton: str | PathLike[str] | Skeleton | None) -> tuple[Path, ...]:

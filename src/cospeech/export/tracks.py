@@ -139,6 +139,8 @@ def read_animation(file: GltfFile, index: int = 0) -> dict[tuple[int, str], Curv
         if not animations:
             raise InputError(f"{file.name} holds no animation", "to drive this character, use it as an avatar")
         animation = animations[index]
+        if (ready := file.curves(index)) is not None:
+            return ready
         curves: dict[tuple[int, str], Curve] = {}
         cache: dict[tuple[int, str], Curve] = {}
         for channel in animation["channels"]:

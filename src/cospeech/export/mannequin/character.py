@@ -68,6 +68,12 @@ class Character:
         """The part called ``name``."""
         return next(part for part in self.parts if part.name == name)
 
+    def meshes(self) -> list[tuple[str, list[Part]]]:
+        """Two meshes for files: what has morph targets, so that animators find one set of shape keys, and what has none."""
+        moving = [part for part in self.parts if part.morphs]
+        still = [part for part in self.parts if not part.morphs]
+        return [(name, parts) for name, parts in (("face", moving), ("body", still)) if parts]
+
     @cached_property
     def _tables(self) -> Tables:
         return Tables.of(self)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["KEY", "REACH", "backdrop", "develop", "draw_backdrop", "from_srgb", "scatter", "shade", "tone"]
+__all__ = ["KEY", "REACH", "backdrop", "develop", "draw_backdrop", "from_srgb", "scatter", "shade", "to_srgb", "tone"]
 
 Floats = NDArray[np.float32]
 
@@ -97,12 +97,16 @@ def from_srgb(value: NDArray[np.floating]) -> NDArray[np.floating]:
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
+def to_srgb(value: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Linear light 0 … 1 → sRGB."""
+    return np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055)
+
+
 def _curve() -> Floats:
     linear = np.arange(_STEPS) * (_RANGE / _STEPS)
     room = 1 - _SHOULDER
     soft = np.where(linear <= _SHOULDER, linear, _SHOULDER + room * (1 - np.exp(-(linear - _SHOULDER) / room)))
-    srgb = np.where(soft <= 0.0031308, 12.92 * soft, 1.055 * soft ** (1 / 2.4) - 0.055)
-    return (255 * srgb).astype(np.float32)
+    return (255 * to_srgb(soft)).astype(np.float32)
 
 
 _TONES = _curve()

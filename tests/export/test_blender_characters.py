@@ -1,4 +1,4 @@
-"""Blender imports our GLB: an armature, a skinned mesh, shape keys by name, moving as our forward kinematics says."""
+"""Blender imports our GLB and FBX: an armature, a skinned mesh, shape keys by name, moving as our forward kinematics says."""
 
 from __future__ import annotations
 
@@ -14,19 +14,22 @@ from cospeech.motion.skeleton import humanoid
 from cospeech.motion.skeletons.arkit import ARKIT
 from tests.support.motions import gesturing
 
-SCRIPT = Path(__file__).parents[1] / "blender" / "check_glb.py"
+SCRIPT = Path(__file__).parents[1] / "blender" / "check_character.py"
 FRAMES = (0, 13, 30, 89)
 
 
-@pytest.fixture(scope="module")
-def imported(blender_python, tmp_path_factory) -> dict:
-    path = tmp_path_factory.mktemp("blender") / "a.glb"
+FIRST = {".glb": 0, ".fbx": 1}  # frame on which Blender puts the first
+
+
+@pytest.fixture(scope="module", params=FIRST)
+def imported(blender_python, tmp_path_factory, request) -> dict:
+    path, first = tmp_path_factory.mktemp("blender") / f"a{request.param}", FIRST[request.param]
     save(gesturing(90), path)
-    command = [blender_python, str(SCRIPT), str(path), "30", *map(str, FRAMES)]
+    command = [blender_python, str(SCRIPT), str(path), "30", *(str(frame + first) for frame in FRAMES)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     lines = [line for line in done.stdout.splitlines() if line.startswith("RESULT ")]
     assert lines, (done.stdout + done.stderr)[-3000:]
-    return json.loads(lines[0].removeprefix("RESULT "))
+    return json.loads(lines[0].removeprefix("RESULT ")) | {"first": first}
 
 
 def test_armature_mesh_and_shape_keys(imported):
@@ -35,7 +38,7 @@ def test_armature_mesh_and_shape_keys(imported):
     assert all(mesh["skinned"] and mesh["vertices"] > 0 for mesh in ours.values())
     keyed = [mesh["keys"] for mesh in ours.values() if mesh["keys"]]
     assert keyed == [list(ARKIT)]
-    assert imported["frame_range"] == [0, 89]
+    assert imported["frame_range"] == [imported["first"], 89 + imported["first"]]
 
 
 def test_bones_move_as_ours(imported):

@@ -1,6 +1,6 @@
-"""Run by a Python that has bpy: python check_glb.py FILE.glb FPS FRAME... prints what Blender made of the file, as JSON.
+"""Run by a Python that has bpy: python check_character.py FILE FPS FRAME... prints what Blender made of the file, as JSON.
 
-World positions of the pose bones' heads are glTF's (Y up, metres) again, at the given frames.
+FILE is a .glb or an .fbx. World positions of the pose bones' heads are glTF's (Y up, metres) again, at the given frames.
 """
 
 import json
@@ -11,7 +11,10 @@ import bpy
 path, fps, *frames = sys.argv[1:]
 bpy.ops.wm.read_factory_settings(use_empty=True)
 bpy.context.scene.render.fps = int(fps)
-bpy.ops.import_scene.gltf(filepath=path)
+if path.endswith(".fbx"):
+    bpy.ops.import_scene.fbx(filepath=path)
+else:
+    bpy.ops.import_scene.gltf(filepath=path)
 armatures = [o for o in bpy.data.objects if o.type == "ARMATURE"]
 meshes = [o for o in bpy.data.objects if o.type == "MESH"]
 result = {

@@ -1,0 +1,117 @@
+"""Somebody's FBX character with our motion: a copy of its file, in which our clip takes the place of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ...errors import InputError
+from ...motion.motion import Motion
+from ...motion.rotations import Array, quat_to_euler
+from ..avatar import Avatar
+from ..avatar_scene import AvatarTracks
+from .curve_writer import PERCENT, AngleRecorder
+from .document import FbxModel, Transform
+from .node_writer import NodeWriter
+from .scene_writer import DrivenProperty, SceneWriter, sort_axes
+from .to_gltf import FbxFile
+from .tree import Node
+
+__all__ = ["CharacterCopy"]
+
+_DROPPED = ("AnimationStack", "AnimationLayer", "AnimationCurveNode", "AnimationCurve")
+_ALIKE = 1e-6  # of places and turns; ours
+_XYZ = ("X", "Y", "Z")
+
+
+class CharacterCopy:
+    """What a writer needs to put motion on an FBX character; the same names as `FbxFigure`.
+
+    Args:
+        avatar: the character.
+
+    Raises:
+        InputError: it is no FBX.
+    """
+
+    def __init__(self, avatar: Avatar) -> None:
+        if not isinstance(avatar.file, FbxFile):
+            problem = f"{avatar.file.name} is no FBX, so it cannot be shown in one"
+            raise InputError(problem, "name an .fbx character, or write a .glb")
+        self._file, self._tracks = avatar.file, AvatarTracks(avatar)
+        fbx = self._file.fbx
+        self.axes: Mapping[str, int] = {
+            name + sign: int(fbx.settings.number_of(name + sign, default or 1 if sign else default))
+            for name, default in (("UpAxis", 1), ("FrontAxis", 2), ("CoordAxis", 0)) for sign in ("", "Sign")
+        }  # fmt: skip
+        self.unit = fbx.settings.number_of("UnitScaleFactor", 1.0)
+        self.last_number = max(fbx.objects, default=0)
+        self._kept = [found for found in fbx.objects.values() if found.kind not in _DROPPED]
+        self.kinds: Sequence[str] = tuple(dict.fromkeys(found.kind for found in self._kept))
+        listed = fbx.root.find("Definitions")
+        self.templates: Mapping[str, Sequence[Node]] = {
+            str(node.values[0]): [inner for inner in node.nodes if inner.name != "Count"]
+            for node in ([] if listed is None else listed.all("ObjectType")) if node.values
+        }  # fmt: skip
+        self._joints = [self._file.models[node] for node in self._tracks.turning]
+        self._angles = AngleRecorder([model.order for model in self._joints])
+        self._shapes = {node: self._file.targets[node] for node in self._tracks.shaped}
+        self._still = self._find_offset_bones()
+        self.widths = [3] * ((self._tracks.root is not None) + len(self._joints) + 2 * len(self._still))
+        self.widths += [1] * sum(map(len, self._shapes.values()))
+
+    def _find_offset_bones(self) -> list[tuple[FbxModel, Transform]]:
+        """Bones that do not move, and that the file keeps in another pose than that to which its skin is bound."""
+        driven = {*self._tracks.turning}
+        found = []
+        for node, (model, bound) in enumerate(zip(self._file.models, self._file.rest, strict=True)):
+            own = model.rest
+            far = max(np.abs(bound.translation - own.translation).max(), 1 - abs(float(bound.rotation @ own.rotation)))
+            if node not in driven and far > _ALIKE:
+                found.append((model, bound))
+        return found
+
+    def rows(self, motion: Motion) -> Array:
+        """(T, sum of the widths) for a piece of motion of any skeleton that is recognised."""
+        rotations, translation, weights = self._tracks.sample(motion)
+        turns, columns = np.empty_like(rotations), list[Array]()
+        for k, model in enumerate(self._joints):
+            place, turns[:, k] = model.properties_at(translation, rotations[:, k])
+            columns += [place] if self._tracks.turning[k] == self._tracks.root else []
+        columns.append(self._angles.degrees(turns).reshape(len(motion), -1))
+        for model, bound in self._still:
+            place, turn = model.properties_at(bound.translation, bound.rotation)
+            angles = np.degrees(sort_axes(quat_to_euler(turn, model.order), model.order))
+            columns.append(np.tile(np.concatenate([place, angles]), (len(motion), 1)))
+        columns += [weights[node][:, : len(channels)] * PERCENT for node, channels in self._shapes.items()]
+        return np.concatenate(columns, 1)
+
+    def write(self, nodes: NodeWriter, scene: SceneWriter, name: str) -> list[DrivenProperty]:
+        """Write its objects, and say what drives it."""
+        for found in self._kept:
+            nodes.copy(found.node)
+            scene.counts[found.kind] = scene.counts.get(found.kind, 0) + 1
+        channels = list[DrivenProperty]()
+        for node, model in zip(self._tracks.turning, self._joints, strict=True):
+            if node == self._tracks.root:
+                channels.append(_channel(model, "Lcl Translation", "T", 0))
+        channels += [_channel(model, "Lcl Rotation", "R", 1) for model in self._joints]
+        for model, _ in self._still:
+            channels += [_channel(model, "Lcl Translation", "T", 0), _channel(model, "Lcl Rotation", "R", 1)]
+        channels += [
+            DrivenProperty(number, "DeformPercent", "DeformPercent", ("DeformPercent",), (0.0,))
+            for own in self._shapes.values() for number in own
+        ]  # fmt: skip
+        return channels
+
+    def write_connections(self, nodes: NodeWriter) -> None:
+        """Write those between objects that are kept."""
+        kept = {0, *(found.number for found in self._kept)}
+        for node in self._file.fbx.connections:
+            if {*node.values[1:3]} <= kept:
+                nodes.copy(node)
+
+
+def _channel(model: FbxModel, name: str, node: str, which: int) -> DrivenProperty:
+    return DrivenProperty(model.object.number, name, node, _XYZ, tuple(map(float, model.still[which])))

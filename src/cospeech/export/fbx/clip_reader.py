@@ -1,0 +1,181 @@
+"""Animations of an FBX file, sampled at every frame; read only when somebody wants one, as characters may have a hundred."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from ...motion.rotations import Array, quat_continuous
+from ..reading import check_frames
+from ..timing import frame_rate
+from ..tracks import Curve
+from .curve_writer import PERCENT, TICKS
+from .document import Document, FbxModel, Object
+
+__all__ = ["FbxClip", "list_clips", "read_clip"]
+
+_CONSTANT, _CUBIC = 2, 8  # interpolation, among the flags of a key
+_NTSC = 1000 / 1001
+_RATES = (
+    30,
+    120,
+    100,
+    60,
+    50,
+    48,
+    30,
+    30,
+    30 * _NTSC,
+    30 * _NTSC,
+    25,
+    24,
+    1000,
+    24 * _NTSC,
+    0,
+    96,
+    72,
+    60 * _NTSC,
+    120 * _NTSC,
+)
+"""Frames per second of FBX's numbers of rates."""
+_OWN_MODE = 14
+_ON_KEY = 1e-4  # of the time between keys; ours
+_STEPS = (1e-3, 0.1)  # s between keys of what is keyed on every frame; ours
+_PLACES = ("Lcl Translation", "Lcl Rotation", "Lcl Scaling")
+_PATHS = ("translation", "rotation", "scale")
+
+
+_NODE, _PERCENT = "AnimationCurveNode", "DeformPercent"
+_Curves: TypeAlias = "dict[tuple[int, str], dict[str, KeyedCurve]]"
+
+
+class FbxClip(NamedTuple):
+    """An animation: its name, and the object that has its curves."""
+
+    name: str
+    layer: Object
+
+
+def list_clips(fbx: Document) -> list[FbxClip]:
+    """The animations that move something."""
+    clips = []
+    for stack in fbx.of_kind("AnimationStack"):
+        layers = [layer for layer, _ in fbx.below(stack.number, "AnimationLayer")]
+        if layers and any(list(fbx.below(node.number, "AnimationCurve")) for node, _ in fbx.below(layers[0].number, _NODE)):
+            clips.append(FbxClip(stack.name, layers[0]))  # further layers only add to the first
+    return clips
+
+
+def read_clip(
+    fbx: Document, clip: FbxClip, models: Sequence[FbxModel], targets: Mapping[int, Sequence[int]]
+) -> dict[tuple[int, str], Curve]:
+    """An animation, sampled at every frame.
+
+    Args:
+        fbx: that has it.
+        clip: which.
+        models: node by node.
+        targets: node → numbers of the blendshape channels of its mesh.
+
+    Returns:
+        (node, path) → curve, as `cospeech.export.tracks.read_animation`.
+
+    Raises:
+        InputError: it is too long.
+    """
+    curves = _read_curves(fbx, clip.layer)
+    every = [curve for own in curves.values() for curve in own.values()]
+    fps = _frame_rate(fbx, max(every, key=lambda curve: len(curve.times)).times)
+    begin, end = min(curve.times[0] for curve in every), max(curve.times[-1] for curve in every)
+    frames = int(np.floor((end - begin) * fps + 1e-3)) + 1
+    check_frames(fbx.name, frames, len(models), sum(curve.size for curve in every))
+    times = begin + np.arange(frames) / fps
+    found: dict[tuple[int, str], Curve] = {}
+    for node, model in enumerate(models):
+        own = [curves.get((model.object.number, name), {}) for name in _PLACES]
+        if any(own):
+            place = model.place(*(_sample(parts, still, times) for parts, still in zip(own, model.still, strict=True)))
+            for path, values in zip(_PATHS, (place.translation, quat_continuous(place.rotation), place.scale), strict=True):
+                found[node, path] = Curve(times - begin, values, "LINEAR", path == "rotation")
+        shapes = [curves.get((number, _PERCENT), {}).get(_PERCENT) for number in targets.get(node, ())]
+        if any(curve is not None for curve in shapes):
+            weights = np.stack([0 * times if curve is None else curve.at(times) / PERCENT for curve in shapes], 1)
+            found[node, "weights"] = Curve(times - begin, weights, "LINEAR", False)
+    return found
+
+
+def _sample(curves: Mapping[str, KeyedCurve], still: Array, times: Array) -> Array:
+    """(T, 3) of the curves of X, Y and Z; what has no curve is ``still``."""
+    found = np.tile(still, (len(times), 1))
+    for k, part in enumerate("XYZ"):
+        if part in curves:
+            found[:, k] = curves[part].at(times)
+    return found
+
+
+class KeyedCurve:
+    """One number over time.
+
+    Args:
+        found: the object that has the keys.
+        name: how messages call the file.
+    """
+
+    def __init__(self, found: Object, name: str) -> None:
+        ticks, self.values = found.node.array("KeyTime"), found.node.array("KeyValueFloat").astype(float)
+        if not len(ticks) or len(ticks) != len(self.values) or (np.diff(ticks) < 0).any() or not np.isfinite(self.values).all():
+            raise ValueError(f"a curve with {len(ticks)} times and {len(self.values)} values")
+        self.times, self.size = ticks / TICKS, 12 * len(ticks)
+        self._holds = self._bends = np.zeros(0, bool)
+        if len(ticks) == 1:
+            return
+        flags, counts = (found.node.array(name).astype(np.int64) for name in ("KeyAttrFlags", "KeyAttrRefCount"))
+        spread = (
+            np.repeat(flags, counts) if len(flags) == len(counts) and counts.sum() == len(ticks) else np.zeros(len(ticks), int)
+        )
+        self._holds, self._bends = (spread & _CONSTANT) > 0, (spread & _CUBIC) > 0
+
+    def at(self, times: Array) -> Array:
+        """Its value at ``times``, s; held before the first and after the last key.
+
+        Between keys with a curve in between, the slope at a key is that of the line through its neighbours.
+        """
+        found = np.interp(times, self.times, self.values)
+        if not (self._holds.any() or self._bends.any()) or (np.diff(self.times) <= 0).any():
+            return found
+        low = np.clip(np.searchsorted(self.times, times + 1e-7, side="right") - 1, 0, len(self.times) - 2)
+        span = self.times[low + 1] - self.times[low]
+        t = np.clip((times - self.times[low]) / span, 0, 1)
+        a, b = self.values[low], self.values[low + 1]
+        if (np.minimum(t, 1 - t) < _ON_KEY).all():  # a key on every frame: nothing lies in between
+            return np.where(t < 0.5, a, b)
+        slopes = np.gradient(self.values, self.times)
+        out, into = slopes[low] * span, slopes[low + 1] * span
+        bent = a + t * out + t**2 * (3 * (b - a) - 2 * out - into) + t**3 * (2 * (a - b) + out + into)
+        found = np.where(self._bends[low], bent, found)
+        held = self._holds[low] & (t < 1 - _ON_KEY)
+        return np.where(held, a, found)
+
+
+def _read_curves(fbx: Document, layer: Object) -> _Curves:
+    """(Number of an object, name of its property) → part of it → curve."""
+    curves: _Curves = {}
+    for node, _ in fbx.below(layer.number, _NODE):
+        own = {name.split("|", 1)[-1]: KeyedCurve(found, fbx.name) for found, name in fbx.below(node.number, "AnimationCurve")}
+        for kind in ("Model", "Deformer"):
+            for found, name in fbx.above(node.number, kind):
+                if own and name:
+                    curves[found.number, name] = own
+    return curves
+
+
+def _frame_rate(fbx: Document, times: Array) -> float:
+    """Of the longest curve's keys; what the file says where they are far apart."""
+    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    if _STEPS[0] <= step <= _STEPS[1]:
+        return frame_rate(times, 30.0)
+    mode = int(fbx.settings.number_of("TimeMode", 0))
+    told = fbx.settings.number_of("CustomFrameRate", 0) if mode == _OWN_MODE else _RATES[mode] if 0 <= mode < len(_RATES) else 0
+    return told if 1 <= told <= 1000 else 30.0

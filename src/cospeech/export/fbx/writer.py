@@ -1,0 +1,166 @@
+"""FBX, binary, version 7.4: our mannequin, moving; somebody's character; or the bones of another skeleton without a figure.
+
+Autodesk's Maya, 3ds Max and MotionBuilder, Unreal, Unity and Blender read it. Ours has centimetres, Y up, and a character that
+faces +Z; the pose without animation is the T-pose. With another skeleton than ours, the file holds its bones, and the 52
+weights of a face as properties of the root bone, called as ARKit calls them: Unreal makes curves of those. A character that is
+an FBX itself is copied with all that it has; only its clips make room for ours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from ... import __version__
+from ...motion.motion import Motion
+from .. import Writer as BaseWriter
+from ..avatar import Avatar, load_avatar
+from .character_copy import CharacterCopy
+from .curve_writer import FrameRecorder
+from .figure import FbxFigure
+from .node_writer import CREATION_TIME, FILE_ID, VERSION, Long, NodeWriter
+from .scene_writer import SceneWriter
+
+__all__ = ["Writer", "load"]
+
+_NAME = "speech"  # of the animation, as in our GLB
+_TIME_MODES = {120: 1, 100: 2, 60: 3, 50: 4, 48: 5, 30: 6, 25: 10, 24: 11, 96: 15, 72: 16}  # whole frames per second
+_BROKEN_MODES = {30: 9, 24: 13, 60: 17, 120: 18}  # frames per second of 1000/1001 s
+_OWN_MODE = 14  # the rate is told as a number
+_MOVING = ("Model", "AnimationStack", "AnimationLayer", "AnimationCurveNode", "AnimationCurve")  # kinds of objects
+_CREATED = (1970, 1, 1, 10, 0, 0)  # as `CREATION_TIME`
+_CLOSE = 1e-3  # frames per second; ours
+
+
+class Writer(BaseWriter):
+    """Writes an ``.fbx``; frames wait in a temporary file, so that hours of motion fit in memory.
+
+    Args:
+        skeleton: ours gets the mannequin; another is written as bones alone.
+        avatar: somebody's character in place of both: an ``.fbx`` file, or one that `load_avatar` has read.
+
+    Raises:
+        InputError: the avatar is no FBX.
+    """
+
+    _recorder: FrameRecorder | None = None
+
+    def __init__(self, path: str | PathLike[str], *, avatar: Avatar | str | PathLike[str] | None = None, **common: Any) -> None:
+        super().__init__(path, **common)
+        self._subject: FbxFigure | CharacterCopy = FbxFigure(self.skeleton)
+        if avatar is not None:
+            self._subject = CharacterCopy(avatar if isinstance(avatar, Avatar) else load_avatar(avatar))
+
+    def _begin(self, temporary: Path) -> None:
+        self._temporary = temporary
+        self._recorder = FrameRecorder(self._subject.widths, self.fps, temporary.parent)
+
+    def _write(self, motion: Motion) -> None:
+        assert self._recorder is not None
+        self._recorder.add(self._subject.rows(motion))
+
+    def _finish(self) -> None:
+        assert self._recorder is not None
+        with self._temporary.open("wb") as file:
+            self._write_file(file, self._recorder)
+
+    def _write_file(self, file: BinaryIO, recorder: FrameRecorder) -> None:
+        nodes = NodeWriter(file)
+        scene = SceneWriter(nodes, self._subject.last_number)
+        self._write_head(nodes, recorder.end)
+        counted = file.tell()
+        self._write_counts(nodes, scene)
+        with nodes.node("Objects"):
+            recorder.write_curves(nodes, scene, _NAME, self._subject.write(nodes, scene, _NAME))
+        end = file.tell()
+        file.seek(counted)
+        self._write_counts(nodes, scene)  # as long as before: now they are known
+        file.seek(end)
+        with nodes.node("Connections"):
+            self._subject.write_connections(nodes)
+            for connection in scene.connections:
+                nodes.leaf("C", *connection)
+        with nodes.node("Takes"):
+            nodes.leaf("Current", _NAME)
+            with nodes.node("Take", _NAME):
+                nodes.leaf("FileName", f"{_NAME}.tak")
+                for what in ("LocalTime", "ReferenceTime"):
+                    nodes.leaf(what, Long(0), Long(recorder.end))
+        nodes.finish()
+
+    def _write_head(self, nodes: NodeWriter, end: int) -> None:
+        """Everything before the counts of objects; the animation ends at ``end`` ticks."""
+        creator = f"cospeech {__version__}"
+        with nodes.node("FBXHeaderExtension"):
+            nodes.leaf("FBXHeaderVersion", 1003)
+            nodes.leaf("FBXVersion", VERSION)
+            nodes.leaf("EncryptionType", 0)
+            with nodes.node("CreationTimeStamp"):
+                nodes.leaf("Version", 1000)
+                for what, value in zip(("Year", "Month", "Day", "Hour", "Minute", "Second"), _CREATED, strict=True):
+                    nodes.leaf(what, value)
+                nodes.leaf("Millisecond", 0)
+            nodes.leaf("Creator", creator)
+        nodes.leaf("FileId", FILE_ID)
+        nodes.leaf("CreationTime", CREATION_TIME)
+        nodes.leaf("Creator", creator)
+        mode, rate = time_mode(self.fps)
+        with nodes.node("GlobalSettings"):
+            nodes.leaf("Version", 1000)
+            nodes.properties(
+                *((name, "int", "Integer", "", value) for name, value in self._subject.axes.items()),
+                ("UnitScaleFactor", "double", "Number", "", self._subject.unit),
+                ("OriginalUnitScaleFactor", "double", "Number", "", self._subject.unit),
+                ("TimeMode", "enum", "", "", mode), ("CustomFrameRate", "double", "Number", "", rate),
+                ("TimeSpanStart", "KTime", "Time", "", Long(0)), ("TimeSpanStop", "KTime", "Time", "", Long(end)),
+            )  # fmt: skip
+        with nodes.node("Documents"):
+            nodes.leaf("Count", 1)
+            with nodes.node("Document", Long(1), "", "Scene"):
+                nodes.properties(("ActiveAnimStackName", "KString", "", "", _NAME))
+                nodes.leaf("RootNode", Long(0))
+        with nodes.node("References"):
+            pass
+
+    def _write_counts(self, nodes: NodeWriter, scene: SceneWriter) -> None:
+        kinds = dict.fromkeys((*_MOVING, *self._subject.kinds))
+        counts = {"GlobalSettings": 1} | {kind: scene.counts.get(kind, 0) for kind in kinds}
+        with nodes.node("Definitions"):
+            nodes.leaf("Version", 100)
+            nodes.leaf("Count", sum(counts.values()))
+            for kind, count in counts.items():
+                with nodes.node("ObjectType", kind):
+                    nodes.leaf("Count", count)
+                    for template in self._subject.templates.get(kind, ()):
+                        nodes.copy(template)
+
+    def _discard(self) -> None:
+        if self._recorder is not None:
+            self._recorder.close()
+
+
+def load(path: str | PathLike[str], *, animation: int | str | None = None, bone_map: Mapping[str, str] | None = None) -> Motion:
+    """Read the motion of a character, as `cospeech.export.glb.load` does.
+
+    Args:
+        path: a binary ``.fbx`` with a humanoid.
+        animation: which of its animations, by name or number; the first where not given.
+        bone_map: of `cospeech.export.avatar.load_avatar`.
+
+    Raises:
+        InputError: damaged, without animation, or without a humanoid.
+    """
+    return load_avatar(path, bone_map).motion(animation)
+
+
+def time_mode(fps: float) -> tuple[int, float]:
+    """FBX's number of a frame rate, and the rate where it has none."""
+    for whole, mode in _TIME_MODES.items():
+        if abs(fps - whole) < _CLOSE:
+            return mode, -1.0
+    for whole, mode in _BROKEN_MODES.items():
+        if abs(fps - whole * 1000 / 1001) < _CLOSE:
+            return mode, -1.0
+    return _OWN_MODE, float(fps)

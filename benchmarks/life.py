@@ -4,7 +4,8 @@
 
 SPEECH is files or folders; short utterances of one folder are joined as in movement_statistics.py. Five minutes in all are
 wanted. `--model` is a name that `cospeech.load` knows (the rules where not given); without `--style` the rules play all
-of theirs. A trained system plays with stance, holds and beat alignment, as files have them; `--bare` leaves all out.
+of theirs. A trained system plays as for files: it hears all of the speech, and has stance, holds and beat alignment; `--bare`
+leaves those three out.
 `--recordings 2 4 5` takes only these of the joined recordings (0 is the first), so that figures come from speech that nothing
 was tuned on.
 `cospeech.metrics.body` defines the statistics. The old rows are the 86 of movement_statistics.py, exempt ones left out.
@@ -149,7 +150,7 @@ def main() -> int:
     for style in styles:
         settings = {"fps": 30.0, "emotion": options.emotion} | ({} if style is None else {"style": style})
         if options.model != "rules":
-            settings |= dict.fromkeys(LAYERS, not options.bare)
+            settings |= {**model.for_files, **dict.fromkeys(LAYERS, not options.bare)}
         takes = [(samples, seed) for seed in options.seeds for samples in speech]
         pairs = [(samples, model.generate(Speech(samples, RATE), seed=seed, **settings)) for samples, seed in takes]
         exempt = STYLES[style].exempt if style in STYLES else ()

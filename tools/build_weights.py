@@ -21,7 +21,8 @@ from __future__ import annotations
 import argparse
 import json
 import platform
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -139,8 +140,10 @@ rules, not people. Speech: LibriVox (public domain), LJ Speech (public domain), 
 
 **Network.** {parameters:,} parameters of the streaming one in training, with its discriminator, {theirs:,} of the other;
 16-bit weights, {fps:g} poses per second (interpolated). Trained for {their_steps} and {train_steps} steps of {batch} windows
-on {machine}. Not as published: the speech encoder is our own small one, words are subwords, and besides the paper's losses
-there are a discriminator, the manner of a recording, and when its strokes come (docs/models/chain_of_generation.md, "Added").
+on {machine}; what ships is the running average of the parameters. Not as published: the speech encoder is our own small one,
+words are subwords, and besides the paper's losses there are a discriminator and terms for the manner of a recording, for when
+its strokes come, and for how fast each part of the body moves and with which others (docs/models/chain_of_generation.md,
+"Added"). The networks also heard the speech with other voices and in other rooms.
 
 **Speakers**, for `--style NAME`: {names}; without one, whoever is heard. Emotions: `--emotion NAME` or a track; without one,
 as heard.
@@ -227,6 +230,8 @@ class Shipped:
     style: str | None = STYLE
     smooth: int = 1
     """Frames to either side over which poses are averaged."""
+    emotion_strength: Mapping[str, float] = field(default_factory=dict)
+    """Emotion → how much of it the network is given."""
     teacher: str | None = None
     """Recipe of the network that it is taught by, which is in the same bundle and hears all of a file."""
 
@@ -243,6 +248,7 @@ KINDS = {
         style=None,
         teacher="chain_of_generation_humanoid",
         smooth=2,  # with 1 its hands make more strokes than people's
+        emotion_strength={"sadness": 0.7},  # speed of hands by that of neutral ones: .2 with 1, .4 so, .43 in training data
     ),
 }
 
@@ -306,6 +312,11 @@ def build_face(chosen: argparse.Namespace, out: Path) -> None:
     print(f"{card}\n{out}  {out.stat().st_size / 1e6:.2f} MB")
 
 
+def _settings_of(kind: Shipped) -> dict[str, Any]:
+    """Facts of a bundle that do not come from its run."""
+    return {"smooth": kind.smooth, "rests": True, "emotion_strength": dict(kind.emotion_strength)}
+
+
 def tell_following(path: Path, name: str, measured: str) -> None:
     """Write the rows of a model and of the rules into its card, that its hands rest in silence, and how smooth it is."""
     bundle = read_bundle(path)
@@ -314,7 +325,7 @@ def tell_following(path: Path, name: str, measured: str) -> None:
     card = bundle.members[CARD].decode().split(FOLLOWS.splitlines()[1])[0].rstrip()
     members = {**bundle.members, CARD: (card + "\n" + FOLLOWS.format(rows="\n".join(kept))).encode()}
     manifest = {key: value for key, value in bundle.manifest.items() if key not in ("members", "format")}
-    write_bundle(path, manifest | {"rests": True, "smooth": KINDS[name].smooth}, members)
+    write_bundle(path, manifest | _settings_of(KINDS[name]), members)
     print(f"{path}: {len(kept) - 2} rows")
 
 
@@ -366,7 +377,8 @@ def build_gestures(chosen: argparse.Namespace, kind: Shipped, out: Path) -> None
     report = train(recipe, store, run, resume=True)
     print(f"{report.step} steps, {report.parameters:,} parameters, best {report.best}")
     out.parent.mkdir(parents=True, exist_ok=True)
-    bundle_run(run, out, which=kind.which, style=kind.style, smooth=kind.smooth, rests=True)
+    settings = {"which": kind.which, "style": kind.style, **_settings_of(kind)}
+    bundle_run(run, out, **settings)
     facts = read_facts(run)
     systems: dict[str, Any] = {chosen.name: str(out), "rules": "rules"}
     if kind.teacher:
@@ -379,7 +391,7 @@ def build_gestures(chosen: argparse.Namespace, kind: Shipped, out: Path) -> None
         machine=f"{chosen.threads} core of a {platform.machine()} machine, no GPU", names=", ".join(kept["speakers"]),
         table=markdown(table), **more,
     )  # fmt: skip
-    bundle_run(run, out, which=kind.which, card=card, style=kind.style, smooth=kind.smooth, rests=True)
+    bundle_run(run, out, card=card, **settings)
     print(f"{out}  {out.stat().st_size / 1e6:.2f} MB")
     print(table.to_text())
 

@@ -8,6 +8,9 @@ the bundle and the rules perform the same speech in each style, as files have th
 multiplied until the wrist is as quick as in the rules. This is done a few times, because holds, rest and arms that stay out of
 the body bear on it, too.
 
+With ``--keep-mean`` the bundle keeps its mean speed over all styles, and only the ratios between the styles become those of the
+rules: for a network whose hands are as quick as people's without it.
+
 Every other piece of the speech is used. ``--check`` changes nothing: it measures on the other pieces, and prints the mean speed
 of the wrists (m/s) in each style, in the rules and in the bundle.
 """
@@ -67,7 +70,9 @@ def measure(model: Model, styles: Sequence[object], pieces: Sequence[Speech], op
     ])  # fmt: skip
 
 
-def size(path: Path, wanted: np.ndarray, names: Sequence[str], pieces: Sequence[Speech], out: Path) -> None:
+def size(
+    path: Path, wanted: np.ndarray, names: Sequence[str], pieces: Sequence[Speech], out: Path, keep_mean: bool = False
+) -> None:
     """Write the bundle with sized styles."""
     bundle = read_bundle(path)
     bones = [number.split(".")[0] for number in find_pose(read_spec(bundle).pose).names]
@@ -75,13 +80,15 @@ def size(path: Path, wanted: np.ndarray, names: Sequence[str], pieces: Sequence[
     manifest = {key: value for key, value in bundle.manifest.items() if key not in ("members", "format")}
     for array in name_arrays(bundle):
         first = bundle.arrays(STATISTICS)[array]
-        factors = np.ones_like(wanted)
+        aim, factors = wanted, np.ones_like(wanted)
         for turn in range(ROUNDS):
             write_bundle(out, manifest, bundle.members)
             model = load(out)
             found = measure(model, names, pieces, options_of(array, model))
-            print(f"{array}, round {turn}: {compare(wanted, found)}", flush=True)
-            factors = (factors * (wanted / found) ** STEP).clip(LEAST, MOST)
+            if keep_mean and turn == 0:
+                aim = wanted * found.mean() / wanted.mean()
+            print(f"{array}, round {turn}: {compare(aim, found)}", flush=True)
+            factors = (factors * (aim / found) ** STEP).clip(LEAST, MOST)
             arrays = dict(bundle.arrays(STATISTICS))
             gains = [factors[:, k : k + 1] ** own for k, own in enumerate(columns)]
             arrays[array] = (first * gains[0] * gains[1]).astype(np.float32)
@@ -100,6 +107,7 @@ def main() -> None:
     parser.add_argument("name", choices=["stylised-flow", "mix-stage", "chain-of-generation"])
     parser.add_argument("--speech", type=Path, required=True, help="folder of recordings")
     parser.add_argument("--out", type=Path, help="of the bundle; where it ships, else")
+    parser.add_argument("--keep-mean", action="store_true", help="set the ratios between the styles alone")
     parser.add_argument("--check", action="store_true", help="measure --out on the other pieces of the speech")
     chosen = parser.parse_args()
     path = SHIPPED / f"{chosen.name}{BUNDLE}"
@@ -108,7 +116,7 @@ def main() -> None:
     wanted = measure(load("rules"), [person.style for person in people], pieces, {})
     names = [person.name for person in people]
     if not chosen.check:
-        size(path, wanted, names, pieces, out)
+        size(path, wanted, names, pieces, out, chosen.keep_mean)
         return
     model = load(out)
     for array in name_arrays(read_bundle(out)):

@@ -93,7 +93,7 @@ def without_calibration(system: System) -> System:
         live_style_gain=np.ones_like(s.live_style_gain), noise_gain=np.ones_like(s.noise_gain),
         free_mean=np.zeros_like(s.free_mean), free_std=np.ones_like(s.free_std),
     )  # fmt: skip
-    return replace(system, statistics=bare, rests=False)
+    return replace(system, statistics=bare, rests=False, emotion_strength={})
 
 
 def open_bundle(path: str | PathLike[str]) -> System:

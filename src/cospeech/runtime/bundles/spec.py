@@ -70,6 +70,8 @@ class BundleFacts:
     statistics: Statistics
     rests: bool = field(default=False, kw_only=True)
     """Whether hands come to rest in silence (`cospeech.runtime.rest_in_silence`)."""
+    emotion_strength: Mapping[str, float] = field(default_factory=dict, kw_only=True)
+    """Emotion → how much of it the network is given where it is played, 0 … 1 (the default); the rest is neutral."""
 
     @property
     def speakers(self) -> tuple[str, ...]:
@@ -237,8 +239,14 @@ def _facts(bundle: Bundle) -> dict[str, Any]:
     rests = bundle.manifest.get("rests", False)
     if not isinstance(rests, bool):
         raise InputError(f"the manifest of {bundle.name!r} says rests={str(rests)[:40]!r}", "true or false")
+    strength = bundle.manifest.get("emotion_strength", {})
+    if not isinstance(strength, dict) or not all(
+        name in EMOTIONS and isinstance(share, int | float) and 0 <= share <= 1 for name, share in strength.items()
+    ):
+        problem = f"the manifest of {bundle.name!r} says emotion_strength={str(strength)[:40]!r}"
+        raise InputError(problem, f"a number of 0 … 1 for some of {', '.join(EMOTIONS)}")
     return {
-        "rests": rests,
+        "rests": rests, "emotion_strength": strength,
         "name": bundle.name, "pose": pose, "fps": fps, "audio": audio, "smooth": smooth, "styles": tuple(names), "style": style,
         "style_space": space, "controls": tuple(controls),
         "vocabulary": None if words is None else {word: row for row, word in enumerate(words, 1)},

@@ -105,6 +105,7 @@ class SpokenStyleTrack:
         made = (s.live_model_mean, s.live_style_gain) if live else (s.model_mean, s.style_gain)
         self._tables = np.concatenate([s.speaker_mean, *made], 1)
         self._asked = Crossfade(space.mix(mixture).code[None, None], system.fps)
+        self._strength = np.array([system.emotion_strength.get(name, 1.0) for name in EMOTIONS])
 
     @property
     def moods(self) -> Moods | None:
@@ -131,7 +132,10 @@ class SpokenStyleTrack:
 
     def codes(self, frames: Array) -> Array:
         """See `StyleTrack`."""
-        return self._weights(np.maximum(frames, 0))[None]
+        weights, first = self._weights(np.maximum(frames, 0)), len(self._system.speakers)
+        played = weights[:, first:] * self._strength
+        played[:, EMOTIONS.index("neutral")] += weights[:, first:].sum(1) - played.sum(1)
+        return np.concatenate([weights[:, :first], played], 1)[None]
 
     def scales(self, at: Array) -> tuple[Array, Array, Array]:
         """See `StyleTrack`."""

@@ -43,6 +43,7 @@ def bundle_run(
     card: str = "",
     style: str | None = None,
     rests: bool = False,
+    emotion_strength: Mapping[str, float] | None = None,
     progress: Tell | None = None,
 ) -> None:
     """Make a bundle of a run.
@@ -58,6 +59,7 @@ def bundle_run(
         style: name of the speaker whose style is played where nobody says; where not given, the one that is heard in the voice,
             of a network that hears none the first.
         rests: whether hands come to rest in silence (`cospeech.runtime.rest_in_silence`).
+        emotion_strength: emotion → how much of it the network is given where it is played, 0 … 1; the rest is neutral.
         progress: is told how much is done, of how much, and what is being done.
 
     Raises:
@@ -92,7 +94,7 @@ def bundle_run(
         "model": facts["model"], "config": facts["config"], "corpus": store["corpus"], "train_seconds": store["train_seconds"],
         "styles": styles, "style": style or (VOICE if VOICE in styles else styles[0]), "pose": store["pose"],
         "fps": float(store["fps"]), "audio": audio, "smooth": smooth, "controls": list(model.controls),
-        "rests": rests,
+        "rests": rests, "emotion_strength": dict(emotion_strength or {}),
     }  # fmt: skip
     said = card or _card(facts, early=stands_for(folder, which) != which)
     if exported is None:

@@ -34,6 +34,7 @@ from ..motion.rotations import (
 )
 from ..motion.skeleton import humanoid
 from .arm_layer import move_fingers, raise_clavicles
+from .arm_push import ArmPush
 from .minimum_jerk import MinimumJerkTrack
 from .stance import BREATH_PITCH, CONTRAPPOSTO, PELVIS_SHARE, Stance, StanceAmounts, first_body
 
@@ -112,6 +113,7 @@ class StanceLayer:
         self._calm /= self._calm.sum()
         self._gains, self._shares, self._means = np.zeros(0), np.zeros((0, 2)), np.zeros((0, 4))
         self._signs = QuatStream()
+        self._arms = ArmPush(self._behind, self._ahead, min(amount, 1.0))
 
     @property
     def look_ahead(self) -> float:
@@ -137,6 +139,7 @@ class StanceLayer:
             self._wrists = np.repeat(wrists[:1], self._behind, 0)
         self._q, self._place = np.concatenate([self._q, q]), np.concatenate([self._place, np.asarray(root, float)])
         self._wrists = np.concatenate([self._wrists, wrists])
+        self._arms.add(q)
         self._follow_head(q)
         return self._layer(max(len(self._q) - self._ahead, 0))
 
@@ -145,6 +148,7 @@ class StanceLayer:
         if len(self._q):
             self._wrists = np.concatenate([self._wrists, np.repeat(self._wrists[-1:], self._ahead, 0)])
             self._heads = np.concatenate([self._heads, np.repeat(self._heads[-1:], self._ahead, 0)])
+            self._arms.finish()
         return self._layer(len(self._q))
 
     def _layer(self, count: int) -> tuple[Array, Array]:
@@ -261,6 +265,7 @@ class StanceLayer:
         old = [q[:, joint[name]] for name in _TRUNK_AND_HEAD]
         chest = _chain(old[:4])
         head = self._calm_head(quat_multiply(chest, quat_multiply(old[4], old[5])))
+        self._arms.apply(q)
         self._move_arms(q, b[:, Body.BREATH], times)
         follow = self._follow(times)
         if not seated:

@@ -19,7 +19,7 @@ from .arms import MIRROR_Q, MIRROR_V, MOST_REACH, arm_lengths, mirror_arm, to_pa
 from .body_volume import HEAD_CENTRE, push_from_head, push_from_torso
 from .two_bones import place_middle_joint
 
-__all__ = ["TrunkFrames", "keep_arms_out", "push_from_body", "trunk_frames"]
+__all__ = ["TrunkFrames", "find_pushes", "keep_arms_out", "move_wrists", "push_from_body", "trunk_frames"]
 
 _LOW, _OVER = 1.02, 0.20
 """Metres of the T-pose from which on the torso turns with the chest, and over which this changes [ours]."""
@@ -72,12 +72,31 @@ def keep_arms_out(q: Array, amount: float = 1.0) -> None:
         q: (N, J, 4) local rotations of our humanoid; written to.
         amount: share of the way that they go, 0 … 1.
     """
+    if amount:
+        move_wrists(q, amount * find_pushes(q))
+
+
+def find_pushes(q: Array) -> Array:
+    """(N, 2, 3) metres by which the wrists of local rotations (N, J, 4) go out of torso and head.
+
+    In the frame of the upper chest, the right side mirrored; zero where an arm touches nothing.
+    """
     trunk, arm = trunk_frames(q), _read_arms(q)
     rows = np.flatnonzero(_find_touches(arm, trunk))
-    if not len(rows) or not amount:
+    pushes = np.zeros((len(q), 2, 3))
+    if len(rows):
+        trunk, arm = TrunkFrames(*(part[rows] for part in trunk)), _Arms(*(part[rows] for part in arm))
+        pushes[rows] = _find_push(arm, trunk)
+    return pushes
+
+
+def move_wrists(q: Array, ways: Array) -> None:
+    """Move the wrists of local rotations (N, J, 4), which are written to, by ``ways`` (N, 2, 3) as of `find_pushes`."""
+    rows = np.flatnonzero((np.abs(ways) > 0).any((1, 2)))
+    if not len(rows):
         return
-    trunk, arm = TrunkFrames(*(part[rows] for part in trunk)), _Arms(*(part[rows] for part in arm))
-    upper, fore = _follow(arm, arm.wrist - arm.shoulder + amount * _find_push(arm, trunk))
+    arm = _read_arms(q[rows])
+    upper, fore = _follow(arm, arm.wrist - arm.shoulder + ways[rows])
     joint = humanoid().index
     for name, turn in (("UpperArm", to_parent(arm.clavicle, upper)), ("LowerArm", to_parent(upper, fore))):
         q[rows, joint["left" + name]] = turn[:, 0]

@@ -15,7 +15,7 @@ import pytest
 
 import cospeech
 from cospeech.cli.demo import EXAMPLE
-from cospeech.errors import CospeechWarning
+from cospeech.errors import CospeechWarning, InputError
 from cospeech.export import FORMATS, Format
 from cospeech.export.plugins import Registry
 from cospeech.models import ENTRIES
@@ -169,6 +169,19 @@ def test_nothing_is_imported_for_a_name_of_ours(package):
     assert "strange_rows" not in sys.modules
     with pytest.warns(CospeechWarning, match="SystemError: imported"), pytest.raises(KeyError):
         _ = formats[".good"]
+
+
+def test_a_row_that_leads_nowhere_is_an_error_of_its_package(package):
+    formats = registry(
+        package({"good": "strange_rows:ROW"}, "ROW = Format(__name__, 'theirs', 'nothing')\ndef load(path): pass\n")
+    )
+    assert formats.find_code(".good", formats[".good"].module, "load").__module__ == "strange_rows"
+    with pytest.raises(InputError, match=r"plug-in 'good' .* cannot be used: AttributeError: .* no attribute 'Writer'"):
+        formats.find_code(".good", formats[".good"].module, "Writer")
+    with pytest.raises(InputError, match=r"cannot be used: ModuleNotFoundError: No module named 'strange_row'"):
+        formats.find_code(".good", "strange_row", "Writer")
+    with pytest.raises(ModuleNotFoundError):
+        formats.find_code(".ours", ROW.module, "Writer")
 
 
 # models ---------------------------------------------------------------------------------------------------------------

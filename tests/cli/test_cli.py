@@ -359,6 +359,14 @@ def test_interrupted_is_130_and_leaves_nothing(cli, place, monkeypatch):
     assert [p.name for p in place.iterdir()] == ["talk.wav"]
 
 
+def test_interrupted_before_the_command_begins(cli, monkeypatch):
+    def interrupt(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("typer.main.get_command", interrupt)  # it makes the commands, and takes a while
+    assert cli("list", "formats") == (130, "", "interrupted\n")
+
+
 @pytest.mark.slow
 def test_what_was_there_stays_when_it_fails(cli, place, monkeypatch):
     Path("a.bvh").write_text("mine")

@@ -52,6 +52,28 @@ def test_stopped_in_the_middle_nothing_is_left(tmp_path, long_speech, number, co
     assert list(out.iterdir()) == []
 
 
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_several_jobs_that_are_stopped_leave_nothing(tmp_path, long_speech, number, code):
+    """The program tells its processes, whose signals it does not rely on; they end at the next piece of motion."""
+    (tmp_path / "in").mkdir()
+    for name in ("a", "b", "c"):
+        (tmp_path / "in" / f"{name}.wav").symlink_to(long_speech)
+    command = [*COSPEECH, "generate", "in", "-o", "out/", "--jobs", "2"]
+    pipes = {"stderr": subprocess.PIPE, "text": True, "cwd": tmp_path, "preexec_fn": heed(signal.SIGINT)}
+    for stop in (os.kill, os.killpg):  # as a supervisor does, and as a terminal
+        process = subprocess.Popen(command, start_new_session=True, **pipes)
+        until = time.monotonic() + 60
+        while not any(path.stat().st_size > 10_000 for path in tmp_path.glob("out/.*/**/*.bvh")):  # it is writing now
+            assert process.poll() is None, process.stderr.read()
+            assert time.monotonic() < until
+            time.sleep(0.02)
+        stop(process.pid, number)
+        _, err = process.communicate(timeout=30)
+        assert process.returncode == code
+        assert "Traceback" not in err
+        assert not [*tmp_path.glob("out/*")]
+
+
 def read_terminal(handle: int) -> bytes:
     """What was written; nothing once the other end is closed, which Linux calls an input error."""
     try:

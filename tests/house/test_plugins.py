@@ -15,11 +15,12 @@ import pytest
 
 import cospeech
 from cospeech.cli.demo import EXAMPLE
-from cospeech.errors import CospeechWarning
+from cospeech.errors import CospeechWarning, InputError
 from cospeech.export import FORMATS, Format
 from cospeech.export.plugins import Registry
 from cospeech.models import ENTRIES
 from cospeech.runtime.bundles.bundle import read_bundle
+from cospeech.studio._jobs import Jobs
 
 pytestmark = pytest.mark.slow
 
@@ -171,6 +172,19 @@ def test_nothing_is_imported_for_a_name_of_ours(package):
         _ = formats[".good"]
 
 
+def test_a_row_that_leads_nowhere_is_an_error_of_its_package(package):
+    formats = registry(
+        package({"good": "strange_rows:ROW"}, "ROW = Format(__name__, 'theirs', 'nothing')\ndef load(path): pass\n")
+    )
+    assert formats.find_code(".good", formats[".good"].module, "load").__module__ == "strange_rows"
+    with pytest.raises(InputError, match=r"plug-in 'good' .* cannot be used: AttributeError: .* no attribute 'Writer'"):
+        formats.find_code(".good", formats[".good"].module, "Writer")
+    with pytest.raises(InputError, match=r"cannot be used: ModuleNotFoundError: No module named 'strange_row'"):
+        formats.find_code(".good", "strange_row", "Writer")
+    with pytest.raises(ModuleNotFoundError):
+        formats.find_code(".ours", ROW.module, "Writer")
+
+
 # models ---------------------------------------------------------------------------------------------------------------
 
 
@@ -221,6 +235,47 @@ def test_a_model_of_another_package_is_listed_without_its_name_meaning_more(toys
     assert err.startswith("error: no weights of 'toy-net' ship")
     err = run(tmp_path, "generate", str(EXAMPLE), "-o", "a.bvh", "--model", "toy-net", cwd=tmp_path, code=2).stderr
     assert err.startswith("error: no model is called 'toy-net'")
+
+
+STILL = """
+from cospeech.models import ModelEntry
+
+MODEL = ModelEntry(f"{__name__}:Still", "Stands", trains=False)
+GONE = ModelEntry(f"{__name__}:Gone", "Is not there", trains=False)
+FAILS = ModelEntry(f"{__name__}:Fails", "Cannot be made", trains=False)
+
+
+class Still:
+    styles, default_style, makes, latency = ("upright",), "upright", ("body",), 0.0
+
+    def __init__(self, mouth): ...
+
+
+class Fails:
+    def __init__(self, mouth):
+        raise ValueError("no weights")
+"""
+
+
+def test_the_studio_offers_models_of_other_packages_and_leaves_out_broken_ones(tmp_path, monkeypatch):
+    (tmp_path / "still_model.py").write_text(STILL)
+    rows = {"still": "still_model:MODEL", "gone": "still_model:GONE", "fails": "still_model:FAILS"}
+    install(tmp_path, "still", {"cospeech.models": rows})
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(InputError, match=r"plug-in 'gone' .* has no attribute 'Gone'"):
+        cospeech.load("gone")
+    found = Jobs().describe()
+    models = {row["name"]: row for row in found["models"]}
+    assert models["rules"]["takes_gestures"]
+    assert models["rules"]["seated"] == ["seated"]
+    assert models["still"]["styles"] == ["upright"]
+    assert not models["still"]["takes_gestures"]
+    assert not {"gone", "fails"} & {*models}
+    fails, gone = found["left_out"]
+    assert fails == "the model 'fails' is left out: ValueError('no weights')"
+    assert gone.startswith(
+        "the model 'gone' is left out: plug-in 'gone' of still (cospeech.models) cannot be used: AttributeError"
+    )
 
 
 LEAKY = """

@@ -497,6 +497,7 @@ def test_a_clip_that_is_dropped_is_the_style(talking, wav, tmp_path):
     talking.locator("#problem:visible").wait_for()
     assert "takes no example" in talking.inner_text("#problem")
     choose(talking, "#model", "stylised-flow")
+    talking.locator("#problem").wait_for(state="hidden")
     old = talking.evaluate("cospeechStudio.takes[0].id")
     drop(talking, clip)
     wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {DONE}", 30)

@@ -131,6 +131,17 @@ def test_a_take_is_what_generate_makes_and_downloads_are_read_by_our_readers(ser
 
 
 @pytest.mark.slow
+def test_a_file_that_holds_nothing_of_what_the_model_makes_is_refused(served, speech):
+    port, state = served
+    take = ask_json(port, "/api/takes", {"speech": speech["speech"], "model": "speech-to-face"})["take"]
+    assert wait_for(state, take).type == "done"
+    status, _, body = ask(port, f"/api/takes/{take}/file?suffix=.bvh")
+    problem = "'hum.bvh' would not move: the take has face only, .bvh files hold body and hands"
+    assert (status, json.loads(body)["problem"]) == (422, problem)
+    assert ask(port, f"/api/takes/{take}/file?suffix=.csv")[0] == 200
+
+
+@pytest.mark.slow
 def test_trained_models_make_takes_by_name_by_mixture_and_by_example(served, speech):
     port, state = served
     longer = ask_json(port, "/api/speech?name=longer.wav", sound_file(8))

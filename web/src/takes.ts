@@ -11,6 +11,7 @@ const KEPT = 24; // results that undo and redo find again without asking [ours: 
 const NUMBERS = ["intensity", "temperature"] as const; // of a plan: its gestures stay where one of them changes
 const OUTSIDE = ["fps", "parts"]; // settings that no plan holds: an edited plan is played with others
 const PATIENCE = 250; // milliseconds from the last change of a setting to the request [ours: a slider sends one request]
+const LOST = "the connection to the studio is lost: it is tried again";
 
 interface Made { id: string; motion: Motion; plan: Plan | null; factor: number | null }
 interface Step { settings: Settings; takes: { seed: number; edited: Plan | null }[]; chosen: number }
@@ -133,9 +134,8 @@ export class Takes {
   }
 
   private onConnection(connected: boolean): void {
-    const lost = "the connection to the studio is lost: it is tried again";
-    if (!connected) this.store.update({ problem: lost });
-    else if (this.store.state.problem === lost) {
+    if (!connected) this.store.update({ problem: LOST });
+    else if (this.store.state.problem === LOST) {
       for (const take of this.store.state.takes) if (take.making !== null) take.madeFrom = "";
       this.store.update({ problem: "" });
       this.makeAll();
@@ -167,7 +167,7 @@ export class Takes {
         Object.assign(take, { edited: { ...take.edited, ...numbers }, plan: { ...(take.plan ?? take.edited), ...numbers } });
       }
     }
-    this.store.update({ settings: { ...settings, ...change }, notice: "" });
+    this.store.update({ settings: { ...settings, ...change }, ...this.silence() });
     this.makeSoon();
   }
 
@@ -176,8 +176,13 @@ export class Takes {
     const { take } = this.store;
     if (take.edited !== null) this.dropEdits(take, step);
     take.seed = seed;
-    this.store.update({ notice: "" });
+    this.store.update(this.silence());
     this.makeSoon();
+  }
+
+  /** What was told is over, unless it still holds. */
+  private silence(): { notice: string; problem: string } {
+    return { notice: "", problem: this.store.state.problem === LOST ? LOST : "" };
   }
 
   private dropEdits(take: Take, step: Step): void {
@@ -194,7 +199,7 @@ export class Takes {
     this.remember();
     const { takes } = this.store.state;
     takes.push(makeTake(Math.max(...takes.map((take) => take.seed)) + 1));
-    this.store.update({ chosen: takes.length - 1, gesture: null });
+    this.store.update({ chosen: takes.length - 1, gesture: null, ...this.silence() });
     this.makeAll();
   }
 

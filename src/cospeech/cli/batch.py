@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -35,6 +36,9 @@ _USUAL = (".bvh", ".glb")  # what is written where no format is named
 _OF_ONE_SPEECH = ("transcript", "face", "plan", "plan_out", "keep_from")  # options that cannot be the same for several
 _WITH_NAME = (*_OF_ONE_SPEECH, "emotion", "continue_from")  # options in which `NAME` is put in
 _OF_MODELS = frozenset({"speaker", *(field.name for field in fields(GenerationOptions))})
+
+_reasons_to_stop: list[Callable[[], bool]] = []
+"""Of a worker process: what the program has told, and signals that have come."""
 
 Progress = Callable[[float, float | None, str], None]
 
@@ -121,7 +125,8 @@ def _each_in_parallel(
     """Several speeches at the same time; the reports are in the order of the speeches."""
     made, failed = list[Report](), list[Failure]()
     context = get_context("spawn")  # a fork would copy the threads of onnxruntime as they are
-    with ProcessPoolExecutor(min(jobs, len(work)), mp_context=context) as pool:
+    stop = context.Event()
+    with ProcessPoolExecutor(min(jobs, len(work)), context, _watch_signals, (stop.is_set,)) as pool:
         waiting = [pool.submit(_generate_alone, job, dict(options), model) for job in work]
         try:
             for number, (job, future) in enumerate(zip(work, waiting, strict=True), 1):
@@ -132,9 +137,24 @@ def _each_in_parallel(
                 if progress is not None:
                     progress(number, len(work), f"{number} of {len(work)}: {job.name}")
         except BaseException:
+            stop.set()
             pool.shutdown(cancel_futures=True)
             raise
     return Reports(speeches=made, failed=failed)
+
+
+def _watch_signals(told: Callable[[], bool]) -> None:
+    """At the start of a worker process: a signal ends its work at the next piece, so that nothing half-written is left."""
+    _reasons_to_stop.append(told)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)  # Windows has no SIGHUP
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as nohup asks for
+            signal.signal(number, lambda *_: _reasons_to_stop.append(lambda: True))
+
+
+def _check_stop(done: float = 0.0, total: float | None = None) -> None:
+    if any(reason() for reason in _reasons_to_stop):
+        raise KeyboardInterrupt
 
 
 def _generate_alone(job: _Job, options: dict[str, Any], model: str) -> tuple[Report | Failure, list[str]]:
@@ -142,7 +162,8 @@ def _generate_alone(job: _Job, options: dict[str, Any], model: str) -> tuple[Rep
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", CospeechWarning)
         try:
-            found: Report | Failure = _generate(job, options, model=model)
+            _check_stop()
+            found: Report | Failure = _generate(job, options, model=model, progress=_check_stop)
         except CospeechError as error:
             found = Failure(speech=str(job.speech), error=str(error), ours=isinstance(error, InternalError))
     return found, [str(warning.message) for warning in told if issubclass(warning.category, CospeechWarning)]

@@ -284,8 +284,8 @@ def main() -> None:
         with _noting():
             code = app(prog_name="cospeech", standalone_mode=False)
         sys.stdout.flush()  # what cannot be written is told here
-        if code == INTERRUPTED:  # Typer has caught it
-            print("interrupted", file=sys.stderr)
+    except KeyboardInterrupt:  # before or after the command itself, of which Typer makes a code
+        code = INTERRUPTED
     except (CospeechError, typer.TyperException) as problem:
         error = problem if isinstance(problem, CospeechError) else _usage_error(problem)
         code = _say(error, 1 if isinstance(error, InternalError) else 2)
@@ -300,6 +300,8 @@ def main() -> None:
 
         error = explain(problem, next(iter(sys.argv[1:]), ""))
         code = _say(error, 1 if isinstance(error, InternalError) else 2)
+    if code == INTERRUPTED:
+        print("interrupted", file=sys.stderr)
     try:
         sys.stdout.flush()
     except OSError:

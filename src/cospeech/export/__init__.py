@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from contextlib import AbstractContextManager
-from importlib import import_module
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..files import atomic
@@ -97,7 +96,7 @@ class Writer(AbstractContextManager["Writer"], ABC):
 
 def open_writer(path: str | PathLike[str], *, skeleton: Skeleton, fps: float, **options: object) -> Writer:
     """A writer for ``path``, chosen by its suffix; use it in a ``with`` block."""
-    writer: Writer = import_module(format_of(path).module).Writer(path, skeleton=skeleton, fps=fps, **options)
+    writer: Writer = _find_code(path, "Writer")(path, skeleton=skeleton, fps=fps, **options)
     return writer
 
 
@@ -124,5 +123,10 @@ def load(path: str | PathLike[str], **options: object) -> Motion:
     if not entry.readable:
         *most, last = suffixes(reads_body)
         raise InputError(f"{Path(path).suffix} files can be written but not read", f"load a {', '.join(most)} or {last}")
-    found: Motion = import_module(entry.module).load(path, **options)
+    found: Motion = _find_code(path, "load")(path, **options)
     return found
+
+
+def _find_code(path: str | PathLike[str], attribute: str) -> Any:
+    """What the module of a path's format has under this name."""
+    return FORMATS.find_code(Path(path).suffix.lower(), format_of(path).module, attribute)

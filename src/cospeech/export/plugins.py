@@ -10,9 +10,10 @@ import sys
 import warnings
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
-from typing import TYPE_CHECKING, Generic, TypeVar
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from ..errors import CospeechWarning
+from ..errors import CospeechWarning, InputError
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -41,7 +42,8 @@ class Registry(Mapping[str, Row], Generic[Row]):
     def __getitem__(self, name: str) -> Row:
         if name in self.ours:
             return self.ours[name]
-        row = next((self._load(entry) for entry in self._entries() if self._prefix + entry.name == name), None)
+        entry = self._find_entry(name)
+        row = None if entry is None else self._load(entry)
         if row is None:
             raise KeyError(name)
         return row
@@ -61,6 +63,23 @@ class Registry(Mapping[str, Row], Generic[Row]):
     def __len__(self) -> int:
         return sum(1 for _ in self)
 
+    def find_code(self, name: str, module: str, attribute: str) -> Any:
+        """What the row of that name says that a module has.
+
+        Raises:
+            InputError: the row is of another package, and there is no such module, or nothing of that name in it.
+        """
+        try:
+            return getattr(import_module(module), attribute)
+        except (ImportError, AttributeError) as error:
+            entry = None if name in self.ours else self._find_entry(name)
+            if entry is None:
+                raise
+            raise InputError(_say_unusable(entry, error), f"its row says that {module} has {attribute}") from error
+
+    def _find_entry(self, name: str) -> EntryPoint | None:
+        return next((entry for entry in self._entries() if self._prefix + entry.name == name), None)
+
     def _entries(self) -> tuple[EntryPoint, ...]:
         return _find_entries(self._group, tuple(sys.path))
 
@@ -70,7 +89,7 @@ class Registry(Mapping[str, Row], Generic[Row]):
             try:
                 row = entry.load()
             except Exception as error:  # whatever a stranger's module does when it is imported
-                self._tell(f"{_describe(entry)} cannot be used: {type(error).__name__}: {error}")
+                self._tell(_say_unusable(entry, error))
             else:
                 if isinstance(row, self._kind):
                     self._loaded[entry] = row
@@ -88,6 +107,10 @@ class Registry(Mapping[str, Row], Generic[Row]):
 def _describe(entry: EntryPoint) -> str:
     owner = f" of {entry.dist.name}" if entry.dist is not None else ""
     return f"plug-in {entry.name!r}{owner} ({entry.group})"
+
+
+def _say_unusable(entry: EntryPoint, error: Exception) -> str:
+    return f"{_describe(entry)} cannot be used: {type(error).__name__}: {error}"
 
 
 @lru_cache(maxsize=8)  # ours: two groups, and some changes of the path

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -213,7 +212,7 @@ def load(name: str | PathLike[str] = DEFAULT) -> Model:
     from ..runtime.mouth import open_default_mouth
 
     module, _, attribute = MODELS[name].partition(":")
-    model: Model = getattr(import_module(module), attribute)(mouth=open_default_mouth)
+    model: Model = ENTRIES.find_code(name, module, attribute)(mouth=open_default_mouth)
     return model
 
 

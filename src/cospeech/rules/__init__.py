@@ -58,6 +58,10 @@ class RuleBasedModel:
     styles = tuple(STYLES)
     """Names of the styles."""
     default_style = styles[0]
+    seated = tuple(name for name, style in STYLES.items() if style.seated)
+    """Names of the styles that sit."""
+    takes_gestures = True
+    """Whether a plan lists its gestures."""
     takes_at_once = 1
     makes = PARTS
     for_files: Mapping[str, object] = {}

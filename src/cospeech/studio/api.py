@@ -297,7 +297,8 @@ class StudioApi:
         path = take.folder / f"take{suffix}"
         if not path.is_file():
             values = {"motion": str(take.motion), "target": str(path), "sound": str(take.speech.upload)}
-            parts = take.job["options"]["parts"]
+            made = find_model(await _in_thread(self._state.list_catalogue), take.job["model"]).parts
+            parts = [part for part in take.job["options"]["parts"] if part in made]
             try:
                 await self._write(request, "file", take.folder, values | {"words": take.job["words"], "parts": parts})
             except InputError as error:

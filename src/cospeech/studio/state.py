@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import threading
+import warnings
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 
-from ..errors import CospeechError
+from ..errors import CospeechError, CospeechWarning
 from ..files import scratch, workplace
 from .catalogue import MOST_TAKES, make_catalogue
 from .events import EventHub, OpenPages
@@ -69,7 +70,10 @@ class StudioState:
         """
         with self._turn:
             if self._catalogue is None:
-                self._catalogue = make_catalogue(self.maker.run("describe")["models"])
+                found = self.maker.run("describe")
+                for text in found["left_out"]:
+                    warnings.warn(text, CospeechWarning, stacklevel=2)
+                self._catalogue = make_catalogue(found["models"])
             return self._catalogue
 
     def start_warm_up(self) -> None:

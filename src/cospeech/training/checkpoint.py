@@ -13,7 +13,6 @@ import os
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -26,7 +25,7 @@ from torch import Tensor, nn
 from ..errors import CospeechWarning, InputError, nearest
 from ..files import atomic, describe_os_error, read_regular, regular_file
 from ..limits import RUN_BYTES
-from ..models import NETWORKS
+from ..models import ENTRIES, NETWORKS
 from ..models.nn.trainable import Trainable
 from .recipe import Recipe, build, change_recipe, list_changes
 from .renamed import RENAMED, add_former_values
@@ -59,7 +58,7 @@ def network(name: str) -> type[Trainable]:
     if name not in NETWORKS:
         raise InputError(f"no network is called {name!r}", nearest(name, NETWORKS))
     module, _, attribute = NETWORKS[name].partition(":")
-    kind = getattr(import_module(module), attribute)
+    kind = ENTRIES.find_code(name, module, attribute)
     if not (isinstance(kind, type) and issubclass(kind, Trainable)):
         raise InputError(f"{NETWORKS[name]} is no network that trains", f"a subclass of {Trainable.__module__}.Trainable is")
     if not is_dataclass(getattr(kind, "Config", None)):

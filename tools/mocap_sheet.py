@@ -37,9 +37,10 @@ def perform(name: str, speech: Speech) -> tuple[str, Motion]:
         take = Motion.load(name)
         take = take if take.skeleton.kind == "humanoid" else take.retarget("humanoid")
         return f"motion capture, take {Path(name).stem}", _face_the_camera(take.resample(FPS))
-    model, _, style = name.partition(":")
-    options = {"emotion": "neutral", "fps": FPS, "seed": 0} | ({"style": style} if style else dict.fromkeys(LAYERS, True))
-    return name.replace(":", ", "), cospeech.load(model).generate(speech, **options)
+    kind, _, style = name.partition(":")
+    model = cospeech.load(kind)
+    more = {"style": style} if style else {**model.for_files, **dict.fromkeys(LAYERS, True)}
+    return name.replace(":", ", "), model.generate(speech, emotion="neutral", fps=FPS, seed=0, **more)
 
 
 def _face_the_camera(take: Motion) -> Motion:

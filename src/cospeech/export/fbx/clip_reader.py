@@ -60,10 +60,13 @@ class FbxClip(NamedTuple):
 
 def list_clips(fbx: Document) -> list[FbxClip]:
     """The animations that move something."""
-    clips = []
+    clips, moving = [], dict[int, bool]()  # stacks may share a layer
     for stack in fbx.of_kind("AnimationStack"):
         layers = [layer for layer, _ in fbx.below(stack.number, "AnimationLayer")]
-        if layers and any(list(fbx.below(node.number, "AnimationCurve")) for node, _ in fbx.below(layers[0].number, _NODE)):
+        if layers and layers[0].number not in moving:
+            nodes = (node.number for node, _ in fbx.below(layers[0].number, _NODE))
+            moving[layers[0].number] = any(True for node in nodes for _ in fbx.below(node, "AnimationCurve"))
+        if layers and moving[layers[0].number]:
             clips.append(FbxClip(stack.name, layers[0]))  # further layers only add to the first
     return clips
 

@@ -58,7 +58,8 @@ class CharacterCopy:
         self._angles = AngleRecorder([model.order for model in self._joints])
         self._shapes = {node: self._file.targets[node] for node in self._tracks.shaped}
         self._still = self._find_offset_bones()
-        self.widths = [3] * ((self._tracks.root is not None) + len(self._joints) + 2 * len(self._still))
+        self._placed = self._find_placed_joints()
+        self.widths = [3] * (len(self._placed) + len(self._joints) + 2 * len(self._still))
         self.widths += [1] * sum(map(len, self._shapes.values()))
 
     def _find_offset_bones(self) -> list[tuple[FbxModel, Transform]]:
@@ -72,13 +73,23 @@ class CharacterCopy:
                 found.append((model, bound))
         return found
 
+    def _find_placed_joints(self) -> list[int]:
+        """Which of the joints need a place: the root, and those that the file keeps elsewhere than its skin is bound to."""
+        rests = [self._file.rest[node] for node in self._tracks.turning]
+        return [
+            k for k, (node, model, bound) in enumerate(zip(self._tracks.turning, self._joints, rests, strict=True))
+            if node == self._tracks.root or np.abs(bound.translation - model.rest.translation).max() > _ALIKE
+        ]  # fmt: skip
+
     def rows(self, motion: Motion) -> Array:
         """(T, sum of the widths) for a piece of motion of any skeleton that is recognised."""
         rotations, translation, weights = self._tracks.sample(motion)
         turns, columns = np.empty_like(rotations), list[Array]()
         for k, model in enumerate(self._joints):
-            place, turns[:, k] = model.properties_at(translation, rotations[:, k])
-            columns += [place] if self._tracks.turning[k] == self._tracks.root else []
+            node = self._tracks.turning[k]
+            where = translation if node == self._tracks.root else self._file.rest[node].translation
+            place, turns[:, k] = model.properties_at(where, rotations[:, k])
+            columns += [place] if k in self._placed else []
         columns.append(self._angles.degrees(turns).reshape(len(motion), -1))
         for model, bound in self._still:
             place, turn = model.properties_at(bound.translation, bound.rotation)
@@ -92,10 +103,7 @@ class CharacterCopy:
         for found in self._kept:
             nodes.copy(found.node)
             scene.counts[found.kind] = scene.counts.get(found.kind, 0) + 1
-        channels = list[DrivenProperty]()
-        for node, model in zip(self._tracks.turning, self._joints, strict=True):
-            if node == self._tracks.root:
-                channels.append(_channel(model, "Lcl Translation", "T", 0))
+        channels = [_channel(self._joints[k], "Lcl Translation", "T", 0) for k in self._placed]
         channels += [_channel(model, "Lcl Rotation", "R", 1) for model in self._joints]
         for model, _ in self._still:
             channels += [_channel(model, "Lcl Translation", "T", 0), _channel(model, "Lcl Rotation", "R", 1)]

@@ -1,0 +1,39 @@
+"""Copies of FBX characters that were saved in an odd state."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cospeech.export import save
+from cospeech.export.character_files import read_character
+from tests.support.motions import gesturing
+
+
+def patched_figure(path: Path, old: bytes, new: bytes, times: int = 1) -> Path:
+    """Our figure with other bytes at some place."""
+    save(gesturing(3), path)
+    data = path.read_bytes()
+    assert data.count(old) >= 1
+    path.write_bytes(data.replace(old, new, times))
+    return path
+
+
+def pack(*numbers: float) -> bytes:
+    return b"".join(b"D" + struct.pack("<d", x) for x in numbers)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_joint_that_was_saved_out_of_place_goes_back(tmp_path):
+    """A bone that an animator had pulled out when the file was saved stands where the skin is bound."""
+    motion = gesturing(3)
+    joint = motion.skeleton.index["leftUpperArm"]
+    x, y, z = motion.skeleton.offsets[joint] * 100.0
+    path = patched_figure(tmp_path / "a.fbx", pack(x, y, z), pack(x + 5, y + 6, z + 7))
+    save(motion, tmp_path / "b.fbx", avatar=path)
+    file = read_character(tmp_path / "b.fbx")
+    (node,) = [k for k, entry in enumerate(file.list("nodes")) if entry["name"] == "leftUpperArm"]
+    np.testing.assert_allclose(file.curves(0)[node, "translation"].values, [(x, y, z)] * 3, atol=1e-4)

@@ -8,8 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cospeech.errors import InputError
 from cospeech.export import save
 from cospeech.export.character_files import read_character
+from cospeech.export.fbx.document import Document
+from cospeech.export.fbx.tree import parse_fbx
 from tests.support.motions import gesturing
 
 
@@ -37,3 +40,14 @@ def test_a_joint_that_was_saved_out_of_place_goes_back(tmp_path):
     file = read_character(tmp_path / "b.fbx")
     (node,) = [k for k, entry in enumerate(file.list("nodes")) if entry["name"] == "leftUpperArm"]
     np.testing.assert_allclose(file.curves(0)[node, "translation"].values, [(x, y, z)] * 3, atol=1e-4)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_numbers_of_objects_that_leave_none_for_new_ones(tmp_path):
+    save(gesturing(3), tmp_path / "a.fbx")
+    fbx = Document(parse_fbx((tmp_path / "a.fbx").read_bytes(), "a"), "a")
+    number = fbx.of_kind("Material")[0].number
+    old, new = (b"L" + struct.pack("<q", k) for k in (number, (1 << 63) - 1))
+    path = patched_figure(tmp_path / "a.fbx", old, new, -1)
+    with pytest.raises(InputError, match="number 9223372036854775807"):
+        save(gesturing(3), tmp_path / "b.fbx", avatar=path)

@@ -21,6 +21,7 @@ from .tree import Node
 __all__ = ["CharacterCopy"]
 
 _DROPPED = ("AnimationStack", "AnimationLayer", "AnimationCurveNode", "AnimationCurve")
+_MOST = 1 << 62  # number of an object; new ones come after it; ours
 _ALIKE = 1e-6  # of places and turns; ours
 _XYZ = ("X", "Y", "Z")
 
@@ -42,11 +43,13 @@ class CharacterCopy:
         self._file, self._tracks = avatar.file, AvatarTracks(avatar)
         fbx = self._file.fbx
         self.axes: Mapping[str, int] = {
-            name + sign: int(fbx.settings.number_of(name + sign, default or 1 if sign else default))
+            name + sign: int(np.clip(fbx.settings.number_of(name + sign, 1 if sign else default), -1, 2))
             for name, default in (("UpAxis", 1), ("FrontAxis", 2), ("CoordAxis", 0)) for sign in ("", "Sign")
         }  # fmt: skip
         self.unit = fbx.settings.number_of("UnitScaleFactor", 1.0)
         self.last_number = max(fbx.objects, default=0)
+        if self.last_number > _MOST:
+            raise InputError(f"{fbx.name} has an object of number {self.last_number}", "export it again")
         self._kept = [found for found in fbx.objects.values() if found.kind not in _DROPPED]
         self.kinds: Sequence[str] = tuple(dict.fromkeys(found.kind for found in self._kept))
         listed = fbx.root.find("Definitions")

@@ -86,3 +86,11 @@ def test_stacks_that_share_a_layer_are_looked_through_once(tmp_path):
     begin = time.process_time()
     assert read_character(write_objects(tmp_path / "a.fbx", objects, links)).list("animations") == []
     assert time.process_time() - begin < 1.5
+
+
+def test_corners_without_a_place_on_the_texture(tmp_path):
+    """Maya says -1 where a polygon has no texture coordinates."""
+    places = ("UV", [np.array([0.25, 0.5, 0.75, 0.5])], []), ("UVIndex", [np.array([0, 1, -1], np.int32)], [])
+    file = read_character(write_mesh(tmp_path / "a.fbx", [0, 1, ~2], [layer("UV", "ByPolygonVertex", *places)], [], []))
+    found = file.accessor(file.list("meshes")[0]["primitives"][0]["attributes"]["TEXCOORD_0"], 2)
+    np.testing.assert_allclose(found, [(0.25, 0.5), (0.75, 0.5), (0, 1)])

@@ -238,6 +238,8 @@ def _texture_places(geometry: Node, points: Array, name: str) -> Array | None:
     at = np.arange(len(points)) if by_corner else points
     if layer.value("ReferenceInformationType") == "IndexToDirect":
         at = layer.array("UVIndex").astype(np.int64)[at]
+        if (at < 0).any():  # corners without a place, as Maya writes them
+            table, at = np.concatenate([np.zeros((1, 2)), table]), np.maximum(at, -1) + 1
     if len(at) and not (at.min() >= 0 and at.max() < len(table)):
         raise InputError(f"{name} is damaged: texture coordinates are missing", "export it again")
     found: Array = table[at]

@@ -12,6 +12,7 @@ from cospeech.errors import InputError
 from cospeech.export import save
 from cospeech.export.character_files import read_character
 from cospeech.export.fbx.document import Document
+from cospeech.export.fbx.node_writer import Long, NodeWriter
 from cospeech.export.fbx.tree import parse_fbx
 from tests.support.motions import gesturing
 
@@ -51,3 +52,25 @@ def test_numbers_of_objects_that_leave_none_for_new_ones(tmp_path):
     path = patched_figure(tmp_path / "a.fbx", old, new, -1)
     with pytest.raises(InputError, match="number 9223372036854775807"):
         save(gesturing(3), tmp_path / "b.fbx", avatar=path)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_connections_between_properties_are_kept(tmp_path):
+    """Those of constraints, say: OP, PO and PP, with names of properties between or after the numbers."""
+    save(gesturing(3), tmp_path / "a.fbx")
+    fbx = Document(parse_fbx((tmp_path / "a.fbx").read_bytes(), "a"), "a")
+    bone, other = (found.number for found in fbx.of_kind("Model")[:2])
+    more = ("PP", Long(bone), "Lcl Rotation", Long(other), "Lcl Rotation")
+    with (tmp_path / "b.fbx").open("wb") as file:
+        nodes = NodeWriter(file)
+        for node in fbx.root.nodes:
+            if node.name != "Connections":
+                nodes.copy(node)
+        with nodes.node("Connections"):
+            for node in fbx.connections:
+                nodes.copy(node)
+            nodes.leaf("C", *more)
+        nodes.finish()
+    save(gesturing(3), tmp_path / "c.fbx", avatar=tmp_path / "b.fbx")
+    copied = Document(parse_fbx((tmp_path / "c.fbx").read_bytes(), "c"), "c")
+    assert list(more) in [node.values for node in copied.connections]

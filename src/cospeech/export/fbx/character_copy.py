@@ -120,7 +120,7 @@ class CharacterCopy:
         """Write those between objects that are kept."""
         kept = {0, *(found.number for found in self._kept)}
         for node in self._file.fbx.connections:
-            if {*node.values[1:3]} <= kept:
+            if {value for value in node.values if isinstance(value, int)} <= kept:  # names of properties may lie between
                 nodes.copy(node)
 
 

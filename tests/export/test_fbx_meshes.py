@@ -94,3 +94,22 @@ def test_corners_without_a_place_on_the_texture(tmp_path):
     file = read_character(write_mesh(tmp_path / "a.fbx", [0, 1, ~2], [layer("UV", "ByPolygonVertex", *places)], [], []))
     found = file.accessor(file.list("meshes")[0]["primitives"][0]["attributes"]["TEXCOORD_0"], 2)
     np.testing.assert_allclose(found, [(0.25, 0.5), (0.75, 0.5), (0, 1)])
+
+
+def test_a_shape_that_no_clip_moves_stays_as_it_was_saved(tmp_path):
+    """As the shapes of a body: a motion of the face may not take them back. What a clip moves rests at 0."""
+    more = [("Deformer", [Long(10), "b", "BlendShape"], [])]
+    links = [("OO", Long(10), Long(2))]
+    shape = [("Indexes", [np.array([0], np.int32)], []), ("Vertices", [np.ones(3)], [])]
+    for k, percent in enumerate((70.0, 0.0, 40.0)):
+        more.append(("Deformer", [Long(100 + k), f"s{k}", "BlendShapeChannel"], [("DeformPercent", [percent], [])]))
+        more.append(("Geometry", [Long(200 + k), f"s{k}", "Shape"], shape))
+        links += [("OO", Long(100 + k), Long(10)), ("OO", Long(200 + k), Long(100 + k))]
+    keys = [("KeyTime", [np.arange(3) * 1_539_538_600], []), ("KeyValueFloat", [np.array([10, 20, 30], np.float32)], [])]
+    more += [("AnimationStack", [Long(20), "c", ""], []), ("AnimationLayer", [Long(21), "c", ""], [])]
+    more += [("AnimationCurveNode", [Long(22), "n", ""], []), ("AnimationCurve", [Long(23), "n", ""], keys)]
+    links += [("OO", Long(21), Long(20)), ("OO", Long(22), Long(21)), ("OP", Long(22), Long(102), "DeformPercent")]
+    links += [("OP", Long(23), Long(22), "d|DeformPercent")]
+    file = read_character(write_mesh(tmp_path / "a.fbx", [0, 1, ~2], [], more, links))
+    np.testing.assert_allclose(file.list("meshes")[0]["weights"], [0.7, 0, 0])
+    np.testing.assert_allclose(file.curves(0)[0, "weights"].values, [(0.7, 0, 0.1), (0.7, 0, 0.2), (0.7, 0, 0.3)], atol=1e-6)

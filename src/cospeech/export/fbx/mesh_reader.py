@@ -13,7 +13,7 @@ from ...limits import FBX_CORNERS, FBX_SHAPE_POINTS
 from ...motion.rotations import Array
 from ..gltf_build import GltfBuilder
 from ..render.light import from_srgb
-from .document import Document, FbxModel, Object
+from .document import Document, FbxModel, Object, rest_weight
 from .tree import Node
 
 __all__ = ["MeshReader"]
@@ -89,7 +89,8 @@ class MeshReader:
             primitives.append(primitive)
         mesh: dict[str, Any] = {"name": model.object.name, "primitives": primitives}
         if targets:
-            mesh |= {"weights": [0.0] * len(targets), "extras": {"targetNames": [found.name for found in channels]}}
+            rest = [rest_weight(self._fbx, found) for found in channels]
+            mesh |= {"weights": rest, "extras": {"targetNames": [found.name for found in channels]}}
         self._builder.json["nodes"][node]["mesh"] = self._builder.append("meshes", mesh)
         if skin is not None:
             self._builder.json["nodes"][node]["skin"] = skin

@@ -10,7 +10,7 @@ __all__ = [
     "AVATAR_METRES", "AVATAR_SHAPE_NUMBERS", "AVATAR_VERTICES", "BLOCK_TIMEOUT", "BONE_MAP_BYTES", "BUNDLE_CARD_BYTES",
     "BUNDLE_GRAPH_BYTES", "BUNDLE_MANIFEST_BYTES", "BUNDLE_MEMBERS", "BUNDLE_WEIGHTS_BYTES", "CHANNELS",
     "CORPUS_TABLE_BYTES", "CORPUS_TEXT_BYTES", "DECODER_CPU_SECONDS", "DECODER_MEMORY", "EMOTION_BYTES", "EMOTION_ROWS",
-    "FACE_JSON_BYTES", "FBX_DEPTH", "FBX_NODES", "FBX_UNPACKED", "FREE_JOINT_FRAMES",
+    "FACE_JSON_BYTES", "FBX_CORNERS", "FBX_DEPTH", "FBX_NODES", "FBX_SHAPE_POINTS", "FBX_UNPACKED", "FREE_JOINT_FRAMES",
     "GLTF_JSON_VALUES", "GLTF_NODES", "GLTF_VALUES", "GLTF_ZEROS", "HDF5_BYTES",
     "HDF5_LMDB_TIMEOUT", "HDF5_MEMORY", "HDF5_OBJECTS", "JOINTS", "JOINT_FRAMES", "JOINT_FRAMES_PER_BYTE", "JSON_VALUES",
     "LIMITS", "LINE_CHARACTERS", "LONGEST_ENTRY_BYTES", "LONGEST_MESSAGE_BYTES", "MOTION_BYTES", "MOTION_RATES", "NPZ_BYTES",
@@ -65,6 +65,11 @@ GLTF_JSON_VALUES = 4_000_000
 """Commas, lists and objects in the JSON of a glTF file; a dressed VRM character has some 100,000."""
 FBX_NODES = 2_000_000
 """Records of an FBX file; a dressed character with all its curves has some 100,000."""
+FBX_CORNERS = 8_000_000
+"""Corners of all polygons of an FBX file, and points of a mesh; characters of games have 100,000 to 400,000 corners."""
+FBX_SHAPE_POINTS = 200_000_000
+"""Points × shapes of all meshes of an FBX file; 500 shapes of 100,000 points have 50 million. A mesh counts as a shape, and a
+shape as 20,000 points at least."""
 FBX_DEPTH = 64
 """Records of an FBX file in each other; files have some ten."""
 FBX_UNPACKED = 1 << 30
@@ -202,6 +207,8 @@ LIMITS = (
     Limit("JSON of a glTF file", GLTF_JSON_VALUES, "commas, lists and objects", "a dressed character has some 100,000"),
     Limit("FBX file", FBX_NODES, "records", "a dressed character has some 100,000"),
     Limit("FBX file, records in each other", FBX_DEPTH, "levels", "files have some ten"),
+    Limit("FBX file, polygons", FBX_CORNERS, "corners", "characters of games have 100,000 to 400,000"),
+    Limit("FBX file, shapes", FBX_SHAPE_POINTS, "points × shapes", "500 shapes of 100,000 points have 50 million"),
     Limit("FBX file, unpacked", FBX_UNPACKED, "bytes", "3 hours of all our curves"),
     Limit("character that is drawn", AVATAR_VERTICES, "vertices", "characters of games have 20,000 to 100,000"),
     Limit("character that is drawn, shapes", AVATAR_SHAPE_NUMBERS, "numbers", "52 shapes of 100,000 vertices have 16 million"),

@@ -11,7 +11,10 @@ import numpy as np
 from cospeech.export.fbx.node_writer import CREATION_TIME, FILE_ID, Long, NodeWriter
 from cospeech.export.fbx.tree import MAGIC
 
-__all__ = ["record", "wide_file", "write_bones"]
+__all__ = ["Tree", "record", "wide_file", "write_bones", "write_objects"]
+
+Tree = tuple[str, list, list]
+"""A node: its name, its values, the nodes in it."""
 
 TICKS = 46_186_158_000
 
@@ -71,6 +74,22 @@ def _write_clip(nodes: NodeWriter, keys: Mapping, flags: int) -> list[tuple[obje
         connections += [("OO", Long(holder), Long(901)), ("OP", Long(holder), Long(bone + 1), name)]
         connections += [("OP", Long(curve), Long(holder), f"d|{part}")]
     return connections
+
+
+def write_objects(path: Path, objects: Sequence[Tree], connections: Sequence[tuple[object, ...]]) -> Path:
+    """A file of any objects, as trees of nodes."""
+
+    def write(tree: Tree) -> None:
+        with nodes.node(tree[0], *tree[1]):
+            for inner in tree[2]:
+                write(inner)
+
+    with path.open("wb") as file:
+        nodes = NodeWriter(file)
+        write(("Objects", [], list(objects)))
+        write(("Connections", [], [("C", list(connection), []) for connection in connections]))
+        nodes.finish()
+    return path
 
 
 def record(name: bytes, values: bytes, count: int, inside: bytes, at: int, *, wide: bool = False) -> bytes:

@@ -21,6 +21,7 @@ from .tree import Node
 __all__ = ["CharacterCopy"]
 
 _DROPPED = ("AnimationStack", "AnimationLayer", "AnimationCurveNode", "AnimationCurve")
+_MOST = 1 << 62  # number of an object; new ones come after it; ours
 _ALIKE = 1e-6  # of places and turns; ours
 _XYZ = ("X", "Y", "Z")
 
@@ -42,11 +43,13 @@ class CharacterCopy:
         self._file, self._tracks = avatar.file, AvatarTracks(avatar)
         fbx = self._file.fbx
         self.axes: Mapping[str, int] = {
-            name + sign: int(fbx.settings.number_of(name + sign, default or 1 if sign else default))
+            name + sign: int(np.clip(fbx.settings.number_of(name + sign, 1 if sign else default), -1, 2))
             for name, default in (("UpAxis", 1), ("FrontAxis", 2), ("CoordAxis", 0)) for sign in ("", "Sign")
         }  # fmt: skip
         self.unit = fbx.settings.number_of("UnitScaleFactor", 1.0)
         self.last_number = max(fbx.objects, default=0)
+        if self.last_number > _MOST:
+            raise InputError(f"{fbx.name} has an object of number {self.last_number}", "export it again")
         self._kept = [found for found in fbx.objects.values() if found.kind not in _DROPPED]
         self.kinds: Sequence[str] = tuple(dict.fromkeys(found.kind for found in self._kept))
         listed = fbx.root.find("Definitions")
@@ -58,7 +61,8 @@ class CharacterCopy:
         self._angles = AngleRecorder([model.order for model in self._joints])
         self._shapes = {node: self._file.targets[node] for node in self._tracks.shaped}
         self._still = self._find_offset_bones()
-        self.widths = [3] * ((self._tracks.root is not None) + len(self._joints) + 2 * len(self._still))
+        self._placed = self._find_placed_joints()
+        self.widths = [3] * (len(self._placed) + len(self._joints) + 2 * len(self._still))
         self.widths += [1] * sum(map(len, self._shapes.values()))
 
     def _find_offset_bones(self) -> list[tuple[FbxModel, Transform]]:
@@ -72,13 +76,23 @@ class CharacterCopy:
                 found.append((model, bound))
         return found
 
+    def _find_placed_joints(self) -> list[int]:
+        """Which of the joints need a place: the root, and those that the file keeps elsewhere than its skin is bound to."""
+        rests = [self._file.rest[node] for node in self._tracks.turning]
+        return [
+            k for k, (node, model, bound) in enumerate(zip(self._tracks.turning, self._joints, rests, strict=True))
+            if node == self._tracks.root or np.abs(bound.translation - model.rest.translation).max() > _ALIKE
+        ]  # fmt: skip
+
     def rows(self, motion: Motion) -> Array:
         """(T, sum of the widths) for a piece of motion of any skeleton that is recognised."""
         rotations, translation, weights = self._tracks.sample(motion)
         turns, columns = np.empty_like(rotations), list[Array]()
         for k, model in enumerate(self._joints):
-            place, turns[:, k] = model.properties_at(translation, rotations[:, k])
-            columns += [place] if self._tracks.turning[k] == self._tracks.root else []
+            node = self._tracks.turning[k]
+            where = translation if node == self._tracks.root else self._file.rest[node].translation
+            place, turns[:, k] = model.properties_at(where, rotations[:, k])
+            columns += [place] if k in self._placed else []
         columns.append(self._angles.degrees(turns).reshape(len(motion), -1))
         for model, bound in self._still:
             place, turn = model.properties_at(bound.translation, bound.rotation)
@@ -92,10 +106,7 @@ class CharacterCopy:
         for found in self._kept:
             nodes.copy(found.node)
             scene.counts[found.kind] = scene.counts.get(found.kind, 0) + 1
-        channels = list[DrivenProperty]()
-        for node, model in zip(self._tracks.turning, self._joints, strict=True):
-            if node == self._tracks.root:
-                channels.append(_channel(model, "Lcl Translation", "T", 0))
+        channels = [_channel(self._joints[k], "Lcl Translation", "T", 0) for k in self._placed]
         channels += [_channel(model, "Lcl Rotation", "R", 1) for model in self._joints]
         for model, _ in self._still:
             channels += [_channel(model, "Lcl Translation", "T", 0), _channel(model, "Lcl Rotation", "R", 1)]
@@ -109,7 +120,7 @@ class CharacterCopy:
         """Write those between objects that are kept."""
         kept = {0, *(found.number for found in self._kept)}
         for node in self._file.fbx.connections:
-            if {*node.values[1:3]} <= kept:
+            if {value for value in node.values if isinstance(value, int)} <= kept:  # names of properties may lie between
                 nodes.copy(node)
 
 

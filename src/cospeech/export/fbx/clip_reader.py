@@ -12,7 +12,7 @@ from ..reading import check_frames
 from ..timing import frame_rate
 from ..tracks import Curve
 from .curve_writer import PERCENT, TICKS
-from .document import Document, FbxModel, Object
+from .document import Document, FbxModel, Object, rest_weight
 
 __all__ = ["FbxClip", "list_clips", "read_clip"]
 
@@ -60,10 +60,13 @@ class FbxClip(NamedTuple):
 
 def list_clips(fbx: Document) -> list[FbxClip]:
     """The animations that move something."""
-    clips = []
+    clips, moving = [], dict[int, bool]()  # stacks may share a layer
     for stack in fbx.of_kind("AnimationStack"):
         layers = [layer for layer, _ in fbx.below(stack.number, "AnimationLayer")]
-        if layers and any(list(fbx.below(node.number, "AnimationCurve")) for node, _ in fbx.below(layers[0].number, _NODE)):
+        if layers and layers[0].number not in moving:
+            nodes = (node.number for node, _ in fbx.below(layers[0].number, _NODE))
+            moving[layers[0].number] = any(True for node in nodes for _ in fbx.below(node, "AnimationCurve"))
+        if layers and moving[layers[0].number]:
             clips.append(FbxClip(stack.name, layers[0]))  # further layers only add to the first
     return clips
 
@@ -101,7 +104,12 @@ def read_clip(
                 found[node, path] = Curve(times - begin, values, "LINEAR", path == "rotation")
         shapes = [curves.get((number, _PERCENT), {}).get(_PERCENT) for number in targets.get(node, ())]
         if any(curve is not None for curve in shapes):
-            weights = np.stack([0 * times if curve is None else curve.at(times) / PERCENT for curve in shapes], 1)
+            still = [rest_weight(fbx, fbx.objects[number]) for number in targets[node]]
+            columns = [
+                np.full(len(times), rest) if curve is None else curve.at(times) / PERCENT
+                for curve, rest in zip(shapes, still, strict=True)
+            ]
+            weights = np.stack(columns, 1)
             found[node, "weights"] = Curve(times - begin, weights, "LINEAR", False)
     return found
 

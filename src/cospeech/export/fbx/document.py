@@ -12,7 +12,7 @@ from ...errors import InputError
 from ...motion.rotations import Array, euler_to_quat, matrix_to_quat, quat_conjugate, quat_multiply, quat_rotate, quat_to_matrix
 from .tree import Node
 
-__all__ = ["Document", "FbxModel", "Object", "Transform"]
+__all__ = ["Document", "FbxModel", "Object", "Transform", "rest_weight"]
 
 _ORDERS = ("ZYX", "YZX", "XZY", "ZXY", "YXZ", "XYZ")  # intrinsic, of FBX's numbers 0 to 5, which count from the inside
 _TURNS_AND_PLACES = ("Lcl Translation", "Lcl Rotation", "Lcl Scaling")
@@ -122,6 +122,15 @@ class Document:
         if np.linalg.det(rows) < 0.5:  # axes that are mirrored, or named twice
             rows = np.eye(3)
         return matrix_to_quat(rows), self.settings.number_of("UnitScaleFactor", 1.0) / 100
+
+
+def rest_weight(fbx: Document, channel: Object) -> float:
+    """Weight of a blendshape where no clip moves it, as of the shape of a body; what clips move rests at 0."""
+    if any(True for _ in fbx.below(channel.number, "AnimationCurveNode")):
+        return 0.0
+    told = channel.node.value("DeformPercent", 0.0)
+    weight = channel.number_of("DeformPercent", told if isinstance(told, float) else 0.0) / 100
+    return weight if np.isfinite(weight) else 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,16 +9,18 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError
+from ...limits import FBX_CORNERS, FBX_SHAPE_POINTS
 from ...motion.rotations import Array
 from ..gltf_build import GltfBuilder
 from ..render.light import from_srgb
-from .document import Document, FbxModel, Object
+from .document import Document, FbxModel, Object, rest_weight
 from .tree import Node
 
 __all__ = ["MeshReader"]
 
 _MIMES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 _MOST_JOINTS = 4  # of a point
+_LEAST_POINTS = 20_000  # that a shape counts for: a small one takes time, too; ours
 _HALF = 0.5  # opacity below which a textured surface has a hole; ours
 
 
@@ -51,6 +53,8 @@ class MeshReader:
     def __init__(self, fbx: Document, builder: GltfBuilder, place: Mapping[int, int]) -> None:
         self._fbx, self._builder, self._place = fbx, builder, place
         self._materials: dict[int, int] = {}
+        self._textures: dict[int, int] = {}
+        self._corners_left, self._shape_points_left = FBX_CORNERS, FBX_SHAPE_POINTS
 
     def add(self, model: FbxModel, node: int) -> list[int]:
         """Add the mesh of a model, if it has one.
@@ -61,6 +65,7 @@ class MeshReader:
         geometry = next((found for found, _ in self._fbx.below(model.object.number, "Geometry", "Mesh")), None)
         if geometry is None:
             return []
+        self._count(geometry)
         corners = _read_corners(geometry.node, self._fbx.name)
         if not len(corners.triangles):
             return []
@@ -73,23 +78,42 @@ class MeshReader:
         channels, targets = self._add_targets(geometry, corners, points, matrix[:3, :3])
         materials = [self._material(found) for found, _ in self._fbx.below(model.object.number, "Material")]
         primitives = []
-        for number in np.unique(corners.materials):
-            chosen = corners.triangles[corners.materials == number]
+        for number, chosen in _split(corners.triangles, corners.materials, len(materials)):
             primitive: dict[str, Any] = {
                 "attributes": attributes, "indices": self._builder.add(chosen.astype(np.uint32).reshape(-1, 1), "SCALAR"),
             }  # fmt: skip
-            if 0 <= number < len(materials):
+            if number >= 0:
                 primitive["material"] = materials[number]
             if targets:
                 primitive["targets"] = targets
             primitives.append(primitive)
         mesh: dict[str, Any] = {"name": model.object.name, "primitives": primitives}
         if targets:
-            mesh |= {"weights": [0.0] * len(targets), "extras": {"targetNames": [found.name for found in channels]}}
+            rest = [rest_weight(self._fbx, found) for found in channels]
+            mesh |= {"weights": rest, "extras": {"targetNames": [found.name for found in channels]}}
         self._builder.json["nodes"][node]["mesh"] = self._builder.append("meshes", mesh)
         if skin is not None:
             self._builder.json["nodes"][node]["skin"] = skin
         return [found.number for found in channels]
+
+    def _count(self, geometry: Object) -> None:
+        """Refuse what would take too much memory or time, before an array is unpacked: several models may share a mesh.
+
+        Raises:
+            InputError: the meshes so far have too many corners, points or shapes.
+        """
+        name, most = self._fbx.name, f"{FBX_CORNERS:,}"
+        points = geometry.node.count("Vertices") // 3
+        self._corners_left -= geometry.node.count("PolygonVertexIndex")
+        if self._corners_left < 0 or points > FBX_CORNERS:
+            raise InputError(f"{name} has meshes of more than {most} corners", "export it with fewer polygons")
+        shapes = sum(
+            sum(1 for _ in self._fbx.below(deformer.number, "Deformer", "BlendShapeChannel"))
+            for deformer, _ in self._fbx.below(geometry.number, "Deformer", "BlendShape")
+        )
+        self._shape_points_left -= (1 + shapes) * max(points, _LEAST_POINTS)
+        if self._shape_points_left < 0:
+            raise InputError(f"{name} has more than {FBX_SHAPE_POINTS:,} points × shapes", "export it with fewer shapes")
 
     def _add_skin(self, geometry: Object, corners: Corners, count: int, attributes: dict[str, int]) -> int | None:
         """The skin of a mesh, and the attributes of its vertices; None where it hangs on its node."""
@@ -152,13 +176,16 @@ class MeshReader:
     def _texture(self, texture: Object) -> int | None:
         """A texture whose picture lies in the file; None where it lies elsewhere."""
         for video, _ in self._fbx.below(texture.number, "Video"):
+            if video.number in self._textures:
+                return self._textures[video.number]
             data = video.node.value("Content")
             mime = next((mime for first, mime in _MIMES.items() if isinstance(data, bytes) and data.startswith(first)), None)
             if mime is not None:
                 assert isinstance(data, bytes)
                 view = self._builder.add_view(lambda data=data: [data], len(data))  # type: ignore[misc]
                 image = self._builder.append("images", {"bufferView": view, "mimeType": mime})
-                return self._builder.append("textures", {"source": image})
+                self._textures[video.number] = self._builder.append("textures", {"source": image})
+                return self._textures[video.number]
         return None
 
 
@@ -186,6 +213,14 @@ def _read_corners(geometry: Node, name: str) -> Corners:
     return Corners(rows[:, 0].astype(np.int64), vertices.reshape(-1)[fans], materials, own)
 
 
+def _split(triangles: Array, materials: Array, count: int) -> list[tuple[int, Array]]:
+    """The triangles of each material that there is; -1 for those whose material is none of the ``count``."""
+    known = np.where((materials >= 0) & (materials < count), materials, -1)
+    order = np.argsort(known, kind="stable")
+    numbers, starts = np.unique(known[order], return_index=True)
+    return list(zip(numbers.tolist(), np.split(triangles[order], starts[1:]), strict=True))
+
+
 def _spread(layer: Node | None, values: str, polygons: Array) -> Array:
     """The number that a layer gives to each of ``polygons``."""
     found = np.zeros(0) if layer is None else layer.array(values)
@@ -204,6 +239,8 @@ def _texture_places(geometry: Node, points: Array, name: str) -> Array | None:
     at = np.arange(len(points)) if by_corner else points
     if layer.value("ReferenceInformationType") == "IndexToDirect":
         at = layer.array("UVIndex").astype(np.int64)[at]
+        if (at < 0).any():  # corners without a place, as Maya writes them
+            table, at = np.concatenate([np.zeros((1, 2)), table]), np.maximum(at, -1) + 1
     if len(at) and not (at.min() >= 0 and at.max() < len(table)):
         raise InputError(f"{name} is damaged: texture coordinates are missing", "export it again")
     found: Array = table[at]

@@ -105,6 +105,11 @@ class Node:
         found = self.find(name)
         return default if found is None or not found.values else found.values[0]
 
+    def count(self, name: str) -> int:
+        """How many numbers `array` would give, told without unpacking them."""
+        found = self.value(name)
+        return found.count if isinstance(found, PackedArray) else 0
+
     def array(self, name: str) -> Array:
         """The numbers of the first node of that name; none where there is no such node."""
         found = self.value(name)

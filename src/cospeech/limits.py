@@ -10,8 +10,8 @@ __all__ = [
     "AVATAR_METRES", "AVATAR_SHAPE_NUMBERS", "AVATAR_VERTICES", "BLOCK_TIMEOUT", "BONE_MAP_BYTES", "BUNDLE_CARD_BYTES",
     "BUNDLE_GRAPH_BYTES", "BUNDLE_MANIFEST_BYTES", "BUNDLE_MEMBERS", "BUNDLE_WEIGHTS_BYTES", "CHANNELS",
     "CORPUS_TABLE_BYTES", "CORPUS_TEXT_BYTES", "DECODER_CPU_SECONDS", "DECODER_MEMORY", "EMOTION_BYTES", "EMOTION_ROWS",
-    "FACE_JSON_BYTES", "FBX_CORNERS", "FBX_DEPTH", "FBX_NODES", "FBX_SHAPE_POINTS", "FBX_UNPACKED", "FREE_JOINT_FRAMES",
-    "GLTF_JSON_VALUES", "GLTF_NODES", "GLTF_VALUES", "GLTF_ZEROS", "HDF5_BYTES",
+    "FACE_JSON_BYTES", "FBX_CORNERS", "FBX_DEPTH", "FBX_FREE_UNPACKED", "FBX_NODES", "FBX_SHAPE_POINTS", "FBX_UNPACKED",
+    "FBX_UNPACKED_PER_BYTE", "FREE_JOINT_FRAMES", "GLTF_JSON_VALUES", "GLTF_NODES", "GLTF_VALUES", "GLTF_ZEROS", "HDF5_BYTES",
     "HDF5_LMDB_TIMEOUT", "HDF5_MEMORY", "HDF5_OBJECTS", "JOINTS", "JOINT_FRAMES", "JOINT_FRAMES_PER_BYTE", "JSON_VALUES",
     "LIMITS", "LINE_CHARACTERS", "LONGEST_ENTRY_BYTES", "LONGEST_MESSAGE_BYTES", "MOTION_BYTES", "MOTION_RATES", "NPZ_BYTES",
     "NPZ_MEMBERS", "OPEN_TIMEOUT", "PIPED_BYTES", "PLAN_BYTES", "PLAN_VALUES",
@@ -63,7 +63,7 @@ GLTF_NODES = 20_000
 """Nodes of a glTF file."""
 GLTF_JSON_VALUES = 4_000_000
 """Commas, lists and objects in the JSON of a glTF file; a dressed VRM character has some 100,000."""
-FBX_NODES = 2_000_000
+FBX_NODES = 1_000_000
 """Records of an FBX file; a dressed character with all its curves has some 100,000."""
 FBX_CORNERS = 8_000_000
 """Corners of all polygons of an FBX file, and points of a mesh; characters of games have 100,000 to 400,000 corners."""
@@ -74,6 +74,9 @@ FBX_DEPTH = 64
 """Records of an FBX file in each other; files have some ten."""
 FBX_UNPACKED = 1 << 30
 """Bytes of all arrays of an FBX file after unpacking: 3 hours of all our curves."""
+FBX_FREE_UNPACKED, FBX_UNPACKED_PER_BYTE = 64 << 20, 64
+"""Bytes that arrays of an FBX file of any size may become, and so many more per byte of the file; curves that stand still are
+packed to a thirtieth."""
 AVATAR_VERTICES = 400_000
 """Of all meshes of a character that is drawn; those of games have 20,000 to 100,000."""
 AVATAR_SHAPE_NUMBERS = 60_000_000
@@ -210,6 +213,8 @@ LIMITS = (
     Limit("FBX file, polygons", FBX_CORNERS, "corners", "characters of games have 100,000 to 400,000"),
     Limit("FBX file, shapes", FBX_SHAPE_POINTS, "points × shapes", "500 shapes of 100,000 points have 50 million"),
     Limit("FBX file, unpacked", FBX_UNPACKED, "bytes", "3 hours of all our curves"),
+    Limit("small FBX file, unpacked", FBX_FREE_UNPACKED, "bytes", "larger files get more:"),
+    Limit("FBX file, unpacked, for each byte of the file", FBX_UNPACKED_PER_BYTE, "bytes", "curves are packed to a thirtieth"),
     Limit("character that is drawn", AVATAR_VERTICES, "vertices", "characters of games have 20,000 to 100,000"),
     Limit("character that is drawn, shapes", AVATAR_SHAPE_NUMBERS, "numbers", "52 shapes of 100,000 vertices have 16 million"),
     Limit("character that is drawn, reach", AVATAR_METRES, "metres", "at a height of 1.72 m; enough for staffs and wings"),

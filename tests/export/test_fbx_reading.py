@@ -16,6 +16,7 @@ from cospeech.export import load, save
 from cospeech.export.character_files import read_character
 from cospeech.export.fbx import tree
 from cospeech.export.fbx.document import Document, FbxModel
+from cospeech.export.fbx.node_writer import NodeWriter
 from cospeech.export.fbx.scene_writer import sort_axes
 from cospeech.export.fbx.tree import MAGIC, parse_fbx
 from cospeech.export.rig import world_matrices
@@ -149,7 +150,7 @@ def test_damage_is_told_in_a_line(tmp_path, name):
 
 def test_a_small_file_cannot_fill_the_memory():
     root = parse_fbx(HEAD + record(b"Vertices", BOMB, 1, b"", len(HEAD)) + bytes(13), "a")
-    with pytest.raises(InputError, match=r"more than 1,024 MiB"):
+    with pytest.raises(InputError, match=r"more than 64 MiB"):
         root.array("Vertices")
     short = b"d" + struct.pack("<III", 1000, 1, 20) + zlib.compress(bytes(10))[:20].ljust(20, b"\0")
     with pytest.raises(InputError, match="cut off"):
@@ -213,3 +214,40 @@ def test_blender_shows_a_copied_character_as_its_glb(blender_python, tmp_path):
         (sample,) = json.loads(line.removeprefix("RESULT "))["samples"]
         boxes.append([sample["boxes"][name] for name in ("body", "face")])
     np.testing.assert_allclose(*boxes, atol=1e-4)
+
+
+def test_a_part_without_a_curve_is_what_its_clip_says(tmp_path):
+    """Not what the bone says: two clips may hold it differently."""
+    keys = {(0, "Lcl Translation", "X"): ([0, 1], [0, 10])}
+    bones = [("a", -1, {"Lcl Translation": (0, 7, 3)})]
+    curve = read_character(write_bones(tmp_path / "a.fbx", bones, keys, constants={"Y": 5.0})).curves(0)[0, "translation"]
+    assert set(curve.values[:, 1]) == {5.0}
+    assert set(curve.values[:, 2]) == {3.0}
+
+
+def test_a_clip_that_moves_no_bone_and_no_shape_is_none(tmp_path):
+    keys = {(0, "", "X"): ([0, 1], [0, 10])}
+    assert read_character(write_bones(tmp_path / "a.fbx", [("a", -1, {})], keys)).list("animations") == []
+
+
+def test_only_the_pose_of_the_skin_says_where_bones_rest(tmp_path):
+    path = write_bones(tmp_path / "a.fbx", [("a", -1, {"Lcl Translation": (1, 2, 3)})], poses={"RestPose": (9, 9, 9)})
+    np.testing.assert_allclose(world_matrices(read_character(path))[0, :3, 3], (0.01, 0.02, 0.03))
+    path = write_bones(tmp_path / "a.fbx", [("a", -1, {"Lcl Translation": (1, 2, 3)})], poses={"BindPose": (9, 9, 9)})
+    np.testing.assert_allclose(world_matrices(read_character(path))[0, :3, 3], (0.09, 0.09, 0.09))
+
+
+def test_a_name_that_is_no_text_is_damage(tmp_path):
+    (tmp_path / "a.fbx").write_bytes(HEAD + record(b"Obj\xff", b"", 0, b"", len(HEAD)) + bytes(13))
+    with pytest.raises(InputError, match="no name that can be read"):
+        load(tmp_path / "a.fbx")
+
+
+def test_a_copied_node_keeps_an_empty_block(tmp_path):
+    inner = record(b"Properties70", b"", 0, bytes(13), len(HEAD) + 20)
+    node = parse_fbx(HEAD + record(b"Objects", b"", 0, inner + bytes(13), len(HEAD)) + bytes(13), "a").find("Objects")
+    with (tmp_path / "b.fbx").open("wb") as file:
+        NodeWriter(file).copy(node)
+    copied = parse_fbx((tmp_path / "b.fbx").read_bytes() + bytes(13), "b").find("Objects")
+    assert copied.nodes[0].has_block
+    assert not copied.nodes[0].nodes

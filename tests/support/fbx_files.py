@@ -27,6 +27,8 @@ def write_bones(
     flags: int = 4,
     *,
     empty_clip: bool = False,
+    constants: Mapping[str, float] | None = None,
+    poses: Mapping[str, tuple[float, float, float]] | None = None,
 ) -> Path:
     """A file of bones, with curves.
 
@@ -37,6 +39,8 @@ def write_bones(
         settings: of the whole file.
         flags: of all keys; 2 steps, 4 straight lines, 8 bends.
         empty_clip: write a clip also where there are no curves.
+        constants: part → what nodes of curves say of it.
+        poses: kind of a pose → where it has the first bone.
     """
     with path.open("wb") as file:
         nodes = NodeWriter(file)
@@ -50,7 +54,11 @@ def write_bones(
                 with nodes.node("Model", Long(k + 1), f"{name}\0\1Model", "LimbNode"):
                     nodes.properties(*((key, "Vector", "", "A", *map(float, x)) for key, x in properties.items()))
                 connections.append(("OO", Long(k + 1), Long(parent + 1)))
-            connections += _write_clip(nodes, keys or {}, flags) if keys or empty_clip else []
+            connections += _write_clip(nodes, keys or {}, flags, constants or {}) if keys or empty_clip else []
+            for k, (kind, place) in enumerate((poses or {}).items()):
+                with nodes.node("Pose", Long(800 + k), "pose\0\1Pose", kind), nodes.node("PoseNode"):
+                    nodes.leaf("Node", Long(1))
+                    nodes.leaf("Matrix", np.array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, *place, 1], float))
         with nodes.node("Connections"):
             for connection in connections:
                 nodes.leaf("C", *connection)
@@ -58,20 +66,21 @@ def write_bones(
     return path
 
 
-def _write_clip(nodes: NodeWriter, keys: Mapping, flags: int) -> list[tuple[object, ...]]:
+def _write_clip(nodes: NodeWriter, keys: Mapping, flags: int, constants: Mapping[str, float]) -> list[tuple[object, ...]]:
     connections: list[tuple[object, ...]] = [("OO", Long(901), Long(900))]
     for number, kind in ((900, "Stack"), (901, "Layer")):
         with nodes.node(f"Animation{kind}", Long(number), f"clip\0\1Anim{kind}", ""):
             pass
     for k, ((bone, name, part), (times, values)) in enumerate(keys.items()):
         curve, holder = 1000 + 2 * k, 1001 + 2 * k
-        nodes.leaf("AnimationCurveNode", Long(holder), "R\0\1AnimCurveNode", "")
+        with nodes.node("AnimationCurveNode", Long(holder), "R\0\1AnimCurveNode", ""):
+            nodes.properties(*((f"d|{other}", "Number", "", "A", float(x)) for other, x in constants.items()))
         with nodes.node("AnimationCurve", Long(curve), "\0\1AnimCurve", ""):
             nodes.leaf("KeyTime", np.round(np.asarray(times, float) * TICKS).astype(np.int64))
             nodes.leaf("KeyValueFloat", np.asarray(values, np.float32))
             nodes.leaf("KeyAttrFlags", np.array([flags], np.int32))
             nodes.leaf("KeyAttrRefCount", np.array([len(times)], np.int32))
-        connections += [("OO", Long(holder), Long(901)), ("OP", Long(holder), Long(bone + 1), name)]
+        connections += [("OO", Long(holder), Long(901)), ("OP" if name else "OO", Long(holder), Long(bone + 1), name)]
         connections += [("OP", Long(curve), Long(holder), f"d|{part}")]
     return connections
 

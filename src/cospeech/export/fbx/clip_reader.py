@@ -13,42 +13,22 @@ from ..timing import frame_rate
 from ..tracks import Curve
 from .curve_writer import PERCENT, TICKS
 from .document import Document, FbxModel, Object, rest_weight
+from .tree import Node
 
 __all__ = ["FbxClip", "list_clips", "read_clip"]
 
 _CONSTANT, _CUBIC = 2, 8  # interpolation, among the flags of a key
 _NTSC = 1000 / 1001
-_RATES = (
-    30,
-    120,
-    100,
-    60,
-    50,
-    48,
-    30,
-    30,
-    30 * _NTSC,
-    30 * _NTSC,
-    25,
-    24,
-    1000,
-    24 * _NTSC,
-    0,
-    96,
-    72,
-    60 * _NTSC,
-    120 * _NTSC,
-)
-"""Frames per second of FBX's numbers of rates."""
+_RATES = (  # frames per second of FBX's numbers of rates
+    30, 120, 100, 60, 50, 48, 30, 30, 30 * _NTSC, 30 * _NTSC, 25, 24, 1000, 24 * _NTSC, 0, 96, 72, 60 * _NTSC, 120 * _NTSC,
+)  # fmt: skip
 _OWN_MODE = 14
 _ON_KEY = 1e-4  # of the time between keys; ours
 _STEPS = (1e-3, 0.1)  # s between keys of what is keyed on every frame; ours
 _PLACES = ("Lcl Translation", "Lcl Rotation", "Lcl Scaling")
 _PATHS = ("translation", "rotation", "scale")
-
-
 _NODE, _PERCENT = "AnimationCurveNode", "DeformPercent"
-_Curves: TypeAlias = "dict[tuple[int, str], dict[str, KeyedCurve]]"
+_Curves: TypeAlias = "dict[tuple[int, str], dict[str, KeyedCurve | float]]"
 
 
 class FbxClip(NamedTuple):
@@ -64,8 +44,8 @@ def list_clips(fbx: Document) -> list[FbxClip]:
     for stack in fbx.of_kind("AnimationStack"):
         layers = [layer for layer, _ in fbx.below(stack.number, "AnimationLayer")]
         if layers and layers[0].number not in moving:
-            nodes = (node.number for node, _ in fbx.below(layers[0].number, _NODE))
-            moving[layers[0].number] = any(True for node in nodes for _ in fbx.below(node, "AnimationCurve"))
+            nodes = (node for node, _ in fbx.below(layers[0].number, _NODE) if _find_driven(fbx, node))
+            moving[layers[0].number] = any(True for node in nodes for _ in fbx.below(node.number, "AnimationCurve"))
         if layers and moving[layers[0].number]:
             clips.append(FbxClip(stack.name, layers[0]))  # further layers only add to the first
     return clips
@@ -89,11 +69,12 @@ def read_clip(
         InputError: it is too long.
     """
     curves = _read_curves(fbx, clip.layer)
-    every = [curve for own in curves.values() for curve in own.values()]
+    every = [curve for own in curves.values() for curve in own.values() if isinstance(curve, KeyedCurve)]
     fps = _frame_rate(fbx, max(every, key=lambda curve: len(curve.times)).times)
     begin, end = min(curve.times[0] for curve in every), max(curve.times[-1] for curve in every)
     frames = int(np.floor((end - begin) * fps + 1e-3)) + 1
-    check_frames(fbx.name, frames, len(models), sum(curve.size for curve in every))
+    joints = len(models) + sum(len(channels) for channels in targets.values())
+    check_frames(fbx.name, frames, joints, sum(curve.size for curve in every))
     times = begin + np.arange(frames) / fps
     found: dict[tuple[int, str], Curve] = {}
     for node, model in enumerate(models):
@@ -103,10 +84,10 @@ def read_clip(
             for path, values in zip(_PATHS, (place.translation, quat_continuous(place.rotation), place.scale), strict=True):
                 found[node, path] = Curve(times - begin, values, "LINEAR", path == "rotation")
         shapes = [curves.get((number, _PERCENT), {}).get(_PERCENT) for number in targets.get(node, ())]
-        if any(curve is not None for curve in shapes):
+        if any(isinstance(curve, KeyedCurve) for curve in shapes):
             still = [rest_weight(fbx, fbx.objects[number]) for number in targets[node]]
             columns = [
-                np.full(len(times), rest) if curve is None else curve.at(times) / PERCENT
+                curve.at(times) / PERCENT if isinstance(curve, KeyedCurve) else np.full(len(times), rest)
                 for curve, rest in zip(shapes, still, strict=True)
             ]
             weights = np.stack(columns, 1)
@@ -114,12 +95,12 @@ def read_clip(
     return found
 
 
-def _sample(curves: Mapping[str, KeyedCurve], still: Array, times: Array) -> Array:
+def _sample(curves: Mapping[str, KeyedCurve | float], still: Array, times: Array) -> Array:
     """(T, 3) of the curves of X, Y and Z; what has no curve is ``still``."""
     found = np.tile(still, (len(times), 1))
     for k, part in enumerate("XYZ"):
-        if part in curves:
-            found[:, k] = curves[part].at(times)
+        curve = curves.get(part, still[k])
+        found[:, k] = curve.at(times) if isinstance(curve, KeyedCurve) else curve
     return found
 
 
@@ -127,19 +108,18 @@ class KeyedCurve:
     """One number over time.
 
     Args:
-        found: the object that has the keys.
-        name: how messages call the file.
+        node: that has the keys.
     """
 
-    def __init__(self, found: Object, name: str) -> None:
-        ticks, self.values = found.node.array("KeyTime"), found.node.array("KeyValueFloat").astype(float)
+    def __init__(self, node: Node) -> None:
+        ticks, self.values = node.array("KeyTime"), node.array("KeyValueFloat").astype(float)
         if not len(ticks) or len(ticks) != len(self.values) or (np.diff(ticks) < 0).any() or not np.isfinite(self.values).all():
             raise ValueError(f"a curve with {len(ticks)} times and {len(self.values)} values")
         self.times, self.size = ticks / TICKS, 12 * len(ticks)
         self._holds = self._bends = np.zeros(0, bool)
         if len(ticks) == 1:
             return
-        flags, counts = (found.node.array(name).astype(np.int64) for name in ("KeyAttrFlags", "KeyAttrRefCount"))
+        flags, counts = (node.array(name).astype(np.int64) for name in ("KeyAttrFlags", "KeyAttrRefCount"))
         spread = (
             np.repeat(flags, counts) if len(flags) == len(counts) and counts.sum() == len(ticks) else np.zeros(len(ticks), int)
         )
@@ -167,15 +147,20 @@ class KeyedCurve:
         return np.where(held, a, found)
 
 
+def _find_driven(fbx: Document, node: Object) -> list[tuple[Object, str]]:
+    """The models and blendshape channels that a node of curves drives, and which of their properties."""
+    above = (found for kind in ("Model", "Deformer") for found in fbx.above(node.number, kind))
+    return [(found, name) for found, name in above if name]
+
+
 def _read_curves(fbx: Document, layer: Object) -> _Curves:
-    """(Number of an object, name of its property) → part of it → curve."""
+    """(Number of an object, name of its property) → part of it → curve, or what the node of curves says where it has none."""
     curves: _Curves = {}
     for node, _ in fbx.below(layer.number, _NODE):
-        own = {name.split("|", 1)[-1]: KeyedCurve(found, fbx.name) for found, name in fbx.below(node.number, "AnimationCurve")}
-        for kind in ("Model", "Deformer"):
-            for found, name in fbx.above(node.number, kind):
-                if own and name:
-                    curves[found.number, name] = own
+        found = {name.split("|", 1)[-1]: KeyedCurve(curve.node) for curve, name in fbx.below(node.number, "AnimationCurve")}
+        if found:
+            told = {part: node.number_of(f"d|{part}", 0) for part in "XYZ" if f"d|{part}" in node.properties}
+            curves |= {(driven.number, name): {**told, **found} for driven, name in _find_driven(fbx, node)}
     return curves
 
 

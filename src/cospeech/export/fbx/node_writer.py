@@ -87,7 +87,7 @@ class NodeWriter:
 
     def copy(self, node: Node) -> None:
         """A node of another file, with all that is in it."""
-        with self._open(node.name, len(node.values), bytes(node.raw), ends=bool(node.nodes)):
+        with self._open(node.name, len(node.values), bytes(node.raw), ends=node.has_block):
             for inner in node.nodes:
                 self.copy(inner)
 

@@ -51,7 +51,7 @@ def _read_bind_pose(fbx: Document) -> dict[int, Array]:
     """Number of a model → (4, 4) place in the world: of the clusters of skins, and of the poses that the file has for them."""
     bound: dict[int, Array] = {}
     for pose in fbx.of_kind("Pose"):
-        for node in pose.node.all("PoseNode"):
+        for node in pose.node.all("PoseNode") if pose.sort == "BindPose" else ():
             number, matrix = node.value("Node"), node.array("Matrix")
             if isinstance(number, int) and (model := fbx.objects.get(number)) is not None and model.sort == "LimbNode":
                 bound[number] = matrix.reshape(4, 4).T

@@ -15,7 +15,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from ...errors import InputError
-from ...limits import FBX_DEPTH, FBX_NODES, FBX_UNPACKED
+from ...limits import FBX_DEPTH, FBX_FREE_UNPACKED, FBX_NODES, FBX_UNPACKED, FBX_UNPACKED_PER_BYTE
 from ...motion.rotations import Array
 
 __all__ = ["MAGIC", "Node", "PackedArray", "parse_fbx"]
@@ -28,11 +28,15 @@ _ARRAYS = {b"f": "<f4", b"d": "<f8", b"i": "<i4", b"l": "<i8", b"b": "u1", b"c":
 _ADVICE = "export it again"
 
 
-@dataclass
 class Budget:
-    """Bytes that all arrays of a file may still become."""
+    """Bytes that all arrays of a file may still become.
 
-    left: int = FBX_UNPACKED
+    Args:
+        size: bytes of the file.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.whole = self.left = min(FBX_UNPACKED, FBX_FREE_UNPACKED + FBX_UNPACKED_PER_BYTE * size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +58,7 @@ class PackedArray:
         size = self.count * np.dtype(self.dtype).itemsize
         self.budget.left -= size
         if self.budget.left < 0:
-            raise InputError(f"an FBX becomes more than {FBX_UNPACKED >> 20:,} MiB", "is it damaged?")
+            raise InputError(f"an FBX becomes more than {self.budget.whole >> 20:,} MiB", "is it damaged?")
         try:
             raw = zlib.decompressobj().decompress(self.data, size) if self.deflated and size else bytes(self.data[:size])
         except zlib.error:
@@ -71,7 +75,8 @@ class Node:
         name: of it.
         values: that it has.
         raw: the bytes of the values in the file.
-        read: gives the nodes in it, once somebody asks: a character with many clips has 100,000s.
+        read: gives the nodes in it, once somebody asks: a character with many clips has 100,000s; None: it has no block of
+            nodes, not even an empty one.
     """
 
     def __init__(
@@ -79,7 +84,7 @@ class Node:
         name: str,
         values: list[object] | None = None,
         raw: bytes | memoryview = b"",
-        read: Callable[[], list[Node]] = list,
+        read: Callable[[], list[Node]] | None = None,
     ) -> None:
         self.name, self.values, self.raw, self._read = name, values or [], raw, read
 
@@ -90,7 +95,12 @@ class Node:
         Raises:
             InputError: they are damaged.
         """
-        return self._read()
+        return [] if self._read is None else self._read()
+
+    @property
+    def has_block(self) -> bool:
+        """Whether there is a block of nodes in it, which may be empty."""
+        return self._read is not None
 
     def find(self, name: str) -> Node | None:
         """The first node of that name in it."""
@@ -146,7 +156,7 @@ class _Parser:
     def __init__(self, data: memoryview, name: str, *, wide: bool) -> None:
         self._data, self._name = data, name
         self._head = struct.Struct("<QQQB" if wide else "<IIIB")
-        self._budget, self._left = Budget(), FBX_NODES
+        self._budget, self._left = Budget(len(data)), FBX_NODES
 
     def parse(self) -> Node:
         return Node("", read=lambda: self._nodes(_FIRST, len(self._data), 0))
@@ -157,6 +167,8 @@ class _Parser:
             return self._read_nodes(at, end, depth)
         except struct.error:
             raise self._damage("a value is cut off") from None
+        except UnicodeDecodeError:
+            raise self._damage("a node has no name that can be read") from None
 
     def _read_nodes(self, at: int, end: int, depth: int) -> list[Node]:
         found: list[Node] = []
@@ -172,8 +184,8 @@ class _Parser:
             self._left -= 1
             if self._left < 0:
                 raise InputError(f"{self._name} has more than {FBX_NODES:,} nodes", "is it damaged?")
-            name = bytes(self._data[start - length : start]).decode("utf-8", "replace")
-            inside = partial(self._nodes, start + size, stop, depth + 1) if stop > start + size else list
+            name = bytes(self._data[start - length : start]).decode("utf-8")
+            inside = partial(self._nodes, start + size, stop, depth + 1) if stop > start + size else None
             values = self._values(start, start + size, count)
             found.append(Node(name, values, self._data[start : start + size], inside))
             at = stop

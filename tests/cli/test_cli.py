@@ -134,7 +134,7 @@ def test_demo_has_everything(cli, place, monkeypatch):
     monkeypatch.setattr("cospeech.cli.demo.EXAMPLE_WORDS", place / "talk.tsv")
     code, out, err = cli("demo", "--to", "show/me")
     assert (code, err) == (0, "")
-    suffixes = {".bvh", ".glb", ".vrma", ".csv", ".json", ".npz", ".mp4", ".png"}
+    suffixes = {".bvh", ".glb", ".fbx", ".vrma", ".csv", ".json", ".npz", ".mp4", ".png"}
     assert {p.name for p in (place / "show/me").iterdir()} == {f"talk{suffix}" for suffix in suffixes} | {"report.json"}
     assert all(FORMATS[suffix].opens in out for suffix in suffixes)
     assert cli("demo", "--to", "show/me", "-q")[0] == 0, "again, over what is there"
@@ -210,7 +210,7 @@ BAD = [
     ("generate talk.wav -o a.bvh --tail nan", "0 … 60"),
     ("generate talk.wav -o a.xyz", "a.xyz"),
     ("generate talk.wav -o a", "(known suffixes"),
-    ("generate talk.wav -o a.fbx", "(Blender makes .fbx of a .glb; known suffixes"),
+    ("generate talk.wav -o a.obj", "(known suffixes"),
     ("generate talk.wav -o /nowhere/at/all/a.bvh", "folder exist"),
     ("generate talk.wav -o folder.bvh", "folder"),
     ("generate talk.wav -o talk.wav", "talk.wav"),

@@ -160,6 +160,6 @@ def test_files_by_their_suffix(tmp_path):
     gesturing(4).save(tmp_path / "a.BVH")
     assert len(Motion.load(tmp_path / "a.BVH")) == 4
     with pytest.raises(InputError, match="known suffixes"):
-        gesturing(4).save(tmp_path / "a.fbx")
+        gesturing(4).save(tmp_path / "a.obj")
     with pytest.raises(InputError, match="written but not read"):
         Motion.load(tmp_path / "a.mp4")

@@ -44,7 +44,7 @@ def list_clips(fbx: Document) -> list[FbxClip]:
     for stack in fbx.of_kind("AnimationStack"):
         layers = [layer for layer, _ in fbx.below(stack.number, "AnimationLayer")]
         if layers and layers[0].number not in moving:
-            nodes = (node for node, _ in fbx.below(layers[0].number, _NODE) if _find_driven(fbx, node))
+            nodes = (node for node, _ in fbx.below(layers[0].number, _NODE) if _find_targets(fbx, node))
             moving[layers[0].number] = any(True for node in nodes for _ in fbx.below(node.number, "AnimationCurve"))
         if layers and moving[layers[0].number]:
             clips.append(FbxClip(stack.name, layers[0]))  # further layers only add to the first
@@ -147,7 +147,7 @@ class KeyedCurve:
         return np.where(held, a, found)
 
 
-def _find_driven(fbx: Document, node: Object) -> list[tuple[Object, str]]:
+def _find_targets(fbx: Document, node: Object) -> list[tuple[Object, str]]:
     """The models and blendshape channels that a node of curves drives, and which of their properties."""
     above = (found for kind in ("Model", "Deformer") for found in fbx.above(node.number, kind))
     return [(found, name) for found, name in above if name]
@@ -160,7 +160,7 @@ def _read_curves(fbx: Document, layer: Object) -> _Curves:
         found = {name.split("|", 1)[-1]: KeyedCurve(curve.node) for curve, name in fbx.below(node.number, "AnimationCurve")}
         if found:
             told = {part: node.number_of(f"d|{part}", 0) for part in "XYZ" if f"d|{part}" in node.properties}
-            curves |= {(driven.number, name): {**told, **found} for driven, name in _find_driven(fbx, node)}
+            curves |= {(driven.number, name): {**told, **found} for driven, name in _find_targets(fbx, node)}
     return curves
 
 

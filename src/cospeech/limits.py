@@ -74,9 +74,10 @@ FBX_DEPTH = 64
 """Records of an FBX file in each other; files have some ten."""
 FBX_UNPACKED = 1 << 30
 """Bytes of all arrays of an FBX file after unpacking: 3 hours of all our curves."""
-FBX_FREE_UNPACKED, FBX_UNPACKED_PER_BYTE = 64 << 20, 64
-"""Bytes that arrays of an FBX file of any size may become, and so many more per byte of the file; curves that stand still are
-packed to a thirtieth."""
+FBX_FREE_UNPACKED = 64 << 20
+"""Bytes that all arrays of an FBX file of any size may become: a character with 100,000 vertices."""
+FBX_UNPACKED_PER_BYTE = 64
+"""And so many more per byte of the file; curves that stand still are packed to a thirtieth."""
 AVATAR_VERTICES = 400_000
 """Of all meshes of a character that is drawn; those of games have 20,000 to 100,000."""
 AVATAR_SHAPE_NUMBERS = 60_000_000

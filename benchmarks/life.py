@@ -150,7 +150,7 @@ def main() -> int:
     for style in styles:
         settings = {"fps": 30.0, "emotion": options.emotion} | ({} if style is None else {"style": style})
         if options.model != "rules":
-            settings |= {**model.for_files, **dict.fromkeys(LAYERS, not options.bare)}
+            settings |= {**model.for_files, **(dict.fromkeys(LAYERS, False) if options.bare else {})}
         takes = [(samples, seed) for seed in options.seeds for samples in speech]
         pairs = [(samples, model.generate(Speech(samples, RATE), seed=seed, **settings)) for samples, seed in takes]
         exempt = STYLES[style].exempt if style in STYLES else ()

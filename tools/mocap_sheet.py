@@ -22,7 +22,6 @@ from cospeech.export.render.camera import View
 from cospeech.export.render.scene import Scene
 from cospeech.motion.rotations import quat_multiply, quat_rotate
 from cospeech.motion.skeleton import humanoid
-from cospeech.rules.options import LAYERS
 
 FRAMES, SECONDS, FPS = 12, 3.0, 30.0
 SIDE, HEIGHT, TOP = 120, 190, 15  # pixels: a frame, and the name of a row above it
@@ -39,7 +38,7 @@ def perform(name: str, speech: Speech) -> tuple[str, Motion]:
         return f"motion capture, take {Path(name).stem}", _face_the_camera(take.resample(FPS))
     kind, _, style = name.partition(":")
     model = cospeech.load(kind)
-    more = {"style": style} if style else {**model.for_files, **dict.fromkeys(LAYERS, True)}
+    more = {"style": style} if style else model.for_files
     return name.replace(":", ", "), model.generate(speech, emotion="neutral", fps=FPS, seed=0, **more)
 
 

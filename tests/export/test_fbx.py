@@ -10,8 +10,8 @@ from cospeech.export import load, open_writer, save
 from cospeech.export.avatar import load_avatar
 from cospeech.export.fbx import node_writer
 from cospeech.export.fbx.document import Document
+from cospeech.export.fbx.time_modes import find_mode
 from cospeech.export.fbx.tree import Node, parse_fbx
-from cospeech.export.fbx.writer import time_mode
 from cospeech.motion.rotations import axis_angle_to_quat
 from cospeech.motion.skeleton import find_skeleton
 from cospeech.motion.skeletons.arkit import ARKIT
@@ -106,7 +106,7 @@ def test_a_turn_beyond_180_degrees_goes_on(tmp_path):
     ("fps", "told"), [(30, 6), (24, 11), (60, 3), (30000 / 1001, 9), (24000 / 1001, 13), (15, 14), (12.5, 14)]
 )
 def test_frame_rates_are_told_by_number_or_as_they_are(tmp_path, fps, told):
-    assert time_mode(fps) == (told, fps if told == 14 else -1.0)
+    assert find_mode(fps) == (told, fps if told == 14 else -1.0)
     save(gesturing(12, fps), tmp_path / "a.fbx")
     assert load(tmp_path / "a.fbx").fps == pytest.approx(fps, rel=1e-4)
 

@@ -175,7 +175,7 @@ def load(path: str | PathLike[str], *, animation: int | str | None = None, bone_
     """Read the motion of an animated character: ours exactly, others' by the names of their bones.
 
     Args:
-        path: a ``.glb`` with a skinned or named humanoid.
+        path: a ``.glb`` with a skinned or named humanoid, or an ``.fbx``.
         animation: which of its animations, by name or number; the first where not given.
         bone_map: of `load_avatar`.
 

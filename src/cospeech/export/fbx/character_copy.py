@@ -23,7 +23,6 @@ __all__ = ["CharacterCopy"]
 _DROPPED = ("AnimationStack", "AnimationLayer", "AnimationCurveNode", "AnimationCurve")
 _MOST = 1 << 62  # number of an object; new ones come after it; ours
 _ALIKE = 1e-6  # of places and turns; ours
-_XYZ = ("X", "Y", "Z")
 
 
 class CharacterCopy:
@@ -106,14 +105,11 @@ class CharacterCopy:
         for found in self._kept:
             nodes.copy(found.node)
             scene.counts[found.kind] = scene.counts.get(found.kind, 0) + 1
-        channels = [_channel(self._joints[k], "Lcl Translation", "T", 0) for k in self._placed]
-        channels += [_channel(model, "Lcl Rotation", "R", 1) for model in self._joints]
+        channels = [_place_of(self._joints[k]) for k in self._placed]
+        channels += [_turn_of(model) for model in self._joints]
         for model, _ in self._still:
-            channels += [_channel(model, "Lcl Translation", "T", 0), _channel(model, "Lcl Rotation", "R", 1)]
-        channels += [
-            DrivenProperty(number, "DeformPercent", "DeformPercent", ("DeformPercent",), (0.0,))
-            for own in self._shapes.values() for number in own
-        ]  # fmt: skip
+            channels += [_place_of(model), _turn_of(model)]
+        channels += [DrivenProperty.of_number(number, "DeformPercent") for own in self._shapes.values() for number in own]
         return channels
 
     def write_connections(self, nodes: NodeWriter) -> None:
@@ -124,5 +120,9 @@ class CharacterCopy:
                 nodes.copy(node)
 
 
-def _channel(model: FbxModel, name: str, node: str, which: int) -> DrivenProperty:
-    return DrivenProperty(model.object.number, name, node, _XYZ, tuple(map(float, model.still[which])))
+def _place_of(model: FbxModel) -> DrivenProperty:
+    return DrivenProperty.of_place(model.object.number, model.still[0])
+
+
+def _turn_of(model: FbxModel) -> DrivenProperty:
+    return DrivenProperty.of_turn(model.object.number, model.still[1])

@@ -13,16 +13,12 @@ from ..timing import frame_rate
 from ..tracks import Curve
 from .curve_writer import PERCENT, TICKS
 from .document import Document, FbxModel, Object, rest_weight
+from .time_modes import rate_of
 from .tree import Node
 
 __all__ = ["FbxClip", "list_clips", "read_clip"]
 
 _CONSTANT, _CUBIC = 2, 8  # interpolation, among the flags of a key
-_NTSC = 1000 / 1001
-_RATES = (  # frames per second of FBX's numbers of rates
-    30, 120, 100, 60, 50, 48, 30, 30, 30 * _NTSC, 30 * _NTSC, 25, 24, 1000, 24 * _NTSC, 0, 96, 72, 60 * _NTSC, 120 * _NTSC,
-)  # fmt: skip
-_OWN_MODE = 14
 _ON_KEY = 1e-4  # of the time between keys; ours
 _STEPS = (1e-3, 0.1)  # s between keys of what is keyed on every frame; ours
 _PLACES = ("Lcl Translation", "Lcl Rotation", "Lcl Scaling")
@@ -169,6 +165,5 @@ def _frame_rate(fbx: Document, times: Array) -> float:
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     if _STEPS[0] <= step <= _STEPS[1]:
         return frame_rate(times, 30.0)
-    mode = int(fbx.settings.number_of("TimeMode", 0))
-    told = fbx.settings.number_of("CustomFrameRate", 0) if mode == _OWN_MODE else _RATES[mode] if 0 <= mode < len(_RATES) else 0
+    told = rate_of(int(fbx.settings.number_of("TimeMode", 0)), fbx.settings.number_of("CustomFrameRate", 0))
     return told if 1 <= told <= 1000 else 30.0

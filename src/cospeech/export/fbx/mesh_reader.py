@@ -157,9 +157,7 @@ class MeshReader:
 
     def _material(self, found: Object) -> int:
         if found.number not in self._materials:
-            colour = found.vector("DiffuseColor", (0.8, 0.8, 0.8)) if "DiffuseColor" in found.properties else (
-                found.vector("Diffuse", (0.8, 0.8, 0.8))
-            )  # fmt: skip
+            colour = found.vector("DiffuseColor" if "DiffuseColor" in found.properties else "Diffuse", (0.8, 0.8, 0.8))
             textures = {name: texture for texture, name in self._fbx.below(found.number, "Texture")}
             surface: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 0.8}
             image = self._texture(textures["DiffuseColor"]) if "DiffuseColor" in textures else None

@@ -7,7 +7,7 @@ up. A rotation is three angles in degrees, in the order of `ORDER`. Matrices lie
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -25,7 +25,11 @@ ORDER = "ZXY"  # intrinsic; as in our BVH: its poles lie at ±90° of X, where a
 ROTATION_ORDER = 3  # the same for FBX, which counts from the inside: Y, then X, then Z
 FIRST_NUMBER = 1_000_000  # of objects; ours
 _ALIKE = 0.1  # of sRGB 0 … 1: triangles whose colours differ by less share a material; ours
+_XYZ = ("X", "Y", "Z")
 _BONE_SIZE = 3.0  # centimetres, with which programs draw a joint; ours
+
+
+Row: TypeAlias = "tuple[object, ...]"
 
 
 class DrivenProperty(NamedTuple):
@@ -44,6 +48,21 @@ class DrivenProperty(NamedTuple):
     node: str
     parts: tuple[str, ...]
     still: tuple[float, ...]
+
+    @classmethod
+    def of_place(cls, number: int, still: Array | Sequence[float]) -> DrivenProperty:
+        """Where a model is."""
+        return cls(number, "Lcl Translation", "T", _XYZ, tuple(map(float, still)))
+
+    @classmethod
+    def of_turn(cls, number: int, still: Array | Sequence[float]) -> DrivenProperty:
+        """How a model is turned, degrees."""
+        return cls(number, "Lcl Rotation", "R", _XYZ, tuple(map(float, still)))
+
+    @classmethod
+    def of_number(cls, number: int, name: str) -> DrivenProperty:
+        """A property that is one number, and 0 without animation: that of a blendshape, say."""
+        return cls(number, name, name, (name,), (0.0,))
 
 
 def sort_axes(angles: Array, order: str) -> Array:
@@ -93,24 +112,32 @@ class SceneWriter:
         for k, name in enumerate(skeleton.names):
             numbers.append(self.number("Model"))
             place, turn = (tuple(map(float, row)) for row in (skeleton.offsets[k] * CENTIMETRES, angles[k]))
-            with self._nodes.node("Model", Long(numbers[k]), f"{name}\0\1Model", "LimbNode"):
-                self._nodes.leaf("Version", 232)
-                self._nodes.properties(
-                    ("RotationActive", "bool", "", "", 1), ("RotationOrder", "enum", "", "", ROTATION_ORDER),
-                    ("InheritType", "enum", "", "", 1), ("DefaultAttributeIndex", "int", "Integer", "", 0),
-                    ("Lcl Translation", "Lcl Translation", "", "A", *place), ("Lcl Rotation", "Lcl Rotation", "", "A", *turn),
-                    ("Lcl Scaling", "Lcl Scaling", "", "A", 1.0, 1.0, 1.0),
-                    *((shape, "Number", "", "A+U", 0.0) for shape in (extra if k == 0 else ())),
-                )  # fmt: skip
-                self._nodes.leaf("Shading", True)
-                self._nodes.leaf("Culling", "CullingOff")
+            turns = (("RotationActive", "bool", "", "", 1), ("RotationOrder", "enum", "", "", ROTATION_ORDER))
+            more = ((shape, "Number", "", "A+U", 0.0) for shape in (extra if k == 0 else ()))
+            self._write_model(numbers[k], name, "LimbNode", place, turn, before=turns, after=tuple(more))
             self._write_attribute(name, numbers[k])
             self.connect(numbers[k], 0 if k == 0 else numbers[skeleton.parents[k]])
             if k == 0:
-                channels.append(DrivenProperty(numbers[0], "Lcl Translation", "T", ("X", "Y", "Z"), place))
-            channels.append(DrivenProperty(numbers[k], "Lcl Rotation", "R", ("X", "Y", "Z"), turn))
-        channels += [DrivenProperty(numbers[0], shape, shape, (shape,), (0.0,)) for shape in extra]
+                channels.append(DrivenProperty.of_place(numbers[0], place))
+            channels.append(DrivenProperty.of_turn(numbers[k], turn))
+        channels += [DrivenProperty.of_number(numbers[0], shape) for shape in extra]
         return numbers, channels
+
+    def _write_model(
+        self, number: int, name: str, sort: str, place: Sequence[float] = (0.0, 0.0, 0.0),
+        turn: Sequence[float] = (0.0, 0.0, 0.0), *, before: Sequence[Row] = (), after: Sequence[Row] = (),
+    ) -> None:  # fmt: skip
+        """A bone or a mesh; ``before`` and ``after`` are further properties."""
+        with self._nodes.node("Model", Long(number), f"{name}\0\1Model", sort):
+            self._nodes.leaf("Version", 232)
+            self._nodes.properties(
+                *before,
+                ("InheritType", "enum", "", "", 1), ("DefaultAttributeIndex", "int", "Integer", "", 0),
+                ("Lcl Translation", "Lcl Translation", "", "A", *place), ("Lcl Rotation", "Lcl Rotation", "", "A", *turn),
+                ("Lcl Scaling", "Lcl Scaling", "", "A", 1.0, 1.0, 1.0), *after,
+            )  # fmt: skip
+            self._nodes.leaf("Shading", True)
+            self._nodes.leaf("Culling", "CullingOff")
 
     def _write_attribute(self, name: str, model: int) -> None:
         number = self.number("NodeAttribute")
@@ -144,15 +171,7 @@ class SceneWriter:
         """
         model, geometry = self.number("Model"), self.number("Geometry")
         colours, of = _materials(parts)
-        with self._nodes.node("Model", Long(model), f"{name}\0\1Model", "Mesh"):
-            self._nodes.leaf("Version", 232)
-            self._nodes.properties(
-                ("InheritType", "enum", "", "", 1), ("DefaultAttributeIndex", "int", "Integer", "", 0),
-                *((f"Lcl {what}", f"Lcl {what}", "", "A", *(x, x, x)) for what, x in
-                  (("Translation", 0.0), ("Rotation", 0.0), ("Scaling", 1.0))),
-            )  # fmt: skip
-            self._nodes.leaf("Shading", True)
-            self._nodes.leaf("Culling", "CullingOff")
+        self._write_model(model, name, "Mesh")
         self._write_geometry(geometry, name, parts, of)
         self.connect(model, 0)
         self.connect(geometry, model)
@@ -243,7 +262,7 @@ class SceneWriter:
                 self._nodes.leaf("Normals", np.zeros(3 * len(held)))
             self.connect(channel, blend)
             self.connect(target, channel)
-            channels.append(DrivenProperty(channel, "DeformPercent", "DeformPercent", ("DeformPercent",), (0.0,)))
+            channels.append(DrivenProperty.of_number(channel, "DeformPercent"))
         return channels
 
 

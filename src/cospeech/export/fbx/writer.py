@@ -8,7 +8,6 @@ an FBX itself is copied with all that it has; only its clips make room for ours.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -17,21 +16,19 @@ from ... import __version__
 from ...motion.motion import Motion
 from .. import Writer as BaseWriter
 from ..avatar import Avatar, load_avatar
+from ..glb import load
 from .character_copy import CharacterCopy
 from .curve_writer import FrameRecorder
 from .figure import FbxFigure
 from .node_writer import CREATION_TIME, FILE_ID, VERSION, Long, NodeWriter
 from .scene_writer import SceneWriter
+from .time_modes import find_mode
 
 __all__ = ["Writer", "load"]
 
 _NAME = "speech"  # of the animation, as in our GLB
-_TIME_MODES = {120: 1, 100: 2, 60: 3, 50: 4, 48: 5, 30: 6, 25: 10, 24: 11, 96: 15, 72: 16}  # whole frames per second
-_BROKEN_MODES = {30: 9, 24: 13, 60: 17, 120: 18}  # frames per second of 1000/1001 s
-_OWN_MODE = 14  # the rate is told as a number
 _MOVING = ("Model", "AnimationStack", "AnimationLayer", "AnimationCurveNode", "AnimationCurve")  # kinds of objects
 _CREATED = (1970, 1, 1, 10, 0, 0)  # as `CREATION_TIME`
-_CLOSE = 1e-3  # frames per second; ours
 
 
 class Writer(BaseWriter):
@@ -49,8 +46,10 @@ class Writer(BaseWriter):
 
     def __init__(self, path: str | PathLike[str], *, avatar: Avatar | str | PathLike[str] | None = None, **common: Any) -> None:
         super().__init__(path, **common)
-        self._subject: FbxFigure | CharacterCopy = FbxFigure(self.skeleton)
-        if avatar is not None:
+        self._subject: FbxFigure | CharacterCopy
+        if avatar is None:
+            self._subject = FbxFigure(self.skeleton)
+        else:
             self._subject = CharacterCopy(avatar if isinstance(avatar, Avatar) else load_avatar(avatar))
 
     def _begin(self, temporary: Path) -> None:
@@ -106,7 +105,7 @@ class Writer(BaseWriter):
         nodes.leaf("FileId", FILE_ID)
         nodes.leaf("CreationTime", CREATION_TIME)
         nodes.leaf("Creator", creator)
-        mode, rate = time_mode(self.fps)
+        mode, rate = find_mode(self.fps)
         with nodes.node("GlobalSettings"):
             nodes.leaf("Version", 1000)
             nodes.properties(
@@ -139,28 +138,3 @@ class Writer(BaseWriter):
     def _discard(self) -> None:
         if self._recorder is not None:
             self._recorder.close()
-
-
-def load(path: str | PathLike[str], *, animation: int | str | None = None, bone_map: Mapping[str, str] | None = None) -> Motion:
-    """Read the motion of a character, as `cospeech.export.glb.load` does.
-
-    Args:
-        path: a binary ``.fbx`` with a humanoid.
-        animation: which of its animations, by name or number; the first where not given.
-        bone_map: of `cospeech.export.avatar.load_avatar`.
-
-    Raises:
-        InputError: damaged, without animation, or without a humanoid.
-    """
-    return load_avatar(path, bone_map).motion(animation)
-
-
-def time_mode(fps: float) -> tuple[int, float]:
-    """FBX's number of a frame rate, and the rate where it has none."""
-    for whole, mode in _TIME_MODES.items():
-        if abs(fps - whole) < _CLOSE:
-            return mode, -1.0
-    for whole, mode in _BROKEN_MODES.items():
-        if abs(fps - whole * 1000 / 1001) < _CLOSE:
-            return mode, -1.0
-    return _OWN_MODE, float(fps)

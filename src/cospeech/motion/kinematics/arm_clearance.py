@@ -73,7 +73,8 @@ def keep_arms_out(q: Array, amount: float = 1.0) -> None:
         amount: share of the way that they go, 0 … 1.
     """
     if amount:
-        move_wrists(q, amount * find_pushes(q))
+        arm = _read_arms(q)
+        _place_wrists(q, arm, amount * _find_pushes(arm, trunk_frames(q)))
 
 
 def find_pushes(q: Array) -> Array:
@@ -81,21 +82,31 @@ def find_pushes(q: Array) -> Array:
 
     In the frame of the upper chest, the right side mirrored; zero where an arm touches nothing.
     """
-    trunk, arm = trunk_frames(q), _read_arms(q)
+    return _find_pushes(_read_arms(q), trunk_frames(q))
+
+
+def move_wrists(q: Array, ways: Array) -> None:
+    """Move the wrists of local rotations (N, J, 4), which are written to, by ``ways`` (N, 2, 3) as of `find_pushes`."""
+    if ways.any():
+        _place_wrists(q, _read_arms(q), ways)
+
+
+def _find_pushes(arm: _Arms, trunk: TrunkFrames) -> Array:
+    """See `find_pushes`."""
     rows = np.flatnonzero(_find_touches(arm, trunk))
-    pushes = np.zeros((len(q), 2, 3))
+    pushes = np.zeros_like(arm.wrist)
     if len(rows):
         trunk, arm = TrunkFrames(*(part[rows] for part in trunk)), _Arms(*(part[rows] for part in arm))
         pushes[rows] = _find_push(arm, trunk)
     return pushes
 
 
-def move_wrists(q: Array, ways: Array) -> None:
-    """Move the wrists of local rotations (N, J, 4), which are written to, by ``ways`` (N, 2, 3) as of `find_pushes`."""
-    rows = np.flatnonzero((np.abs(ways) > 0).any((1, 2)))
+def _place_wrists(q: Array, arm: _Arms, ways: Array) -> None:
+    """See `move_wrists`; ``arm`` is what was read from ``q``."""
+    rows = np.flatnonzero(ways.any((1, 2)))
     if not len(rows):
         return
-    arm = _read_arms(q[rows])
+    arm = _Arms(*(part[rows] for part in arm))
     upper, fore = _follow(arm, arm.wrist - arm.shoulder + ways[rows])
     joint = humanoid().index
     for name, turn in (("UpperArm", to_parent(arm.clavicle, upper)), ("LowerArm", to_parent(upper, fore))):

@@ -12,7 +12,7 @@ from cospeech import Speech
 from cospeech.metrics.body import BODY_TARGETS, body_statistics
 from cospeech.motion.kinematics.body import Body
 from cospeech.motion.kinematics.hands import CHANNELS
-from cospeech.motion.kinematics.legs import STANCE, stand
+from cospeech.motion.kinematics.legs import STANCE, balance, stand
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_identity, quat_multiply, quat_to_euler
 from cospeech.motion.skeleton import humanoid
@@ -49,6 +49,18 @@ def upper_body(seconds: float = 20.0) -> Motion:
     return Motion(30.0, rotations, np.tile(s.offsets[0], (len(times), 1)))
 
 
+def shares_of_feet(left: np.ndarray, right: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """(T,) of the way from the middle between two feet to one of them: 1 over the left, −1 over the right; (T, 2) each."""
+    half = (left - right) / 2
+    return ((place - (left + right) / 2) * half).sum(1) / (half**2).sum(1)
+
+
+def shares_of_motion(motion: Motion) -> np.ndarray:
+    """(T,) `shares_of_feet` of a motion's ankles and hips."""
+    places, _ = humanoid().forward(motion.rotations.astype(float), motion.root.astype(float))
+    return shares_of_feet(*(places[:, humanoid().index[n]][:, [0, 2]] for n in ("leftFoot", "rightFoot", "hips")))
+
+
 class TestStance:
     def test_the_weight_goes_from_leg_to_leg(self):
         b = stood(steps=0.0)
@@ -66,6 +78,22 @@ class TestStance:
         assert roll[1] > 4  # the left side is up
         knees = {s: 2 * np.degrees(np.arccos(rotations[1, humanoid().index[s + "LowerLeg"], 3])) for s in ("left", "right")}
         assert knees["right"] > knees["left"] + 5
+
+    def test_hips_stay_between_the_feet(self):
+        b = np.tile(first_body(Random(0), seated=False), (41, 1))
+        wanted = np.stack([np.linspace(-0.5, 0.5, 41), np.full(41, 0.03)], 1)
+        kept = balance(wanted, b)
+        share = shares_of_feet(b[:, Body.LEFT_FOOT][:, :2], b[:, Body.RIGHT_FOOT][:, :2], kept)
+        assert np.abs(share).max() < 0.66
+        assert np.diff(share).min() > -1e-12  # who wants further still goes further
+        near = np.abs(shares_of_feet(b[:, Body.LEFT_FOOT][:, :2], b[:, Body.RIGHT_FOOT][:, :2], wanted)) < 0.5
+        np.testing.assert_allclose(kept[near], wanted[near], atol=1e-12)
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize("style", ["natural", "lively", "restless"])
+    def test_nobody_stands_as_if_falling(self, style):
+        motion = RuleBasedModel().generate(Speech(babble(3, 40.0), 16000), style=style, seed=3, fps=15, intensity=1.4)
+        assert np.abs(shares_of_motion(motion)).max() < 0.8  # feet on their balls are a little off
 
     @pytest.mark.slow
     def test_steps_per_minute_are_as_asked_and_none_while_seated(self):
@@ -190,6 +218,12 @@ class TestLayer:
         motion = Motion(30.0, motion.rotations, motion.root, np.zeros((len(motion), 52)))
         assert feet_faults(motion, stand=True) == []
         assert speed_faults(motion) == []
+
+    @pytest.mark.slow
+    def test_hips_that_travel_stay_between_the_feet(self):
+        bare = upper_body(40.0)
+        bare.root[:, 0] += 0.5 * np.sin(np.arange(len(bare)) / 30)
+        assert np.abs(shares_of_motion(add_stance(bare, seed=1))).max() < 0.8
 
     def test_pieces_of_any_size_are_the_whole(self):
         bare, rng = upper_body(8.0), np.random.default_rng(0)

@@ -17,7 +17,7 @@ from ..motion.kinematics.arms import MIRROR_Q, MIRROR_V
 from ..motion.kinematics.body import NECK_SHARE, SPINE, Body
 from ..motion.kinematics.body_volume import push_from_thighs
 from ..motion.kinematics.hands import Channel
-from ..motion.kinematics.legs import stand, weight_shift
+from ..motion.kinematics.legs import balance, stand, weight_shift
 from ..motion.noise import smooth_noise
 from ..motion.rotations import (
     Array,
@@ -152,6 +152,7 @@ def _add_body_noise(b: Array, times: Array, style: Style, seed: int, size: float
     )
     b[:, _SWAYING] += n * scale
     if not style.seated:
+        b[:, Body.PLACE] = balance(b[:, Body.PLACE], b)
         b[:, Body.ROLL] -= CONTRAPPOSTO * weight_shift(b)
     feet = 0.0 if style.seated else 0.5 * (b[:, Body.LEFT_FOOT.stop - 1] + b[:, Body.RIGHT_FOOT.stop - 1])
     b[:, Body.YAW] += PELVIS_SHARE * (b[:, Body.HIPS_YAW] + feet)

@@ -29,7 +29,8 @@ CONTRAPPOSTO = 24.0
 """Degrees that the chest leans to the loaded side per metre of weight shift. Ours, by eye."""
 _MOST_TURN = 17.0  # degrees that pelvis and feet turn away from the listener
 _OVER = 0.175  # metres above the floor of the sole of a leg that lies over the other's knee: thigh over thigh
-_WIDTHS = (1.0, 1.6)  # of a stance, over `STANCE`: ankles .21 to .34 m apart (CMU's takes that stand: .24 to .57)
+_WIDTHS = (1.0, 1.7)  # of a stance, over `STANCE`: ankles .21 to .36 m apart (CMU's takes that stand: .24 to .59)
+_BEFORE = 0.02  # metres by which hips are before the ankles, beside the skeleton's own: weight lies on the middle of the foot
 _SHIFTS = (1.0, 3.0)  # seconds between shifts of the weight (ours: sway peaks at .15 to .65 Hz, motion.md §1)
 _LASTS = (0.9, 2.4)  # seconds of a shift (ours: hips that wait for the next shift look nailed down; a speaker's glide)
 _PIVOTS = 10.0  # degrees of tip from which a free foot may turn about its ball (ours)
@@ -191,7 +192,7 @@ class Stance:
         goal = np.array(
             [
                 (left[0] + right[0]) / 2 + side * width * depth * min(0.35 + 0.65 * sway, 1.1),
-                (left[1] + right[1]) / 2 + self._gauss(0.024 * sway),
+                (left[1] + right[1]) / 2 + _BEFORE + self._gauss(0.024 * sway),
                 self._random.uniform(0.0, 0.003) + (1 - depth) * self._random.uniform(0.0, 0.030) * sway,
                 -side * self._random.uniform(0.0, 1.5) * sway,
             ]
@@ -304,14 +305,14 @@ class Stance:
                 self._heading + side * (TOE_OUT + self._random.uniform(-5, 8)),
             ]
         )
-        if side * (goal[0] - still[0]) < 0.15:  # never across the other foot
-            goal[0] = still[0] + side * 0.15
+        if side * (goal[0] - still[0]) < 0.17:  # never across the other foot
+            goal[0] = still[0] + side * 0.17
         self.track.move(now + 0.02, 0.55, np.array([0.72 * still[0] + 0.28 * goal[0], 0.006]), [Body.HIPS_X, Body.SINK])
         self.track.move(now + 0.02, 0.4, np.array([0.0]), [_FREE[not self._left]])
         length = self._random.uniform(0.36, 0.48)
         self._down = now + 0.42 + length + 0.3
         self._swing(now + 0.42, foot, goal, length, 0.04)
-        middle = (goal[:2] + still[:2]) / 2 + np.array([side * 0.02, 0.0])
+        middle = (goal[:2] + still[:2]) / 2 + np.array([side * 0.02, _BEFORE])
         self.track.move(
             now + 0.42 + 0.55 * length, 0.85, np.array([*middle, 0.002]), [Body.HIPS_X, Body.HIPS_Z, Body.SINK], skew=0.2
         )

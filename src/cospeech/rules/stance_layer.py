@@ -18,7 +18,7 @@ import numpy as np
 from ..motion.kinematics.arm_clearance import keep_arms_out
 from ..motion.kinematics.arms import wrists_in_chest
 from ..motion.kinematics.body import NECK_SHARE, SPINE, Body
-from ..motion.kinematics.legs import carry, stand, weight_shift
+from ..motion.kinematics.legs import balance, carry, stand, weight_shift
 from ..motion.motion import Motion
 from ..motion.noise import smooth_noise
 from ..motion.rotations import (
@@ -60,7 +60,7 @@ _TRUNK = 0.45  # share of its own bend that a motion's trunk keeps (ours: the re
 _USUAL, _HEIGHT = np.array([0.3, 0.0, 0.0]), -0.6
 """Arm lengths ahead, aside, apart, and above the shoulder at which hands turn and bend nobody (ours: medians of people)."""
 _FULL = 0.2  # arm lengths from there at which the trunk has gone along nearly as far as it will (ours)
-_LESS = 0.8  # share of a stance's sway that goes under hips which move by themselves ([ours])
+_LESS = 0.85  # share of a stance's sway that goes under hips which move by themselves ([ours])
 _SWAY = np.radians([1.2, 1.08, 2.2])  # pitch, roll, yaw of a chest that is never still ([ours], as the rules')
 _LOOKS = np.radians([2.6, 3.6, 6.4])
 """Pitch, roll and yaw of a head that is never still ([ours]); eyes are turned against it."""
@@ -96,7 +96,7 @@ class StanceLayer:
     """It does not listen (`cospeech.runtime.motion_layers.MotionLayer`)."""
 
     def __init__(
-        self, *, seed: int, fps: float, amount: float = 1.0, steps: float = 6.0, fingers: bool = True, waits: float = REACH
+        self, *, seed: int, fps: float, amount: float = 1.0, steps: float = 9.0, fingers: bool = True, waits: float = REACH
     ) -> None:
         self._seed, self._fps, self._amount, self._steps, self._fingers = seed, fps, amount, steps, fingers
         self._stance: Stance | None = None
@@ -272,6 +272,7 @@ class StanceLayer:
             b[:, Body.SINK] += _KNEES * np.abs(follow[:, 0])
             b[:, Body.HIPS_YAW] += np.degrees(_HIPS * follow[:, 2])
             b[:, [Body.HIPS_Z, Body.HIPS_X]] += _GOES * follow[:, :2]
+            b[:, Body.PLACE] = balance(b[:, Body.PLACE], b)
         pelvis, stood = stand(b, seated, None)
         lead = self._lead(follow, b, times)
         hips = quat_multiply(pelvis, old[0])
@@ -290,7 +291,7 @@ class StanceLayer:
         if seated:
             place[:, [0, 2]] += b[:, [Body.HIPS_X, Body.HIPS_Z]]
             return
-        place[:, [0, 2]] = stood[:, [0, 2]] + np.tanh(_OWN * place[:, [0, 2]] / _FAR) * _FAR
+        place[:, [0, 2]] = balance(stood[:, [0, 2]] + np.tanh(_OWN * place[:, [0, 2]] / _FAR) * _FAR, b)
         joints, legs, height = carry(hips, place, b)
         q[:, joints], place[:, 1] = legs, height
 

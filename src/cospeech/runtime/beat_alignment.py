@@ -33,12 +33,12 @@ __all__ = ["AccentTrack", "BeatAlignment"]
 LEAD = 0.08
 """Seconds by which the hands are fastest before an accent [ours: three takes have .07 to .10, `metrics.beat_lift`]."""
 _FAR = 0.25  # seconds by which a stroke is moved at most [ours: half a stroke]
-_NEXT = (0.2, 0.8)  # seconds from one accent that is met to the next: least and most [ours]
+_NEXT = (0.25, 0.8)  # seconds from one accent that is met to the next: least and most [ours]
 _BACK = 0.4  # seconds in which the arms' time comes half-way back to that of the body, where no accent follows [ours]
-_RATES = (0.62, 1.6)  # of time from one accent to the next, least and most [ours; with less, time would go back beside `_PEAK`]
-_PEAK = 1.3
-"""Rate of time at an accent [ours: with 1, the hands are often faster before or after it; with 1.8, files of the chain have a
-lift of .56 and jerk more]."""
+_RATES = (0.65, 1.5)  # of time from one accent to the next, least and most [ours; with less, time would go back beside `_PEAK`]
+_PEAK = 1.2
+"""Rate of time at an accent [ours: with 1, the hands are often faster before or after it; with 1.3, they jerk by a tenth more,
+and files of the chain have a lift of .55: as much as any person]."""
 _LEAST = 0.2  # arm lengths per second, of both wrists together, that are a stroke [ours]
 _NEARER = 0.7  # share of its worth that a peak loses at a distance of `_FAR` [ours]
 

@@ -12,6 +12,7 @@ class Body:
     """Columns of the body's track. Metres and degrees; yaw to the character's left, pitch *down/forward*, roll to its right."""
 
     HIPS_X, HIPS_Z, HIPS_YAW = 0, 1, 2
+    PLACE = slice(0, 2)  # HIPS_X and HIPS_Z
     PITCH, ROLL, YAW = 3, 4, 5  # of the whole torso, hips to shoulders
     HEAD_PITCH, HEAD_ROLL, HEAD_YAW = 6, 7, 8  # in the world
     GAZE_YAW, GAZE_UP = 9, 10  # where the eyes look, in the world; up is positive

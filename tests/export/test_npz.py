@@ -11,7 +11,7 @@ import pytest
 from cospeech.errors import InputError
 from cospeech.export import load, save
 from cospeech.motion.motion import Motion
-from cospeech.motion.rotations import axis_angle_to_quat, quat_angle
+from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_to_rotvec
 from cospeech.motion.skeleton import humanoid
 from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from tests.support.motions import gesturing
@@ -100,6 +100,45 @@ def test_files_of_others(tmp_path):
     assert (motion.face, motion.fps) == (None, 120)
 
 
+def nodding(joints: int, upright: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(20, joints · 3) poses of a body whose head (joint 15) nods and whose left elbow (18) bends, and its (20, 3) places."""
+    poses = np.zeros((20, joints, 3))
+    poses[:, 0] = upright
+    poses[:, 15, 0] = np.linspace(0, 0.4, 20)
+    poses[:, 18, 1] = -0.8
+    return poses.reshape(20, -1), np.column_stack([np.linspace(0, 1, 20), np.full(20, 0.2), np.full(20, 0.9)])
+
+
+@pytest.mark.parametrize(("joints", "fingers"), [(55, 25), (52, 22), (24, None)])
+def test_amass_stands_upright_with_every_body(tmp_path, joints, fingers):
+    """AMASS' world has Z up: its poses turn the pelvis by a quarter about X, and the height is the third number."""
+    poses, places = nodding(joints, np.array([np.pi / 2, 0, 0]))
+    if fingers is not None:
+        poses[:, 3 * fingers + 2] = 0.5  # the first joint of the left index finger
+    data = foreign(poses=poses, trans=places, mocap_frame_rate=None, mocap_framerate=np.array(60.0))
+    (tmp_path / "a.npz").write_bytes(data)
+    motion = load(tmp_path / "a.npz")
+    assert (motion.skeleton.kind, motion.fps, len(motion)) == ("smplx", 60, 20)
+    np.testing.assert_allclose(quat_to_rotvec(motion.rotations[:, 0].astype(float)), 0, atol=1e-6)
+    np.testing.assert_allclose(motion.root[:, 1], 0.9, atol=0.03)  # the height
+    np.testing.assert_allclose(np.diff(motion.root[[0, -1]], axis=0)[0], [1, 0, 0], atol=1e-6)
+    turned = quat_to_rotvec(motion.rotations.astype(float))
+    names = list(motion.skeleton.names)
+    np.testing.assert_allclose(turned[:, names.index("head"), 0], np.linspace(0, 0.4, 20), atol=1e-6)
+    np.testing.assert_allclose(turned[:, names.index("left_elbow"), 1], -0.8, atol=1e-6)
+    np.testing.assert_allclose(turned[:, names.index("left_index1"), 2], 0 if fingers is None else 0.5, atol=1e-6)
+
+
+def test_a_world_with_y_up_stays_and_so_does_who_bows(tmp_path):
+    poses, places = nodding(55, np.array([0.7, 0.3, 0.0]))  # bent forward by 40°
+    (tmp_path / "a.npz").write_bytes(foreign(poses=poses, trans=places))
+    motion = load(tmp_path / "a.npz")
+    np.testing.assert_allclose(
+        quat_to_rotvec(motion.rotations[:, 0].astype(float)), np.tile([0.7, 0.3, 0.0], (20, 1)), atol=1e-6
+    )
+    np.testing.assert_allclose(np.diff(motion.root[[0, -1]], axis=0)[0], [1, 0, 0], atol=1e-6)
+
+
 def bomb() -> bytes:
     """A few kilobytes that say they unpack to 3 GiB."""
     out = io.BytesIO()
@@ -121,7 +160,8 @@ def bomb() -> bytes:
         (foreign(poses=None), "no 'poses'"),
         (foreign(trans=None), "no 'trans'"),
         (foreign(mocap_frame_rate=None), "mocap_frame_rate"),
-        (foreign(poses=np.zeros((5, 156))), "165"),
+        (foreign(poses=np.zeros((5, 159))), "165"),
+        (foreign(poses=np.zeros(5)), "165"),
         (foreign(trans=np.zeros((4, 3))), "165"),
         (foreign(poses=np.full((5, 165), np.nan)), "not finite"),
         (foreign(poses=np.zeros((5, 165), "<U3")), "165"),

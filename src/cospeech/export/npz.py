@@ -6,7 +6,8 @@
 
 FLAME's expression coefficients cannot be derived without the licensed face model: ``expressions`` is zero, the jaw joint
 opens by ``jawOpen`` × 0.35 rad, and the whole face is in two keys of our own, ``arkit (T, 52)`` and ``arkit_names``.
-``trans`` is the pelvis minus its place in SMPL-X's neutral template, as SMPL-X adds that itself.
+``trans`` is the pelvis minus its place in SMPL-X's neutral template, as SMPL-X adds that itself. AMASS' files are read,
+too: see `smpl_bodies`.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from . import Writer as BaseWriter
 from .frame_buffer import FrameBuffer
 from .npz_arrays import Arrays, open_arrays
 from .reading import check_frames, open_file, size_of
+from .smpl_bodies import WIDTHS, find_pelvis, stand_upright, to_smplx
 
 __all__ = ["Writer", "load"]
 
@@ -37,7 +39,6 @@ _JOINTS = 55
 _MOST_NAMES = 1000  # columns of a face; ours: ARKit has 52
 _JAW = 22  # SMPL-X joint order, see ecosystem of `smplx` joint_names
 _JAW_OPEN = 0.35  # radians at jawOpen = 1; ours: FLAME's mouth is wide open at some 20 degrees
-_PELVIS = np.array([0.003124, -0.351401, 0.012037])  # SMPL-X neutral template, joint 0 at zero betas, metres
 
 
 class Writer(BaseWriter):
@@ -58,7 +59,7 @@ class Writer(BaseWriter):
         self._has_face &= motion.face is not None
         if motion.face is not None:
             poses[:, _JAW * 3 : _JAW * 3 + 3] = face[:, ARKIT_INDEX["jawOpen"], None] * (_JAW_OPEN, 0, 0)
-        self._spool.add(np.concatenate([poses, body.root - _PELVIS, face], 1))
+        self._spool.add(np.concatenate([poses, body.root - find_pelvis(_JOINTS * 3), face], 1))
 
     def _finish(self) -> None:
         assert self._spool is not None
@@ -100,7 +101,7 @@ def _write_header(out: IO[bytes], dtype: np.dtype, shape: tuple[int, ...]) -> No
 
 
 def load(path: str | PathLike[str]) -> Motion:
-    """Read SMPL-X motion of BEAT2's layout (or AMASS': ``mocap_framerate``), on the SMPL-X skeleton.
+    """Read SMPL-X motion of BEAT2's layout, or AMASS' of SMPL-X, SMPL-H or SMPL, on the SMPL-X skeleton; Y is up then.
 
     The face is our ``arkit`` key where there is one; else a moving jaw gives ``jawOpen``; else there is none. Where there is
     a face the jaw joint rests.
@@ -127,8 +128,9 @@ def _check_shapes(arrays: Arrays, rate_key: str, size: int, name: str) -> None:
     """Whether the arrays of a file of ``size`` bytes go together, by their heads: before any of them is unpacked."""
     poses, trans = arrays.shape("poses"), arrays.shape("trans")
     frames = poses[0] if poses else 0
-    if poses != (frames, _JOINTS * 3) or trans != (frames, 3):
-        raise InputError(f"{name}: poses {poses}, trans {trans}"[:200], "expected (frames, 165) and (frames, 3)")
+    if len(poses) != 2 or poses[1] not in WIDTHS or trans != (frames, 3):
+        wanted = "expected (frames, 165) of SMPL-X, 156 of SMPL-H or 72 of SMPL, and (frames, 3)"
+        raise InputError(f"{name}: poses {poses}, trans {trans}"[:200], wanted)
     check_frames(name, frames, _JOINTS, size)
     if math.prod(arrays.shape(rate_key)) != 1:
         raise InputError(f"{name} has frames per second of shape {arrays.shape(rate_key)}"[:200], "expected one number")
@@ -155,21 +157,21 @@ def _face(arrays: Arrays, name: str) -> Array | None:
 
 
 def _motion(poses: np.ndarray, trans: np.ndarray, rate: np.ndarray, face: Array | None, name: str) -> Motion:
-    frames = len(poses)
     if {poses.dtype.kind, trans.dtype.kind} != {"f"}:
         raise InputError(f"{name}: poses are {poses.dtype}, trans {trans.dtype}", "expected floats")
     if rate.dtype.kind not in "fiu" or not (
         np.isfinite(rate).all() and MOTION_RATES[0] <= float(rate.reshape(())) <= MOTION_RATES[1]
     ):
         raise InputError(f"{name} has {str(rate)[:40]} frames per second", "is it damaged?")
-    vectors = poses.astype(np.float64).reshape(frames, _JOINTS, 3)
+    vectors = to_smplx(poses)
     if not (np.isfinite(vectors).all() and np.isfinite(trans).all() and np.abs(vectors).max(initial=0) < 1e3):
         raise InputError(f"{name} holds values that are not finite", "is it damaged?")
     if face is None and np.abs(vectors[:, _JAW]).max(initial=0) > 0:
-        face = np.zeros((frames, len(ARKIT)))
+        face = np.zeros((len(poses), len(ARKIT)))
         face[:, ARKIT_INDEX["jawOpen"]] = np.clip(vectors[:, _JAW, 0] / _JAW_OPEN, 0, 1)
     if face is not None:
         vectors[:, _JAW] = 0  # it is in the face now; both together would open the mouth twice
-    rotations = quat_continuous(rotvec_to_quat(vectors))
-    root = trans.astype(np.float64) + _PELVIS
+    rotations, root = rotvec_to_quat(vectors), trans.astype(np.float64) + find_pelvis(poses.shape[1])
+    rotations[:, 0], root = stand_upright(rotations[:, 0], root)
+    rotations = quat_continuous(rotations)
     return Motion(fps=float(rate.reshape(())), rotations=rotations, root=root, face=face, skeleton=find_skeleton("smplx"))

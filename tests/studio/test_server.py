@@ -116,7 +116,7 @@ def test_a_large_body_is_refused_at_once(port, length):
     elif length == "declared":
         assert ask(port, "/api/answers", b"", method="POST", content_length=str(size))[0] == 413
     else:
-        assert ask(port, "/api/answers", b"{}", content_length="minus one")[0] == 400
+        assert ask(port, "/api/answers", b"", method="POST", content_length="minus one")[0] == 400
     assert time.monotonic() - began < 1
     assert ask(port, "/api/study")[0] == 200
 

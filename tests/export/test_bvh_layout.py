@@ -290,3 +290,15 @@ def test_files_of_many_exporters_keep_their_layout(shared, tmp_path):
         text = (tmp_path / "a.bvh").read_text()
         assert words(text) == words(raw), path.name
         assert np.abs(read_plainly(text)[1] - read_plainly(raw)[1]).max() < 1e-4, path.name
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252"])
+def test_names_with_accents_are_those_of_the_rig_in_every_encoding(tmp_path, encoding):
+    """Programs on Windows write names as Windows does; a file of ours is always in UTF-8."""
+    text = Rig(humanoid(), prefix="Prénom:").text()
+    (tmp_path / "rig.bvh").write_bytes(text.encode(encoding))
+    motion = load(tmp_path / "rig.bvh")
+    assert all(name.startswith("Prénom:") for name in motion.skeleton.names)
+    assert motion.skeleton.bone_map
+    save(motion, tmp_path / "again.bvh")
+    assert "ROOT Prénom:" in (tmp_path / "again.bvh").read_text("utf-8")

@@ -14,10 +14,12 @@ A BVH says none of: its unit, which way is up, what its zero pose is. The rules 
 from __future__ import annotations
 
 import io
+from codecs import getincrementaldecoder
 from collections.abc import Mapping
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -51,6 +53,7 @@ UNITS = {"m": 1.0, "dm": 0.1, "cmu": 0.0254 / 0.45, "inch": 0.0254, "cm": 0.01, 
 
 _HEIGHTS = ((4.5, "m"), (25.0, "dm"), (48.0, "cmu"), (80.0, "inch"), (500.0, "cm"), (np.inf, "mm"))  # ours, see above
 _Z_TO_Y = axis_angle_to_quat((1.0, 0, 0), -np.pi / 2)
+_NAMES = 1 << 18  # bytes at the beginning of a file in which names are looked at: a thousand joints; ours
 _SAMPLE = 64  # ours: frames that are looked at to tell which way is up
 
 
@@ -82,7 +85,7 @@ def load(
         raise InputError(f"unknown unit {units!r}", f"known: {', '.join(UNITS)}")
     if up not in (None, "y", "z"):
         raise InputError(f"up is {up!r}", "'y' or 'z'")
-    with open_file(path) as binary, io.TextIOWrapper(binary, "utf-8-sig", errors="replace") as file:
+    with open_file(path) as binary, io.TextIOWrapper(binary, _find_encoding(binary), errors="replace") as file:
         try:
             header = read_header(file)
             rate = fps if fps is not None else rate_of_step(header.frame_time, header.precision)
@@ -97,6 +100,17 @@ def load(
     if skeleton.kind == "custom" or (bone_map and joints):
         skeleton = replace(skeleton, bone_map=joints)
     return _as_motion(skeleton, joints, frames.rotations[:, order], frames.root, rate, units, up)
+
+
+def _find_encoding(file: BinaryIO) -> str:
+    """How the names of joints are written: in UTF-8, or as Windows programs of Western Europe write them."""
+    names = file.read(_NAMES).partition(b"MOTION")[0]
+    file.seek(0)
+    try:
+        getincrementaldecoder("utf-8")().decode(names)  # a letter that the end cuts is no error
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8-sig"
 
 
 def _in_table_order(skeleton: Skeleton) -> tuple[Skeleton, list[int]]:

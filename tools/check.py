@@ -49,7 +49,7 @@ def lint() -> bool:
 
 
 def tests(*selection: str) -> bool:
-    workers = str(max(2, os.cpu_count() or 2))
+    workers = str(max(2, os.cpu_count() or 2) + 1)  # tests wait for processes, pages and clocks for a third of their time
     return step("tests", [BIN / "pytest", "-n", workers, "--dist", "worksteal", "-q", *selection])
 
 

@@ -56,9 +56,12 @@ def shares_of_feet(left: np.ndarray, right: np.ndarray, place: np.ndarray) -> np
 
 
 def shares_of_motion(motion: Motion) -> np.ndarray:
-    """(T,) `shares_of_feet` of a motion's ankles and hips."""
+    """`shares_of_feet` of a motion's ankles and hips, of the frames in which both feet are flat."""
     places, _ = humanoid().forward(motion.rotations.astype(float), motion.root.astype(float))
-    return shares_of_feet(*(places[:, humanoid().index[n]][:, [0, 2]] for n in ("leftFoot", "rightFoot", "hips")))
+    left, right, hips = (places[:, humanoid().index[name]] for name in ("leftFoot", "rightFoot", "hips"))
+    flat = np.maximum(left[:, 1], right[:, 1]) < 0.09
+    assert flat.mean() > 0.2
+    return shares_of_feet(left[flat][:, [0, 2]], right[flat][:, [0, 2]], hips[flat][:, [0, 2]])
 
 
 class TestStance:
@@ -93,7 +96,7 @@ class TestStance:
     @pytest.mark.parametrize("style", ["natural", "lively", "restless"])
     def test_nobody_stands_as_if_falling(self, style):
         motion = RuleBasedModel().generate(Speech(babble(3, 40.0), 16000), style=style, seed=3, fps=15, intensity=1.4)
-        assert np.abs(shares_of_motion(motion)).max() < 0.8  # feet on their balls are a little off
+        assert np.abs(shares_of_motion(motion)).max() < 0.7
 
     @pytest.mark.slow
     def test_steps_per_minute_are_as_asked_and_none_while_seated(self):
@@ -223,7 +226,7 @@ class TestLayer:
     def test_hips_that_travel_stay_between_the_feet(self):
         bare = upper_body(40.0)
         bare.root[:, 0] += 0.5 * np.sin(np.arange(len(bare)) / 30)
-        assert np.abs(shares_of_motion(add_stance(bare, seed=1))).max() < 0.8
+        assert np.abs(shares_of_motion(add_stance(bare, seed=1))).max() < 0.7
 
     def test_pieces_of_any_size_are_the_whole(self):
         bare, rng = upper_body(8.0), np.random.default_rng(0)

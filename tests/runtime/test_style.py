@@ -251,7 +251,7 @@ def test_rate_place_and_heading_do_not_matter():
 
 @pytest.mark.slow
 def test_long_examples_are_seen_in_pieces():
-    motion, other = (acted(hand, style="orator", seconds=60.0) for hand in (0.0, 1.0))
+    motion, other = (acted(hand, style="natural", seconds=60.0) for hand in (0.0, 1.0))
     long = Motion.concatenate([motion] * 6)  # six minutes
     embedding = space().by_example(long)
     assert sum(map(len, embedding.poses)) == 120 * 20

@@ -180,20 +180,20 @@ def make_ready(name: str, **options):
     return net.eval()
 
 
-def shared(make):
+def make_once(make):
     """Makes each once. Every test gets a copy, and the state of chance that there was when it was made."""
     kept = cache(lambda name, **options: (make(name, **options), torch.get_rng_state()))
 
     @wraps(make)
-    def copied(name: str, **options):
+    def copy(name: str, **options):
         net, chance = kept(name, **options)
         torch.set_rng_state(chance)
         return deepcopy(net)
 
-    return copied
+    return copy
 
 
-ready = shared(make_ready)
+ready = make_once(make_ready)
 
 
 def test_every_registered_network_is_tested():
@@ -351,7 +351,7 @@ def styles(net, *shape: int, seed: int = 4):
     return torch.randn(*shape, net.styles, generator=torch.Generator().manual_seed(seed)).softmax(-1)
 
 
-@shared
+@make_once
 def trained_windowed(name: str):
     """A network whose statistics of normalisation are those of its data, so that it does not deaden what it is given."""
     net = network(name).train()

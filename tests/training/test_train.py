@@ -258,7 +258,7 @@ SHARES = (0.1, 0.5, 0.9)
 
 
 @pytest.fixture(scope="module")
-def slowly_ended(store, tmp_path_factory):
+def slow_runs(store, tmp_path_factory):
     """Runs that were interrupted after a share of a slow step: share → exit code, folder and what was told."""
     recipe = plan("tiny-gan", steps=6, ema=0.9, save_every=100, validate_every=3, best="made")
     places = {share: tmp_path_factory.mktemp("slowly") for share in SHARES}
@@ -274,11 +274,9 @@ def slowly_ended(store, tmp_path_factory):
 
 
 @pytest.mark.parametrize("share", SHARES)
-def test_interrupted_within_a_slow_step_it_ends_at_once_and_goes_on_as_if_nothing_had_been(
-    slowly_ended, store, tmp_path, share
-):
+def test_interrupted_within_a_slow_step_it_ends_at_once_and_goes_on_as_if_nothing_had_been(slow_runs, store, tmp_path, share):
     """In the forward or the backward pass of either objective of a GAN, one of which moves its parameters before the other."""
-    recipe, (code, folder, (step, until, said)) = slowly_ended[0], slowly_ended[1][share]
+    recipe, (code, folder, (step, until, said)) = slow_runs[0], slow_runs[1][share]
     assert code == 130
     assert until < 0.5 * step
     assert said[0].startswith("stopping; ")

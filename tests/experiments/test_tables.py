@@ -349,7 +349,7 @@ def test_a_table_from_nothing_and_again_from_what_is_kept(table_runs, runs, tmp_
     draw_table(table, table_runs, tmp_path / "strip.png")
     with Image.open(tmp_path / "strip.png") as picture:
         assert picture.width == 1600
-        assert len(np.unique(np.asarray(picture).reshape(-1, 3), axis=0)) > 50
+        assert len(picture.getcolors(picture.width * picture.height)) > 50
 
 
 def test_headroom_is_told_before_anything_is_trained(store, table_runs, tmp_path):

@@ -301,7 +301,7 @@ def test_a_table_from_nothing(table_runs, name, tmp_path):
     assert "not comparable" in to_text(table)
     draw_table(table, table_runs, tmp_path / "strip.png")
     with Image.open(tmp_path / "strip.png") as picture:
-        assert len(np.unique(np.asarray(picture).reshape(-1, 3), axis=0)) > 50
+        assert len(picture.getcolors(picture.width * picture.height)) > 50
 
 
 def test_figure_1_trains_three_networks_and_plays_them_under_six_conditions(table_runs, tmp_path):

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.filterwarnings(
     "ignore:.*the shape of the tree was used:cospeech.errors.CospeechWarning"
 )  # names may break
 
-EACH = 250
+EACH = 170
 STRANGE = (
     None, True, -1, 0, 1, 3, 255, 65536, 1 << 31, 1 << 40, 1 << 70, 0.5, -1e30, 1e308, "", "x", "VEC4", "rotation", "\u0000",
     [], [0], [1e9] * 4, {}, {"a": 1}, [[[]]],

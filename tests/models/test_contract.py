@@ -5,7 +5,10 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+from copy import deepcopy
 from dataclasses import replace
+from functools import cache, wraps
 from importlib import import_module
 from inspect import signature
 
@@ -28,6 +31,24 @@ from cospeech.models.nn.windowed import Windowed  # noqa: E402
 
 torch.set_num_threads(1)
 POSE, AUDIO, ROWS = 6, 5, 3
+
+
+@contextmanager
+def plain_convolutions():
+    """Convolutions without oneDNN: what it does before it begins takes longer than networks this small."""
+    before, torch.backends.mkldnn.enabled = torch.backends.mkldnn.enabled, False
+    try:
+        yield
+    finally:
+        torch.backends.mkldnn.enabled = before
+
+
+@pytest.fixture(autouse=True)
+def _plain_convolutions():
+    with plain_convolutions():
+        yield
+
+
 _FLOW = {"hidden": 8, "history": 4, "look_ahead": 2, "frames": 4}
 _MIX = {"depth": 3, "patch_channels": 4}
 _MANY = {"frames": 12, "speaker": 3}
@@ -151,12 +172,28 @@ def total(net, data: Batch, step: int = 0):
     return sum(sum(objective.loss(data, step).values()) for objective in net.objectives().values())
 
 
-def ready(name: str, **options):
+def make_ready(name: str, **options):
     """A network that has seen a batch (which sets ActNorm), in evaluation mode."""
     net = network(name, **options).train()
-    with torch.no_grad():
+    with torch.no_grad(), plain_convolutions():
         total(net, batch(net))
     return net.eval()
+
+
+def make_once(make):
+    """Makes each once. Every test gets a copy, and the state of chance that there was when it was made."""
+    kept = cache(lambda name, **options: (make(name, **options), torch.get_rng_state()))
+
+    @wraps(make)
+    def copy(name: str, **options):
+        net, chance = kept(name, **options)
+        torch.set_rng_state(chance)
+        return deepcopy(net)
+
+    return copy
+
+
+ready = make_once(make_ready)
 
 
 def test_every_registered_network_is_tested():
@@ -196,7 +233,7 @@ def test_gradient_reaches_every_parameter(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_same_seed_gives_the_same(name):
-    first, again, other = (ready(name, seed=seed) for seed in (0, 0, 1))
+    first, again, other = (make_ready(name, seed=seed) for seed in (0, 0, 1))
     data = batch(first)
     losses = [total(net, Batch(data.arrays, StepRandom(0, 0))).item() for net in (first, again, other)]
     assert losses[0] == losses[1]
@@ -229,12 +266,18 @@ def test_saved_and_loaded_it_is_the_same_to_the_bit(name, tmp_path):
     assert torch.equal(*(total(one, Batch(data.arrays, StepRandom(0, 0))) for one in (net, other)))
 
 
+LEARN_LATE = {"cmix-gan", "mix-stage", "mix-stage-extended", "mix-stage+before", "fgd-autoencoder", "speaker-classifier"}
+"""Networks whose loss is not 5 % lower after ten steps at twice the rate: they take twenty."""
+LEARN_LATE |= {"speech-to-face"}  # which needs more than three rows
+
+
 @pytest.mark.parametrize("name", NAMES)
-def test_twenty_steps_lower_the_loss(name):
+def test_some_steps_lower_the_loss(name):
+    steps, rate, rows = (20, 3e-3, 6) if name in LEARN_LATE else (10, 6e-3, 3)
     net = ready(name)
-    data = batch(net, rows=6)
+    data = batch(net, rows=rows)
     optimisers = {
-        key: torch.optim.Adam(objective.parameters, 3e-3)
+        key: torch.optim.Adam(objective.parameters, rate)
         for key, objective in ((key, o._replace(parameters=list(o.parameters))) for key, o in net.objectives().items())
     }
 
@@ -243,7 +286,7 @@ def test_twenty_steps_lower_the_loss(name):
             return total(net.eval(), Batch(data.arrays, StepRandom(0, 0))).item()
 
     before = now()
-    for step in range(20):
+    for step in range(steps):
         net.train()
         for key, objective in net.objectives().items():
             optimisers[key].zero_grad()
@@ -308,13 +351,14 @@ def styles(net, *shape: int, seed: int = 4):
     return torch.randn(*shape, net.styles, generator=torch.Generator().manual_seed(seed)).softmax(-1)
 
 
-def trained_windowed(name: str, **options):
+@make_once
+def trained_windowed(name: str):
     """A network whose statistics of normalisation are those of its data, so that it does not deaden what it is given."""
-    net = network(name, **options).train()
+    net = network(name).train()
     for part in net.modules():
         if isinstance(part, torch.nn.BatchNorm1d):
             part.momentum = None  # a plain average
-    with torch.no_grad():
+    with torch.no_grad(), plain_convolutions():
         for seed in range(3):
             total(net, batch(net, seed))
     return net.eval()
@@ -511,7 +555,7 @@ def test_the_log_determinant_is_that_of_the_jacobian(name, pose):
 def test_the_density_integrates_to_one(name, nu, dimensions):
     net = trained_flow(name, pose=dimensions, nu=nu, frames=1).double()
     data = batch(net, rows=1)
-    axis = torch.linspace(-60, 60, 50_001 if dimensions == 1 else 401, dtype=torch.float64)
+    axis = torch.linspace(-60, 60, 20_001 if dimensions == 1 else 301, dtype=torch.float64)
     grid = torch.cartesian_prod(*[axis] * dimensions).view(-1, 1, dimensions)
     poses, *rest = (value.double().expand(len(grid), -1, -1) for value in given(data))
     history = net.config.history

@@ -14,16 +14,16 @@ from tests.support.hears import measure_hearing  # noqa: E402
 torch.set_num_threads(1)
 
 CASES: dict[str, dict[str, Any]] = {
-    "multi-context": {"term": "generator.huber"},
+    "multi-context": {"term": "generator.huber", "steps": 80},
     "gesticulator": {"term": "gestures.pose"},
     "gesticulator, words": {"term": "gestures.pose"},
     "audio2gestures": {"term": "gestures.relaxed_position", "steps": 120, "lr": 1e-2},
-    "talkshow": {"term": "prior.body", "rows": 16},
+    "talkshow": {"term": "prior.body", "steps": 120, "rows": 16},
     "gesturediffuclip": {"term": "diffusion.velocity", "steps": 200},
-    "trimodal": {"term": "generator.huber", "steps": 80, "lr": 1e-2},
+    "trimodal": {"term": "generator.huber", "steps": 60, "lr": 1e-2},
     "joint-embedding": {"term": "speech_l1", "steps": 200, "lr": 1e-2, "rows": 16},
     "speech2affective-gestures": {"term": "generator.huber", "steps": 80, "lr": 1e-2},
-    "speech2gesture+seeded": {"term": "generator.l1", "steps": 250, "lr": 1e-2},
+    "speech2gesture+seeded": {"term": "generator.l1", "steps": 120, "lr": 1e-2},
     "seq2seq, words": {"term": "gestures.regression", "steps": 60, "lr": 1e-2},
 }
 """Network → what `measure_hearing` is told; ``NETWORK, words``: motion follows the words."""

@@ -254,25 +254,40 @@ def test_interrupted_it_saves_first(ended, store, tmp_path):
     assert (tmp_path / "straight" / "last.safetensors").read_bytes() == (folder / "last.safetensors").read_bytes()
 
 
-@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
-def test_interrupted_within_a_slow_step_it_ends_at_once_and_goes_on_as_if_nothing_had_been(store, tmp_path, share):
-    """In the forward or the backward pass of either objective of a GAN, one of which moves its parameters before the other."""
-    recipe, told = plan("tiny-gan", steps=6, ema=0.9, save_every=100, validate_every=3, best="made"), tmp_path / "told.json"
-    job = {"recipe": recipe, "store": str(store), "out": str(tmp_path / "run"), "slow": 60, "slow_after": 2, "share": share}
-    command = [*WORKER, json.dumps({"jobs": [job | {"told": str(told)}]})]
+SHARES = (0.1, 0.5, 0.9)
+
+
+@pytest.fixture(scope="module")
+def slow_runs(store, tmp_path_factory):
+    """Runs that were interrupted after a share of a slow step: share → exit code, folder and what was told."""
+    recipe = plan("tiny-gan", steps=6, ema=0.9, save_every=100, validate_every=3, best="made")
+    places = {share: tmp_path_factory.mktemp("slowly") for share in SHARES}
+    job = {"recipe": recipe, "store": str(store), "slow": 24, "slow_after": 2}
+    jobs = [
+        job | {"out": str(place / "run"), "share": share, "told": str(place / "told.json")} for share, place in places.items()
+    ]
+    command = [*WORKER, json.dumps({"jobs": jobs})]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200)
-    assert (done.returncode, json.loads(done.stdout)) == (0, [130]), done.stderr
-    step, until, said = json.loads(told.read_text())
+    assert done.returncode == 0, done.stderr
+    codes = zip(places.items(), json.loads(done.stdout), strict=True)
+    return recipe, {share: (code, at / "run", json.loads((at / "told.json").read_text())) for (share, at), code in codes}
+
+
+@pytest.mark.parametrize("share", SHARES)
+def test_interrupted_within_a_slow_step_it_ends_at_once_and_goes_on_as_if_nothing_had_been(slow_runs, store, tmp_path, share):
+    """In the forward or the backward pass of either objective of a GAN, one of which moves its parameters before the other."""
+    recipe, (code, folder, (step, until, said)) = slow_runs[0], slow_runs[1][share]
+    assert code == 130
     assert until < 0.5 * step
     assert said[0].startswith("stopping; ")
     assert said[1:] == ["saved at step 2: --resume goes on"]
-    assert read_tensors(tmp_path / "run" / "last.safetensors")[1]["step"] == 2
+    assert read_tensors(folder / "last.safetensors")[1]["step"] == 2
     straight = run(recipe, store, tmp_path / "straight")
-    report = run(recipe, store, tmp_path / "run", resume=True)
+    report = run(recipe, store, folder, resume=True)
     assert (report.resumed, report.best) == (2, straight.best)
     for name in ("last.safetensors", "best.safetensors"):
-        assert (tmp_path / "straight" / name).read_bytes() == (tmp_path / "run" / name).read_bytes(), name
-    assert log(tmp_path / "straight") == log(tmp_path / "run")
+        assert (tmp_path / "straight" / name).read_bytes() == (folder / name).read_bytes(), name
+    assert log(tmp_path / "straight") == log(folder)
 
 
 @pytest.mark.parametrize("where", ["setup", "first step", "second step", "validation", "save"])

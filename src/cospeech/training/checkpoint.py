@@ -11,7 +11,8 @@ from __future__ import annotations
 import json
 import os
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from os import PathLike
 from pathlib import Path
@@ -39,6 +40,7 @@ __all__ = [
     "load_run",
     "network",
     "read_facts",
+    "read_state",
     "read_tensors",
     "stands_for",
     "write_facts",
@@ -172,17 +174,36 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     Raises:
         InputError: there is no such file, or it is damaged.
     """
+    with _open_checkpoint(path) as file:
+        return {name: file.get_tensor(name) for name in file.keys()}, _state(file)  # noqa: SIM118  # it is no mapping
+
+
+def read_state(path: Path) -> dict[str, Any]:
+    """The JSON object in the head of what `write_tensors` has written.
+
+    Raises:
+        InputError: there is no such file, or it is damaged.
+    """
+    with _open_checkpoint(path) as file:
+        return _state(file)
+
+
+def _state(file: Any) -> dict[str, Any]:
+    state: dict[str, Any] = json.loads((file.metadata() or {}).get("state", "{}"))
+    return state
+
+
+@contextmanager
+def _open_checkpoint(path: Path) -> Iterator[Any]:
     try:
         with safe_open(regular_file(path, "a checkpoint"), "pt") as file:
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118  # it is no mapping
-            state = json.loads((file.metadata() or {}).get("state", "{}"))
+            yield file
     except OSError as error:
         raise InputError(f"cannot read {str(path)!r}: {describe_os_error(error)}", "has the run saved yet?") from None
     except (SafetensorError, ValueError, RecursionError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{str(path)!r} is damaged: {error}"[:200], "train it again") from None
-    return tensors, state
 
 
 def stands_for(folder: Path, which: str = "best") -> str:

@@ -278,12 +278,12 @@ class Runs:
         """Whether a run is there, of this recipe, with all its steps."""
         if not (folder / "last.safetensors").exists():
             return False
-        from ...training.checkpoint import read_facts, read_tensors
+        from ...training.checkpoint import read_facts, read_state
 
         differs = list_changes(read_recipe(read_facts(folder)["recipe"]).to_dict(), recipe.to_dict())
         if any(not text.startswith("needs.") for text in differs):  # where the runs lay is no matter
             return False  # resuming says what differs
-        return int(read_tensors(folder / "last.safetensors")[1]["step"]) >= recipe.train.steps
+        return int(read_state(folder / "last.safetensors")["step"]) >= recipe.train.steps
 
     def player(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> PlayableRun:
         """A row's run, trained where it is not there."""

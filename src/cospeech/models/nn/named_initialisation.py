@@ -36,7 +36,7 @@ def initialise_by_name(make: Callable[[], Net], seed: int) -> Net:
 
     def draw_anew(module: nn.Module) -> None:
         name = next(order, "")
-        torch.random.manual_seed((seed * 1_000_003 + crc32(name.encode())) % 2**63)
+        torch.default_generator.manual_seed((seed * 1_000_003 + crc32(name.encode())) % 2**63)  # quicker than of all devices
 
     with _watch_modules(draw_anew):
         return make()

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import shlex
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+from .audio.speech import Speech
 from .errors import CospeechWarning, InputError
 from .export import FORMATS, check_parts, format_of, load, suffixes
 from .export.checks import File, check_avatar, check_files, check_map, check_skeleton
@@ -113,7 +116,7 @@ def convert_file(
         skeleton: retarget to this one first: a name, or a rig to take it from (``my_rig.bvh``, ``.glb``, ``.vrm``).
         fps: resample to this rate first.
         names: a TOML file that says which joint of ``source``, of the rig or of the avatar is which of ours.
-        audio: the speech, for pictures.
+        audio: the speech, for pictures; where ``edits`` cut the motion, the sound is cut alike.
         camera: for pictures, the name of a view: ``body``, ``full``, ``face`` or ``hands``.
         avatar: a VRM, GLB or FBX character for ``.glb`` and for pictures, or an FBX for ``.fbx``, in place of our mannequin.
         clip: which animation of a ``source`` that has several: its name, or its number from 0; the first where not given.
@@ -151,14 +154,35 @@ def convert_file(
         motion = motion.retarget(goal or "humanoid", bone_map=mapped)
     if fps is not None:
         motion = motion.resample(fps)
-    if audio is not None:
-        options["audio"] = audio
     if camera is not None:
         options["camera"] = camera
     if worn is not None:
         options["avatar"] = worn
-    motion.save(target, **options)
+    with _cut_sound(audio, edits) as heard:
+        if heard is not None:
+            options["audio"] = heard
+        motion.save(target, **options)
     return motion
+
+
+@contextmanager
+def _cut_sound(audio: File | None, edits: Edits) -> Iterator[File | None]:
+    """The file of the speech that belongs to what the edits leave of a motion; None where nothing is left of the speech."""
+    if audio is None or (edits.start is None and edits.end is None):
+        yield audio
+        return
+    import soundfile
+
+    speech = Speech.load(audio)
+    first, last = (None if time is None else round(time * speech.rate) for time in (edits.start, edits.end))
+    samples = speech.samples[first:last]
+    if not len(samples):
+        yield None
+        return
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "speech.wav"
+        soundfile.write(path, samples, speech.rate, subtype="FLOAT")
+        yield path
 
 
 def read_as_humanoid(source: File, bones: Mapping[str, str] | None = None) -> Motion:

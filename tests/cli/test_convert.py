@@ -33,6 +33,29 @@ def test_cut_join_and_loop(cli, place):
     assert step < 0.15
 
 
+@pytest.mark.slow
+def test_a_part_of_a_motion_is_drawn_with_that_part_of_the_speech(cli, place):
+    av = pytest.importorskip("av")
+    import soundfile
+
+    loud = np.sin(2 * np.pi * 300 * np.arange(8000) / 16000)
+    soundfile.write("talk.wav", np.concatenate([0 * loud, loud, 0 * loud, 0 * loud]), 16000)  # loud from .5 to 1 s
+    level = {}
+    for start, end in ((0.5, 1.0), (1.0, 1.5)):
+        arguments = ("render", "talk.bvh", "part.mp4", "--audio", "talk.wav", "--from", start, "--to", end)
+        assert cli(*arguments)[0] == 0
+        with av.open("part.mp4") as film:
+            pictures = sum(1 for _ in film.decode(video=0))
+        with av.open("part.mp4") as film:
+            sound = np.concatenate([frame.to_ndarray()[0] for frame in film.decode(audio=0)])
+        assert (pictures, len(sound) / 48000) == (15, pytest.approx(0.5, abs=0.05))
+        level[start] = np.abs(sound[4800:-4800]).mean()
+    assert level[0.5] > 0.3 > 0.01 > level[1.0]
+    assert cli("render", "talk.bvh", "part.png", "--audio", "talk.wav", "--from", 1.9)[0] == 0
+    code, _, err = cli("render", "talk.bvh", "late.mp4", "--audio", "talk.wav", "--from", 9)
+    assert (code, "no frame from 9 to … s" in err, (place / "late.mp4").exists()) == (2, True, False)
+
+
 def test_mirror_and_the_face_of_another(cli, place):
     assert cli("convert", "talk.glb", "out.bvh", "--mirror")[0] == 0
     assert cli("convert", "talk.glb", "out.json", "--face", "face.json")[0] == 0

@@ -89,15 +89,18 @@ def render(
     avatar: Avatar = None,
     names: Map = None,
     clip: Clip = None,
+    start: From = None,
+    end: To = None,
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Draw a motion file as a video, .gif or strip of frames.
+    """Draw a motion file, or a part of it, as a video, .gif or strip of frames.
 
     \b
     cospeech render talk.glb talk.mp4 --audio talk.wav
+    cospeech render talk.glb part.mp4 --audio talk.wav --from 40 --to 50
     """
-    from ..convert import convert_file
+    from ..convert import Edits, convert_file
     from ..export import FORMATS, format_of
     from ..export.registry import suffixes
 
@@ -105,6 +108,7 @@ def render(
     if suffix not in FORMATS or not FORMATS[suffix].picture:
         known = " ".join(sorted(suffixes(lambda entry: entry.picture)))
         raise InputError(f"{str(target)!r} is not a picture", f"known: {known}; for others use `cospeech convert`")
-    convert_file(source, target, audio=audio, camera=camera, avatar=avatar, names=names, clip=clip)
+    edits = Edits(start=start, end=end)
+    convert_file(source, target, audio=audio, camera=camera, avatar=avatar, names=names, clip=clip, edits=edits)
     if not quiet:
         typer.echo(f"{target}  ({format_of(target).opens})")

@@ -1,4 +1,4 @@
-"""`make test`: sets up what the tests need beside Python, then runs the linters, the docs and every test.
+"""`make test`: runs the linters, sets up meanwhile what the tests need beside Python, then builds the docs and runs every test.
 
 With ``lint`` as argument, only the linters run; with ``check``, the linters and the tests that no marker calls slow or in need
 of anything beside the core (pyproject.toml). Steps that fail do not stop the later ones; the exit code tells. pytest runs last.
@@ -19,6 +19,7 @@ import shutil
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -40,7 +41,7 @@ def step(title: str, *commands: list[str | Path]) -> bool:
     print(f"\n── {title}", flush=True)
     began = time.monotonic()
     good = all([run(*command) for command in commands])
-    print(f"   {'done' if good else 'FAILED'} in {time.monotonic() - began:.0f} s", flush=True)
+    print(f"   {title}: {'done' if good else 'FAILED'} in {time.monotonic() - began:.0f} s", flush=True)
     return good
 
 
@@ -139,13 +140,24 @@ def chromium(found: str) -> tuple[str | None, str]:
 def main(arguments: list[str]) -> int:
     # Where an image sets this, every process compiles every module again: hundreds of processes, and a third of the time.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-    good = lint()
-    if arguments == ["check"]:
-        good &= tests("-m", QUICK)
     if arguments:
+        good = lint()
+        if arguments == ["check"]:
+            good &= tests("-m", QUICK)
         return 0 if good else 1
+    with ThreadPoolExecutor(1) as pool:  # mypy keeps one core busy, and what is installed keeps the network busy
+        linted = pool.submit(lint)
+        good = prepare()
+        good &= linted.result()
+    if not good:
+        print("\nlinters or docs FAILED (above); the tests run all the same", flush=True)
+    return 0 if tests() and good else 1
+
+
+def prepare() -> bool:
+    """The docs, and all that the tests drive; whether it succeeded."""
     os.environ["NO_MKDOCS_2_WARNING"] = "1"  # an advertisement of the theme's next version
-    good &= step("docs", [BIN / "mkdocs", "build", "--strict", "--quiet"])
+    good = step("docs", [BIN / "mkdocs", "build", "--strict", "--quiet"])
 
     print("\n── programs that the tests drive", flush=True)
     os.environ["COSPEECH_NODE"], npm = node()
@@ -162,11 +174,8 @@ def main(arguments: list[str]) -> int:
     print(f"   Blender: {why if python else 'SKIPPED, ' + why}")
 
     shared = Path(os.environ.get("COSPEECH_SHARED", ROOT.parent / "shared"))
-    print(f"   shared data: {shared if shared.is_dir() else f'SKIPPED, none at {shared}'}")
-
-    if not good:
-        print("\nlinters or docs FAILED (above); the tests run all the same", flush=True)
-    return 0 if tests() and good else 1
+    print(f"   shared data: {shared if shared.is_dir() else f'SKIPPED, none at {shared}'}", flush=True)
+    return good
 
 
 if __name__ == "__main__":

@@ -140,7 +140,7 @@ def test_weight_decay_is_added_to_the_gradient_before_adam_sees_it():
 
 def test_trained_it_gives_poses_back_from_content_and_style(tmp_path):
     config = {"frames": 64, "channels": 8, "style": 4, "mlp": 16, "blocks": 1}
-    settings = {"steps": 100, "batch": 8, "lr": 2e-3, "threads": 1, "validate_every": 0, "betas": [0.5, 0.999]}
+    settings = {"steps": 50, "batch": 8, "lr": 2e-3, "threads": 1, "validate_every": 0, "betas": [0.5, 0.999]}
     recipe = read_recipe({"model": {"name": "munit", **config}, "train": settings})
     store = make_store(tmp_path / "store")
     train(recipe, store, tmp_path / "run")

@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 # Where an image forbids bytecode, every process of a test compiles every module again: seconds for one that imports torch.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
-# As many workers as cores: torch and BLAS with threads of their own would stand in each other's way.
+# Workers share the cores: torch and BLAS with threads of their own would stand in each other's way.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 # librosa is compiled when it is first called. Two workers that write one cache spoil it, and what reads it then crashes.
 # A worker inherits the environment of the process that starts it. So each one names a folder of its own, which ends with it.

@@ -1,4 +1,4 @@
-"""`make test`: runs the linters, sets up meanwhile what the tests need beside Python, then builds the docs and runs every test.
+"""`make test`: runs the linters, meanwhile builds the docs and sets up what the tests need beside Python; then every test.
 
 With ``lint`` as argument, only the linters run; with ``check``, the linters and the tests that no marker calls slow or in need
 of anything beside the core (pyproject.toml). Steps that fail do not stop the later ones; the exit code tells. pytest runs last.

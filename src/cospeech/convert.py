@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -174,14 +175,13 @@ def _cut_sound(audio: File | None, edits: Edits) -> Iterator[File | None]:
     import soundfile
 
     speech = Speech.load(audio)
-    first, last = (None if time is None else round(time * speech.rate) for time in (edits.start, edits.end))
-    samples = speech.samples[first:last]
-    if not len(samples):
+    start, end = edits.start or 0.0, math.inf if edits.end is None else edits.end
+    if start >= speech.duration:
         yield None
         return
     with TemporaryDirectory() as folder:
         path = Path(folder) / "speech.wav"
-        soundfile.write(path, samples, speech.rate, subtype="FLOAT")
+        soundfile.write(path, speech.window(start, end).samples, speech.rate, subtype="FLOAT")
         yield path
 
 

@@ -88,7 +88,7 @@ class TestStance:
         kept = balance(wanted, b)
         share = shares_of_feet(b[:, Body.LEFT_FOOT][:, :2], b[:, Body.RIGHT_FOOT][:, :2], kept)
         assert np.abs(share).max() < 0.66
-        assert np.diff(share).min() > -1e-12  # who wants further still goes further
+        assert np.diff(share).min() > -1e-12  # who wants further never comes back
         near = np.abs(shares_of_feet(b[:, Body.LEFT_FOOT][:, :2], b[:, Body.RIGHT_FOOT][:, :2], wanted)) < 0.5
         np.testing.assert_allclose(kept[near], wanted[near], atol=1e-12)
 

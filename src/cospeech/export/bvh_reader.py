@@ -30,7 +30,6 @@ from ..motion.motion import Motion
 from ..motion.rest_calibration import calibrate_rest, on_motions_floor
 from ..motion.rotations import (
     Array,
-    axis_angle_to_quat,
     quat_conjugate,
     quat_continuous,
     quat_multiply,
@@ -45,6 +44,7 @@ from .bvh_layout import BvhLayout
 from .bvh_text import read_header
 from .reading import open_file, size_of
 from .timing import rate_of_step
+from .up_axis import Z_TO_Y, has_z_up
 
 __all__ = ["UNITS", "load"]
 
@@ -52,7 +52,6 @@ UNITS = {"m": 1.0, "dm": 0.1, "cmu": 0.0254 / 0.45, "inch": 0.0254, "cm": 0.01, 
 """Unit of a file → metres; the Carnegie Mellon database counts in inches / 0.45 (its FAQ)."""
 
 _HEIGHTS = ((4.5, "m"), (25.0, "dm"), (48.0, "cmu"), (80.0, "inch"), (500.0, "cm"), (np.inf, "mm"))  # ours, see above
-_Z_TO_Y = axis_angle_to_quat((1.0, 0, 0), -np.pi / 2)
 _NAMES = 1 << 18  # bytes at the beginning of a file in which names are looked at: a thousand joints; ours
 _SAMPLE = 64  # ours: frames that are looked at to tell which way is up
 
@@ -143,9 +142,9 @@ def _as_motion(
     layout = skeleton.layout
     assert layout is not None
     if (up or _up(skeleton, names, points)) == "z":
-        layout = replace(layout, turn=quat_conjugate(_Z_TO_Y))
-        rotations[:, 0] = quat_multiply(_Z_TO_Y, rotations[:, 0])
-        root = quat_rotate(_Z_TO_Y, root)
+        layout = replace(layout, turn=quat_conjugate(Z_TO_Y))
+        rotations[:, 0] = quat_multiply(Z_TO_Y, rotations[:, 0])
+        root = quat_rotate(Z_TO_Y, root)
     skeleton = with_tpose(skeleton, names) if names else on_floor(skeleton, 0)
     if names and skeleton.kind == "custom":
         skeleton = calibrate_rest(skeleton, names, rotations)
@@ -162,8 +161,7 @@ def _up(skeleton: Skeleton, names: dict[str, str], points: Array) -> str:
     if not names:
         return "y"
     spine = points[:, skeleton.index[names["head"]]] - points[:, skeleton.index[names["hips"]]]
-    _, y, z = np.mean(spine / np.maximum(np.linalg.norm(spine, axis=-1, keepdims=True), 1e-12), 0)
-    return "z" if z > 0.5 and z > abs(y) else "y"  # 0.5, ours: upright for most of the time
+    return "z" if has_z_up(spine / np.maximum(np.linalg.norm(spine, axis=-1, keepdims=True), 1e-12)) else "y"
 
 
 def _guess_units(skeleton: Skeleton, names: dict[str, str]) -> str:

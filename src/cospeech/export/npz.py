@@ -31,11 +31,10 @@ from . import Writer as BaseWriter
 from .frame_buffer import FrameBuffer
 from .npz_arrays import Arrays, open_arrays
 from .reading import check_frames, open_file, size_of
-from .smpl_bodies import WIDTHS, find_pelvis, stand_upright, to_smplx
+from .smpl_bodies import JOINTS, WIDTHS, find_pelvis, stand_upright, to_smplx
 
 __all__ = ["Writer", "load"]
 
-_JOINTS = 55
 _MOST_NAMES = 1000  # columns of a face; ours: ARKit has 52
 _JAW = 22  # SMPL-X joint order, see ecosystem of `smplx` joint_names
 _JAW_OPEN = 0.35  # radians at jawOpen = 1; ours: FLAME's mouth is wide open at some 20 degrees
@@ -48,7 +47,7 @@ class Writer(BaseWriter):
 
     def _begin(self, temporary: Path) -> None:
         self._temporary = temporary
-        self._spool = FrameBuffer((_JOINTS * 3, 3, len(ARKIT)), temporary.parent)
+        self._spool = FrameBuffer((JOINTS * 3, 3, len(ARKIT)), temporary.parent)
         self._has_face = True
 
     def _write(self, motion: Motion) -> None:
@@ -59,14 +58,14 @@ class Writer(BaseWriter):
         self._has_face &= motion.face is not None
         if motion.face is not None:
             poses[:, _JAW * 3 : _JAW * 3 + 3] = face[:, ARKIT_INDEX["jawOpen"], None] * (_JAW_OPEN, 0, 0)
-        self._spool.add(np.concatenate([poses, body.root - find_pelvis(_JOINTS * 3), face], 1))
+        self._spool.add(np.concatenate([poses, body.root - find_pelvis(JOINTS * 3), face], 1))
 
     def _finish(self) -> None:
         assert self._spool is not None
         spool, frames = self._spool, self._spool.frames
         with zipfile.ZipFile(self._temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
             _pack(archive, "betas", (300,), [np.zeros(300, "<f4")])
-            _pack(archive, "poses", (frames, _JOINTS * 3), spool.blocks(0))
+            _pack(archive, "poses", (frames, JOINTS * 3), spool.blocks(0))
             _pack(archive, "expressions", (frames, 100), (np.zeros((len(b), 100), "<f4") for b in spool.blocks(1)))
             _pack(archive, "trans", (frames, 3), spool.blocks(1))
             for key, value in (("model", "smplx2020"), ("gender", "neutral")):
@@ -131,7 +130,7 @@ def _check_shapes(arrays: Arrays, rate_key: str, size: int, name: str) -> None:
     if len(poses) != 2 or poses[1] not in WIDTHS or trans != (frames, 3):
         wanted = "expected (frames, 165) of SMPL-X, 156 of SMPL-H or 72 of SMPL, and (frames, 3)"
         raise InputError(f"{name}: poses {poses}, trans {trans}"[:200], wanted)
-    check_frames(name, frames, _JOINTS, size)
+    check_frames(name, frames, JOINTS, size)
     if math.prod(arrays.shape(rate_key)) != 1:
         raise InputError(f"{name} has frames per second of shape {arrays.shape(rate_key)}"[:200], "expected one number")
     face = arrays.shape("arkit") if "arkit" in arrays else (frames, len(ARKIT))

@@ -9,15 +9,17 @@ from __future__ import annotations
 import numpy as np
 
 from ..motion.rotations import Array, quat_multiply, quat_rotate
+from .up_axis import Z_TO_Y, has_z_up
 
-__all__ = ["WIDTHS", "find_pelvis", "stand_upright", "to_smplx"]
+__all__ = ["JOINTS", "WIDTHS", "find_pelvis", "stand_upright", "to_smplx"]
 
-_BODY, _HANDS, _JOINTS = 22, 30, 55  # joints that all bodies share; of two hands; of SMPL-X
-WIDTHS = (3 * _JOINTS, 3 * (_BODY + _HANDS), 3 * 24)
+JOINTS = 55
+"""Of SMPL-X."""
+_BODY, _HANDS = 22, 30  # joints that all bodies share; of two hands
+WIDTHS = (3 * JOINTS, 3 * (_BODY + _HANDS), 3 * 24)
 """Numbers in a frame of ``poses``: of SMPL-X, of SMPL-H, of SMPL."""
 _PELVIS_X = np.array([0.003124, -0.351401, 0.012037])  # SMPL-X neutral template, joint 0 at zero betas, metres
 _PELVIS = np.array([-0.001795, -0.223334, 0.028219])  # SMPL's neutral template, the same; SMPL-H's is alike
-_UPRIGHT = np.array([-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])  # Z up → Y up: a quarter turn about X
 
 
 def find_pelvis(width: int) -> Array:
@@ -28,12 +30,12 @@ def find_pelvis(width: int) -> Array:
 def to_smplx(poses: Array) -> Array:
     """(T, 55, 3) axis-angles of SMPL-X from (T, width) of any of these bodies; joints that it lacks rest."""
     if poses.shape[1] == WIDTHS[0]:
-        return poses.astype(np.float64).reshape(-1, _JOINTS, 3)
-    vectors = np.zeros((len(poses), _JOINTS, 3))
+        return poses.astype(np.float64).reshape(-1, JOINTS, 3)
+    vectors = np.zeros((len(poses), JOINTS, 3))
     own = poses.astype(np.float64).reshape(len(poses), -1, 3)
     vectors[:, :_BODY] = own[:, :_BODY]
     if poses.shape[1] == WIDTHS[1]:
-        vectors[:, _JOINTS - _HANDS :] = own[:, _BODY:]
+        vectors[:, JOINTS - _HANDS :] = own[:, _BODY:]
     return vectors
 
 
@@ -44,7 +46,6 @@ def stand_upright(pelvis: Array, place: Array) -> tuple[Array, Array]:
         pelvis: (T, 4) rotations in the world of the file.
         place: (T, 3) metres.
     """
-    up = np.median(quat_rotate(pelvis, np.array([0.0, 1.0, 0.0])), axis=0) if len(pelvis) else np.zeros(3)
-    if up[2] <= abs(up[1]):
+    if not has_z_up(quat_rotate(pelvis, np.array([0.0, 1.0, 0.0]))):
         return pelvis, place
-    return quat_multiply(_UPRIGHT, pelvis), quat_rotate(_UPRIGHT, place)
+    return quat_multiply(Z_TO_Y, pelvis), quat_rotate(Z_TO_Y, place)

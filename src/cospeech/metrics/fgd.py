@@ -47,8 +47,6 @@ def _check(mean: Array, covariance: Array, size: int) -> None:
         raise InputError(f"mean of shape {mean.shape} with a covariance of shape {covariance.shape}")
     if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
         raise InputError("mean or covariance hold values that are not finite")
-    if np.array_equal(covariance, covariance.T):
-        return
     if not np.allclose(covariance, covariance.T, rtol=1e-6, atol=1e-9 * (1 + np.abs(covariance).max(initial=0))):
         raise InputError("a covariance that is not symmetric")
 

@@ -171,6 +171,7 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             height=0.1,
             breadth=0.0,
             forward=0.0,
+            tempo=1.14,
             hold=0.9,
             hand=0.92,
             both=0.42,
@@ -182,7 +183,6 @@ STYLES: Mapping[str, Style] = MappingProxyType(
             rest="steeple",
             averted=0.35,
             repertoire={"precision": 3.0, "frame": 2.5, "count": 3.0, "point": 1.2, "chop": 1.6, "spread": 0.4},
-            tempo=1.14,
         ),
         "orator": Style(
             "large and high gestures, mostly of the right hand, that chop, point and push: a politician",

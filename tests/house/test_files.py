@@ -22,6 +22,14 @@ pytestmark = pytest.mark.slow
 COSPEECH = [sys.executable, "-m", "cospeech"]
 
 
+def sizes(folder: Path, before: set[Path]) -> list[int]:
+    """Bytes of each new BVH file below a folder in which another process removes folders meanwhile."""
+    try:
+        return [path.stat().st_size for path in {*folder.rglob("*.bvh")} - before]
+    except FileNotFoundError:
+        return []
+
+
 @pytest.fixture
 def begun(long_speech):
     """Starts runs, and returns when they are writing."""
@@ -31,7 +39,7 @@ def begun(long_speech):
         before = {*target.parent.rglob("*.bvh")}
         started.append(subprocess.Popen([*COSPEECH, "generate", str(long_speech), "-o", str(target), "-q"]))
         until = time.monotonic() + 60
-        while not any(path.stat().st_size > 10_000 for path in {*target.parent.rglob("*.bvh")} - before):
+        while not any(size > 10_000 for size in sizes(target.parent, before)):
             assert started[-1].poll() is None
             assert time.monotonic() < until
             time.sleep(0.02)

@@ -94,7 +94,7 @@ def render(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Draw a motion file, or a part of it, as a video, .gif or strip of frames.
+    """Draw a motion file as a video, .gif or strip of frames.
 
     \b
     cospeech render talk.glb talk.mp4 --audio talk.wav

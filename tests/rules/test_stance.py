@@ -73,14 +73,14 @@ class TestStance:
 
     def test_the_free_side_of_the_pelvis_sinks_and_the_free_knee_bends(self):
         b = np.tile(first_body(Random(0), seated=False), (2, 1))
-        b[1, Body.HIPS_X] = 0.08  # on the left leg
+        b[1, Body.HIPS_X], b[1, Body.RIGHT_TIP] = 0.08, 8.0  # on the left leg, with the right heel up
         rotations = quat_identity(2, len(humanoid()))
         hips, _ = stand(b, False, rotations)
         roll = np.degrees(quat_to_euler(hips, "YXZ"))[:, 2]
         assert roll[0] == pytest.approx(0, abs=0.5)
         assert roll[1] > 4  # the left side is up
         knees = {s: 2 * np.degrees(np.arccos(rotations[1, humanoid().index[s + "LowerLeg"], 3])) for s in ("left", "right")}
-        assert knees["right"] > knees["left"] + 5
+        assert knees["right"] > knees["left"] + 10
 
     def test_hips_stay_between_the_feet(self):
         b = np.tile(first_body(Random(0), seated=False), (41, 1))
@@ -97,6 +97,20 @@ class TestStance:
     def test_nobody_stands_as_if_falling(self, style):
         motion = RuleBasedModel().generate(Speech(babble(3, 40.0), 16000), style=style, seed=3, fps=15, intensity=1.4)
         assert np.abs(shares_of_motion(motion)).max() < 0.7
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize("style", ["natural", "lively"])
+    def test_hips_glide_and_do_not_answer_every_stroke(self, style):
+        """Nine tenths of the power of a recorded speaker's hips is below .7 Hz; ours once had half of it there."""
+        shares, hertz = [], np.fft.rfftfreq(1799, 1 / 30)
+        for seed in (3, 4):
+            motion = RuleBasedModel().generate(Speech(babble(3, 60.0), 16000), style=style, seed=seed, fps=30)
+            velocity = np.diff(motion.root[:, [0, 2]].astype(float), axis=0) * 30
+            power = np.abs(np.fft.rfft(velocity * np.hanning(len(velocity))[:, None], axis=0)) ** 2
+            shares.append([power[hertz < limit].sum() / power.sum() for limit in (0.7, 1.3)])
+        below = np.mean(shares, 0)
+        assert below[0] > 0.7
+        assert below[1] > 0.92
 
     @pytest.mark.slow
     def test_steps_per_minute_are_as_asked_and_none_while_seated(self):
@@ -268,6 +282,18 @@ class TestLayer:
         assert rows["clavicle rotation SD, deg"] > before["clavicle rotation SD, deg"] + 3
         for name in ("pelvis rotation SD, deg", "hip height SD, cm", "hip travel SD, cm"):
             assert before[name] < BODY_TARGETS[name].low < rows[name]
+
+    def test_the_weight_goes_elsewhere_while_the_hands_move(self):
+        bare = upper_body(80.0)
+        moves = (np.arange(len(bare)) // 300) % 2 == 0  # ten seconds each
+        bare.rotations[~moves] = bare.rotations[0]
+        speeds = []
+        for seed in range(4):
+            hips = add_stance(bare, seed=seed).root[:, [0, 2]].astype(float)
+            speed = np.linalg.norm(np.diff(hips, axis=0), axis=1) * 30
+            speeds.append([speed[moves[1:]].mean(), speed[~moves[1:]].mean()])
+        moving, resting = np.mean(speeds, 0)
+        assert moving > 1.3 * resting > 0.005  # metres a second: nobody is nailed down, either
 
     def test_fingers_live_within_their_limits_and_only_where_hands_are_wanted(self):
         bare = upper_body(20.0)

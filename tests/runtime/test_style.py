@@ -252,12 +252,15 @@ def test_rate_place_and_heading_do_not_matter():
 @pytest.mark.slow
 def test_long_examples_are_seen_in_pieces():
     motion, other = (acted(hand, style="natural", seconds=60.0) for hand in (0.0, 1.0))
-    long = Motion.concatenate([motion] * 6)  # six minutes
+    long = Motion.concatenate([motion] * 3 + [other] * 3)  # six minutes
     embedding = space().by_example(long)
     assert sum(map(len, embedding.poses)) == 120 * 20
     assert len(embedding.poses) == 12
-    apart = [np.linalg.norm(embedding.code - code(each)) for each in (motion, other)]
-    assert apart[0] < 0.5 * apart[1]
+    first, last = (np.concatenate(pieces).mean(0) for pieces in (embedding.poses[:6], embedding.poses[6:]))
+    means = [np.concatenate(space().by_example(each).poses).mean(0) for each in (motion, other)]
+    away = [[np.linalg.norm(half - mean) for mean in means] for half in (first, last)]
+    assert away[0][0] < 0.5 * away[0][1]  # the first six are of one hand, the others of the other hand
+    assert away[1][1] < 0.5 * away[1][0]
     half = Motion.concatenate([long] * 5)
     began = time.process_time()
     assert sum(map(len, space().by_example(half).poses)) == 120 * 20

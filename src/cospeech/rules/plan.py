@@ -250,7 +250,7 @@ class Planner:
                 self._retract(later, hand, "rest", modifier, self._random)
             else:
                 self._sympathy(other, leader, start, prepare, onset, stroke, poses)
-        self.posture.on_stroke(start, onset, stroke, stroked, modifier)
+        self.posture.on_stroke(now, (start, onset, stroke), stroked, modifier)
         text, score = (word.text, form.score) if word is not None else ("", form.score)
         self._planned.append(Gesture(start, onset + stroke / 2, end, name, label, text, score))
         self.placed = (leader.up_until - end, *poses[1][:3].tolist())

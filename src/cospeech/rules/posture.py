@@ -29,12 +29,16 @@ _TURNS = np.array([14.0, 0.0, 0.0, 20.0])
 other explain .79 of the yaw of his shoulders; a part of ours comes from the clavicles]"""
 _LEANS = np.array([0.0, -1.0, -8.0, 0.0])
 """Degrees of pitch forward. [ours: the same speaker leans back by 6°/m as his hands go forward]"""
-_ANSWERS = np.array([12.0, 8.0, 0.10])
+_ANSWERS = np.array([11.5, 5.0, 0.02])
 """Degrees of pitch, degrees of roll and metres of hips, either way, with which a body answers a stroke of an arm length. [ours:
 mid-shoulder and wrist of people move fast together (r .3 to .5), but a recorded trunk does not go where the hands go]"""
-_SEATED = 0.65  # share of a standing trunk's part in a stroke that a seated one has (ours)
+_SEATED = 1.15  # share of a standing trunk's part in a stroke that a seated one has (ours)
 _ANSWERED = [Body.PITCH, Body.ROLL, Body.HIPS_X, Body.HIPS_Z]
+_SPINE_AND_PELVIS = np.array([0.65, 1.5])
+"""Shares of a stroke's turn that spine and pelvis of a standing body have. [ours: a recorded pelvis turns nearly as fast as its
+chest]"""
 _LONGER = 0.16  # seconds by which an answer takes longer than its stroke (ours)
+_LARGE = 0.4  # arm lengths of a stroke that always brings another place of the torso, smaller ones by the square (ours)
 _MOST = 10.0  # degrees that a stroke turns or bends the trunk (ours)
 
 
@@ -63,16 +67,18 @@ class Posture:
         self.gaze: Gaze = GazePlanner(random.getrandbits(32), style.averted)
         self.gaze_shifts: deque[tuple[float, float]] = deque()
         """Recent ones: time in seconds, size in radians."""
-        self._phrase = -1.0
+        self._phrase = self._leaned = -1.0
         self._modifier: EmotionModifier | None = None
 
     def schedule(self) -> dict[str, Any]:
         """What is to be done when, apart from where the body is."""
-        return {"_next": dict(self._next), "_seat": self._seat, "_phrase": self._phrase, "stance": self.stance.schedule()}
+        own = {"_seat": self._seat, "_phrase": self._phrase, "_leaned": self._leaned}
+        return own | {"_next": dict(self._next), "stance": self.stance.schedule()}
 
     def follow(self, schedule: Mapping[str, Any]) -> None:
         """Go on as another posture would from there."""
-        self._next, self._seat, self._phrase = dict(schedule["_next"]), schedule["_seat"], schedule["_phrase"]
+        self._next = dict(schedule["_next"])
+        self._seat, self._phrase, self._leaned = (schedule[name] for name in ("_seat", "_phrase", "_leaned"))
         self.stance.follow(schedule["stance"])
 
     @property
@@ -99,7 +105,8 @@ class Posture:
             self._sit(now)
         if now >= self._next["lean"]:
             self._settle(now, self._random.uniform(0.9, 1.8), modifier)
-            self._next["lean"] = now + self._random.uniform(1.2, 3.4) * (1.0 if speaking else 1.8)
+            self._leaned = now
+            self._next["lean"] = now + self._random.uniform(3.5, 7.0) * (1.0 if speaking else 1.8)
         if now >= self._next["head"]:
             self._turn_head(now, modifier, speaking)
         self.look(now, phrases, modifier)
@@ -183,23 +190,32 @@ class Posture:
         self.track.add(onset, down, nod)
         self.track.add(onset + down * 0.8, up, -nod)
 
+    def _move_along(self, now: float, start: float, length: float, poses: Mapping[int, Sequence[Array]]) -> None:
+        """With a stroke that is large for this style, torso, pelvis and weight go elsewhere."""
+        size = max(float(np.linalg.norm(own[1][:3] - own[0][:3])) for own in poses.values()) / self.style.amplitude**0.5
+        self.stance.begin_gesture(now, start, length, size)
+        if self._random.random() < (size / _LARGE) ** 2:
+            wanted = max(now, start - 0.2, self._leaned + self._random.uniform(0.7, 1.4))
+            self._next["lean"] = min(self._next["lean"], wanted)
+
     def on_stroke(
-        self, start: float, onset: float, stroke: float, poses: Mapping[int, Sequence[Array]], modifier: EmotionModifier
+        self, now: float, times: tuple[float, float, float], poses: Mapping[int, Sequence[Array]], modifier: EmotionModifier
     ) -> None:
         """The trunk winds up while the hands prepare, leads the stroke, and comes back when it is over.
 
-        It turns to where the hands go, and hardly leans there: hips go the other way, as a weight that balances the arms.
+        It turns to where the hands go, and hardly leans there. With a large stroke the weight goes elsewhere, too.
 
         Args:
-            start: of the preparation, seconds.
-            onset: of the stroke.
-            stroke: seconds that it takes.
+            now: of the tick, seconds.
+            times: when the preparation begins, when the stroke begins, and how long the stroke takes, seconds.
             poses: of each hand that strokes (0 left, 1 right): the first one is prepared, the second one stroked to.
             modifier: of the emotion.
         """
+        start, onset, stroke = times
         torso = min(self.style.torso * modifier.torso * self.size, 1.8) * (0.6 if self.style.seated else 1.0)
         prepared, struck = (_place({hand: own[k] for hand, own in poses.items()}) for k in (0, 1))
         way, both = struck - prepared, len(poses) == 2
+        self._move_along(now, start, onset + stroke - start, poses)
         far = float(np.hypot(way[1], way[2])) ** 0.5
         part = np.zeros(BODY_CHANNELS)
         turned = [Body.YAW, Body.PITCH, Body.ROLL]
@@ -215,14 +231,16 @@ class Posture:
         if self.style.seated:  # on a chair the head goes along, and the trunk hardly
             part[turned] *= _SEATED
         else:
-            part[Body.HIPS_X] = min(max(-0.05 * way[0] + self._gauss(_ANSWERS[2] * far), -0.035), 0.035) * torso
-            part[Body.HIPS_Z] = min(max(-0.04 * way[2] + self._gauss(_ANSWERS[2] * far), -0.035), 0.035) * torso
+            part[[Body.YAW, Body.HIPS_YAW]] *= _SPINE_AND_PELVIS
+            part[Body.HIPS_X] = min(max(-0.01 * way[0] + self._gauss(_ANSWERS[2] * far), -0.007), 0.007) * torso
+            part[Body.HIPS_Z] = min(max(-0.01 * way[2] + self._gauss(_ANSWERS[2] * far), -0.007), 0.007) * torso
             part[Body.SINK] = min(max(-0.02 * way[1], -0.003), 0.011) * torso
         lead = self._random.uniform(0.06, 0.13)
         wind = -self._random.uniform(0.2, 0.5) * part
         if both:  # two hands that are equally before the body turn nobody, others turn it from the preparation on
-            turn = min(max(float(prepared @ _TURNS) * torso, -_MOST), _MOST) * (_SEATED if self.style.seated else 1.0)
-            wind[[Body.YAW, Body.HIPS_YAW, Body.HEAD_YAW]] = turn, turn, 0.65 * turn
+            turn = min(max(float(prepared @ _TURNS) * torso, -_MOST), _MOST)
+            spine, pelvis = (_SEATED, _SEATED) if self.style.seated else _SPINE_AND_PELVIS
+            wind[[Body.YAW, Body.HIPS_YAW, Body.HEAD_YAW]] = spine * turn, pelvis * turn, 0.65 * turn
         ready = onset - lead
         begin = max(start, ready - 0.7)
         self.track.add(begin, max(ready - begin, 0.25) * 1.2, wind)

@@ -33,7 +33,7 @@ from ..motion.skeleton import humanoid
 from .arm_frames import ArmFrames, arm_frames, lay_on_lap, offsets
 from .hand_noise import add_hand_noise
 from .minimum_jerk import MinimumJerkTrack
-from .stance import BREATH_PITCH, CONTRAPPOSTO, PELVIS_SHARE
+from .stance import BREATH_PITCH, CONTRAPPOSTO, DRIFT, DRIFT_HZ, PELVIS_SHARE
 from .styles import Style
 
 __all__ = ["Pieces", "gaze_only", "realise"]
@@ -147,10 +147,11 @@ def _add_body_noise(b: Array, times: Array, style: Style, seed: int, size: float
     head, torso, sway = style.head * still, min(style.torso, 1.0) * still * (2.7 if style.seated else 1.0), style.sway * still
     moved = sway * (0.15 if style.seated else 1.0)
     scale = np.array(
-        [0.9 * torso, 1.0 * torso, 1.8 * torso, 1.6 * head, 1.5 * head, 2.1 * head, 0.018 * moved, 0.013 * moved]
+        [0.9 * torso, 1.0 * torso, 1.8 * torso, 1.6 * head, 1.5 * head, 2.1 * head, 0.004 * moved, 0.004 * moved]
         + [1.4 * sway, 0.9 * sway, 0.9 * sway]
     )
     b[:, _SWAYING] += n * scale
+    b[:, Body.PLACE] += smooth_noise(seed + 6, 2, times, DRIFT_HZ, octaves=1) * (DRIFT * moved)
     if not style.seated:
         b[:, Body.PLACE] = balance(b[:, Body.PLACE], b)
         b[:, Body.ROLL] -= CONTRAPPOSTO * weight_shift(b)

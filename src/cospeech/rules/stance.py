@@ -19,20 +19,32 @@ from ..motion.kinematics.legs import BALL, STANCE, TOE_OUT
 from ..motion.rotations import Array
 from .minimum_jerk import MinimumJerkTrack
 
-__all__ = ["BREATH_PITCH", "CONTRAPPOSTO", "PELVIS_SHARE", "Stance", "StanceAmounts", "first_body"]
+__all__ = ["BREATH_PITCH", "CONTRAPPOSTO", "DRIFT", "DRIFT_HZ", "PELVIS_SHARE", "Stance", "StanceAmounts", "first_body"]
 
 BREATH_PITCH = 1.7
 """Degrees by which a breath opens the chest. Ours: about 1 cm."""
 PELVIS_SHARE = 0.6
 """Share of the pelvis' turn that the chest takes over. Ours, by eye."""
-CONTRAPPOSTO = 24.0
-"""Degrees that the chest leans to the loaded side per metre of weight shift. Ours, by eye."""
+CONTRAPPOSTO = 31.0
+"""Degrees that the chest leans to the loaded side per metre of weight shift. [ours: 31 of a recorded speaker]"""
+DRIFT_HZ, DRIFT = 0.25, 0.012
+"""How often, and how far in metres, hips drift between shifts of the weight. [ours: a recorded hip never waits: in its
+slowest tenth it has a fifth of its mean speed]"""
 _MOST_TURN = 17.0  # degrees that pelvis and feet turn away from the listener
 _OVER = 0.175  # metres above the floor of the sole of a leg that lies over the other's knee: thigh over thigh
 _WIDTHS = (1.0, 1.7)  # of a stance, over `STANCE`: ankles .21 to .36 m apart (CMU's takes that stand: .24 to .59)
 _BEFORE = 0.02  # metres by which hips are before the ankles, beside the skeleton's own: weight lies on the middle of the foot
-_SHIFTS = (1.0, 3.0)  # seconds between shifts of the weight (ours: sway peaks at .15 to .65 Hz, motion.md §1)
-_LASTS = (0.9, 2.4)  # seconds of a shift (ours: hips that wait for the next shift look nailed down; a speaker's glide)
+_SHIFTS = (5.0, 9.0)  # seconds between shifts of the weight while hands rest (ours)
+_TURNS = (3.5, 7.0)  # seconds between turns of the pelvis while hands rest (ours)
+_LARGE = 0.5
+"""Arm lengths of a gesture that always brings a shift; smaller ones bring one by the square of that. [ours: a recorded speaker
+sways while he gestures: below .5 Hz, the speeds of hips and wrists have an r of .4, above it of 0]"""
+_APART = (0.9, 1.6)  # seconds from the beginning of a shift, or turn, to the next one that a gesture brings (ours)
+_LASTS, _GLIDES = (1.4, 2.8), (2.8, 4.2)
+"""Seconds of a shift that a gesture brings, and of one while hands rest. [ours: a recorded speaker's hips glide: nine tenths of
+the power of their speed sideways are below .35 Hz, one hundredth is above .7 Hz]"""
+_OVERLAP = 1.6  # times the gesture that its shift lasts (ours)
+_LEANS = 0.8  # seconds in which the weight goes over the foot that stays, before the other one steps (ours)
 _PIVOTS = 10.0  # degrees of tip from which a free foot may turn about its ball (ours)
 _ROOM = (0.18, 0.16)  # metres sideways and in depth that feet keep around the first place
 _FREE = {False: Body.LEFT_TIP, True: Body.RIGHT_TIP}  # the free foot's tip, by whether the weight is on the left
@@ -53,7 +65,8 @@ class StanceAmounts:
     seated: bool = False
 
 
-_SCHEDULE = ("_left", "_heading", "_breathed", "_follow", "_down", "_settled")
+_TIMES = ("_next", "_begun")
+_SCHEDULE = ("_left", "_heading", "_breathed", "_lasts", "_follow", "_down", "_settled")
 
 
 def first_body(random: Random, *, seated: bool, lean: float = 0.0) -> Array:
@@ -103,6 +116,8 @@ class Stance:
         self._left = random.random() < 0.5
         self._heading = 0.0
         self._breathed = -9.0
+        self._lasts = 0.0
+        self._begun = {"shift": -9.0, "turn": -9.0}
         self._next = {
             "shift": random.uniform(0.2, 1.5),
             "turn": random.uniform(0.5, 2.0),
@@ -126,7 +141,7 @@ class Stance:
             self._breathe(now, now + 0.02, self._random.uniform(0.9, 1.3), self._random.uniform(1.5, 2.4))
         if now >= self._next["turn"]:
             self._turn(now)
-            self._next["turn"] = now + self._random.uniform(1.0, 2.8) * calm
+            self._next["turn"] = now + self._random.uniform(*_TURNS) * calm
         if now >= max(self._next["shift"], self._down):
             self._shift(now)
             self._next["shift"] = now + self._random.uniform(*_SHIFTS) * calm / min(max(self.amounts.sway, 0.4), 1.0)
@@ -138,12 +153,12 @@ class Stance:
     def schedule(self) -> dict[str, Any]:
         """What is to be done when, apart from where the body is."""
         own = {name: getattr(self, name) for name in _SCHEDULE}
-        return own | {"_next": dict(self._next)}
+        return own | {name: dict(getattr(self, name)) for name in _TIMES}
 
     def follow(self, schedule: Mapping[str, Any]) -> None:
         """Go on as another stance would from there."""
         for name, value in schedule.items():
-            setattr(self, name, dict(value) if name == "_next" else value)
+            setattr(self, name, dict(value) if name in _TIMES else value)
 
     def begin_phrase(self, now: float, start: float) -> None:
         """Somebody is about to speak, at ``start`` seconds: first comes a quick breath, and often the weight goes elsewhere."""
@@ -151,6 +166,21 @@ class Stance:
             self._breathe(now, max(now + 0.02, start - 0.5), self._random.uniform(0.42, 0.6), self._random.uniform(2.2, 3.6))
         if self._random.random() < 0.35:
             self._next["shift"] = min(self._next["shift"], now + self._random.uniform(0, 0.5))
+
+    def begin_gesture(self, now: float, start: float, length: float, size: float) -> None:
+        """Hands are about to move: often weight and pelvis go elsewhere with them.
+
+        Args:
+            now: of the tick, seconds.
+            start: of the movement, seconds.
+            length: of the movement, seconds.
+            size: of the movement, arm lengths.
+        """
+        if self._random.random() < (size / _LARGE) ** 2:
+            self._lasts = min(max(_OVERLAP * length, _LASTS[0]), _LASTS[1])
+            for move in ("shift", "turn"):
+                wanted = max(now, start - 0.2, self._begun[move] + self._random.uniform(*_APART))
+                self._next[move] = min(self._next[move], wanted)
 
     def _gauss(self, size: float) -> float:
         return min(max(self._random.gauss(0, size), -2.2 * size), 2.2 * size)
@@ -169,7 +199,8 @@ class Stance:
 
     def _turn(self, now: float) -> None:
         """The pelvis turns and tilts a little."""
-        sway = self.amounts.sway * (0.8 if self.amounts.seated else 1.0)
+        self._begun["turn"] = now
+        sway = 0.8 * self.amounts.sway if self.amounts.seated else self.amounts.sway**0.5
         goal = (self._gauss(7.0 * sway), self._gauss(2.2 * sway))
         length = self._random.uniform(0.7, 1.4)
         self.track.move(now + 0.02, length, np.array(goal), [Body.HIPS_YAW, Body.HIPS_PITCH], skew=self._gauss(0.25))
@@ -179,25 +210,27 @@ class Stance:
 
     def _shift(self, now: float) -> None:
         """Onto one leg, or in between: the pelvis goes over the foot, its free side sinks, the free knee bends."""
+        self._begun["shift"] = now
         if self.amounts.seated:
             self._shift_seat(now)
             return
         left, right = self._feet()
         sway = min(self.amounts.sway, 1.35)
         kind = self._random.random()
-        depth = self._random.uniform(0.65, 1.0) if kind < 0.6 else self._random.uniform(0.2, 0.5) if kind < 0.85 else 0.05
-        self._left = not self._left if self._random.random() < 0.75 else self._left
+        depth = self._random.uniform(0.7, 1.0) if kind < 0.75 else self._random.uniform(0.2, 0.5) if kind < 0.92 else 0.05
+        self._left = not self._left if self._random.random() < 0.85 else self._left
         side = 1.0 if self._left else -1.0
         width = min((left[0] - right[0]) / 2, 0.14)
         goal = np.array(
             [
                 (left[0] + right[0]) / 2 + side * width * depth * min(0.35 + 0.65 * sway, 1.1),
                 (left[1] + right[1]) / 2 + _BEFORE + self._gauss(0.024 * sway),
-                self._random.uniform(0.0, 0.003) + (1 - depth) * self._random.uniform(0.0, 0.030) * sway,
+                self._random.uniform(0.0, 0.003) + (1 - depth) * self._random.uniform(0.0, 0.036) * sway,
                 -side * self._random.uniform(0.0, 1.5) * sway,
             ]
         )
-        length = self._random.uniform(*_LASTS)
+        length = self._lasts or self._random.uniform(*_GLIDES)
+        self._lasts = 0.0
         columns = [Body.HIPS_X, Body.HIPS_Z, Body.SINK, Body.HIPS_ROLL]
         self.track.move(now + 0.02, length, goal, columns, skew=self._gauss(0.25))
         self._free_heel(now, length, depth)
@@ -289,7 +322,7 @@ class Stance:
             self._heading = float(np.clip(turned, -_MOST_TURN, _MOST_TURN))
             self._follow = self._heading if self._random.random() < 0.6 else None
             if self._follow is not None:
-                self._next["step"] = now + self._random.uniform(1.1, 1.7)
+                self._next["step"] = now + self._random.uniform(1.5, 2.2)
         else:
             self._follow = None
             self._left = not self._left
@@ -307,16 +340,15 @@ class Stance:
         )
         if side * (goal[0] - still[0]) < 0.17:  # never across the other foot
             goal[0] = still[0] + side * 0.17
-        self.track.move(now + 0.02, 0.55, np.array([0.72 * still[0] + 0.28 * goal[0], 0.006]), [Body.HIPS_X, Body.SINK])
+        self.track.move(now + 0.02, 1.1, np.array([0.72 * still[0] + 0.28 * goal[0], 0.006]), [Body.HIPS_X, Body.SINK])
         self.track.move(now + 0.02, 0.4, np.array([0.0]), [_FREE[not self._left]])
-        length = self._random.uniform(0.36, 0.48)
-        self._down = now + 0.42 + length + 0.3
-        self._swing(now + 0.42, foot, goal, length, 0.04)
+        length, lifts = self._random.uniform(0.36, 0.48), now + _LEANS
+        self._down = lifts + length + 0.3
+        self._swing(lifts, foot, goal, length, 0.04)
         middle = (goal[:2] + still[:2]) / 2 + np.array([side * 0.02, _BEFORE])
-        self.track.move(
-            now + 0.42 + 0.55 * length, 0.85, np.array([*middle, 0.002]), [Body.HIPS_X, Body.HIPS_Z, Body.SINK], skew=0.2
-        )
-        self._next["shift"] = max(self._next["shift"], now + 0.42 + length + 0.9)
+        columns = [Body.HIPS_X, Body.HIPS_Z, Body.SINK]
+        self.track.move(lifts + 0.55 * length, 1.5, np.array([*middle, 0.002]), columns, skew=0.2)
+        self._next["shift"] = max(self._next["shift"], lifts + length + 0.9)
 
     def _swing(self, onset: float, foot: slice, goal: Array, length: float, height: float) -> None:
         """Heel off, foot through the air, heel down, sole down; the foot travels only while it is off the floor.

@@ -36,7 +36,7 @@ from ..motion.skeleton import humanoid
 from .arm_layer import move_fingers, raise_clavicles
 from .arm_push import ArmPush
 from .minimum_jerk import MinimumJerkTrack
-from .stance import BREATH_PITCH, CONTRAPPOSTO, PELVIS_SHARE, Stance, StanceAmounts, first_body
+from .stance import BREATH_PITCH, CONTRAPPOSTO, DRIFT, DRIFT_HZ, PELVIS_SHARE, Stance, StanceAmounts, first_body
 
 __all__ = ["REACH", "SEATED", "StanceLayer", "add_stance"]
 
@@ -48,19 +48,21 @@ REACH = 0.24
 """Seconds before and after a frame of which the wrists count: half the width of the trunk's kernel, and its lead."""
 _TRUNK_AND_HEAD = ("hips", *(name for name, _ in SPINE), "neck", "head")
 _LEAD = 0.08  # seconds by which the trunk is before the hands (ours: as in the rules, .06 to .13)
-_FOLLOWS, _BENDS = np.radians([30.0, 10.8, 40.0]), np.radians(24.0)
+_FOLLOWS, _BENDS = np.radians([29.0, 11.0, 40.0]), np.radians(23.0)
 """Pitch, roll and yaw of the chest per arm length that the hands are ahead, aside, and one before the other; pitch per arm
 length that they come down (ours). A trunk turns to where the hands are. It bends when they move, but mostly not to where they
 go: of one recorded speaker, their place explains .79 of the yaw of the shoulders, and .09 of the lean."""
 _ASIDE = np.radians(18.0)  # yaw of the chest per arm length that both hands are aside (ours)
 _EITHER_WAY = 0.25  # lattice points per second of the noise that says which way a trunk bends (ours)
 _KNEES, _HIPS = 0.1, 0.7  # metres that knees give way per radian of bend; share of the yaw that the pelvis takes (ours)
-_GOES = np.array([0.27, -0.45])  # metres that the hips go forward and to the left per radian of pitch and roll (ours)
+_GOES = np.array([0.05, -0.08])  # metres that the hips go forward and to the left per radian of pitch and roll (ours)
+_PART = 0.45  # of the way in `REACH` that counts as the size of a gesture: a stroke is seen in several ticks ([ours])
+_LASTS = 1.2  # seconds of a gesture whose end is not known ([ours])
 _TRUNK = 0.45  # share of its own bend that a motion's trunk keeps (ours: the rest is what follows the hands)
 _USUAL, _HEIGHT = np.array([0.3, 0.0, 0.0]), -0.6
 """Arm lengths ahead, aside, apart, and above the shoulder at which hands turn and bend nobody (ours: medians of people)."""
 _FULL = 0.2  # arm lengths from there at which the trunk has gone along nearly as far as it will (ours)
-_LESS = 0.85  # share of a stance's sway that goes under hips which move by themselves ([ours])
+_LESS = 0.78  # share of a stance's sway that goes under hips which move by themselves ([ours])
 _SWAY = np.radians([1.2, 1.08, 2.2])  # pitch, roll, yaw of a chest that is never still ([ours], as the rules')
 _LOOKS = np.radians([2.6, 3.6, 6.4])
 """Pitch, roll and yaw of a head that is never still ([ours]); eyes are turned against it."""
@@ -76,7 +78,7 @@ _STEADY, _LEAST = np.radians(31.0), 0.5
 that it keeps ([ours]): smoothing alone took a fifth off the chain's."""
 _MOSTLY = 2.0  # seconds over which a head is where it mostly is ([ours])
 _HEAD = 0.5  # share of what the chest does that the head goes along with ([ours]: so the flow's goes with the hands)
-_OWN = 0.6  # share of its own travel that a motion keeps ([ours])
+_OWN = 0.3  # share of its own travel that a motion keeps ([ours])
 _FAR = 0.06  # metres at which that bends ([ours]: feet are where they are)
 
 
@@ -219,15 +221,24 @@ class StanceLayer:
         """(n, channels) of the stance at the times, sway included."""
         assert self._stance is not None
         while self._ticks * TICK <= times[-1]:
-            self._stance.decide(self._ticks * TICK)
+            now = self._ticks * TICK
+            self._stance.begin_gesture(now, now, _LASTS, self._moves(self._behind + int(np.searchsorted(times, now))))
+            self._stance.decide(now)
             self._ticks += 1
         b = self._stance.track.at(times)
         self._stance.track.forget(times[-1] - 0.5)
         noise = smooth_noise(self._seed + 21, 5, times, 0.42, octaves=3, gain=0.55) * self._amount
         still = 0.15 if self._stance.amounts.seated else 1.0
         columns = [Body.HIPS_X, Body.HIPS_Z, Body.HIPS_YAW, Body.HIPS_PITCH, Body.HIPS_ROLL]
-        b[:, columns] += noise * [0.009 * still, 0.009 * still, 1.8, 0.9, 0.9]
+        b[:, columns] += noise * [0.004 * still, 0.004 * still, 4.3, 1.1, 0.9]
+        drift = smooth_noise(self._seed + 27, 2, times, DRIFT_HZ, octaves=1) * self._amount
+        b[:, Body.PLACE] += DRIFT * still * drift
         return b
+
+    def _moves(self, frame: int) -> float:
+        """Arm lengths that the quicker hand goes around a frame of the wrists that are kept: a part of a stroke's way."""
+        way = self._wrists[frame + self._ahead] - self._wrists[frame + self._ahead - self._behind]
+        return _PART * float(np.sqrt((way * way).sum(-1).max()))
 
     def _move_arms(self, q: Array, breath: Array, times: Array) -> None:
         """Clavicles and fingers of the next frames."""

@@ -22,7 +22,7 @@ _LEANS = 0.5  # share of a seated torso's pitch that the pelvis takes (ours: CMU
 _AHEAD = 0.42  # metres that the ankles of a seated body are in front of its hips (ours: shins upright)
 _SITTING, _STANDING = 0.62, 0.78  # hips' height in metres up to which a body sits, from which it stands (ours)
 _STRAIGHT = 0.9994  # most of the leg's length that is used: knees never lock (ours; ≈ 4° of flexion)
-_TILT = 88.0  # degrees of pelvic roll per metre of sideways shift: the free side sinks (contrapposto; size ours, by eye)
+_TILT = 54.0  # degrees of pelvic roll per metre of shift: the free side sinks ([ours]; with sway, 36 as of a recorded speaker)
 BALL, _HEEL = 0.125, -0.03  # metres in front of the ankle about which a foot rolls (ours: the mannequin's shoe)
 _SPREAD = (BALL - _HEEL) / 2  # metres
 _TURNS_OVER = 3.0
@@ -31,7 +31,7 @@ Its sole comes down by a quarter of the lift at most."""
 _SOFT = 0.004  # metres: how the lower of both legs' limits is rounded
 _FOLDED = 0.99999  # ours: cosine of the least angle of the thigh with the way to the ankle, so that no bone's way is lost
 _BENT = 0.0008  # metres over which a knee begins to bend (ours)
-_MOST_SHIFT = 0.65
+_MOST_SHIFT = 0.64
 """Share of the way from the middle to a foot that hips never pass. [ours: nine tenths of the time, CMU's people who stand are
 within .07 to .7 of it (13_01 to 13_26); hips further out are a body that falls, or legs that lean side by side]"""
 _SIDES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])

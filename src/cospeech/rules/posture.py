@@ -29,7 +29,7 @@ _TURNS = np.array([14.0, 0.0, 0.0, 20.0])
 other explain .79 of the yaw of his shoulders; a part of ours comes from the clavicles]"""
 _LEANS = np.array([0.0, -1.0, -8.0, 0.0])
 """Degrees of pitch forward. [ours: the same speaker leans back by 6°/m as his hands go forward]"""
-_ANSWERS = np.array([11.5, 5.0, 0.02])
+_ANSWERS = np.array([14.0, 6.0, 0.02])
 """Degrees of pitch, degrees of roll and metres of hips, either way, with which a body answers a stroke of an arm length. [ours:
 mid-shoulder and wrist of people move fast together (r .3 to .5), but a recorded trunk does not go where the hands go]"""
 _SEATED = 1.15  # share of a standing trunk's part in a stroke that a seated one has (ours)

@@ -34,8 +34,8 @@ _MOST_TURN = 17.0  # degrees that pelvis and feet turn away from the listener
 _OVER = 0.175  # metres above the floor of the sole of a leg that lies over the other's knee: thigh over thigh
 _WIDTHS = (1.0, 1.7)  # of a stance, over `STANCE`: ankles .21 to .36 m apart (CMU's takes that stand: .24 to .59)
 _BEFORE = 0.02  # metres by which hips are before the ankles, beside the skeleton's own: weight lies on the middle of the foot
-_SHIFTS = (5.0, 9.0)  # seconds between shifts of the weight while hands rest (ours)
-_TURNS = (3.5, 7.0)  # seconds between turns of the pelvis while hands rest (ours)
+_SHIFTS = (6.0, 10.0)  # seconds between shifts of the weight while hands rest (ours)
+_TURNS = (4.0, 8.0)  # seconds between turns of the pelvis while hands rest (ours)
 _LARGE = 0.5
 """Arm lengths of a gesture that always brings a shift; smaller ones bring one by the square of that. [ours: a recorded speaker
 sways while he gestures: below .5 Hz, the speeds of hips and wrists have an r of .4, above it of 0]"""

@@ -48,7 +48,7 @@ REACH = 0.24
 """Seconds before and after a frame of which the wrists count: half the width of the trunk's kernel, and its lead."""
 _TRUNK_AND_HEAD = ("hips", *(name for name, _ in SPINE), "neck", "head")
 _LEAD = 0.08  # seconds by which the trunk is before the hands (ours: as in the rules, .06 to .13)
-_FOLLOWS, _BENDS = np.radians([29.0, 11.0, 40.0]), np.radians(23.0)
+_FOLLOWS, _BENDS = np.radians([31.0, 12.0, 40.0]), np.radians(25.0)
 """Pitch, roll and yaw of the chest per arm length that the hands are ahead, aside, and one before the other; pitch per arm
 length that they come down (ours). A trunk turns to where the hands are. It bends when they move, but mostly not to where they
 go: of one recorded speaker, their place explains .79 of the yaw of the shoulders, and .09 of the lean."""

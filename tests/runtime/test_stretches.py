@@ -140,3 +140,15 @@ def test_files_keep_and_plan(tmp_path):
     assert np.abs(old.rotations[: round(3.2 * FPS)] - new.rotations[: round(3.2 * FPS)]).max() < 1e-5
     with pytest.raises(InputError, match="would overwrite"):
         generate_files(EXAMPLE, [tmp_path / "c.bvh"], plan_out=tmp_path / "c.bvh")
+
+
+@pytest.mark.parametrize(
+    ("style", "said"), [("bogus", "no style is called 'bogus'"), ("seated", "'seated' sits where the plan stands")]
+)
+def test_an_error_names_the_stretch_whose_style_cannot_be_played(style, said):
+    plan = Plan().set(1, 2, style="lively").set(3, 5, style=style)
+    with pytest.raises(InputError, match=rf"stretches\[1\]\.style: {said}"):
+        RuleBasedModel().generate(speech(), plan=plan)
+    if style == "bogus":
+        with pytest.raises(InputError, match=rf"stretches\[1\]\.style: {said}"):
+            model().generate(speech(), plan=Plan().set(1, 2, style="ben").set(3, 5, style=style))

@@ -40,10 +40,8 @@ class PlanRecord:
 
     def __init__(self, plan: Plan, style: Style, emotion: Moods | None, *, intensity: float, temperature: float) -> None:
         for k, stretch in enumerate(plan.stretches):
-            if stretch.style is not None and find_style(stretch.style).seated != style.seated:
-                raise InputError(
-                    f"stretches[{k}].style: {stretch.style!r} sits where the plan stands, or stands", "another style"
-                )
+            if stretch.style is not None:
+                _check_style(f"stretches[{k}].style", stretch.style, style)
         self.player = PlanPlayer(style, plan, intensity=intensity, temperature=temperature)
         self.words = PlannedWords(plan.speech_words)
         self._settings = deque(plan.settings())
@@ -103,6 +101,16 @@ class PlanRecord:
             "seconds": round(seconds, _DIGITS), "words": words_of(self.words.heard), "phrases": tuple(phrases),
             "accents": tuple(self._accents.values()),
         })  # fmt: skip
+
+
+def _check_style(where: str, asked: str, usual: Style) -> None:
+    """Whether a stretch may have a style; ``where`` it stands is for the error."""
+    try:
+        found = find_style(asked)
+    except InputError as error:
+        raise InputError(f"{where}: {error.problem}", error.hint) from None
+    if found.seated != usual.seated:
+        raise InputError(f"{where}: {asked!r} sits where the plan stands, or stands", "another style")
 
 
 def _split_at_end(gestures: Sequence[PlannedGesture], seconds: float) -> tuple[list[PlannedGesture], list[PlannedGesture]]:

@@ -57,8 +57,13 @@ class StretchedSession:
         self._sessions = {seed: start(replace(own, seed=seed)) for seed in seeds}
         self._first = self._sessions[plan.seed]
         self._courses = [(-np.inf, 0), *((each.time, list(seeds).index(each.seed)) for each in settings)]
-        for style in {each.style for each in settings if each.style != plan.style}:
-            start(replace(own, style=style))  # it complains now, not in the middle of the speech
+        for style, k in {
+            each.style: k for k, each in enumerate(plan.stretches) if each.style not in (None, plan.style)
+        }.items():
+            try:
+                start(replace(own, style=style))  # it complains now, not in the middle of the speech
+            except InputError as error:
+                raise InputError(f"stretches[{k}].style: {error.problem}", error.hint) from None
         self._waiting: list[list[Motion]] = [[] for _ in seeds]
         self._switch, self._time, self._fps = MotionSwitch(), Fraction(0), options.fps
         self._words, self._times = PlannedWords(plan.speech_words), PieceTimes()

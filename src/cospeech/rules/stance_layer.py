@@ -222,7 +222,7 @@ class StanceLayer:
         assert self._stance is not None
         while self._ticks * TICK <= times[-1]:
             now = self._ticks * TICK
-            self._stance.begin_gesture(now, now, _LASTS, self._moves(self._behind + int(np.searchsorted(times, now))))
+            self._stance.begin_gesture(now, now, _LASTS, self._measure_way(self._behind + int(np.searchsorted(times, now))))
             self._stance.decide(now)
             self._ticks += 1
         b = self._stance.track.at(times)
@@ -235,7 +235,7 @@ class StanceLayer:
         b[:, Body.PLACE] += DRIFT * still * drift
         return b
 
-    def _moves(self, frame: int) -> float:
+    def _measure_way(self, frame: int) -> float:
         """Arm lengths that the quicker hand goes around a frame of the wrists that are kept: a part of a stroke's way."""
         way = self._wrists[frame + self._ahead] - self._wrists[frame + self._ahead - self._behind]
         return _PART * float(np.sqrt((way * way).sum(-1).max()))

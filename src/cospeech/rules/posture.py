@@ -16,7 +16,7 @@ from ..motion.kinematics.body import BODY_CHANNELS, Body
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
 from .minimum_jerk import MinimumJerkTrack
-from .stance import Stance, StanceAmounts, first_body
+from .stance import Stance, StanceAmounts, first_body, time_along
 from .styles import Style
 
 __all__ = ["Posture"]
@@ -39,6 +39,7 @@ _SPINE_AND_PELVIS = np.array([0.65, 1.5])
 chest]"""
 _LONGER = 0.16  # seconds by which an answer takes longer than its stroke (ours)
 _LARGE = 0.4  # arm lengths of a stroke that always brings another place of the torso, smaller ones by the square (ours)
+_APART = (0.7, 1.4)  # seconds from one place of the torso to the next one that a stroke brings (ours)
 _MOST = 10.0  # degrees that a stroke turns or bends the trunk (ours)
 
 
@@ -195,8 +196,7 @@ class Posture:
         size = max(float(np.linalg.norm(own[1][:3] - own[0][:3])) for own in poses.values()) / self.style.amplitude**0.5
         self.stance.begin_gesture(now, start, length, size)
         if self._random.random() < (size / _LARGE) ** 2:
-            wanted = max(now, start - 0.2, self._leaned + self._random.uniform(0.7, 1.4))
-            self._next["lean"] = min(self._next["lean"], wanted)
+            self._next["lean"] = min(self._next["lean"], time_along(self._random, now, start, self._leaned, _APART))
 
     def on_stroke(
         self, now: float, times: tuple[float, float, float], poses: Mapping[int, Sequence[Array]], modifier: EmotionModifier

@@ -19,7 +19,17 @@ from ..motion.kinematics.legs import BALL, STANCE, TOE_OUT
 from ..motion.rotations import Array
 from .minimum_jerk import MinimumJerkTrack
 
-__all__ = ["BREATH_PITCH", "CONTRAPPOSTO", "DRIFT", "DRIFT_HZ", "PELVIS_SHARE", "Stance", "StanceAmounts", "first_body"]
+__all__ = [
+    "BREATH_PITCH",
+    "CONTRAPPOSTO",
+    "DRIFT",
+    "DRIFT_HZ",
+    "PELVIS_SHARE",
+    "Stance",
+    "StanceAmounts",
+    "first_body",
+    "time_along",
+]
 
 BREATH_PITCH = 1.7
 """Degrees by which a breath opens the chest. Ours: about 1 cm."""
@@ -39,6 +49,7 @@ _TURNS = (4.0, 8.0)  # seconds between turns of the pelvis while hands rest (our
 _LARGE = 0.5
 """Arm lengths of a gesture that always brings a shift; smaller ones bring one by the square of that. [ours: a recorded speaker
 sways while he gestures: below .5 Hz, the speeds of hips and wrists have an r of .4, above it of 0]"""
+_EARLIER = 0.2  # seconds by which weight and trunk begin before the hands (ours)
 _APART = (0.9, 1.6)  # seconds from the beginning of a shift, or turn, to the next one that a gesture brings (ours)
 _LASTS, _GLIDES = (1.4, 2.8), (2.8, 4.2)
 """Seconds of a shift that a gesture brings, and of one while hands rest. [ours: a recorded speaker's hips glide: nine tenths of
@@ -79,6 +90,19 @@ def first_body(random: Random, *, seated: bool, lean: float = 0.0) -> Array:
     base[Body.PITCH] = lean
     base[Body.SINK] = 0.0 if seated else 0.002
     return base
+
+
+def time_along(random: Random, now: float, start: float, last: float, apart: tuple[float, float]) -> float:
+    """When a part of the body moves along with a gesture: a little before it, and not too soon after its last move.
+
+    Args:
+        random: drawn from once.
+        now: of the tick, seconds.
+        start: of the gesture.
+        last: when the part began to move last.
+        apart: least and most seconds from there on.
+    """
+    return max(now, start - _EARLIER, last + random.uniform(*apart))
 
 
 def _leg_columns(left: bool) -> tuple[slice, int, int]:
@@ -179,8 +203,7 @@ class Stance:
         if self._random.random() < (size / _LARGE) ** 2:
             self._lasts = min(max(_OVERLAP * length, _LASTS[0]), _LASTS[1])
             for move in ("shift", "turn"):
-                wanted = max(now, start - 0.2, self._begun[move] + self._random.uniform(*_APART))
-                self._next[move] = min(self._next[move], wanted)
+                self._next[move] = min(self._next[move], time_along(self._random, now, start, self._begun[move], _APART))
 
     def _gauss(self, size: float) -> float:
         return min(max(self._random.gauss(0, size), -2.2 * size), 2.2 * size)

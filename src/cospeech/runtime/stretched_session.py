@@ -57,9 +57,10 @@ class StretchedSession:
         self._sessions = {seed: start(replace(own, seed=seed)) for seed in seeds}
         self._first = self._sessions[plan.seed]
         self._courses = [(-np.inf, 0), *((each.time, list(seeds).index(each.seed)) for each in settings)]
-        for style, k in {
-            each.style: k for k, each in enumerate(plan.stretches) if each.style not in (None, plan.style)
-        }.items():
+        styles = [each.style for each in plan.stretches]
+        for k, style in enumerate(styles):
+            if style in (None, plan.style, *styles[:k]):
+                continue
             try:
                 start(replace(own, style=style))  # it complains now, not in the middle of the speech
             except InputError as error:

@@ -23,6 +23,9 @@ import soundfile
 from cospeech.cli.bench import measure
 from cospeech.cli.demo import EXAMPLE
 from cospeech.generate import generate_files
+from cospeech.motion.motion import Motion
+from cospeech.motion.rotations import quat_normalize
+from cospeech.motion.skeleton import find_skeleton
 
 
 def machine() -> str:
@@ -67,6 +70,21 @@ def memory_over(hours: float) -> list[tuple[float, float]]:
     return seen
 
 
+def file_times(suffix: str, seconds: float = 60.0) -> tuple[float, float]:
+    """Processor time of writing and of reading a motion of BEAT's size (75 joints at 120 fps), in shares of real time."""
+    skeleton = find_skeleton("beat")
+    frames = round(seconds * 120)
+    turns = quat_normalize(np.random.default_rng(0).normal(size=(frames, len(skeleton), 4)))
+    motion = Motion(120.0, turns, np.zeros((frames, 3)), skeleton=skeleton)
+    with tempfile.TemporaryDirectory() as folder:
+        path, times = Path(folder) / f"a{suffix}", []
+        for act in (motion.save, Motion.load):
+            began = time.process_time()
+            act(path)
+            times.append((time.process_time() - began) / seconds)
+    return times[0], times[1]
+
+
 def film_times(seconds: float, look: list[str]) -> tuple[float, float]:
     """Seconds of processor and of waiting that an ``.mp4`` of the example's first seconds takes.
 
@@ -108,6 +126,9 @@ def main() -> None:
     print("| what | value | |\n|---|---:|---|")
     for row in measure(chosen.seconds):
         print(f"| {row['what']} | {row['value']:.3g} {row['unit']} | {row['note']} |")
+    for suffix in (".bvh", ".npz"):
+        written, read = file_times(suffix)
+        print(f"| motion of BEAT's size, {suffix} | {written:.3f} | of real time to write, {read:.3f} to read |")
     if chosen.hours:
         began = time.perf_counter()
         seen = memory_over(chosen.hours)

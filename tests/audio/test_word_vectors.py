@@ -6,7 +6,7 @@ import gzip
 import json
 import struct
 import sys
-import time
+import tracemalloc
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -199,13 +199,11 @@ def test_damage_of_any_kind_is_told_or_harmless(tmp_path: Path):
             at = int(rng.integers(4, min(len(hurt), 260)))
             hurt[at : at + 4] = rng.choice([rng.bytes(4), b"\xff\xff\xff\x7f", b"\xff\xff\xff\xff", bytes(4)])
         path.write_bytes(hurt)
-        began = time.perf_counter()
         try:
             found = open_vectors(path).table(["the", "gestures", ""])
         except InputError:
             found = np.zeros((3, 1))
         assert np.isfinite(found).all()
-        assert time.perf_counter() - began < 1
 
 
 @pytest.mark.slow
@@ -233,10 +231,12 @@ def test_a_large_model_opens_at_once(tmp_path: Path):
         file.write(head + struct.pack("<?2q", False, rows, 300))
         file.seek(rows * 300 * 4, 1)
         file.write(struct.pack("<?2q", False, len(WORDS), 300) + bytes(4 * 300 * len(WORDS)))
-    began = time.perf_counter()
+    tracemalloc.start()
     vectors = open_vectors(tmp_path / "a.bin")
     assert not vectors.table(["the", "nowhere"]).any()
-    assert time.perf_counter() - began < 1
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 2**24
 
 
 def test_fixture_of_fasttext_itself():

@@ -143,7 +143,12 @@ def _vary_weights(weights: tuple[int, int, int], figures: Mapping[str, float]) -
 _TABLE_4 = TableSplit(
     "beat",
     tuple(_vary_weights(weights, figures) for weights, figures in _WEIGHTED.items()),
-    tuple(Claim(m, str(_BEST), str(w), m != FGD, "table 4") for m in (FGD, SRGR) for w in _WEIGHTED if w != _BEST),
+    tuple(
+        Claim(m, str(_BEST), str(w), m != FGD, "table 4", expected="contradicted" if m == FGD and w[2] == 500 else "undecided")
+        for m in (FGD, SRGR)
+        for w in _WEIGHTED
+        if w != _BEST
+    ),
     "Weights of the reconstruction, of the face and of the rhythm. " + OWN,
 )
 

@@ -337,6 +337,19 @@ class TestLayer:
         yaws = [2 * np.arctan2(world[300:, 1], world[300:, 3]) for world in worlds]
         assert np.corrcoef(*yaws)[0, 1] > 0.7  # it still looks where it looked
 
+    def test_a_hasty_head_is_calmer_while_the_hands_rest(self):
+        bare, times, joint = upper_body(30.0), np.arange(900) / 30, humanoid().index["head"]
+        bare.rotations[:, joint] = axis_angle_to_quat([1.0, 0.0, 0.0], 0.2 * np.sin(2 * np.pi * 0.7 * times))
+        arms = [k for k, name in enumerate(humanoid().names) if "Arm" in name or "Hand" in name]
+        resting = Motion(30.0, bare.rotations.copy(), bare.root)
+        resting.rotations[:, arms] = bare.rotations[:1, arms]
+        heads = [
+            humanoid().forward(m.rotations, m.root)[1][300:, joint]
+            for m in (add_stance(bare, seed=6), add_stance(resting, seed=6))
+        ]
+        moving, still = (np.degrees(quat_angle(head[:-1], head[1:])).mean() * 30 for head in heads)
+        assert still < 0.8 * moving
+
     def test_another_seed_another_stance_and_no_amount_next_to_none(self):
         bare = upper_body(10.0)
         one, two, none = (add_stance(bare, seed=seed, amount=amount) for seed, amount in ((1, 1.0), (2, 1.0), (1, 0.0)))

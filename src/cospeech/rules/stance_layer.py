@@ -76,6 +76,9 @@ chain nods at 35 degrees per second, a third faster than people."""
 _STEADY, _LEAST = np.radians(31.0), 0.5
 """Radians per second of an own head beyond which it also turns less far from where it mostly is, and the least share of its way
 that it keeps ([ours]): smoothing alone took a fifth off the chain's."""
+_RESTS, _MOVES = 0.7, 1.0
+"""Share of its way by which a hasty head turns less far while the hands rest; arm lengths per second at which the quicker one
+moves ([ours]: the chain's head went as far while its hands rested)."""
 _MOSTLY = 2.0  # seconds over which a head is where it mostly is ([ours])
 _HEAD = 0.5  # share of what the chest does that the head goes along with ([ours]: so the flow's goes with the hands)
 _OWN = 0.3  # share of its own travel that a motion keeps ([ours])
@@ -199,13 +202,17 @@ class StanceLayer:
         self._mean = found[-1]
         return found
 
-    def _calm_head(self, head: Array) -> Array:
-        """The heads (n, 4) of the next frames, where they are hasty smoothed and nearer to where they mostly are."""
+    def _calm_head(self, head: Array, rest: Array) -> Array:
+        """The heads (n, 4) of the next frames, where they are hasty smoothed and nearer to where they mostly are.
+
+        ``rest``: (n,) 0 … 1, how little the hands move meanwhile: a hasty head is calmer then.
+        """
         count = len(head)
         near = np.zeros((count, 4))
         for k, weight in enumerate(self._calm):  # one after the other: the same bits in pieces of any size
             near += weight * _like(self._heads[k : k + count], head)
-        smooth, less = (min(self._amount, 1.0) * self._shares[:count]).T[..., None]
+        smooth, less = (min(self._amount, 1.0) * self._shares[:count]).T
+        smooth, less = smooth[:, None], np.minimum(less + smooth * _RESTS * rest, 1.0)[:, None]
         found = head + smooth * (near - head)
         found += less * (_like(self._means[:count], head) - found)
         self._heads, self._shares, self._means = self._heads[count:], self._shares[count:], self._means[count:]
@@ -240,15 +247,18 @@ class StanceLayer:
         way = self._wrists[frame + self._ahead] - self._wrists[frame + self._ahead - self._behind]
         return _PART * float(np.sqrt((way * way).sum(-1).max()))
 
-    def _move_arms(self, q: Array, breath: Array, times: Array) -> None:
+    def _measure_speeds(self, count: int) -> Array:
+        """(n, 2) speeds of both hands in the next frames, arm lengths per second."""
+        wide = self._behind // 2  # frames to either side of which the mean speed counts: a stroke, and not its jerks
+        last = self._behind + min(wide, self._ahead)
+        way = self._wrists[last : last + count] - self._wrists[last - 2 * wide : last - 2 * wide + count]
+        return np.asarray(np.sqrt(np.einsum("nsi,nsi->ns", way, way)) * (self._fps / max(2 * wide, 1)))
+
+    def _move_arms(self, q: Array, breath: Array, times: Array, speeds: Array) -> None:
         """Clavicles and fingers of the next frames."""
         behind, near = self._behind, self._wrists[: len(q) + self._behind + self._ahead]
         raise_clavicles(q, near[behind : behind + len(q)], breath, times, self._seed, self._amount)
         if self._fingers:
-            wide = behind // 2  # frames to either side of which the mean speed counts: a stroke, and not its jerks
-            last = behind + min(wide, self._ahead)
-            way = near[last : last + len(q)] - near[last - 2 * wide : last - 2 * wide + len(q)]
-            speeds = np.sqrt(np.einsum("nsi,nsi->ns", way, way)) * (self._fps / max(2 * wide, 1))
             move_fingers(q, speeds, times, self._seed, self._amount)
 
     def _follow(self, times: Array) -> Array:
@@ -275,9 +285,11 @@ class StanceLayer:
         joint, seated = humanoid().index, self._stance.amounts.seated
         old = [q[:, joint[name]] for name in _TRUNK_AND_HEAD]
         chest = _chain(old[:4])
-        head = self._calm_head(quat_multiply(chest, quat_multiply(old[4], old[5])))
+        speeds = self._measure_speeds(len(q))
+        rest = np.maximum(1.0 - speeds.max(1) / _MOVES, 0.0)
+        head = self._calm_head(quat_multiply(chest, quat_multiply(old[4], old[5])), rest)
         self._arms.apply(q)
-        self._move_arms(q, b[:, Body.BREATH], times)
+        self._move_arms(q, b[:, Body.BREATH], times, speeds)
         follow = self._follow(times)
         if not seated:
             b[:, Body.SINK] += _KNEES * np.abs(follow[:, 0])

@@ -25,7 +25,7 @@ _RADIUS = 0.16
 Mix-StAGE last .36 s; with .20, its hands make too few strokes]."""
 _SLOW = 0.4  # arm lengths per second below which a hand may begin to be held [ours]
 _LEAST, _MOST = 0.8, 2.4  # seconds that a hand stays [ours: with shorter ones there are more strokes than people make]
-_RAMP = 0.4  # seconds in which a hold begins and ends [ours: half a stroke; with .25 s they make strokes of their own]
+_RAMP = 0.34  # seconds in which a hold begins and ends [ours: with .25 s they make strokes, with .4 s still spells are short]
 _STILL = 0.9  # share of the hand's own motion that a hold takes away [ours: a hold breathes]
 
 

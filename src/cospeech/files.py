@@ -35,8 +35,8 @@ except ImportError:  # Windows: a folder's age tells alone
     fcntl = None  # type: ignore[assignment]
 
 __all__ = [
-    "ABANDONED", "PREFIX", "all_or_none", "atomic", "check_destination", "describe_os_error", "open_regular", "parse_json",
-    "parse_toml", "read_regular", "regular_file", "scratch", "sweep", "workplace",
+    "ABANDONED", "PREFIX", "all_or_none", "atomic", "check_destination", "describe_os_error", "make_folders", "open_regular",
+    "parse_json", "parse_toml", "read_regular", "regular_file", "scratch", "sweep", "workplace",
 ]  # fmt: skip
 
 PREFIX = ".cospeech-"
@@ -355,3 +355,25 @@ def _remove_abandoned(place: Path) -> None:
 def _is_old(place: Path) -> bool:
     """Whether nothing was written in it for a day."""
     return time.time() - max(path.lstat().st_mtime for path in (place, *place.rglob("*"))) > ABANDONED
+
+
+@contextmanager
+def make_folders(folders: Iterable[Path]) -> Iterator[None]:
+    """Folders that are there meanwhile, and afterwards unless it fails.
+
+    Raises:
+        InputError: one cannot be made.
+    """
+    missing = [path for folder in folders for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        for folder in folders:
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise InputError(f"cannot make {str(folder)!r}: {describe_os_error(error)}", "is the name right?") from None
+        yield
+    except BaseException:
+        for folder in missing:
+            with suppress(OSError):  # something else is in it
+                folder.rmdir()
+        raise

@@ -115,3 +115,57 @@ def test_clips_of_other_skeletons_are_joined_after_the_command_of_the_hint(cli, 
     names = [name.replace("clip.bvh", "clip-humanoid.bvh") for name in (first, second)]
     assert cli("convert", names[0], "out.bvh", "--join", names[1])[0] == 0
     assert len(load("out.bvh")) == 120
+
+
+def test_several_motions_are_converted_one_by_one(cli, place):
+    code, out, _ = cli("convert", "talk.bvh", "other.glb", "made/{name}.npz", "--fps", 15)
+    assert (code, sorted(each.name for each in (place / "made").iterdir())) == (0, ["other.npz", "talk.npz"])
+    assert [line.split()[0] for line in out.splitlines()] == ["made/talk.npz", "made/other.npz"]
+    assert load("made/talk.npz").fps == 15
+    assert cli("convert", "t*.bvh", "{name}.vrma")[0] == 0
+    assert (place / "talk.vrma").exists()
+    (place / "takes").mkdir()
+    (place / "talk.bvh").rename("takes/one.bvh")
+    (place / "takes" / "notes.txt").write_text("no motion")
+    (place / "takes" / "two.BVH").write_bytes((place / "takes" / "one.bvh").read_bytes())
+    assert cli("convert", "takes", "from a folder/{name}.npz")[0] == 0
+    assert sorted(each.name for each in (place / "from a folder").iterdir()) == ["one.npz", "two.npz"]
+
+
+def test_what_is_wrong_with_one_motion_keeps_none_of_the_others_back(cli, place):
+    (place / "broken.bvh").write_text("HIERARCHY")
+    code, _, err = cli("convert", "broken.bvh", "talk.bvh", "made/{name}.npz")
+    assert (code, "1 of 2 motions failed: broken.bvh:" in err, "the others are done" in err) == (2, True, True)
+    assert [each.name for each in (place / "made").iterdir()] == ["talk.npz"]
+    assert "Traceback" not in err
+    code, _, err = cli("convert", "broken.bvh", "broken.bvh", "new/{name}.npz")  # one, named twice
+    assert (code, "failed" in err, (place / "new").exists()) == (2, False, False)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("talk.bvh", "other.glb", "out.npz"), "one file 'out.npz' for 2 motions ('out/{name}.npz' writes one for each)"),
+        (("talk.bvh", "talk.glb", "out/{name}.npz"), "'talk.bvh' and 'talk.glb' are both called 'talk'"),
+        (("talk.bvh", "other.glb", "{name}.bvh"), "'talk.bvh' would overwrite what is read"),
+        (("talk.bvh", "other.glb", "out/{name}.x"), "cannot tell the format of"),
+        (("nothing*.bvh", "out/{name}.npz"), "no file is called 'nothing*.bvh'"),
+        (("empty", "out/{name}.npz"), "no motion file is in the folder 'empty'"),
+    ],
+)
+def test_several_motions_that_cannot_be(cli, place, arguments, told):
+    (place / "empty").mkdir()
+    code, _, err = cli("convert", *arguments)
+    assert (code, told in err, (place / "out").exists()) == (2, True, False), err
+
+
+def test_several_motions_are_drawn_each_with_its_own_speech(cli, place):
+    import soundfile
+
+    for name in ("talk", "other"):
+        soundfile.write(f"{name}.wav", np.zeros(32000), 16000)
+    assert cli("render", "talk.bvh", "other.glb", "{name}.png", "--audio", "{name}.wav")[0] == 0
+    assert (place / "other.png").exists()
+    (place / "other.wav").unlink()
+    code, _, err = cli("render", "talk.bvh", "other.glb", "{name}2.png", "--audio", "{name}.wav")
+    assert (code, "1 of 2 motions failed: other.glb" in err, (place / "talk2.png").exists()) == (2, True, True)

@@ -6,9 +6,9 @@ import os
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext
 from dataclasses import fields
 from multiprocessing import get_context
 from os import PathLike
@@ -18,17 +18,16 @@ from typing import Any, NamedTuple
 from ..errors import CospeechError, CospeechWarning, InputError, InternalError
 from ..export import FORMATS
 from ..export.checks import check_files
-from ..files import atomic, describe_os_error, regular_file, scratch, workplace
+from ..files import atomic, make_folders, regular_file, scratch, workplace
 from ..generate import check_request, generate_files, take_path
 from ..limits import PIPED_BYTES
 from ..models import DEFAULT, PARTS, Model, load
 from ..rules.options import GenerationOptions, check_range
 from ..runtime.report import Failure, Report, Reports
+from .several import NAME, match_pattern
 
-__all__ = ["NAME", "STANDARD_INPUT", "generate_speeches"]
+__all__ = ["STANDARD_INPUT", "generate_speeches"]
 
-NAME = "{name}"
-"""Stands for the name of a speech in the name of a file."""
 STANDARD_INPUT = "-"
 _BLOCK = 1 << 20  # bytes
 _MOST_JOBS = (1, 64)  # ours: more processes than that only wait for each other
@@ -170,7 +169,7 @@ def _generate_alone(job: _Job, options: dict[str, Any], model: str) -> tuple[Rep
 
 
 def _generate(job: _Job, options: Mapping[str, Any], **more: Any) -> Report:
-    with _make_folders(job.folders):
+    with make_folders(job.folders):
         return generate_files(job.speech, job.outputs, **{**options, **job.own, **more})
 
 
@@ -201,11 +200,8 @@ def _find_files(given: Sequence[str | PathLike[str]]) -> Iterator[dict[str, Path
 
 def _files(path: Path) -> list[tuple[str, Path]]:
     """A file and its name without suffix; of a folder the sound files in it, by their paths below it."""
-    if not path.exists() and any(sign in path.name for sign in "*?["):  # a pattern that the shell has not looked up
-        found = [(each.stem, each) for each in sorted(path.parent.glob(path.name)) if each.is_file()]
-        if not found:
-            raise InputError(f"no file is called {str(path)!r}", "is the pattern right?")
-        return found
+    if (matches := match_pattern(path)) is not None:  # the shell has not looked the pattern up
+        return [(each.stem, each) for each in matches]
     if not path.is_dir():
         return [(path.stem, path)]
     from ..corpora.folder import SOUND, VIDEO, sounds
@@ -294,25 +290,3 @@ def _check(jobs: list[_Job], options: Mapping[str, Any], report: str | PathLike[
     first, *speeches = (job.speech for job in jobs)
     read = [Path(job.own[key]) for job in jobs for key in _OF_ONE_SPEECH if key in job.own]
     check_files(first, names, [*speeches, *read], None if report is None else Path(report))
-
-
-@contextmanager
-def _make_folders(folders: Iterable[Path]) -> Iterator[None]:
-    """Folders that are there meanwhile, and afterwards unless it fails.
-
-    Raises:
-        InputError: one cannot be made.
-    """
-    missing = [path for folder in folders for path in (folder, *folder.parents) if not path.exists()]
-    try:
-        for folder in folders:
-            try:
-                folder.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                raise InputError(f"cannot make {str(folder)!r}: {describe_os_error(error)}", "is the name right?") from None
-        yield
-    except BaseException:
-        for folder in missing:
-            with suppress(OSError):  # something else is in it
-                folder.rmdir()
-        raise

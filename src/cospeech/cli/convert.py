@@ -9,7 +9,7 @@ import typer
 from typer import Argument, Option
 
 from ..errors import InputError, say_count
-from .options import Avatar, Clip, Debug, Drawn, Map, Motion, NewFps, Picture, Quiet, Retarget, View, number, option
+from .options import Avatar, Clip, Debug, Drawn, Map, Motions, NewFps, Picture, Quiet, Retarget, View, number, option
 
 __all__ = ["register"]
 
@@ -45,8 +45,14 @@ def register(app: typer.Typer) -> None:
 
 
 def convert(
-    source: Motion,
-    target: Annotated[Path, Argument(metavar="FILE", help="File to write. The suffix chooses the format.")],
+    sources: Motions,
+    target: Annotated[
+        Path,
+        Argument(
+            metavar="FILE",
+            help="File to write. The suffix chooses the format. {name} stands for the name of the motion: out/{name}.glb.",
+        ),
+    ],
     skeleton: Retarget = None,
     fps: NewFps = None,
     names: Map = None,
@@ -62,7 +68,7 @@ def convert(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Convert a motion file to another format, and edit it.
+    """Convert motion files to another format, and edit them.
 
     Edits happen in this order: --join, --from and --to, --face, --mirror, --loop, --skeleton, --fps.
 
@@ -71,18 +77,27 @@ def convert(
     cospeech convert talk.bvh for_mixamo.bvh --skeleton mixamo
     cospeech convert talk.glb middle.glb --from 0.5 --to 1.5 --loop
     cospeech convert talk.glb both.glb --join other.glb --blend 0.6
+    cospeech convert takes/*.bvh 'out/{name}.glb'
     """
     from ..convert import Edits, convert_file
     from ..export import format_of
+    from .several import MotionFile, convert_each, find_motions
 
     edits = Edits(joined=tuple(joined or ()), start=start, end=end, face=face, mirror=mirror, loop=loop, blend=blend)
-    motion = convert_file(source, target, skeleton=skeleton, fps=fps, names=names, avatar=avatar, clip=clip, edits=edits)
-    if not quiet:
-        typer.echo(f"{target}  {say_count(len(motion), 'frame')} at {motion.fps:g} fps  ({format_of(target).opens})")
+
+    def write(file: MotionFile) -> None:
+        motion = convert_file(
+            file.source, file.target, skeleton=skeleton, fps=fps, names=names, avatar=avatar, clip=clip, edits=edits
+        )
+        if not quiet:
+            frames = say_count(len(motion), "frame")
+            typer.echo(f"{file.target}  {frames} at {motion.fps:g} fps  ({format_of(file.target).opens})")
+
+    convert_each(find_motions(sources, target), write)
 
 
 def render(
-    source: Motion,
+    sources: Motions,
     target: Picture,
     audio: Drawn = None,
     camera: View = None,
@@ -94,21 +109,28 @@ def render(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Draw a motion file as a video, .gif or strip of frames.
+    """Draw motion files as videos, .gif or strips of frames.
 
     \b
     cospeech render talk.glb talk.mp4 --audio talk.wav
     cospeech render talk.glb part.mp4 --audio talk.wav --from 40 --to 50
+    cospeech render takes/*.glb 'out/{name}.mp4' --audio 'talks/{name}.wav'
     """
     from ..convert import Edits, convert_file
     from ..export import FORMATS, format_of
     from ..export.registry import suffixes
+    from .several import NAME, MotionFile, convert_each, find_motions
 
     suffix = target.suffix.lower()
     if suffix not in FORMATS or not FORMATS[suffix].picture:
         known = " ".join(sorted(suffixes(lambda entry: entry.picture)))
         raise InputError(f"{str(target)!r} is not a picture", f"known: {known}; for others use `cospeech convert`")
     edits = Edits(start=start, end=end)
-    convert_file(source, target, audio=audio, camera=camera, avatar=avatar, names=names, clip=clip, edits=edits)
-    if not quiet:
-        typer.echo(f"{target}  ({format_of(target).opens})")
+
+    def draw(file: MotionFile) -> None:
+        sound = None if audio is None else Path(str(audio).replace(NAME, file.name))
+        convert_file(file.source, file.target, audio=sound, camera=camera, avatar=avatar, names=names, clip=clip, edits=edits)
+        if not quiet:
+            typer.echo(f"{file.target}  ({format_of(file.target).opens})")
+
+    convert_each(find_motions(sources, target), draw)

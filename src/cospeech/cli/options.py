@@ -14,9 +14,9 @@ from ..export.registry import FORMATS
 
 __all__ = [
     "Audio", "Avatar", "Clip", "Continue", "Debug", "Drawn", "Emotion", "Face", "FaceGain", "Folder", "Fps", "Intensity",
-    "Jobs", "Json", "Map", "Model", "Motion", "NewFps", "Output", "Parts", "Picture", "Port", "Quiet", "ReportFile", "Retarget",
-    "RigMap", "Seed", "Skeleton", "Speaker", "Style", "Tail", "Takes", "Temperature", "Transcribe", "Transcript", "View",
-    "check_idle", "number", "option", "rate", "whole",
+    "Jobs", "Json", "Map", "Model", "Motions", "NewFps", "Output", "Parts", "Picture", "Port", "Quiet", "ReportFile",
+    "Retarget", "RigMap", "Seed", "Skeleton", "Speaker", "Style", "Tail", "Takes", "Temperature", "Transcribe", "Transcript",
+    "View", "check_idle", "number", "option", "rate", "whole",
 ]  # fmt: skip
 
 
@@ -74,7 +74,13 @@ Audio = Annotated[
         "folders of sound files, patterns ('talks/*.wav'), or - for standard input.",
     ),
 ]
-Motion = Annotated[Path, Argument(metavar="MOTION", help=f"Motion file to read: {' '.join(_READABLE)}.")]
+Motions = Annotated[
+    list[Path],
+    Argument(
+        metavar="MOTION",
+        help=f"Motion file to read: {' '.join(_READABLE)}. Or several, folders of them, or patterns ('takes/*.bvh').",
+    ),
+]
 Output = Annotated[
     list[str] | None,
     option(
@@ -226,7 +232,12 @@ Picture = Annotated[
 ]
 View = Annotated[str | None, option("--camera", metavar="NAME", help="body (the default), full, face or hands.")]
 Drawn = Annotated[
-    Path | None, option("--audio", metavar="SPEECH", help="Speech that plays with the video (.mp4) or is drawn below (.png).")
+    Path | None,
+    option(
+        "--audio",
+        metavar="SPEECH",
+        help="Speech that plays with the video (.mp4) or is drawn below (.png). It may have {name} in it.",
+    ),
 ]
 ReportFile = Annotated[
     Path | None, option("--report", metavar="FILE", help="Write a report as JSON: model, style, emotion, files, speed.")

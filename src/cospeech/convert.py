@@ -137,6 +137,7 @@ def convert_file(
     goal = None if skeleton is None else check_skeleton(skeleton, {Path(target).suffix.lower()}, bones)
     worn = None if avatar is None else check_avatar(avatar, {Path(target).suffix.lower()}, bones)
     motion = edits.apply(_read(source, bones, clip), source)
+    own_fps = motion.fps
     holds = {*format_of(source).holds} | ({"face"} if edits.face is not None else set())
     shown = [part for part in PARTS if part in holds and (part != "face" or motion.face is not None)]
     check_parts(target, shown, f"{str(source)!r} holds")
@@ -159,7 +160,7 @@ def convert_file(
         options["camera"] = camera
     if worn is not None:
         options["avatar"] = worn
-    with _cut_sound(audio, edits) as heard:
+    with _cut_sound(audio, edits, own_fps) as heard:
         if heard is not None:
             options["audio"] = heard
         motion.save(target, **options)
@@ -167,15 +168,18 @@ def convert_file(
 
 
 @contextmanager
-def _cut_sound(audio: File | None, edits: Edits) -> Iterator[File | None]:
-    """The file of the speech that belongs to what the edits leave of a motion; None where nothing is left of the speech."""
+def _cut_sound(audio: File | None, edits: Edits, fps: float) -> Iterator[File | None]:
+    """The file of the speech that belongs to what the edits leave of a motion; None where nothing is left of the speech.
+
+    It begins with the first frame that is left: ``fps`` is the rate at which the motion was cut.
+    """
     if audio is None or (edits.start is None and edits.end is None):
         yield audio
         return
     import soundfile
 
     speech = Speech.load(audio)
-    start, end = edits.start or 0.0, math.inf if edits.end is None else edits.end
+    start, end = math.ceil((edits.start or 0.0) * fps - 1e-6) / fps, math.inf if edits.end is None else edits.end
     if start >= speech.duration:
         yield None
         return

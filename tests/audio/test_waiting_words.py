@@ -129,7 +129,7 @@ def test_all_who_write_to_a_named_pipe_are_heard(tmp_path):
     threading.Thread(target=collect_words, args=(str(pipe), Words(), told.append), daemon=True).start()
     pipe.write_text('{"word": "tiny", "start": 0.5, "end": 0.9}\n\n{"wor\n')
     pipe.write_text('[{"text": "very huge", "start": 1, "end": 2}]')
-    until = time.monotonic() + 10
+    until = time.monotonic() + 30
     while len(put) < 3 and time.monotonic() < until:
         time.sleep(0.01)
     assert [word.text for word in put] == ["tiny", "very", "huge"]

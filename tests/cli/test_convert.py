@@ -56,6 +56,23 @@ def test_a_part_of_a_motion_is_drawn_with_that_part_of_the_speech(cli, place):
     assert (code, "no frame from 9 to … s" in err, (place / "late.mp4").exists()) == (2, True, False)
 
 
+def test_the_speech_of_a_part_begins_with_its_first_frame(cli, place, monkeypatch):
+    import soundfile
+
+    from cospeech import convert
+
+    soundfile.write("talk.wav", np.arange(32000) / 32000, 16000)
+    heard = []
+    real = soundfile.write
+    monkeypatch.setattr(
+        "soundfile.write",
+        lambda path, samples, *more, **options: (heard.append(samples[0]), real(path, samples, *more, **options)),
+    )
+    edits = convert.Edits(start=0.51, end=1.0)  # at 30 frames a second the next frame is at 0.533 s
+    convert.convert_file("talk.bvh", "part.png", audio="talk.wav", edits=edits, fps=60)
+    assert heard == [pytest.approx(16 / 30 / 2, abs=1e-4)]
+
+
 def test_mirror_and_the_face_of_another(cli, place):
     assert cli("convert", "talk.glb", "out.bvh", "--mirror")[0] == 0
     assert cli("convert", "talk.glb", "out.json", "--face", "face.json")[0] == 0

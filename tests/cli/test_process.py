@@ -46,7 +46,7 @@ def test_stopped_in_the_middle_nothing_is_left(tmp_path, long_speech, number, co
         assert time.monotonic() < until
         time.sleep(0.02)
     os.killpg(process.pid, number)  # as a terminal does: the decoder gets it too
-    _, err = process.communicate(timeout=30)
+    _, err = process.communicate(timeout=90)
     assert process.returncode == code
     assert "Traceback" not in err
     assert list(out.iterdir()) == []
@@ -68,7 +68,7 @@ def test_several_jobs_that_are_stopped_leave_nothing(tmp_path, long_speech, numb
             assert time.monotonic() < until
             time.sleep(0.02)
         stop(process.pid, number)
-        _, err = process.communicate(timeout=30)
+        _, err = process.communicate(timeout=90)
         assert process.returncode == code
         assert "Traceback" not in err
         assert not [*tmp_path.glob("out/*")]

@@ -153,7 +153,7 @@ def test_stopped_in_mid_word_it_shuts_the_mouth_and_tells_the_counts(number, cod
         while seen[-1]["face"][jaw] < 0.1:
             seen.append(json.loads(process.stdout.readline()))
         process.send_signal(number)
-        rest, said = process.communicate(timeout=20)
+        rest, said = process.communicate(timeout=60)
     *frames, end = [*seen[1:], *(json.loads(line) for line in rest.splitlines())]
     assert process.returncode == code
     assert [frame["frame"] for frame in frames] == list(range(len(frames)))
@@ -192,8 +192,8 @@ def test_a_reader_that_leaves_ends_the_stream(more):
         process.stdout.close()
         left = time.monotonic()
         assert process.stderr.read() == b""
-        assert process.wait(10) == 0
-        assert time.monotonic() - left < 5  # the sound is 19 s long
+        assert process.wait(60) == 0
+        assert time.monotonic() - left < 15  # the sound is 19 s long
 
 
 @pytest.mark.slow
@@ -201,7 +201,7 @@ def test_a_reader_that_leaves_ends_the_stream(more):
 def test_lines_that_cannot_be_written_end_the_stream():
     command = [*COMMAND, "-i", str(example()[0]), "--to", "-", "--fps", "30", "--quiet"]
     with Path("/dev/full").open("wb") as full:
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=15)
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=60)
     assert (done.returncode, done.stderr.count(b"\n")) == (1, 1)
     assert done.stderr.startswith(b"error: No space left on device")
 
@@ -216,7 +216,7 @@ def test_stopped_together_with_its_reader_it_was_interrupted():
         process.send_signal(signal.SIGINT)
         process.stdout.close()
         assert process.stderr.read() == b"interrupted\n"
-        assert process.wait(10) == 130
+        assert process.wait(60) == 130
 
 
 @pytest.mark.slow
@@ -236,7 +236,7 @@ def test_stopped_while_nothing_comes_it_ends_at_once(number, code):
     with subprocess.Popen(command, preexec_fn=heed(signal.SIGINT), text=True, **pipes) as process:
         assert process.stderr.readline().startswith("listening")
         process.send_signal(number)
-        assert process.wait(10) == code
+        assert process.wait(60) == code
         assert "Fatal" not in process.stderr.read()
 
 
@@ -250,7 +250,7 @@ def test_a_stream_whose_frames_have_all_left_is_closed_within_half_a_second():
         for motion in session.push(chunk):
             pacer.push(motion)
     made = session.time * fps - session.latency * fps
-    until = time.monotonic() + 10
+    until = time.monotonic() + 30
     while len(seen) < int(made) and time.monotonic() < until:
         time.sleep(0.01)
     before = len(seen)
@@ -270,7 +270,7 @@ def test_a_source_that_fails_shuts_the_mouth():
         for piece in Speech.load(example()[0]).window(0, 3).chunks(0.02):
             yield piece
             now[0] = 1000.0  # all frames are late: none is waited for
-        until = time.monotonic() + 10
+        until = time.monotonic() + 30
         while not seen and time.monotonic() < until:
             time.sleep(0.01)
         raise InputError("the cable was pulled", "put it back")

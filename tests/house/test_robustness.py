@@ -161,7 +161,7 @@ def test_a_closed_terminal_leaves_nothing(place):
     while names() == before and time.monotonic() < deadline:
         time.sleep(0.01)
     working.send_signal(signal.SIGHUP)
-    _, said = working.communicate(timeout=30)
+    _, said = working.communicate(timeout=90)
     assert working.returncode == 128 + signal.SIGHUP
     assert said == b""
     assert names() == before

@@ -329,13 +329,13 @@ def test_a_large_file_is_refused_before_it_is_read(served, length):
 def test_a_file_that_is_shorter_than_it_says_leaves_nothing(served):
     port, state = served
     before = list_files(state.place)
-    with socket.create_connection(("127.0.0.1", port), timeout=10) as line:
+    with socket.create_connection(("127.0.0.1", port), timeout=30) as line:
         line.sendall(f"POST /api/speech HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Length: 90000\r\n\r\nRIFF".encode())
-        until = time.monotonic() + 5
+        until = time.monotonic() + 30
         while list_files(state.place) == before and time.monotonic() < until:
             time.sleep(0.01)
         assert list_files(state.place) != before
-    until = time.monotonic() + 5
+    until = time.monotonic() + 30
     while list_files(state.place) != before and time.monotonic() < until:
         time.sleep(0.02)
     assert list_files(state.place) == before
@@ -421,7 +421,7 @@ def test_a_message_over_a_mebibyte_ends_its_connection_alone(served, path):
         one.send(b"x" * ((1 << 20) + 1))
         with pytest.raises(ConnectionClosed):
             list(one)
-        other.ping().wait(5)
+        other.ping().wait(30)
     assert ask(port, "/")[0] == 200
 
 
@@ -429,11 +429,11 @@ def test_a_message_over_a_mebibyte_ends_its_connection_alone(served, path):
 def test_a_thousand_connections_come_and_go(served):
     port, state = served
     for _ in range(900):
-        socket.create_connection(("127.0.0.1", port), timeout=10).close()
+        socket.create_connection(("127.0.0.1", port), timeout=30).close()
     for _ in range(100):
         with connected(port, "/api/events", close_timeout=5):
             pass
-    until = time.monotonic() + 10
+    until = time.monotonic() + 30
     while state.hub._listeners and time.monotonic() < until:
         time.sleep(0.02)
     assert not state.hub._listeners
@@ -443,7 +443,7 @@ def test_a_thousand_connections_come_and_go(served):
 def test_fifty_slow_uploads_stop_nobody(served):
     port, state = served
     head = f"POST /api/speech HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Length: {UPLOAD_BYTES}\r\n\r\nRIFF".encode()
-    lines = [socket.create_connection(("127.0.0.1", port), timeout=10) for _ in range(50)]
+    lines = [socket.create_connection(("127.0.0.1", port), timeout=30) for _ in range(50)]
     try:
         for line in lines:
             line.sendall(head)
@@ -486,12 +486,12 @@ def test_cancelling_is_told_and_ends_the_work(served):
             began = time.monotonic()
             assert ask(port, f"/api/takes/{name}", method="DELETE")[0] == 204
             assert ask(port, f"/api/takes/{name}", method="DELETE")[0] in (204, 404)  # a page that leaves cancels once more
-            while (told := json.loads(events.recv(timeout=5)))["type"] != "cancelled" or told["take"] != name:
+            while (told := json.loads(events.recv(timeout=30)))["type"] != "cancelled" or told["take"] != name:
                 pass
-    while state.maker._running and time.monotonic() < began + 5:  # 1.5 s at most on an idle machine
+    while state.maker._running and time.monotonic() < began + 10:  # 1.5 s at most on an idle machine
         time.sleep(0.01)
     assert not state.maker._running
-    until = time.monotonic() + 5
+    until = time.monotonic() + 30
     while any((state.place / "takes" / name).exists() for name in takes) and time.monotonic() < until:
         time.sleep(0.01)
     assert not any((state.place / "takes" / name).exists() for name in takes)
@@ -516,7 +516,7 @@ def test_takes_of_a_page_that_has_left_are_cancelled(served, code, monkeypatch):
             mine.close(code)
         else:
             mine.socket.shutdown(socket.SHUT_RDWR)
-        until = time.monotonic() + 10
+        until = time.monotonic() + 30
         while any((state.place / "takes" / name).exists() for name in takes) and time.monotonic() < until:
             time.sleep(0.01)
         assert not any((state.place / "takes" / name).exists() for name in takes)
@@ -524,7 +524,7 @@ def test_takes_of_a_page_that_has_left_are_cancelled(served, code, monkeypatch):
         for name in others:
             assert ask(port, f"/api/takes/{name}", method="DELETE")[0] == 204
         late = ask_json(port, "/api/takes", body | {"page": "mine"})["take"]  # asked for while it left
-        until = time.monotonic() + 10
+        until = time.monotonic() + 30
         while (state.place / "takes" / late).exists() and time.monotonic() < until:
             time.sleep(0.01)
         assert not (state.place / "takes" / late).exists()
@@ -538,7 +538,7 @@ def test_a_file_is_written_no_longer_than_its_client_waits(served):
     clients = [http.client.HTTPConnection("127.0.0.1", port) for _ in range(2)]  # one that runs, and one that waits
     for client, suffix in zip(clients, (".mp4", ".gif"), strict=True):
         client.request("GET", f"/api/takes/{made}/file?suffix={suffix}")
-    until = time.monotonic() + 10
+    until = time.monotonic() + 30
     while state.file_jobs < 2 and time.monotonic() < until:
         time.sleep(0.01)
     assert state.file_jobs == 2
@@ -588,7 +588,7 @@ def test_a_live_session_sends_frames_and_is_steered(served):
     start = {"type": "start", "model": "rules", "rate": 16_000, "fps": 20, "targets": ["vmc://127.0.0.1:9"]}
     with connected(port, "/api/live") as line:
         line.send(json.dumps({"type": "change", "intensity": 1}))
-        assert "no live session" in json.loads(line.recv(timeout=10))["problem"]
+        assert "no live session" in json.loads(line.recv(timeout=30))["problem"]
         for wrong in ({"model": "/tmp/x.cospeech"}, {"style": "x.bvh"}, {"emotion": "x.csv"}, {"targets": ["-"]}):
             line.send(json.dumps(start | wrong))
             assert json.loads(line.recv(timeout=30))["problem"]
@@ -604,7 +604,7 @@ def test_a_live_session_sends_frames_and_is_steered(served):
         line.send(json.dumps({"type": "stop"}))
         last = {}
         while last.get("running", True):
-            got = line.recv(timeout=10)
+            got = line.recv(timeout=30)
             last = last if isinstance(got, bytes) else json.loads(got)
         assert last["targets"][0]["url"] == "vmc://127.0.0.1:9"
         assert last["latency"] > 1

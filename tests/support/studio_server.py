@@ -28,7 +28,7 @@ def connected(port: int, path: str, **options: Any) -> Iterator[Any]:
     from websockets.sync.client import connect
 
     origin = options.pop("origin", f"http://127.0.0.1:{port}")
-    with connect(f"ws://127.0.0.1:{port}{path}", origin=origin, open_timeout=10, **options) as socket:
+    with connect(f"ws://127.0.0.1:{port}{path}", origin=origin, open_timeout=30, **options) as socket:
         yield socket
 
 

@@ -83,7 +83,7 @@ def ask(
     port: int, path: str, body: Any = None, *, method: str | None = None, **headers: str
 ) -> tuple[int, dict[str, str], bytes]:
     """One request: status, headers, content. ``body``: bytes, or a value for JSON."""
-    connection = HTTPConnection("127.0.0.1", port, timeout=10)
+    connection = HTTPConnection("127.0.0.1", port, timeout=30)
     try:
         content = body if body is None or isinstance(body, bytes) else json.dumps(body).encode()
         named = {name.replace("_", "-"): value for name, value in headers.items()}
@@ -118,7 +118,7 @@ def as_sent(plan: StudyPlan, answers: dict[tuple[str, int], int]) -> dict[str, A
 
 def rate(port: int, plan: StudyPlan, number: int, opinion: Opinion, *, careless: bool = False, pages: int | None = None) -> str:
     """Take part as rater ``number``, who must be the next one; returns the rater's name."""
-    draw, connection = Random(number), HTTPConnection("127.0.0.1", port, timeout=10)
+    draw, connection = Random(number), HTTPConnection("127.0.0.1", port, timeout=30)
     trials = make_session(plan, number)
 
     def post(path: str, body: Any, rater: str = "") -> dict[str, Any]:

@@ -172,18 +172,18 @@ def test_every_client_of_the_server_gets_the_start_and_what_follows():
     outlet = Outlet("listen", json_encoder(), wire, fps=30, note=notes.append)
     one, two = frames()[:2]
     outlet.send(one)
-    until = time.monotonic() + 10
+    until = time.monotonic() + 30
     while not outlet.dropped and time.monotonic() < until:  # nobody is there yet
         time.sleep(0.01)
     with connect(f"ws://127.0.0.1:{wire.port}") as first, connect(f"ws://127.0.0.1:{wire.port}") as second:
-        assert {json.loads(c.recv(timeout=10))["type"] for c in (first, second)} == {"start"}
+        assert {json.loads(c.recv(timeout=30))["type"] for c in (first, second)} == {"start"}
         outlet.send(two)
-        assert json.loads(second.recv(timeout=10))["time"] == pytest.approx(1 / 30, abs=1e-5)
+        assert json.loads(second.recv(timeout=30))["time"] == pytest.approx(1 / 30, abs=1e-5)
         first.close()  # who leaves does not disturb the other
         outlet.send(frames()[2])
-        assert json.loads(second.recv(timeout=10))["frame"] == 2
+        assert json.loads(second.recv(timeout=30))["frame"] == 2
         outlet.close()
-        assert json.loads(second.recv(timeout=10))["type"] == "end"
+        assert json.loads(second.recv(timeout=30))["type"] == "end"
     assert (outlet.sent, outlet.dropped) == (2, 1)
     assert notes == ["nobody is connected to listen; frames are dropped until a client comes"]
 
@@ -217,21 +217,21 @@ def test_peers_that_send_garbage_disturb_nobody():
     hello = b"GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
     upgraded = hello + b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
     with connect(f"ws://127.0.0.1:{wire.port}") as good:
-        assert json.loads(good.recv(timeout=10))["type"] == "start"
+        assert json.loads(good.recv(timeout=30))["type"] == "start"
         peers = [socket.create_connection(("127.0.0.1", wire.port), timeout=5) for _ in range(2 * len(GARBAGE))]
         for peer, data in zip(peers, [*GARBAGE, *(upgraded + each for each in GARBAGE)], strict=True):
             peer.sendall(data)
         for frame in frames()[1:]:
             outlet.send(frame)
-        got = [json.loads(good.recv(timeout=10))["frame"]]  # the first frame, or the next one, if that was sent before
+        got = [json.loads(good.recv(timeout=30))["frame"]]  # the first frame, or the next one, if that was sent before
         while got[-1] < 19:
-            got.append(json.loads(good.recv(timeout=10))["frame"])
+            got.append(json.loads(good.recv(timeout=30))["frame"])
         assert got == list(range(got[0], 20))
         assert got[0] <= 1
         for peer in peers:
             peer.close()
         outlet.close()
-        assert json.loads(good.recv(timeout=10))["type"] == "end"
+        assert json.loads(good.recv(timeout=30))["type"] == "end"
 
 
 @pytest.mark.parametrize(
@@ -275,7 +275,7 @@ def test_a_server_of_theirs_is_reached_again_after_it_went():
         outlet.send(frame)
     outlet.close()
     server.shutdown()
-    seen = [got.get(timeout=10) for _ in range(22)]
+    seen = [got.get(timeout=30) for _ in range(22)]
     assert [m["type"] for m in seen] == ["start", *["frame"] * 20, "end"]
 
 
@@ -392,7 +392,7 @@ def test_frames_that_have_not_left_are_taken_back():
 
 def wait_for(pacer, count: int) -> None:
     """Until so many frames have left."""
-    until = time.monotonic() + 10
+    until = time.monotonic() + 30
     while pacer.pace.frames < count:
         assert time.monotonic() < until
         time.sleep(0.005)
@@ -423,7 +423,7 @@ def test_an_outlet_that_fails_is_told_to_who_pushes_and_who_closes():
     pacer = FramePacer([Broken()], delay=0.0, paced=False)
     pacer.begin()
     pacer.push(MOTION)
-    pacer._thread.join(10)
+    pacer._thread.join(30)
     for call in (lambda: pacer.push(MOTION), pacer.close):
         with pytest.raises(ValueError, match="too much"):
             call()
@@ -455,7 +455,7 @@ def test_a_second_client_that_waits_is_told_of_once():
         assert [next(messages), next(messages)] == [b"", b"one"]
         with connect(url) as second, connect(url):
             second.send(b"two")
-            until = time.monotonic() + 10
+            until = time.monotonic() + 30
             while not notes and time.monotonic() < until:
                 time.sleep(0.01)
         first.close()

@@ -30,6 +30,19 @@ STREAM = [
     {"audio_base64": "SUQz", "alignment": alignment("lo you. ", 0.3), "normalized_alignment": None},
     {"audio_base64": "SUQz", "alignment": alignment("Bye", 1.1), "normalized_alignment": alignment("Bye", 1.1)},
 ]
+
+
+def message(text: str, long: str = "charDurationsMs") -> dict:
+    """Of the WebSocket: times count from its beginning."""
+    return {"chars": [*text], "charStartTimesMs": [100 * k for k in range(len(text))], long: [100] * len(text)}
+
+
+SOCKET = [
+    {"audio": "SUQz", "isFinal": None, "normalizedAlignment": message("Hel"), "alignment": message("Hel")},
+    {"audio": "SUQz", "isFinal": None, "normalizedAlignment": None, "alignment": message("lo you. ", "charsDurationsMs")},
+    {"audio": "SUQz", "isFinal": None, "normalizedAlignment": message("Bye"), "alignment": message("By3")},
+    {"audio": None, "isFinal": True},
+]
 PYTHON = [
     {"audio_offset": 500_000, "duration": "0:00:00.2375", "text": "Hello", "text_offset": 0, "word_length": 5},
     {"audio_offset": 2_875_000, "duration": 0.1, "text": ",", "boundary_type": "SpeechSynthesisBoundaryType.Punctuation"},
@@ -76,6 +89,10 @@ def test_characters_become_words_of_the_text_that_is_spoken():
 @pytest.mark.parametrize("text", [to_lines(STREAM), json.dumps(STREAM, indent=2), "\n\n".join(map(json.dumps, STREAM))])
 def test_a_word_that_a_piece_of_a_stream_cuts_is_whole(text):
     assert words_of(text) == [("Hello", 0.0, 0.5), ("you", 0.6, 1.0), ("Bye", 1.1, 1.4)]
+
+
+def test_times_of_messages_of_the_websocket_count_from_the_end_of_the_message_before():
+    assert words_of(to_lines(SOCKET)) == [("Hello", 0.0, 0.5), ("you", 0.6, 1.0), ("Bye", 1.1, 1.4)]
 
 
 def test_a_word_comes_as_soon_as_it_is_certain():
@@ -158,6 +175,9 @@ def changed(pieces: list, at: int, *path: object, value: object = None) -> str:
         (to_lines(STREAM)[:-9], "line 4 is not JSON: "),
         (json.dumps(STREAM, indent=1)[:-30], "the transcript is not JSON: "),
         (to_lines([*STREAM, 3]), "object 5 is '3' (a JSON object"),
+        (changed(SOCKET, 1, "alignment", "chars"), "object 2: alignment has no chars (a list belongs there)"),
+        (changed(SOCKET, 0, "normalizedAlignment", "charDurationsMs"), "object 1: normalizedAlignment has no charDurationsMs"),
+        (changed(SOCKET, 1, "alignment", "charStartTimesMs", 2, value=-1), "object 2: charStartTimesMs[2] of alignment is -1"),
         (changed(PYTHON, 0, "text"), "object 1: there is no text (the SDK has it since version 1.21)"),
         (changed(PYTHON, 4, "duration"), "object 5: there is no duration of 'you' (ticks of 100 ns"),
         (changed(PYTHON, 4, "duration", value="soon"), "object 5: duration of 'you' is 'soon' (ticks of 100 ns, or a text"),
@@ -181,7 +201,7 @@ def test_the_field_that_is_wrong_is_named(text, told):
 JUNK = (None, True, -3, 0, 7, 10**20, 0.5, -0.5, float("nan"), float("inf"), "", "a", "0:00:01", [], {}, [[1]], {"a": 1})
 
 
-@pytest.mark.parametrize("pieces", [[ELEVENLABS], STREAM, PYTHON, JAVASCRIPT, CSHARP, BATCH, POLLY])
+@pytest.mark.parametrize("pieces", [[ELEVENLABS], STREAM, SOCKET, PYTHON, JAVASCRIPT, CSHARP, BATCH, POLLY])
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_damaged_objects_give_words_or_a_line_of_error(pieces, seed):

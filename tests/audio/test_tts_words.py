@@ -60,6 +60,16 @@ CSHARP = [
     {"AudioOffset": 4_000_000, "Duration": "00:00:00.2500000", "Text": "you", "BoundaryType": 0},
 ]
 BATCH = [{"Text": "Hello", "AudioOffset": 50, "Duration": 237.5}, {"Text": "you", "AudioOffset": 400, "Duration": 250}]
+CARTESIA = [
+    {"type": "chunk", "data": "aSDi", "done": False, "status_code": 206, "context_id": "a"},
+    {"type": "timestamps", "done": False, "context_id": "a", "word_timestamps": {"words": ["Hi,"], "start": [0], "end": [0.4]}},
+    {
+        "type": "timestamps",
+        "context_id": "a",
+        "word_timestamps": {"words": ["you", "two."], "start": [0.5, 1], "end": [0.9, 1.2]},
+    },
+    {"type": "done", "done": True, "context_id": "a"},
+]
 POLLY = [
     {"time": 0, "type": "sentence", "start": 0, "end": 23, "value": "Mary had a little lamb."},
     {"time": 6, "type": "word", "start": 0, "end": 4, "value": "Mary"},
@@ -89,6 +99,13 @@ def test_characters_become_words_of_the_text_that_is_spoken():
 @pytest.mark.parametrize("text", [to_lines(STREAM), json.dumps(STREAM, indent=2), "\n\n".join(map(json.dumps, STREAM))])
 def test_a_word_that_a_piece_of_a_stream_cuts_is_whole(text):
     assert words_of(text) == [("Hello", 0.0, 0.5), ("you", 0.6, 1.0), ("Bye", 1.1, 1.4)]
+
+
+@pytest.mark.parametrize("write", [to_lines, json.dumps])
+def test_messages_of_cartesia(write):
+    expected = [("Hi", 0.0, 0.4), ("you", 0.5, 0.9), ("two", 1.0, 1.2)]
+    assert words_of(write(CARTESIA)) == expected
+    assert words_of(write(CARTESIA[1:])) == expected
 
 
 def test_times_of_messages_of_the_websocket_count_from_the_end_of_the_message_before():
@@ -178,6 +195,11 @@ def changed(pieces: list, at: int, *path: object, value: object = None) -> str:
         (changed(SOCKET, 1, "alignment", "chars"), "object 2: alignment has no chars (a list belongs there)"),
         (changed(SOCKET, 0, "normalizedAlignment", "charDurationsMs"), "object 1: normalizedAlignment has no charDurationsMs"),
         (changed(SOCKET, 1, "alignment", "charStartTimesMs", 2, value=-1), "object 2: charStartTimesMs[2] of alignment is -1"),
+        (changed(CARTESIA, 2, "word_timestamps", "end"), "object 3: word_timestamps has no list end (one value for each word)"),
+        (changed(CARTESIA, 2, "word_timestamps", "end", 1), "object 3: word_timestamps has 2 words, 2 starts and 1 ends (one"),
+        (changed(CARTESIA, 1, "word_timestamps", "start", 0, value="0"), "object 2: start of 'Hi,' is 0 (seconds, 0 and more)"),
+        (changed(CARTESIA, 1, "word_timestamps", "words", 0, value=3), "object 2: a word is 3 (a text belongs there)"),
+        (changed(CARTESIA, 1, "word_timestamps", value=[3]), "object 2: word_timestamps is '[3]' (an object with words"),
         (changed(PYTHON, 0, "text"), "object 1: there is no text (the SDK has it since version 1.21)"),
         (changed(PYTHON, 4, "duration"), "object 5: there is no duration of 'you' (ticks of 100 ns"),
         (changed(PYTHON, 4, "duration", value="soon"), "object 5: duration of 'you' is 'soon' (ticks of 100 ns, or a text"),
@@ -201,7 +223,7 @@ def test_the_field_that_is_wrong_is_named(text, told):
 JUNK = (None, True, -3, 0, 7, 10**20, 0.5, -0.5, float("nan"), float("inf"), "", "a", "0:00:01", [], {}, [[1]], {"a": 1})
 
 
-@pytest.mark.parametrize("pieces", [[ELEVENLABS], STREAM, SOCKET, PYTHON, JAVASCRIPT, CSHARP, BATCH, POLLY])
+@pytest.mark.parametrize("pieces", [[ELEVENLABS], STREAM, SOCKET, PYTHON, JAVASCRIPT, CSHARP, BATCH, POLLY, CARTESIA])
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_damaged_objects_give_words_or_a_line_of_error(pieces, seed):

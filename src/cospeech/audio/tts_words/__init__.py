@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from ..word_entries import Entry
-from . import azure, elevenlabs, polly
+from . import azure, cartesia, elevenlabs, polly
 
 __all__ = ["SERVICES", "Service"]
 
@@ -30,5 +30,6 @@ SERVICES: dict[str, Service] = {
     "ElevenLabs": Service(elevenlabs.has_fields, elevenlabs.read),
     "Azure Speech": Service(azure.has_fields, azure.read),
     "Amazon Polly": Service(polly.has_fields, polly.read),
+    "Cartesia": Service(cartesia.has_fields, cartesia.read),
 }
 """Name → service."""

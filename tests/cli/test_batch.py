@@ -117,7 +117,7 @@ BAD = [
     ("convert talk.bvh x.glb --skeleton mixamo", "would not be seen"),
     ("render talk.csv x.png --camera hands", "holds a face only"),
     ("render talk.csv x.png --camera fac", "no camera called 'fac'"),
-    ("convert rec x.bvh", "it is a folder"),
+    ("convert rec x.bvh", "no motion file is in the folder"),
     ("convert - x.bvh", "standard input"),
     ("evaluate rules --corpus x --small", "--small without --table"),
     ("evaluate --table flow-1 --corpus x --takes 3", "--takes beside --table"),
@@ -241,7 +241,7 @@ def test_no_help_is_cut(cli, monkeypatch):
     for command in commands:
         code, said, _ = cli(*command.split(), "--help")
         assert code == 0
-        shown = re.sub(r"(\[ARGS\]|\{SPEECH\}|SPEECH|\[SYSTEM\]|\])\.\.\.", "", said)  # as many as one likes
+        shown = re.sub(r"(\[ARGS\]|\{SPEECH\}|\{MOTION\}|SPEECH|\[SYSTEM\]|\])\.\.\.", "", said)  # as many as one likes
         assert "..." not in shown, command
         plain = [line for line in said.splitlines() if not re.match(r"  (cospeech|torchrun) ", line)]  # examples
         assert max(map(len, plain)) <= 80, command

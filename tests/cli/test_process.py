@@ -52,6 +52,27 @@ def test_stopped_in_the_middle_nothing_is_left(tmp_path, long_speech, number, co
     assert list(out.iterdir()) == []
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="only Linux tells the children of a process")
+def test_several_jobs_may_be_stopped_while_their_processes_begin(tmp_path, long_speech):
+    (tmp_path / "in").mkdir()
+    for name in ("a", "b"):
+        (tmp_path / "in" / f"{name}.wav").symlink_to(long_speech)
+    command = [*COSPEECH, "generate", "in", "-o", "out/", "--jobs", "2"]
+    pipes = {"stderr": subprocess.PIPE, "text": True, "cwd": tmp_path, "preexec_fn": heed(signal.SIGINT)}
+    for wait in (0.0, 0.1, 0.3):
+        process = subprocess.Popen(command, start_new_session=True, **pipes)
+        children, until = Path(f"/proc/{process.pid}/task/{process.pid}/children"), time.monotonic() + 60
+        while len(children.read_text().split()) < 3:  # one of them keeps watch over what the others share
+            assert time.monotonic() < until
+            time.sleep(0.005)
+        time.sleep(wait)
+        os.killpg(process.pid, signal.SIGINT)
+        _, err = process.communicate(timeout=90)
+        assert (process.returncode, "Traceback" in err) == (130, False), err
+        assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_several_jobs_that_are_stopped_leave_nothing(tmp_path, long_speech, number, code):
     """The program tells its processes, whose signals it does not rely on; they end at the next piece of motion."""

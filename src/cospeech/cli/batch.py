@@ -126,7 +126,8 @@ def _each_in_parallel(
     context = get_context("spawn")  # a fork would copy the threads of onnxruntime as they are
     stop = context.Event()
     with ProcessPoolExecutor(min(jobs, len(work)), context, _watch_signals, (stop.is_set,)) as pool:
-        waiting = [pool.submit(_generate_alone, job, dict(options), model) for job in work]
+        with _hold_signals():  # until a process has begun to watch: one that comes before ends it with a traceback
+            waiting = [pool.submit(_generate_alone, job, dict(options), model) for job in work]
         try:
             for number, (job, future) in enumerate(zip(work, waiting, strict=True), 1):
                 found, notes = future.result()
@@ -142,13 +143,32 @@ def _each_in_parallel(
     return Reports(speeches=made, failed=failed)
 
 
+@contextmanager
+def _hold_signals() -> Iterator[None]:
+    """Signals come later, also to processes that are started meanwhile: these inherit it."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _signals())
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _signals() -> list[signal.Signals]:
+    """What ends the work; Windows has no SIGHUP."""
+    return [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+
+
 def _watch_signals(told: Callable[[], bool]) -> None:
     """At the start of a worker process: a signal ends its work at the next piece, so that nothing half-written is left."""
     _reasons_to_stop.append(told)
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        number = getattr(signal, name, None)  # Windows has no SIGHUP
-        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as nohup asks for
+    for number in _signals():
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup asks for
             signal.signal(number, lambda *_: _reasons_to_stop.append(lambda: True))
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _signals())
 
 
 def _check_stop(done: float = 0.0, total: float | None = None) -> None:

@@ -108,7 +108,7 @@ def generate_files(
     check_range("tail", tail, TAIL_RANGE)
     silence = Fraction(tail).limit_denominator(1000)
     _check_rivals(style, speaker, transcript, transcribe)
-    files = [Path(path) for path in outputs]
+    files = [Path(path) for path in ([outputs] if isinstance(outputs, str | PathLike) else outputs)]
     felt, track = _read_emotion(emotion)
     options = GenerationOptions(
         style=style or speaker, emotion=felt, seed=seed, intensity=intensity, temperature=temperature, fps=fps, takes=takes,

@@ -430,3 +430,21 @@ def test_the_decoder_imports_little():
     code = "import sys, cospeech.audio.worker, cospeech.audio._decode; print(*sys.modules)"
     modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert not {"numpy", "onnxruntime", "scipy", "torch", "cospeech.audio.speech"} & set(modules)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ([("huge", 0.1, 0.2)], "\"('huge', 0.1, 0.2)\" among the words of a speech"),
+        (["huge"], "'huge' among the words of a speech"),
+        ("huge", "'huge' among the words of a speech"),
+        ([Word(None, 0.1, 0.2)], "among the words of a speech"),
+        ([Word("huge", "0.1", 0.2)], "the word 'huge' from 0.1 to 0.2 (seconds, and the start first)"),
+        ([Word("huge", 0.1, float("nan"))], "the word 'huge' from 0.1 to nan"),
+        ([Word("huge", 0.2, 0.1)], "the word 'huge' from 0.2 to 0.1"),
+    ],
+)
+def test_what_is_no_word_is_told_at_once(words, told):
+    with pytest.raises(InputError) as caught:
+        Speech(np.zeros(16000, np.float32), words=words)
+    assert told in str(caught.value)

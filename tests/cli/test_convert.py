@@ -162,7 +162,8 @@ def test_what_is_wrong_with_one_motion_keeps_none_of_the_others_back(cli, place)
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (("talk.bvh", "other.glb", "out.npz"), "one file 'out.npz' for 2 motions ('out/{name}.npz' writes one for each)"),
+        (("talk.bvh", "other.glb", "out.npz"), "one file 'out.npz' for 2 motions ('{name}.npz' writes one for each)"),
+        (("talk.bvh", "other.glb", "made"), "no format in 'made' for 2 motions ('made/{name}.glb' writes one for each)"),
         (("talk.bvh", "talk.glb", "out/{name}.npz"), "'talk.bvh' and 'talk.glb' are both called 'talk'"),
         (("talk.bvh", "other.glb", "{name}.bvh"), "'talk.bvh' would overwrite what is read"),
         (("talk.bvh", "other.glb", "out/{name}.x"), "cannot tell the format of"),

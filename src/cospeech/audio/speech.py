@@ -27,6 +27,7 @@ from ..errors import InputError
 from ..files import regular_file
 from ..limits import SECONDS_IN_MEMORY, SOUND_RATES, SPEECH_RATES
 from .decoding import SoundDecoder
+from .word import Word, check_words
 
 __all__ = ["Speech", "SpeechSource", "Word", "count_frames", "example", "open_speech", "shift_times"]
 
@@ -38,15 +39,6 @@ LOUDEST = 100.0  # ours: +40 dB over full scale; floats beyond were not scaled t
 AUDIBLE = 1e-3  # ours: RMS of -60 dBFS, above the noise floor of most microphones
 CANCELLED = 0.14  # ours: of what the mean of as many unrelated channels would have; for two, 20 dB below the louder one
 FPS_DENOMINATOR = 1_001_000  # exact for 30000/1001 and for three decimals
-
-
-@dataclass(frozen=True, slots=True)
-class Word:
-    """A word and when it is spoken, in seconds from the start of the speech."""
-
-    text: str
-    start: float
-    end: float
 
 
 def count_frames(duration: Fraction, fps: float | Fraction) -> int:
@@ -106,6 +98,7 @@ class Speech:
             problem = f"{len(samples)} samples at {self.rate} Hz as a speech of {str(self.duration)[:40]} s"
             raise InputError(problem, f"{len(samples) / self.rate:g} s, or a little less")
         object.__setattr__(self, "seconds", float(self.duration))
+        check_words(self.words)
         if not (isinstance(self.start, float) and isfinite(self.start)):
             _fraction("start", self.start)
 

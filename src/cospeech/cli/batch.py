@@ -32,7 +32,11 @@ STANDARD_INPUT = "-"
 _BLOCK = 1 << 20  # bytes
 _MOST_JOBS = (1, 64)  # ours: more processes than that only wait for each other
 _USUAL = (".bvh", ".glb")  # what is written where no format is named
-_OF_ONE_SPEECH = ("transcript", "face", "plan", "plan_out", "keep_from")  # options that cannot be the same for several
+_OF_ONE_SPEECH = {
+    "transcript": f"words/{NAME}.srt", "face": f"faces/{NAME}.csv", "plan": f"plans/{NAME}.json",
+    "plan_out": f"plans/{NAME}.json", "keep_from": f"old/{NAME}.npz",
+}  # fmt: skip
+"""Options that cannot be the same for several speeches, and what may be given."""
 _WITH_NAME = (*_OF_ONE_SPEECH, "emotion", "continue_from")  # options in which `NAME` is put in
 _OF_MODELS = frozenset({"speaker", *(field.name for field in fields(GenerationOptions))})
 
@@ -292,7 +296,7 @@ def _job(name: str, speech: Path, given: Sequence[str], options: Mapping[str, An
         folders |= {path.parent for path in own}
     for key in _OF_ONE_SPEECH:
         if several and options.get(key) is not None and NAME not in str(options[key]):
-            hint = f"one for each, with {NAME} in it: words/{NAME}.srt"
+            hint = f"one for each, with {NAME} in it: {_OF_ONE_SPEECH[key]}"
             raise InputError(f"one {key} {str(options[key])!r} for several speeches", hint)
     put_in = {key: str(options[key]).replace(NAME, name) for key in _WITH_NAME if NAME in str(options.get(key))}
     return _Job(speech, name, outputs, folders, put_in)

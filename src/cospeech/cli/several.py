@@ -63,8 +63,9 @@ def find_motions(given: Sequence[Path], target: Path) -> list[MotionFile]:
     sources = list(dict.fromkeys(path for each in given for path in _list_files(each)))
     several, text = len(sources) > 1, str(target)
     if several and NAME not in text:
-        suffix = target.suffix or ".glb"
-        raise InputError(f"one file {text!r} for {len(sources)} motions", f"'out/{NAME}{suffix}' writes one for each")
+        problem = f"one file {text!r}" if target.suffix else f"no format in {text!r}"
+        hint = f"'{NAME}{target.suffix}'" if target.suffix else f"'{target / NAME}.glb'"
+        raise InputError(f"{problem} for {len(sources)} motions", f"{hint} writes one for each")
     found = [MotionFile(path, Path(text.replace(NAME, path.stem)), path.stem, NAME in text) for path in sources]
     if several:
         names: dict[str, Path] = {}

@@ -187,7 +187,8 @@ def _start(collect: Callable[..., None], *given: object) -> None:
 
 def _collect(messages: Iterable[str | bytes], controls: LiveControls) -> None:
     for message in messages:
-        controls.put(message)
+        if message != b"":  # a client has come
+            controls.put(message)
 
 
 def _collect_words(path: str, words: WaitingWords, tell: Callable[[str], None]) -> None:

@@ -150,6 +150,8 @@ def _lock(plan: Plan, text: str, seconds: float | None) -> tuple[Plan, str]:
 
 
 def _remove(plan: Plan, text: str, seconds: float | None) -> tuple[Plan, str]:
+    if text.startswith("@"):
+        _moment(text[1:], seconds)
     return plan.remove(text), ""
 
 

@@ -1,0 +1,37 @@
+"""A word of a speech."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+
+from ..errors import InputError
+
+__all__ = ["Word", "check_words"]
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """A word and when it is spoken, in seconds from the start of the speech."""
+
+    text: str
+    start: float
+    end: float
+
+
+def check_words(words: object) -> None:
+    """What a speech is given as its words is that.
+
+    Raises:
+        InputError: one is no `Word`, has no text, or its times are no times.
+    """
+    if words is None:
+        return
+    for word in words if isinstance(words, tuple | list) else (words,):
+        if not isinstance(word, Word) or not isinstance(word.text, str):
+            raise InputError(f"{str(word)[:60]!r} among the words of a speech", 'Word("huge", 0.5, 0.9)')
+        times = word.start, word.end
+        if not all(isinstance(time, int | float | np.number) and isfinite(time) for time in times) or word.end < word.start:
+            raise InputError(f"the word {word.text[:40]!r} from {times[0]} to {times[1]}", "seconds, and the start first")

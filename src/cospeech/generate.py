@@ -55,7 +55,7 @@ Progress = Callable[[float, float | None], None]
 
 
 def generate_files(
-    audio: File, outputs: Sequence[File], *, model: str = DEFAULT, style: StyleLike = None,
+    audio: File, outputs: File | Sequence[File], *, model: str = DEFAULT, style: StyleLike = None,
     emotion: str | PathLike[str] | EmotionTrack = "auto", speaker: str | None = None, transcript: File | None = None,
     transcribe: bool = False, seed: int = 0, takes: int = 1, temperature: float = 1.0, intensity: float = 1.0,
     parts: Iterable[str] = PARTS, face_gain: FaceGain = 1.0, face: MotionLike = None, continue_from: MotionLike = None,
@@ -69,7 +69,7 @@ def generate_files(
 
     Args:
         audio: the speech; any sound file that `open_speech` reads.
-        outputs: files to write; the suffix picks the format.
+        outputs: files to write, or one; the suffix picks the format.
         model: registry name, bundle (``mine.cospeech``) or folder of a run.
         style: a style by name; for trained systems also a motion file or a `Motion` whose manner to follow, and mixtures:
             ``"ada:0.7,clip.bvh:0.3"``, or a dict from these to weights. The model's default where not given.

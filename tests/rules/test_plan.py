@@ -362,6 +362,7 @@ def test_commands_that_cannot_be_understood_are_told(commands):
     ("commands", "said"),
     [
         ({"gesture": ["huge@30"]}, r"--gesture huge@30: 30 is after the end of the speech \(12 s\)"),
+        ({"remove": ["@30"]}, r"--remove @30: 30 is after the end of the speech \(12 s\)"),
         ({"gesture": ["huge@-1"]}, r"--gesture huge@-1: -1 is before the speech"),
         ({"move": ["g1@30"]}, r"--move g1@30: 30 is after the end"),
         ({"move": ["g1@-2"]}, r"--move g1@-2: -2 is before the speech"),

@@ -134,7 +134,7 @@ def test_files_keep_and_plan(tmp_path):
     generate_files(EXAMPLE, [tmp_path / "a.bvh"], plan_out=plan)
     generate_files(EXAMPLE, [tmp_path / "b.bvh"], plan=plan)
     assert (tmp_path / "a.bvh").read_bytes() == (tmp_path / "b.bvh").read_bytes()
-    generate_files(EXAMPLE, [first])
+    generate_files(EXAMPLE, first)  # one path is a list of one
     generate_files(EXAMPLE, [second], seed=5, keep="0:3.2", keep_from=first)
     old, new = Motion.load(first), Motion.load(second)
     assert np.abs(old.rotations[: round(3.2 * FPS)] - new.rotations[: round(3.2 * FPS)]).max() < 1e-5

@@ -369,6 +369,7 @@ def test_words_on_a_sound_without_any_speech(level):
 @pytest.mark.slow
 @settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.floats(0.02, 20))
+@pytest.mark.filterwarnings("ignore:the transcript has:cospeech.errors.CospeechWarning")
 def test_any_words_on_any_sound(seed, count, seconds):
     rng = np.random.default_rng(seed)
     frames = int(seconds * 100) + 1
@@ -453,3 +454,13 @@ def test_transcribe_without_the_extra_says_what_to_install(tmp_path):
     with pytest.raises(InputError, match=r"\.\[asr\]"):
         generate_files(example()[0], [tmp_path / "x.json"], transcribe=True)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_text_that_is_too_long_for_the_speech_is_told_of(tmp_path):
+    sound, words = example()
+    text = words.with_suffix(".txt")
+    whole = Speech.load(sound, transcript=text)  # it fits: nothing is told
+    part = Speech(whole.samples[: 8 * whole.rate], whole.rate)
+    soundfile.write(tmp_path / "part.wav", part.samples, part.rate)
+    with pytest.warns(CospeechWarning, match=r"68 syllables for 5\.\d s of voice, faster than people speak: does it belong"):
+        Speech.load(tmp_path / "part.wav", transcript=text)

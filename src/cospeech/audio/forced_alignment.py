@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import re
 import unicodedata
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, describe_extra
+from ..errors import CospeechWarning, InputError, describe_extra
 from ..limits import WORDS
 from .features.prosody import Features, ProsodyStream, analyse, find_pauses
 from .speech import RATE, Speech, SpeechSource, Word, open_speech
@@ -29,6 +30,8 @@ __all__ = ["align", "align_with_recogniser", "count_syllables", "spread", "token
 Floats = NDArray[np.float64]
 
 STEP = 2  # feature frames per step of the search: 20 ms
+_HASTE = 10.0  # syllables per second of voice [ours: readers have 4 to 6, quick speakers 8; half as much text again is told]
+_SEVERAL = 8  # words below which the rate says little [ours]
 PAUSE = 0.08  # seconds; ours: shorter silences are the closures of p, t, k
 BAND = (1.5, 6.0)  # seconds around the even division within which a boundary is searched: at least, at most
 BAND_SHARE = 0.15  # of the speech, between those two
@@ -164,11 +167,20 @@ def align(tokens: Sequence[str] | str, speech: Speech | SpeechSource | Features)
     for start, end in find_pauses(energy, fps, shortest=PAUSE):
         voiced[round(start * fps) : round(end * fps)] = False
     voiced[int(np.ceil(seconds * fps - 1e-6)) :] = False  # the last frame may lie on the very end
+    _note_haste(tokens, float(voiced.sum()) / fps)
     frames = np.flatnonzero(voiced)[::STEP]
     if len(frames) < 2 * len(tokens):  # silence, or hardly any speech: spread them over all of it
         return tuple(spread(tokens, 0.0, seconds))
     bounds = _search(tokens, *_cues(energy, frames), STEP / fps)
     return tuple(_words(tokens, bounds, frames / fps, STEP / fps, seconds))
+
+
+def _note_haste(tokens: Sequence[str], seconds: float) -> None:
+    """Warn of more words than somebody says in so many seconds of voice."""
+    syllables = sum(map(count_syllables, tokens))
+    if len(tokens) >= _SEVERAL and syllables > _HASTE * seconds:
+        problem = f"the transcript has {syllables} syllables for {seconds:.1f} s of voice, faster than people speak"
+        warnings.warn(f"{problem}: does it belong to this recording?", CospeechWarning, stacklevel=3)
 
 
 def _energy(speech: Speech | SpeechSource | Features) -> tuple[Floats, float]:

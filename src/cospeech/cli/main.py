@@ -138,13 +138,12 @@ def generate(
 
 def _failure(results: Reports) -> CospeechError:
     """What is said when nothing came of some speeches."""
-    failed, shown = results.failed, 3
-    told = [f"{failure.speech}: {failure.error}" for failure in failed[:shown]]
-    told += [f"and {len(failed) - shown} more"] if len(failed) > shown else []
+    from .several import describe_failures
+
+    failed = [(failure.speech, failure.error, failure.ours) for failure in results.failed]
     every = say_count(len(failed) + len(results.speeches), "speech", "speeches")
-    problem = f"{len(failed)} of {every} failed: {'; '.join(told)}"
-    kind = InternalError if all(failure.ours for failure in failed) else InputError
-    return kind(problem, "--report FILE lists all; the others are done" if results.speeches else "--report FILE lists all")
+    hint = "--report FILE lists all; the others are done" if results.speeches else "--report FILE lists all"
+    return describe_failures(failed, every, hint)
 
 
 @app.command("list")

@@ -7,17 +7,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..errors import CospeechError, InputError, InternalError, say_count
-from ..export import FORMATS, format_of
+from ..export import format_of
 from ..export.checks import check_apart
-from ..export.registry import reads_body
+from ..export.registry import reads_body, suffixes
 from ..files import make_folders
 
-__all__ = ["NAME", "MotionFile", "convert_each", "find_motions", "match_pattern"]
+__all__ = ["NAME", "MotionFile", "convert_each", "describe_failures", "find_motions", "match_pattern"]
 
 NAME = "{name}"
 """Stands for the name of a speech or of a motion in the name of a file."""
 _SHOWN = 3  # failures in one message
-_READABLE = [suffix for suffix, entry in FORMATS.items() if reads_body(entry)]
 
 
 class MotionFile(NamedTuple):
@@ -82,9 +81,10 @@ def _list_files(path: Path) -> list[Path]:
     """A file; the files of a pattern; the motion files of a folder."""
     if not path.is_dir():
         return match_pattern(path) or [path]
-    found = [each for each in sorted(path.iterdir()) if each.suffix.lower() in _READABLE and each.is_file()]
+    readable = suffixes(reads_body)
+    found = [each for each in sorted(path.iterdir()) if each.suffix.lower() in readable and each.is_file()]
     if not found:
-        raise InputError(f"no motion file is in the folder {str(path)!r}", f"known: {' '.join(_READABLE)}")
+        raise InputError(f"no motion file is in the folder {str(path)!r}", f"known: {' '.join(readable)}")
     return found
 
 
@@ -94,7 +94,7 @@ def convert_each(motions: Sequence[MotionFile], convert: Callable[[MotionFile], 
     Raises:
         InputError: some could not be converted; the message names them.
     """
-    failed = list[tuple[Path, CospeechError]]()
+    failed = list[tuple[str, str, bool]]()
     for each in motions:
         try:
             with make_folders({each.target.parent} if each.named else ()):
@@ -102,10 +102,21 @@ def convert_each(motions: Sequence[MotionFile], convert: Callable[[MotionFile], 
         except CospeechError as error:
             if len(motions) == 1:
                 raise
-            failed.append((each.source, error))
+            failed.append((str(each.source), str(error), isinstance(error, InternalError)))
     if failed:
-        told = [f"{path}: {error}" for path, error in failed[:_SHOWN]]
-        told += [f"and {len(failed) - _SHOWN} more"] if len(failed) > _SHOWN else []
-        kind = InternalError if all(isinstance(error, InternalError) for _, error in failed) else InputError
-        problem = f"{len(failed)} of {say_count(len(motions), 'motion')} failed: {'; '.join(told)}"
-        raise kind(problem, "the others are done" if len(failed) < len(motions) else "")
+        hint = "the others are done" if len(failed) < len(motions) else ""
+        raise describe_failures(failed, say_count(len(motions), "motion"), hint)
+
+
+def describe_failures(failed: Sequence[tuple[str, str, bool]], every: str, hint: str) -> CospeechError:
+    """The error of a command by which nothing came of some of several files.
+
+    Args:
+        failed: of each: the file, the error, and whether we failed although the file was fine.
+        every: how many files there were, in words.
+        hint: of the error.
+    """
+    told = [f"{path}: {error}" for path, error, _ in failed[:_SHOWN]]
+    told += [f"and {len(failed) - _SHOWN} more"] if len(failed) > _SHOWN else []
+    kind = InternalError if all(ours for _, _, ours in failed) else InputError
+    return kind(f"{len(failed)} of {every} failed: {'; '.join(told)}", hint)

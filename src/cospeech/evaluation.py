@@ -123,7 +123,10 @@ def evaluate_store(
     """
     if not 1 <= takes <= 100:
         raise InputError(f"{takes} takes", "1 … 100")
-    _choose_metrics(metrics, targets)  # before models play, which takes long
+    chosen = _choose_metrics(metrics, targets)  # before models play, which takes long
+    deaf = [name for name, measure in chosen.items() if "speech" in measure.about.needs] if raw is None else []
+    if deaf and tuple(metrics) != tuple(DEFAULT):
+        raise InputError(f"{', '.join(deaf)}: the sound of the corpus is needed", "name its folder: --raw RAW")
     for target in targets.values():
         if isinstance(target, str) and not plays(target) and not Path(target).is_dir():
             hint = f"models: {', '.join(MODELS)}; NAME.cospeech; the folder of a run"

@@ -369,10 +369,9 @@ def _check_files(
 ) -> tuple[Skeleton | None, Avatar | None]:
     """What is asked for can be seen in the files; the skeleton to retarget to, None for our own, and who is shown."""
     bones = None if bone_map is None else load_map(bone_map)
-    known = [path for path in files if path.suffix.lower() in FORMATS]  # the others are told of by `check_files`
-    suffixes = {path.suffix.lower() for path in known}
-    for path in known:
+    for path in files:
         check_parts(path, options.parts, "the parts that were asked for are")
+    suffixes = {path.suffix.lower() for path in files}
     target = None if skeleton == "humanoid" else check_skeleton(skeleton, suffixes, bones)
     if bones and target is None and avatar is None:
         problem = "the map changes nothing: it is for the rig of --skeleton, or for --avatar"
@@ -381,6 +380,6 @@ def _check_files(
     if bones:
         check_map(bones, {} if target is None else {str(skeleton): target}, worn)
     shown = {part for suffix in suffixes for part in FORMATS[suffix].holds} & {*options.parts}
-    if known:
+    if files:
         note_idle_gain(options.face_gain, shown, "no face is made, or no file holds one")
     return target, worn

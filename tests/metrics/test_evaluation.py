@@ -540,6 +540,8 @@ def test_a_model_plays_the_recordings_of_a_store(corpus):
         evaluate_store({"x": "rulez"}, corpus / "store")
     with pytest.raises(InputError, match="--raw"):
         evaluate_store({"rules": "rules"}, corpus / "store", metrics=("pck",))
+    with pytest.raises(InputError, match=r"beat_align: the sound of the corpus is needed \(name its folder: --raw RAW\)"):
+        evaluate_store({}, corpus / "store", metrics=("pck", "beat_align"))
 
 
 @pytest.mark.slow

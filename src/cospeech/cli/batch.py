@@ -74,7 +74,8 @@ def generate_speeches(
         speeches: sound files; folders, of which every sound file is taken, those in folders below too, but no video beside a
             sound of its name; patterns of files, with ``*`` or ``?``; or ``"-"`` alone, for the bytes of one on standard input.
         outputs: what to write of each: a file, with ``{name}`` in it where there are several speeches; or a folder, named with
-            a slash at its end or there already, for a .bvh and a .glb. Where not given: these two, in the working folder.
+            a slash at its end or there already, for a .bvh and a .glb. Where not given: these two, in the working folder; no
+            file that is there is written over then.
         model: as for `cospeech.generate.generate_files`.
         report: write the `Report` of one speech, or the `Reports` of several, as JSON here too.
         progress: called with (seconds done, seconds in all or None, which speech).
@@ -91,6 +92,8 @@ def generate_speeches(
         options = {"parts": PARTS, **options}
         shown = {*options["parts"]} & {*loaded.makes}
         work = [_job(name, path, outputs, options, shown, several=len(found) > 1) for name, path in found.items()]
+        if not outputs:
+            _check_new(work, options)
         if len(work) == 1:
             tell = None if progress is None else lambda done, total: progress(done, total, "")
             return Reports(
@@ -302,6 +305,20 @@ def _job(name: str, speech: Path, given: Sequence[str], options: Mapping[str, An
     return _Job(speech, name, outputs, folders, put_in)
 
 
+def _check_new(jobs: list[_Job], options: Mapping[str, Any]) -> None:
+    """Files that nobody named are written over none: a recording of that name may lie beside its sound."""
+    takes = int(options.get("takes", 1))
+    there = [path for job in jobs for path in _takes(job, takes) if path.exists()]
+    if there:
+        are = f" and {len(there) - 1} more are" if len(there) > 1 else " is"
+        hint = f"-o {there[0]} writes over it" if len(there) == 1 else "-o ./ writes over them"
+        raise InputError(f"{str(there[0])!r}{are} there already", f"{hint}; -o out/ writes to another folder")
+
+
+def _takes(job: _Job, takes: int) -> list[Path]:
+    return [take_path(path, take, takes) for take in range(1, takes + 1) for path in job.outputs]
+
+
 def _is_folder(text: str) -> bool:
     """Whether a name of an output means a folder; one called ``x.bvh`` is nothing but in the way."""
     return text.endswith(("/", os.sep)) or (Path(text).suffix.lower() not in FORMATS and Path(text).is_dir())
@@ -310,7 +327,7 @@ def _is_folder(text: str) -> bool:
 def _check(jobs: list[_Job], options: Mapping[str, Any], report: str | PathLike[str] | None) -> None:
     """All files of all speeches can be told apart."""
     takes = int(options.get("takes", 1))
-    names = [take_path(path, take, takes) for job in jobs for take in range(1, takes + 1) for path in job.outputs]
+    names = [path for job in jobs for path in _takes(job, takes)]
     first, *speeches = (job.speech for job in jobs)
     read = [Path(job.own[key]) for job in jobs for key in _OF_ONE_SPEECH if key in job.own]
     check_files(first, names, [*speeches, *read], None if report is None else Path(report))

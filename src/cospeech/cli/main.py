@@ -248,6 +248,10 @@ def _usage_error(error: typer.TyperException) -> InputError:
     if not rest and what.endswith(")") and " (" in what:
         what, _, rest = what[:-1].partition(" (")
     context = getattr(error, "ctx", None)  # an option without its value has none
+    param = getattr(error, "param", None)
+    if context and param is not None and param.nargs == -1 and param.required:  # what was given became the last argument
+        names = [str(each.metavar) for each in context.command.params if each.param_type_name == "argument" and each.required]
+        what = f"missing argument: {' and '.join(names)} are needed" if len(names) > 1 else what
     typed = [word for word in sys.argv[1:2] if word in typer.main.get_group(app).commands]
     command = context.command_path if context else " ".join(["cospeech", *typed])
     hint = rest.strip().rstrip(".") or f"see `{command} --help`"

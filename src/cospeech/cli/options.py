@@ -89,7 +89,7 @@ Output = Annotated[
         metavar="FILE",
         help="File to write. The suffix chooses the format. Repeat the option for several files. For several speeches, "
         "name a folder, out/, or write {name} for the name of the speech: out/{name}.vrma. Without this option, the program "
-        "writes a .bvh and a .glb with the name of the speech into this folder.",
+        "writes a .bvh and a .glb with the name of the speech into this folder, but over no file that is there.",
     ),
 ]
 Model = Annotated[

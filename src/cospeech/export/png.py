@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,14 +18,20 @@ from . import Writer as BaseWriter
 from .avatar import Avatar
 from .pictures import Subject, background_of, size_of
 from .render.camera import find_view
-from .render.framing import PoseStage, boxes_of
+from .render.crops import Crops, crop_poses
+from .render.framing import FramedPose, PoseStage, boxes_of
 from .render.keyframes import Keyframes
-from .render.worker import FrameRenderer, Look, pack
+from .render.worker import FrameRenderer, Look, find_character, pack
+
+if TYPE_CHECKING:
+    from .mannequin.character import Character
+    from .render.strip import StripLayout
 
 __all__ = ["Writer"]
 
 _SIZE = (1600, 640)  # ours: seven standing figures and a waveform, readable at the width of a page
-_PICTURES = 7
+_PICTURES, _FEWEST = 7, 4  # where no number is given; ours
+_FAR = 1.25  # ours: as many pictures as there is room for, if the camera stands back by no more than this
 _AUDIO_RATE = 16_000  # Hz; enough to look at
 _STEP = 160  # samples per value of the waveform: 10 ms, so that three hours take 9 MB
 
@@ -36,7 +44,7 @@ class Writer(BaseWriter):
         size: (width, height) of the whole strip in pixels.
         camera: ``full``, ``body``, ``face`` or ``hands``.
         background: sRGB colour of the backdrop.
-        pictures: how many moments to show, 1 … 24.
+        pictures: how many moments to show, 1 … 24; where not given 4 to 7, as many as leave the figures large.
         words: of the speech, written below the waveform.
         avatar: file of somebody's character, in place of our mannequin.
     """
@@ -51,7 +59,7 @@ class Writer(BaseWriter):
         size: tuple[int, int] = _SIZE,
         camera: str = "full",
         background: tuple[int, int, int] | None = None,
-        pictures: int = _PICTURES,
+        pictures: int | None = None,
         words: Sequence[Word] = (),
         avatar: Avatar | str | PathLike[str] | None = None,
     ) -> None:
@@ -59,7 +67,7 @@ class Writer(BaseWriter):
         self._size, self._view, self._background = size_of(size), find_view(camera), background_of(background)
         if not (200 <= self._size[0] <= 8192 and 160 <= self._size[1] <= 4096):
             raise InputError(f"a strip of {self._size[0]} × {self._size[1]} pixels", "200 × 160 … 8192 × 4096")
-        if not 1 <= pictures <= 24:
+        if pictures is not None and not 1 <= pictures <= 24:
             raise InputError(f"a strip of {pictures} pictures", "1 … 24")
         self._pictures, self._words = pictures, tuple(words)
         self._subject = Subject(avatar)
@@ -78,19 +86,37 @@ class Writer(BaseWriter):
     def _finish(self) -> None:
         from PIL import Image
 
-        from .render.strip import StripLayout, draw_strip
+        from .render.strip import draw_strip
 
-        moments = self._moments.best(self._pictures)
-        layout = StripLayout(*self._size, len(moments), rows=2 if self._words else 0)
+        character = self._subject.character or find_character("")
+        layout, moments, crops = self._lay_out(character)
         poses = [pose for _, pose in moments]
-        boxes = boxes_of(self._view, self._subject.skeleton, poses)
-        look = Look(*layout.cell, self._view, self._background, self._subject.path, self._subject.bone_map)
-        renderer = FrameRenderer(look, self._subject.character)
-        drawn = renderer.pictures(np.stack([pack(pose, box) for pose, box in zip(poses, boxes, strict=True)]))
+        boxes = boxes_of(self._view, self._subject.skeleton, poses) if crops is None else [crops.box] * len(poses)
+        width, height = layout.cell[0] if crops is None else crops.width, layout.cell[1]
+        look = Look(width, height, self._view, self._background, self._subject.path, self._subject.bone_map)
+        rows = np.stack([pack(pose, box) for pose, box in zip(poses, boxes, strict=True)])
+        drawn = list(FrameRenderer(look, character).pictures(rows))
+        if crops is not None:
+            drawn = [picture[:, left:right] for picture, (left, right) in zip(drawn, crops.columns, strict=True)]
         times = [frame / self.fps for frame, _ in moments]
         duration = self._moments.frames / self.fps
         sheet = draw_strip(layout, drawn, times, duration, self._sound(), self._words)
         Image.fromarray(sheet).save(self._temporary, "PNG", optimize=True)
+
+    def _lay_out(self, character: Character) -> tuple[StripLayout, list[tuple[int, FramedPose]], Crops | None]:
+        """The strip, the moments that it shows, and how their pictures are cropped; a view that follows a joint crops none."""
+        from .render.strip import StripLayout
+
+        for count in range(self._pictures or _PICTURES, 0, -1):
+            moments = self._moments.best(count)
+            layout = StripLayout(*self._size, len(moments), rows=2 if self._words else 0)
+            if self._view.follows:
+                return layout, moments, None
+            crops = crop_poses(self._view, character, [pose for _, pose in moments], layout.room, layout.cell[1])
+            if self._pictures or count <= _FEWEST or crops.far <= _FAR:
+                break
+        widths = tuple(right - left for left, right in crops.columns)
+        return replace(layout, widths=widths), moments, crops
 
     def _sound(self):  # type: ignore[no-untyped-def]
         """The waveform of the speech, or None without one."""

@@ -103,6 +103,10 @@ def suffixes(has: Callable[[Format], bool]) -> list[str]:
     return [suffix for suffix in FORMATS if has(FORMATS[suffix])]
 
 
+_ELSEWHERE = {".vrm": "a .vrm is a character without motion; motion for it is a .vrma, or a .glb that shows it"}
+"""Suffix of files that are taken for motion → what to write."""
+
+
 def format_of(path: str | PathLike[str]) -> Format:
     """Look up the format of ``path`` by its suffix.
 
@@ -111,7 +115,8 @@ def format_of(path: str | PathLike[str]) -> Format:
     """
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
-        raise InputError(f"cannot tell the format of {str(path)!r}", f"known suffixes: {' '.join(FORMATS)}")
+        hint = _ELSEWHERE.get(suffix) or f"known suffixes: {' '.join(FORMATS)}"
+        raise InputError(f"cannot tell the format of {str(path)!r}", hint)
     return FORMATS[suffix]
 
 

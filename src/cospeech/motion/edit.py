@@ -62,12 +62,15 @@ def cut(motion: Motion, start: float | None = None, end: float | None = None) ->
     Raises:
         InputError: no frame lies between them.
     """
+    lasts = f"the motion lasts from 0 to {motion.duration:g} s"
+    if start is not None and start < 0:
+        raise InputError(f"{start:g} s is before the motion", lasts)
     times = np.arange(len(motion)) / motion.fps
     first = 0 if start is None else int(np.searchsorted(times, start - 1e-9))
     last = len(motion) if end is None else int(np.searchsorted(times, end - 1e-9))
-    if first >= last or (start is not None and start < 0):
-        shown = " to ".join("…" if value is None else f"{value:g}" for value in (start, end))
-        raise InputError(f"no frame from {shown} s", f"the motion lasts from 0 to {motion.duration:g} s")
+    if first >= last:
+        shown = " to ".join("the end" if value is None else f"{value:g} s" for value in (start or 0.0, end))
+        raise InputError(f"no frame from {shown}", lasts)
     return motion[first:last]
 
 

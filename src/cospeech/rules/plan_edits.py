@@ -327,7 +327,7 @@ class Plan(PlanData):
         found = [each for each in self.words if each.text.lower().strip(".,;:!?\"'") == wanted]
         count = 1 if not number else int(_number(number, "which of them"))
         if not self.words:
-            raise InputError(f"no words are known, so none is {text[:40]!r}", "give a transcript with times")
+            raise InputError(f"no words are known, so none is {text[:40]!r}", "give a transcript, with times or without")
         if not found:
             raise InputError(
                 f"the word {text[:40]!r} is not there", nearest(wanted[:40], dict.fromkeys(w.text for w in self.words))

@@ -169,7 +169,7 @@ def synthesise(
         for split, own in split_recordings(found).items()
     }
     if not any(real.values()) and not engines:
-        raise InputError("there is no speech to use", "name a folder of speech, or install espeak-ng or flite")
+        raise InputError("there is no speech to use", "name a folder of speech, --speech FOLDER, or install espeak-ng or flite")
     made = _Tally()
     pools = _pools(chosen, len(people), real, engines, take, hours * 3600, seed)
     performed = replace(chosen, acted=act, calm=neutral, variation=variation, silence=silence)

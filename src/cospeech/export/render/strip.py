@@ -42,13 +42,14 @@ class Sound:
 class StripLayout:
     """Where things are on a strip of ``width × height`` pixels with ``cells`` pictures; all in pixels.
 
-    ``rows`` of words are written below the axis.
+    ``rows`` of words are written below the axis. The pictures are as wide as ``widths`` says, equally wide where it is empty.
     """
 
     width: int
     height: int
     cells: int
     rows: int = 0
+    widths: tuple[int, ...] = ()
 
     @property
     def below(self) -> float:
@@ -69,14 +70,23 @@ class StripLayout:
         return round(0.45 * self.unit)
 
     @property
+    def room(self) -> int:
+        """Width of all pictures together."""
+        return self.width - 2 * self.margin - (self.cells - 1) * self.gap
+
+    @property
     def cell(self) -> tuple[int, int]:
-        """Width and height of a picture."""
-        room = self.width - 2 * self.margin - (self.cells - 1) * self.gap
-        return max(16, room // self.cells), max(16, round(self.height - 10.2 * self.unit - self.below - self.margin))
+        """Width and height of pictures that are equally wide."""
+        return max(16, self.room // self.cells), max(16, round(self.height - 10.2 * self.unit - self.below - self.margin))
 
     def edge_of(self, cell: int) -> int:
         """Left edge of a picture."""
-        return self.margin + cell * (self.cell[0] + self.gap)
+        before = sum(self.widths[:cell]) if self.widths else cell * self.cell[0]
+        return self.margin + before + cell * self.gap
+
+    def middle_of(self, cell: int) -> float:
+        """Middle of a picture."""
+        return self.edge_of(cell) + (self.widths[cell] if self.widths else self.cell[0]) / 2
 
     @property
     def wave(self) -> tuple[float, float]:
@@ -91,7 +101,7 @@ class StripLayout:
 
 def draw_strip(
     layout: StripLayout,
-    pictures: Pictures,
+    pictures: Sequence[Pictures] | Pictures,
     times: Sequence[float],
     duration: float,
     sound: Sound | None = None,
@@ -100,7 +110,7 @@ def draw_strip(
     """Lay out a strip, (H, W, 3).
 
     Args:
-        pictures: (N, h, w, 3) of the size ``layout.cell``.
+        pictures: N of (h, w, 3), of the height of ``layout.cell``, and of its width or that of ``layout.widths``.
         times: of the pictures, seconds.
         duration: seconds that the axis spans.
         sound: drawn as a waveform where given.
@@ -111,7 +121,7 @@ def draw_strip(
     small, tiny = ImageFont.load_default(1.35 * layout.unit), ImageFont.load_default(1.15 * layout.unit)
     for k, (picture, time) in enumerate(zip(pictures, times, strict=True)):
         sheet.paste(Image.fromarray(picture), (layout.edge_of(k), layout.margin))
-        middle = layout.edge_of(k) + layout.cell[0] / 2
+        middle = layout.middle_of(k)
         text = _clock(time, 2 if duration < 600 else 0)
         pen.text((middle, layout.margin + layout.cell[1] + 1.3 * layout.unit), text, _INK, small, anchor="mm")
     _axis(pen, layout, duration, tiny)
@@ -139,7 +149,7 @@ def _curves(layout: StripLayout, times: Sequence[float], duration: float, sound:
     pen.line([(left, bottom), (right, bottom)], _GREY, line)
     start = _SCALE * (layout.margin + layout.cell[1] + 2.3 * layout.unit)
     for k, time in enumerate(times):
-        cell, there = _SCALE * (layout.edge_of(k) + layout.cell[0] / 2), _SCALE * layout.x(time, duration)
+        cell, there = _SCALE * layout.middle_of(k), _SCALE * layout.x(time, duration)
         pen.line([(cell, start), (there, top - 0.2 * layout.unit * _SCALE), (there, bottom)], _MARK, line, joint="curve")
         dot = 0.32 * layout.unit * _SCALE
         pen.ellipse([there - dot, bottom - dot, there + dot, bottom + dot], _MARK)

@@ -27,8 +27,6 @@ from .rules.options import FPS_RANGE, check_range
 
 __all__ = ["Edits", "convert_file", "read_as_humanoid"]
 
-_BLENDS = (0.0, 10.0)  # seconds; ours: none … longer than any gesture
-
 
 @dataclass(frozen=True)
 class Edits:
@@ -65,7 +63,9 @@ class Edits:
             InputError: one of them cannot be done with this motion.
         """
         if self.blend is not None:
-            check_range("blend", self.blend, _BLENDS, " seconds")
+            check_range("blend", self.blend, edit.BLENDS, " seconds")
+            if not self.joined and not self.loop:
+                warnings.warn("the blend changes nothing: it is for --join and --loop", CospeechWarning, stacklevel=2)
         if self.joined:
             motion = _join([(source, motion), *((path, load(path)) for path in self.joined)], self.blend)
         if self.start is not None or self.end is not None:

@@ -120,13 +120,14 @@ def generate_files(
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
     given = (transcript, avatar, track, bone_map, face, continue_from, plan, keep_from)
     read = [path for path in (*given, *rig_files(skeleton), *example_files(options.style)) if path]
+    _check_apart(audio, names, read, plan, [path for path in (report, plan_out) if path])
     check_files(audio, names, [path for path in read if isinstance(path, str | PathLike)], report)
-    if plan_out is not None:
-        check_apart([Path(plan_out)], [audio, *names, *([Path(report)] if report else [])])
     loaded = _check_parts(loaded or load_model(model), model, options, files)
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *(Path(path) for path in (report, plan_out) if path)]))
         source = stack.enter_context(open_speech(audio, transcript=transcript))
+        if old:
+            old.check_length(source.expected_seconds, tail)
         source.words = align_with_recogniser(audio) if transcribe else source.words
         words = options.plan.speech_words if source.words is None and options.plan is not None else source.words
         keywords = writer_keywords(files, audio, worn, special or {}, words)
@@ -358,6 +359,12 @@ def _check_rivals(style: StyleLike, speaker: str | None, transcript: File | None
         raise InputError(
             f"style {_style_text(style)!r} and speaker {speaker!r} are both given", "for this model a speaker is a style"
         )
+
+
+def _check_apart(audio: File, names: list[Path], read: Sequence[object], plan: object, others: Sequence[File]) -> None:
+    """No output, nor what is told beside, would overwrite another one or what is read; but a plan may be written anew."""
+    given = [path for path in read if path is not plan and isinstance(path, str | PathLike)]
+    check_apart([*names, *map(Path, others)], [audio, *given])
 
 
 def _check_files(

@@ -115,6 +115,16 @@ BAD = [
     ("generate talk.wav rec", "'talk.bvh' is there already"),
     ("generate talk.wav -o x.vrm --avatar talk.bvh", "motion for it is a .vrma"),
     ("generate talk.wav -o x.bvh --gesture huge@word:tiny", "give a transcript, with times or without"),
+    ("generate talk.wav -o x.bvh --transcript words.srt --plan-out words.srt", "'words.srt' would overwrite what is read"),
+    ("generate talk.wav -o x.bvh --emotion moods.csv --plan-out moods.csv", "'moods.csv' would overwrite what is read"),
+    ("generate talk.wav -o x.bvh --plan-out x.bvh", "'x.bvh' would overwrite another output"),
+    ("generate talk.wav rec/me/a.wav -o out/ --emotion moods.csv --report moods.csv", "would overwrite what is read"),
+    ("generate talk.wav rec/me/a.wav -o out/ --skeleton talk.bvh --report talk.bvh", "would overwrite what is read"),
+    ("generate talk.wav rec/me/a.wav -o out/ --report out/{name}.json", "one file holds the reports of all"),
+    ("generate rec/me/a.wav -o x.bvh --keep 0.6:0.9 talk.bvh", "is to be kept, is after the end (0.25 s"),
+    ("generate talk.wav -o x.glb --face-gain 1,2", "has two numbers for jaw, mouth and tongue"),
+    ("generate talk.wav -o x.glb --face-gain jawOpen:1,jawOpen:0.2", "has two numbers for jawOpen"),
+    ("robot talk.wav moods.csv --emotion moods.csv", "would overwrite what is read"),
     ("convert talk.bvh", "missing argument: MOTION and FILE are needed"),
     ("render talk.bvh", "missing argument: MOTION and PICTURE are needed"),
     ("convert talk.bvh x.glb --from -1", "-1 s is before the motion (the motion lasts from 0 to"),
@@ -146,6 +156,8 @@ BAD = [
 @pytest.mark.parametrize(("line", "said"), BAD, ids=[line for line, _ in BAD])
 def test_what_cannot_be_is_one_line_and_leaves_nothing(cli, place, line, said):
     Path("empty").mkdir()
+    Path("words.srt").write_text("1\n00:00:00,000 --> 00:00:00,500\nhello\n")
+    Path("moods.csv").write_text("time,emotion\n0,anger\n")
     motion = cospeech.load("rules").generate(cospeech.Speech.load("talk.wav"))
     motion.save("talk.bvh")
     motion.save("talk.csv")

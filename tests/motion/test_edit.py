@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -68,13 +69,29 @@ def test_without_a_time_long_ways_take_longer():
     assert steps_of_hips.max() * 30 < 0.6
 
 
-def test_clips_of_other_rates_take_the_first_ones_and_faces_need_all():
+def test_clips_of_other_rates_take_the_first_ones_and_clips_without_a_face_are_neutral():
     made = join([MOTION, replace(gesturing(50, 25.0), face=None)])
-    assert (made.fps, len(made), made.face) == (30, 150, None)
+    assert (made.fps, len(made)) == (30, 150)
+    np.testing.assert_array_equal(made.face[:90], MOTION.face)
+    assert not made.face[-10:].any()
+    assert join([replace(MOTION, face=None), replace(MOTION, face=None)]).face is None
+    assert len(join([MOTION, MOTION[:0], MOTION])) == 2 * len(MOTION)
+    assert len(join([MOTION[:0], MOTION])) == len(MOTION)
     with pytest.raises(InputError, match="different skeletons"):
         join([MOTION, MOTION.retarget(find_skeleton("mixamo"))])
     with pytest.raises(InputError, match="no motion"):
         join([])
+    with pytest.raises(InputError, match="no motion"):
+        join([MOTION[:0]])
+    with pytest.raises(InputError, match="no frames"):
+        replace_face(MOTION, MOTION[:0])
+
+
+@pytest.mark.parametrize("blend", [-1, 11, float("nan")])
+def test_a_blend_lasts_from_none_to_ten_seconds(blend):
+    for act in (partial(join, [MOTION, MOTION]), partial(loop, MOTION)):
+        with pytest.raises(InputError, match=r"blend .*0 … 10 seconds"):
+            act(blend=blend)
 
 
 def test_a_loop_ends_where_it_begins():

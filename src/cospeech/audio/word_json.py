@@ -118,6 +118,8 @@ def _read_entries(node: object, depth: int = 0) -> Iterator[Entry]:
             raise InputError(f"{said[:40]!r} has a start but no end", "give each word start and end")
         begin = read_time(start)
         yield said, begin, begin + read_time(length) if end is None else read_time(end)
+    elif depth == 0 and said is not None and end is None:
+        raise InputError(f"{said[:40]!r} has no start and no end", "give each word start and end, seconds")
     elif depth == 0 and not any(isinstance(node.get(key), list) for key in LIST_KEYS):
         raise InputError(
             f"JSON without words: its names are {', '.join(map(repr, list(node)[:5]))}", "a list of words with times"

@@ -24,6 +24,7 @@ from ..limits import PIPED_BYTES
 from ..models import DEFAULT, PARTS, Model, load
 from ..rules.options import GenerationOptions, check_range
 from ..runtime.report import Failure, Report, Reports
+from ..runtime.styles.style import example_files
 from .several import NAME, match_pattern
 
 __all__ = ["STANDARD_INPUT", "generate_speeches"]
@@ -38,6 +39,8 @@ _OF_ONE_SPEECH = {
 }  # fmt: skip
 """Options that cannot be the same for several speeches, and what may be given."""
 _WITH_NAME = (*_OF_ONE_SPEECH, "emotion", "continue_from")  # options in which `NAME` is put in
+_OF_ALL = ("emotion", "continue_from", "bone_map", "skeleton", "avatar")
+"""Options that may name a file which all speeches share."""
 _OF_MODELS = frozenset({"speaker", *(field.name for field in fields(GenerationOptions))})
 
 _reasons_to_stop: list[Callable[[], bool]] = []
@@ -329,5 +332,9 @@ def _check(jobs: list[_Job], options: Mapping[str, Any], report: str | PathLike[
     takes = int(options.get("takes", 1))
     names = [path for job in jobs for path in _takes(job, takes)]
     first, *speeches = (job.speech for job in jobs)
-    read = [Path(job.own[key]) for job in jobs for key in _OF_ONE_SPEECH if key in job.own]
+    read = [Path(job.own[key]) for job in jobs for key in _WITH_NAME if key in job.own]
+    shared = [options[key] for key in _OF_ALL if options.get(key) is not None and key not in jobs[0].own]
+    read += [*map(Path, shared), *map(Path, example_files(options.get("style")))]
+    if report is not None and NAME in str(report):
+        raise InputError(f"a report of each speech, {str(report)!r}", "one file holds the reports of all: --report report.json")
     check_files(first, names, [*speeches, *read], None if report is None else Path(report))

@@ -86,7 +86,8 @@ def robot(
         check_range("rest", rest, (0.0, LONGEST), " seconds")
     check_trajectory_file(target)
     check_apart(
-        [target], [source, *([Path(robot)] if _is_urdf(robot) else []), *(path for path in (channels, transcript) if path)]
+        [target],
+        [source, *([Path(robot)] if _is_urdf(robot) else []), *(path for path in (channels, transcript, emotion) if path)],
     )
     table = {} if channels is None else _read_map(channels)
     joints = _find_joints(robot, table)

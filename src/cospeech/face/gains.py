@@ -62,7 +62,12 @@ def _parse_gain(gain: object) -> list[tuple[str, object]]:
     if not isinstance(gain, str):
         return [("", gain)]
     parts = read_named_numbers(gain, number="face gain", of="channel", hint=_HINT)
-    return [("", _number(part.text)) if part.number is None else (part.name, part.number) for part in parts]
+    found = [("", _number(part.text)) if part.number is None else (part.name, part.number) for part in parts]
+    names = [name for name, _ in found]
+    twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
+    if twice is not None:
+        raise InputError(f"face gain {gain[:60]!r} has two numbers for {twice or 'jaw, mouth and tongue'}", _HINT)
+    return found
 
 
 def _number(text: str) -> object:

@@ -11,9 +11,12 @@ from ..errors import InputError, say_count
 from .curves import smoothstep
 from .motion import Motion
 from .rotations import Array, quat_conjugate, quat_continuous, quat_multiply, quat_to_rotvec, rotvec_to_quat
+from .skeletons.arkit import ARKIT
 
-__all__ = ["BLEND", "OffsetFade", "cut", "decay", "join", "loop", "replace_face"]
+__all__ = ["BLEND", "BLENDS", "OffsetFade", "cut", "decay", "join", "loop", "replace_face"]
 
+BLENDS = (0.0, 10.0)
+"""Seconds that a blend may last [ours]: from none to longer than any gesture."""
 BLEND = 0.4  # seconds in which a joint comes from one clip to the other, at least; ours: about a preparation of a gesture
 _HAND_SPEED, _HIP_SPEED = 1.2, 0.2
 """Metres per second at which joints, and the hips, go from one clip to the other where no time is asked for. [ours: a reach is
@@ -78,23 +81,27 @@ def join(motions: Sequence[Motion], *, blend: float | None = None) -> Motion:
     """Clips one after the other, each going on from where the one before ended, at its speed.
 
     Args:
-        motions: of one skeleton; the rate is that of the first, and there is a face where all have one.
+        motions: of one skeleton; the rate is that of the first. Where one has a face, those without are neutral.
         blend: seconds in which a clip comes to its own poses; None: `BLEND`, or more where the way is long.
 
     Raises:
         InputError: there is none, or their skeletons differ.
     """
+    motions = [motion for motion in motions if len(motion)]
     if not motions:
         raise InputError("no motion to join")
+    _check_blend(blend)
     head = motions[0]
     if any(motion.skeleton != head.skeleton for motion in motions):
         raise InputError(
             "clips of different skeletons cannot be joined", "retarget them to one first: motion.retarget('humanoid')"
         )
-    parts, faces = [head], all(motion.face is not None for motion in motions)
-    for motion in motions[1:]:
+    shown = any(motion.face is not None for motion in motions)
+    clips = [_with_face(motion) if shown else motion for motion in motions]
+    parts = clips[:1]
+    for motion in clips[1:]:
         parts.append(_go_on(parts[-1], motion.resample(head.fps), blend))
-    return Motion.concatenate([part if faces else replace(part, face=None) for part in parts])
+    return Motion.concatenate(parts)
 
 
 def loop(motion: Motion, *, blend: float | None = None) -> Motion:
@@ -107,6 +114,7 @@ def loop(motion: Motion, *, blend: float | None = None) -> Motion:
     """
     if len(motion) < 2:
         raise InputError(f"{say_count(len(motion), 'frame')} cannot be looped", "give two or more")
+    _check_blend(blend)
     backwards = _reverse(motion)
     seconds = _time_of(backwards[-1:], backwards[:1]) if blend is None else blend
     turned = _reverse(_go_on(backwards[-2:], backwards, min(seconds, motion.duration / 2)))
@@ -117,8 +125,10 @@ def replace_face(motion: Motion, other: Motion) -> Motion:
     """Body and hands of one motion with the face of another, which is brought to the same rate and length.
 
     Raises:
-        InputError: the other has no face.
+        InputError: the other has no face, or no frames.
     """
+    if not len(other):
+        raise InputError("the other motion has no frames", "is it a slice beyond the end?")
     if other.face is None:
         raise InputError("the other motion has no face", "give a .json, .csv, .glb or .vrma with one")
     face = other.resample(motion.fps).face
@@ -144,6 +154,18 @@ def _go_on(before: Motion, motion: Motion, blend: float | None) -> Motion:
         first = np.clip(2 * face[0] - face[min(1, len(face) - 1)], 0, 1)
         face = np.clip(face + smoothstep(left)[:, None] * (before.face[-1] - first), 0, 1).astype(face.dtype)
     return replace(motion, rotations=turned, root=placed, face=face)
+
+
+def _check_blend(blend: float | None) -> None:
+    """Raise an InputError where a blend does not last from none to ten seconds."""
+    low, high = BLENDS
+    if blend is not None and not low <= blend <= high:
+        raise InputError(f"blend {blend:g}", f"{low:g} … {high:g} seconds")
+
+
+def _with_face(motion: Motion) -> Motion:
+    """A motion that has a face: a neutral one where it had none."""
+    return motion if motion.face is not None else replace(motion, face=np.zeros((len(motion), len(ARKIT)), np.float32))
 
 
 def _reverse(motion: Motion) -> Motion:

@@ -333,7 +333,7 @@ def mix_styles(parts: Mapping[str, float]) -> Style:
 
 
 def find_style(style: object) -> Style:
-    """A style by name, a mixture such as ``"calm:0.7,lively:0.3"``, or a `Style` as it is; the first one where None.
+    """A style by name, a mixture such as ``"calm:0.7,lively:0.3"`` or a dict, or a `Style` as it is; the first one where None.
 
     Raises:
         InputError: none of these.
@@ -342,6 +342,8 @@ def find_style(style: object) -> Style:
         return next(iter(STYLES.values()))
     if isinstance(style, Style):
         return style
+    if isinstance(style, Mapping) and style and all(isinstance(name, str) for name in style):
+        style = ",".join(f"{name}:{weight}" for name, weight in style.items())
     parts = (
         []
         if not isinstance(style, str)

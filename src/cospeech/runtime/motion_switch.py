@@ -95,6 +95,14 @@ class KeptStretches:
         self._old = old.retarget("humanoid").resample(fps)
         self._stretches, self._fps, self._switch = list(stretches), fps, MotionSwitch(1)
 
+    def check_length(self, seconds: float | None, tail: float) -> None:
+        """Raise an InputError where a stretch begins after the new motion: ``seconds`` of speech, if known, and of ``tail``."""
+        late = [low for low, _ in self._stretches if seconds is not None and low >= seconds + tail]
+        if late:
+            raise InputError(
+                f"{late[0]:g} s, from where old motion is to be kept, is after the end", f"{seconds:g} s of speech"
+            )
+
     def over(self, moving: Iterable[list[Motion]]) -> Iterator[list[Motion]]:
         """Takes of a new motion as they come, each with what is kept."""
         switches = list[MotionSwitch]()

@@ -101,7 +101,7 @@ class CodeSpace:
         system, encoder = self._system, self._system.networks.get("style")
         if encoder is None:
             hint = f"its styles are {', '.join(system.styles)}, and mixtures of them"
-            raise InputError(f"this model cannot take a style from the example {name}", hint)
+            raise InputError(f"this model cannot take a style from {name}", hint)
         least = encoder.signature.probe
         shown = standardise_example(system, motion, least / system.fps, name)
         frames = min(len(poses) for poses in shown)

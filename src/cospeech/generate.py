@@ -120,8 +120,7 @@ def generate_files(
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
     given = (transcript, avatar, track, bone_map, face, continue_from, plan, keep_from)
     read = [path for path in (*given, *rig_files(skeleton), *example_files(options.style)) if path]
-    _check_apart(audio, names, read, plan, [path for path in (report, plan_out) if path])
-    check_files(audio, names, [path for path in read if isinstance(path, str | PathLike)], report)
+    _check_names(audio, names, read, report, plan, plan_out)
     loaded = _check_parts(loaded or load_model(model), model, options, files)
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *(Path(path) for path in (report, plan_out) if path)]))
@@ -361,10 +360,15 @@ def _check_rivals(style: StyleLike, speaker: str | None, transcript: File | None
         )
 
 
-def _check_apart(audio: File, names: list[Path], read: Sequence[object], plan: object, others: Sequence[File]) -> None:
-    """No output, nor what is told beside, would overwrite another one or what is read; but a plan may be written anew."""
-    given = [path for path in read if path is not plan and isinstance(path, str | PathLike)]
-    check_apart([*names, *map(Path, others)], [audio, *given])
+def _check_names(
+    audio: File, names: list[Path], read: Sequence[object], report: File | None, plan: object, plan_out: File | None
+) -> None:
+    """No file that is written would overwrite another one or what is read; but a plan may be written anew."""
+    files = [path for path in read if isinstance(path, str | PathLike)]
+    check_files(audio, names, files, report)
+    if plan_out is not None:
+        others = [*names, *([] if report is None else [Path(report)]), Path(plan_out)]
+        check_apart(others, [audio, *(path for path in files if path is not plan)])
 
 
 def _check_files(

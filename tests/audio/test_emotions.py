@@ -103,6 +103,9 @@ def test_what_a_session_may_be_asked_for():
 
 
 def test_names_take_over_in_half_a_second(tmp_path):
+    path = written(tmp_path, "time,emotion\n1,neutral\n4,anger\n")
+    for named in (path, str(path)):
+        assert np.array_equal(emotion_track(named).at([9.0]), [one("anger")])
     track = read_emotion_track(written(tmp_path, "time,emotion\n1,neutral\n2.0, happiness\n4,anger\n4.25,fear\n\n9,neutral\n"))
     at = track.at([0, 2, 2.25, 2.5, 3.9, 4.0, 4.125, 4.25, 4.5, 4.75, 8.99, 9.25, 99])
     half = (one("happiness") + one("anger")) / 2

@@ -67,6 +67,8 @@ def test_cut_pieces_join_to_the_whole():
     for index, said in ((3, "motion[3:4]"), (np.int64(7), "motion[7:8]"), (-1, "motion[-1:]"), ("x", "motion[3:4]")):
         with pytest.raises(InputError, match=rf"is no slice of a motion \(one frame is {re.escape(said)}\)$"):
             motion[index]
+    with pytest.raises(InputError, match=r"counts frames, .*cospeech.motion.edit.cut\(motion, 0.5, None\)"):
+        motion[0.5:]
 
 
 def test_joining_takes_sign_flips_out():

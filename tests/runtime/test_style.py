@@ -22,6 +22,7 @@ from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import axis_angle_to_quat, quat_conjugate, quat_multiply, quat_rotate
 from cospeech.motion.skeleton import humanoid
 from cospeech.rules import STYLES, RuleBasedModel
+from cospeech.rules.styles import find_style
 from cospeech.runtime.flow.latent_sources import CodeSource, NormalSource, SegmentSource
 from cospeech.runtime.model import TrainedModel
 from cospeech.runtime.styles.space import FlowSpace
@@ -363,6 +364,12 @@ def test_generate_files(tmp_path, monkeypatch):
         generate_files("talk.wav", ["other.bvh"], style="clip.bvh", model="rules")
     assert Path("clip.bvh").read_bytes() == before
     assert not Path("other.bvh").exists()
+
+
+def test_a_dict_is_a_mixture_for_the_rules_too():
+    assert find_style({"lively": 0.5, "calm": 0.5}) == find_style("lively:0.5,calm:0.5")
+    with pytest.raises(InputError, match="did you mean 'lively'"):
+        find_style({"livly": 1.0})
 
 
 # learnt: the bundle that ships -----------------------------------------------------------------------------------------

@@ -142,10 +142,12 @@ def emotion_track(emotion: object) -> Moods | None:
     """What a session's ``emotion`` asks for: a track or the like, or None for "auto", which follows the arousal of the voice.
 
     Raises:
-        InputError: neither "auto", nor the name of an emotion, nor a track.
+        InputError: neither "auto", nor the name of an emotion, nor a track or the ``.csv`` file of one.
     """
     if isinstance(emotion, Moods):
         return emotion
+    if isinstance(emotion, PathLike) or (isinstance(emotion, str) and emotion.lower().endswith(".csv")):
+        return read_emotion_track(emotion)
     known = ("auto", *EMOTIONS)
     if not isinstance(emotion, str):
         raise InputError(f"an emotion that is {emotion!r:.60}", f"one of {', '.join(known)}, or a track")

@@ -87,6 +87,9 @@ class Motion:
             first = frames if isinstance(frames, int | np.integer) else 3
             end = "" if first == -1 else first + 1
             raise InputError(f"motion[{frames!r:.40}] is no slice of a motion", f"one frame is motion[{first}:{end}]")
+        if any(isinstance(end, float | np.floating) for end in (frames.start, frames.stop)):
+            hint = f"of seconds: cospeech.motion.edit.cut(motion, {frames.start}, {frames.stop})"
+            raise InputError("a slice of a motion counts frames, in whole numbers", hint)
         if (frames.step or 1) != 1:
             raise InputError("a motion is cut with a slice of step 1; use resample() to change its rate")
         first = frames.indices(len(self))[0]

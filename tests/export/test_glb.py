@@ -33,6 +33,15 @@ def small(suffix: str) -> dict:
     return {"character": stand_in()} if suffix == ".glb" else {}
 
 
+@pytest.mark.parametrize("suffix", [".glb", ".vrma"])
+@pytest.mark.parametrize("fps", [1, 8])
+def test_few_frames_per_second_keep_their_rate(tmp_path, suffix, fps):
+    path = tmp_path / f"a{suffix}"
+    save(gesturing(12, fps), path, **small(suffix))
+    back = load(path)
+    assert (back.fps, len(back)) == (fps, 12)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".glb", ".vrma"])
 @pytest.mark.parametrize("fps", [15, 30, 30000 / 1001, 60])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from fractions import Fraction
 
 import numpy as np
@@ -10,11 +11,12 @@ from ..errors import InputError
 from ..limits import MOTION_RATES
 from ..motion.rotations import Array
 
-__all__ = ["fraction_of_rate", "frame_rate", "frames_of", "on_grid", "rate_of_step"]
+__all__ = ["are_frames", "fraction_of_rate", "frame_rate", "frames_of", "on_grid", "rate_of_step"]
 
 _RATES = (10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 72, 90, 100, 120, 144, 150, 180, 200, 240)
 _NTSC_FRACTIONS = tuple(Fraction(f * 1000, 1001) for f in (24, 30, 60, 120))
 _NTSC = tuple(float(rate) for rate in _NTSC_FRACTIONS)
+_SOME, _OFF_GRID = 8, 0.01  # keys, and share of the time between two: what is no accident in keys set by hand; ours
 _NEAR = 2e-4  # of a rate: 29.97 is 30000/1001
 
 
@@ -95,3 +97,17 @@ def rate_of_step(frame_time: float, precision: float) -> float:
     if abs(1 / near - frame_time) <= 1.001 * precision:
         return near
     return next((r for r in (round(rate, k) for k in range(7)) if r and abs(1 / r - frame_time) <= precision), rate)
+
+
+def are_frames(keys: Iterable[Array], longest: Array) -> bool:
+    """Whether keys far apart are the frames of a low rate, and not set by hand: there are some, all on one grid of time.
+
+    Args:
+        keys: times of the keys of each curve, seconds.
+        longest: those of the curve with the most keys.
+    """
+    step = float(np.median(np.diff(longest))) if len(longest) > 1 else 0.0
+    if len(longest) < _SOME or not 0 < step <= 1:
+        return False
+    grids = [(times - longest[0]) / step for times in keys]
+    return all(np.abs(grid - np.round(grid)).max(initial=0) < _OFF_GRID for grid in grids)

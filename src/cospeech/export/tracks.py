@@ -18,7 +18,7 @@ from .frame_buffer import FrameBuffer
 from .gltf import GltfFile, report_damage
 from .gltf_build import GltfBuilder
 from .reading import check_frames
-from .timing import frame_rate
+from .timing import are_frames, frame_rate
 
 __all__ = ["Curve", "GltfTrack", "Recorder", "clock_of", "read_animation"]
 
@@ -175,7 +175,8 @@ def _curve(file: GltfFile, sampler: dict[str, Any], path: str) -> Curve:
 def clock_of(curves: dict[tuple[int, str], Curve], file: GltfFile, joints: int) -> tuple[float, Array]:
     """Frames per second of an animation, and the times (T,) of its frames from 0 to the last key.
 
-    The rate is that of the curve with the most keys; 30 where every curve has one key or they are far apart.
+    The rate is that of the curve with the most keys; 30 where every curve has one key, or where keys are far apart and set by
+    hand.
 
     Args:
         curves: of the animation.
@@ -190,7 +191,9 @@ def clock_of(curves: dict[tuple[int, str], Curve], file: GltfFile, joints: int) 
         raise InputError(f"{file.name} holds an animation without channels", "export it again")
     end = max(float(curve.times[-1]) for curve in curves.values())
     step = float(np.median(np.diff(longest.times))) if len(longest.times) > 1 else 0.0
-    fps = frame_rate(longest.times, 30.0) if 1e-3 <= step <= 0.1 else 30.0  # ours: sparse hand-set keys are sampled at 30
+    straight = all(curve.interpolation != "CUBICSPLINE" for curve in curves.values())
+    sampled = 1e-3 <= step <= 0.1 or (straight and are_frames([curve.times for curve in curves.values()], longest.times))
+    fps = frame_rate(longest.times, 30.0) if sampled else 30.0  # ours: sparse hand-set keys are sampled at 30
     frames = int(np.floor(end * fps + 1e-3)) + 1
     check_frames(file.name, frames, joints, file.size)
     return fps, np.arange(frames) / fps

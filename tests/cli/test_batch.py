@@ -15,11 +15,13 @@ import pytest
 import soundfile
 
 import cospeech
+from cospeech.audio.emotions import EmotionTrack
 from cospeech.cli.batch import generate_speeches
 from cospeech.cli.demo import EXAMPLE
 from cospeech.errors import CospeechWarning, InputError
 from cospeech.export import FORMATS
 from cospeech.models import PARTS
+from cospeech.motion.skeleton import find_skeleton
 
 pytestmark = pytest.mark.slow
 
@@ -71,6 +73,13 @@ def test_one_speech_into_a_folder(cli, place):
     assert (files("there"), files("new")) == (["talk.bvh", "talk.glb"], ["talk.npz"])
     report = generate_speeches(["talk.wav"], ["one.bvh"], report="r.json").speeches[0]
     assert json.loads(Path("r.json").read_text())["outputs"] == report.outputs == ["one.bvh"]
+
+
+def test_what_several_speeches_share_need_be_no_file(place):
+    track = EmotionTrack.constant("anger")
+    done = generate_speeches(["rec/me/a.wav", "talk.wav"], ["out/{name}.bvh"], emotion=track, skeleton=find_skeleton("mixamo"))
+    assert not done.failed
+    assert files("out") == ["a.bvh", "talk.bvh"]
 
 
 def test_a_bad_one_does_not_keep_back_the_others(cli, place):

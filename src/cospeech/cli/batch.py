@@ -333,8 +333,8 @@ def _check(jobs: list[_Job], options: Mapping[str, Any], report: str | PathLike[
     names = [path for job in jobs for path in _takes(job, takes)]
     first, *speeches = (job.speech for job in jobs)
     read = [Path(job.own[key]) for job in jobs for key in _WITH_NAME if key in job.own]
-    shared = [options[key] for key in _OF_ALL if options.get(key) is not None and key not in jobs[0].own]
-    read += [*map(Path, shared), *map(Path, example_files(options.get("style")))]
+    shared = [options.get(key) for key in _OF_ALL if key not in jobs[0].own]
+    read += [Path(path) for path in (*shared, *example_files(options.get("style"))) if isinstance(path, str | PathLike)]
     if report is not None and NAME in str(report):
         raise InputError(f"a report of each speech, {str(report)!r}", "one file holds the reports of all: --report report.json")
     check_files(first, names, [*speeches, *read], None if report is None else Path(report))

@@ -146,7 +146,7 @@ def test_a_gain_of_no_face_is_told(cli):
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_stopped_in_mid_word_it_shuts_the_mouth_and_tells_the_counts(number, code):
     command = [*COMMAND, "-i", str(example()[0]), "--to", "-", "--fps", "30"]
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "bufsize": 0}  # `communicate` skips what a buffer holds
     with subprocess.Popen(command, preexec_fn=heed(signal.SIGINT), **pipes) as process:
         seen = [json.loads(process.stdout.readline()) for _ in range(61)]
         jaw = seen[0]["face"].index("jawOpen")

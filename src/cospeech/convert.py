@@ -63,7 +63,7 @@ class Edits:
             InputError: one of them cannot be done with this motion.
         """
         if self.blend is not None:
-            check_range("blend", self.blend, edit.BLENDS, " seconds")
+            edit.check_blend(self.blend)
             if not self.joined and not self.loop:
                 warnings.warn("the blend changes nothing: it is for --join and --loop", CospeechWarning, stacklevel=2)
         if self.joined:

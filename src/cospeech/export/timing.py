@@ -99,14 +99,14 @@ def rate_of_step(frame_time: float, precision: float) -> float:
     return next((r for r in (round(rate, k) for k in range(7)) if r and abs(1 / r - frame_time) <= precision), rate)
 
 
-def are_frames(keys: Iterable[Array], longest: Array) -> bool:
+def are_frames(keys: Iterable[Array], longest: Array, step: float) -> bool:
     """Whether keys far apart are the frames of a low rate, and not set by hand: there are some, all on one grid of time.
 
     Args:
         keys: times of the keys of each curve, seconds.
         longest: those of the curve with the most keys.
+        step: between two of them, seconds.
     """
-    step = float(np.median(np.diff(longest))) if len(longest) > 1 else 0.0
     if len(longest) < _SOME or not 0 < step <= 1:
         return False
     grids = [(times - longest[0]) / step for times in keys]

@@ -192,7 +192,7 @@ def clock_of(curves: dict[tuple[int, str], Curve], file: GltfFile, joints: int) 
     end = max(float(curve.times[-1]) for curve in curves.values())
     step = float(np.median(np.diff(longest.times))) if len(longest.times) > 1 else 0.0
     straight = all(curve.interpolation != "CUBICSPLINE" for curve in curves.values())
-    sampled = 1e-3 <= step <= 0.1 or (straight and are_frames([curve.times for curve in curves.values()], longest.times))
+    sampled = 1e-3 <= step <= 0.1 or (straight and are_frames([curve.times for curve in curves.values()], longest.times, step))
     fps = frame_rate(longest.times, 30.0) if sampled else 30.0  # ours: sparse hand-set keys are sampled at 30
     frames = int(np.floor(end * fps + 1e-3)) + 1
     check_frames(file.name, frames, joints, file.size)

@@ -13,9 +13,9 @@ from .motion import Motion
 from .rotations import Array, quat_conjugate, quat_continuous, quat_multiply, quat_to_rotvec, rotvec_to_quat
 from .skeletons.arkit import ARKIT
 
-__all__ = ["BLEND", "BLENDS", "OffsetFade", "cut", "decay", "join", "loop", "replace_face"]
+__all__ = ["BLEND", "OffsetFade", "check_blend", "cut", "decay", "join", "loop", "replace_face"]
 
-BLENDS = (0.0, 10.0)
+_BLENDS = (0.0, 10.0)
 """Seconds that a blend may last [ours]: from none to longer than any gesture."""
 BLEND = 0.4  # seconds in which a joint comes from one clip to the other, at least; ours: about a preparation of a gesture
 _HAND_SPEED, _HIP_SPEED = 1.2, 0.2
@@ -90,7 +90,7 @@ def join(motions: Sequence[Motion], *, blend: float | None = None) -> Motion:
     motions = [motion for motion in motions if len(motion)]
     if not motions:
         raise InputError("no motion to join")
-    _check_blend(blend)
+    check_blend(blend)
     head = motions[0]
     if any(motion.skeleton != head.skeleton for motion in motions):
         raise InputError(
@@ -114,7 +114,7 @@ def loop(motion: Motion, *, blend: float | None = None) -> Motion:
     """
     if len(motion) < 2:
         raise InputError(f"{say_count(len(motion), 'frame')} cannot be looped", "give two or more")
-    _check_blend(blend)
+    check_blend(blend)
     backwards = _reverse(motion)
     seconds = _time_of(backwards[-1:], backwards[:1]) if blend is None else blend
     turned = _reverse(_go_on(backwards[-2:], backwards, min(seconds, motion.duration / 2)))
@@ -156,9 +156,9 @@ def _go_on(before: Motion, motion: Motion, blend: float | None) -> Motion:
     return replace(motion, rotations=turned, root=placed, face=face)
 
 
-def _check_blend(blend: float | None) -> None:
+def check_blend(blend: float | None) -> None:
     """Raise an InputError where a blend does not last from none to ten seconds."""
-    low, high = BLENDS
+    low, high = _BLENDS
     if blend is not None and not low <= blend <= high:
         raise InputError(f"blend {blend:g}", f"{low:g} … {high:g} seconds")
 

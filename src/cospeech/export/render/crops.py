@@ -61,10 +61,10 @@ def crop_poses(view: View, character: Character, poses: Sequence[FramedPose], ro
 
 
 def _stand_back(box: Array, far: float) -> Array:
-    """A box that is ``far`` times as high, about the same middle but never below the floor of the one that is shown whole."""
+    """A box that is ``far`` times as high: down to the floor first, and one that begins there grows to both sides."""
     low, high = box[1], box[4]
     more = (high - low) * (far - 1)
-    below = min(more, max(low, 0.0)) if low > 0 else more / 2  # legs rather than air
+    below = min(more, low) if low > 0 else more / 2  # legs rather than air
     return box + np.array([0, -below, 0, 0, more - below, 0])
 
 

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 
 from .audio.speech import Speech
 from .errors import CospeechWarning, InputError
-from .export import FORMATS, check_parts, format_of, load, suffixes
+from .export import FORMATS, check_parts, format_of, load, read, suffixes
 from .export.checks import File, check_avatar, check_files, check_map, check_skeleton
 from .export.clips import holds_other_figure
 from .export.render.camera import find_view
@@ -231,4 +231,4 @@ def _read(source: File, bones: Mapping[str, str] | None, clip: str | int | None)
         options["animation"] = clip
     if bones and entry is not None and (entry.any_skeleton or entry.clips):
         options["bone_map"] = bones
-    return load(source, **options)
+    return read(source, **options)  # the map may be that of the target

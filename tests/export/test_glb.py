@@ -33,7 +33,7 @@ def small(suffix: str) -> dict:
     return {"character": stand_in()} if suffix == ".glb" else {}
 
 
-@pytest.mark.parametrize("suffix", [".glb", ".vrma"])
+@pytest.mark.parametrize("suffix", [".glb", ".vrma", ".fbx"])
 @pytest.mark.parametrize("fps", [1, 8])
 def test_few_frames_per_second_keep_their_rate(tmp_path, suffix, fps):
     path = tmp_path / f"a{suffix}"

@@ -11,7 +11,7 @@ from cospeech.export.png import Writer
 from cospeech.export.render.camera import find_view
 from cospeech.export.render.crops import crop_poses
 from cospeech.export.render.framing import PoseStage
-from cospeech.export.render.strip import StripLayout
+from cospeech.export.render.strip import StripLayout, draw_strip
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import axis_angle_to_quat, quat_identity
 from cospeech.motion.skeleton import humanoid
@@ -105,3 +105,14 @@ def test_as_many_moments_as_leave_the_figures_large(tmp_path, camera, least, mos
     paper = (picture[30:100] > 250).all((0, 2))
     shown = int((np.diff(paper.astype(int)) == -1).sum())
     assert least <= shown <= most
+
+
+@pytest.mark.parametrize("count", [3, 24])
+def test_times_do_not_overlap(count):
+    layout = StripLayout(1600, 640, count)
+    pictures = np.full((count, layout.cell[1], layout.cell[0], 3), 200, np.uint8)
+    sheet = draw_strip(layout, pictures, np.arange(count) + 10.25, count + 20.0)
+    below = layout.margin + layout.cell[1]
+    inked = (sheet[below + round(0.5 * layout.unit) : below + round(2 * layout.unit)] < 100).all(-1).any(0)
+    ends = np.flatnonzero(np.diff(np.flatnonzero(inked)) > layout.unit)  # between two times
+    assert len(ends) + 1 == min(count, 12)

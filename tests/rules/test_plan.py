@@ -513,3 +513,14 @@ def test_a_number_that_is_none_is_refused(number):
         plan.add("huge", word=f"there:{number}")
     with pytest.raises(InputError, match=f"'{number}' is not a time"):
         plan.find(f"@{number}")
+
+
+@pytest.mark.parametrize("wrong", [1.2, None, 3])
+def test_a_gesture_is_named_by_text(wrong):
+    with pytest.raises(InputError, match=r"is no id of a gesture .*@2\.4"):
+        Plan(seed=1).add("big", at=1.0).remove(wrong)
+
+
+def test_a_value_that_is_no_plan_is_told():
+    with pytest.raises(InputError, match="int where a plan belongs"):
+        cospeech.load("rules").generate(speech(), plan=3)

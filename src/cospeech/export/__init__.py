@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..files import atomic
+from .keyword_options import check_options
 from .registry import FORMATS, Format, check_parts, format_of, reads_body, suffixes
 
 if TYPE_CHECKING:  # the table of formats is read where nothing heavy is imported
     from ..motion.motion import Motion
     from ..motion.skeleton import Skeleton
 
-__all__ = ["FORMATS", "Format", "Writer", "check_parts", "format_of", "load", "open_writer", "save"]
+__all__ = ["FORMATS", "Format", "Writer", "check_parts", "format_of", "load", "open_writer", "read", "save"]
 
 
 class Writer(AbstractContextManager["Writer"], ABC):
@@ -96,12 +97,23 @@ class Writer(AbstractContextManager["Writer"], ABC):
 
 def open_writer(path: str | PathLike[str], *, skeleton: Skeleton, fps: float, **options: object) -> Writer:
     """A writer for ``path``, chosen by its suffix; use it in a ``with`` block."""
-    writer: Writer = _find_code(path, "Writer")(path, skeleton=skeleton, fps=fps, **options)
+    code = _find_code(path, "Writer")
+    check_options(code, options, Path(path).suffix, "written")
+    writer: Writer = code(path, skeleton=skeleton, fps=fps, **options)
     return writer
 
 
 def save(motion: Motion, path: str | PathLike[str], **options: object) -> None:
-    """Write a whole motion to ``path``."""
+    """Write a whole motion to ``path``.
+
+    Args:
+        motion: what is written.
+        path: its suffix picks the format.
+        options: keywords of the format's ``Writer``.
+
+    Raises:
+        InputError: the format is unknown, or has no such option.
+    """
     with open_writer(path, skeleton=motion.skeleton, fps=motion.fps, **options) as writer:
         writer.write(motion)
 
@@ -109,9 +121,29 @@ def save(motion: Motion, path: str | PathLike[str], **options: object) -> None:
 def load(path: str | PathLike[str], **options: object) -> Motion:
     """Read a motion file of any readable format.
 
+    Args:
+        path: its suffix picks the format.
+        options: keywords of the format's ``load``. A ``bone_map`` may be a file (`cospeech.motion.bone_mapping.load_map`).
+
     Raises:
-        InputError: the format is unknown or cannot be read, or the file is damaged.
+        InputError: the format is unknown or cannot be read, or has no such option; the file is damaged; or a bone map names
+            joints that the file lacks.
     """
+    bones: Any = options.get("bone_map")
+    if isinstance(bones, (str, PathLike)):
+        from ..motion.bone_mapping import load_map
+
+        options["bone_map"] = bones = load_map(bones)
+    found = read(path, **options)
+    if bones:
+        from .checks import check_map
+
+        check_map(bones, {str(path): found.skeleton}, None)
+    return found
+
+
+def read(path: str | PathLike[str], **options: object) -> Motion:
+    """As `load`; a map of other joints changes nothing."""
     readable = suffixes(lambda entry: entry.readable)
     if str(path) == "-":
         raise InputError("motion does not come by standard input", f"name a file: {' '.join(readable)}")
@@ -123,7 +155,9 @@ def load(path: str | PathLike[str], **options: object) -> Motion:
     if not entry.readable:
         *most, last = suffixes(reads_body)
         raise InputError(f"{Path(path).suffix} files can be written but not read", f"load a {', '.join(most)} or {last}")
-    found: Motion = _find_code(path, "load")(path, **options)
+    code = _find_code(path, "load")
+    check_options(code, options, Path(path).suffix, "read")
+    found: Motion = code(path, **options)
     return found
 
 

@@ -64,6 +64,8 @@ class Plan(PlanData):
         Raises:
             InputError: it cannot be read; or an entry is wrong, which the message names.
         """
+        if not isinstance(path, (str, PathLike)):
+            raise InputError(f"{type(path).__name__} where a plan belongs", "give a Plan, or the path of a file of one")
         shown = repr(os.fsdecode(path)[-80:])
         text = read_regular(path, "a plan", PLAN_BYTES)
         try:
@@ -138,6 +140,9 @@ class Plan(PlanData):
         Raises:
             InputError: there is none.
         """
+        if not isinstance(gesture, str):
+            hint = 'such as "g3", or "@2.4" for the one nearest to 2.4 s'
+            raise InputError(f"{str(gesture)[:40]} is no id of a gesture", hint)
         if gesture.startswith("@") and self.gestures:
             time = _number(gesture[1:], "a time in seconds")
             return min(self.gestures, key=lambda each: abs(each.stroke - time))

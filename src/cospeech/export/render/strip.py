@@ -111,7 +111,7 @@ def draw_strip(
 
     Args:
         pictures: N of (h, w, 3), of the height of ``layout.cell``, and of its width or that of ``layout.widths``.
-        times: of the pictures, seconds.
+        times: of the pictures, seconds; each is written below its picture where there is room.
         duration: seconds that the axis spans.
         sound: drawn as a waveform where given.
         words: written below it where there is room, without accents; not in scripts other than Latin, for want of a font.
@@ -119,11 +119,14 @@ def draw_strip(
     sheet = _curves(layout, times, duration, sound)
     pen = ImageDraw.Draw(sheet)
     small, tiny = ImageFont.load_default(1.35 * layout.unit), ImageFont.load_default(1.15 * layout.unit)
+    free = 0.0
     for k, (picture, time) in enumerate(zip(pictures, times, strict=True)):
         sheet.paste(Image.fromarray(picture), (layout.edge_of(k), layout.margin))
-        middle = layout.middle_of(k)
-        text = _clock(time, 2 if duration < 600 else 0)
-        pen.text((middle, layout.margin + layout.cell[1] + 1.3 * layout.unit), text, _INK, small, anchor="mm")
+        middle, text = layout.middle_of(k), _clock(time, 2 if duration < 600 else 0)
+        half = small.getlength(text) / 2
+        if middle - half >= free:  # where pictures are narrow, every second or third has its time
+            pen.text((middle, layout.margin + layout.cell[1] + 1.3 * layout.unit), text, _INK, small, anchor="mm")
+            free = middle + half + layout.unit
     _axis(pen, layout, duration, tiny)
     _words(pen, layout, duration, words, small)
     return np.asarray(sheet)

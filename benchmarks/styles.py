@@ -15,6 +15,9 @@ mean and deviation. What is left, and what the judge sees of six parts of the bo
 
 Linear discriminants with a shrunk covariance; the windows of a performance vote, but for its first two seconds. The rules with
 other seeds are the first row: what can be reached. The second row is the control: the styles are drawn by lot.
+
+The second column asks less: a judge that learns from the model's own performances on the same pieces. It tells whether the
+styles of a model differ from each other in manner, be it that of their speakers or another.
 """
 
 from __future__ import annotations
@@ -123,20 +126,32 @@ def main() -> None:
     taught, tested = pieces[::2], pieces[1::2]
     if not tested:
         parser.error(f"{chosen.speech} has fewer than two pieces of 13 s or more")
-    judge = Judge(pair for take in range(TAKES) for pair in perform(RuleBasedModel(), taught, people, 7919 * take + 1))
+    judge = teach_judge(RuleBasedModel(), taught, people)
     print(f"the judge learnt from {len(taught)} pieces; {len(tested)} others in {SPEAKERS} styles\n")
-    print("| | named | chance |\n|---|---|---|")
+    print("| | named | named by a judge of its own | chance |\n|---|---|---|---|")
     bare = {"calibrated": not chosen.bare, "stance": False}
     rows: list[Player] = [("rules, other seeds", RuleBasedModel(), {}), *players(chosen.bundle, bare)]
     for name, model, options in rows:
-        pairs = [(who, judge.name(motion)) for who, motion in perform(model, tested, people, 50_000, **options)]
-        right = np.array([who == said for who, said in pairs])
-        half = 1.96 * right.std() / len(right) ** 0.5
-        print(f"| {name} | {right.mean():.0%} ± {half:.0%} | {1 / SPEAKERS:.0%} |", flush=True)
+        own = judge if isinstance(model, RuleBasedModel) else teach_judge(model, taught, people, **options)
+        performed = list(perform(model, tested, people, 50_000, **options))
+        said = [[(who, each.name(motion)) for who, motion in performed] for each in (judge, own)]
+        print(f"| {name} | {' | '.join(map(share_right, said))} | {1 / SPEAKERS:.0%} |", flush=True)
         if isinstance(model, RuleBasedModel):
-            lot = np.random.default_rng(0).permutation([who for who, _ in pairs])
-            share = np.mean([a == b for a, (_, b) in zip(lot, pairs, strict=True)])
-            print(f"| the same, styles by lot | {share:.0%} | |", flush=True)
+            lot = np.random.default_rng(0).permutation([who for who, _ in performed])
+            by_lot = share_right(list(zip(lot, (named for _, named in said[0]), strict=True)))
+            print(f"| the same, styles by lot | {by_lot} | | |", flush=True)
+
+
+def teach_judge(model: Any, speeches: list[cospeech.Speech], people: list[Speaker], **options: Any) -> Judge:
+    """A judge that has seen some takes of a model."""
+    takes = (perform(model, speeches, people, 7919 * take + 1, **options) for take in range(TAKES))
+    return Judge(pair for take in takes for pair in take)
+
+
+def share_right(pairs: list[tuple[int, int]]) -> str:
+    """How often a judge was right, with its interval of 95 %."""
+    right = np.array([who == said for who, said in pairs])
+    return f"{right.mean():.0%} ± {1.96 * right.std() / len(right) ** 0.5:.0%}"
 
 
 if __name__ == "__main__":

@@ -423,6 +423,7 @@ def test_a_loss_that_is_no_number_ends_the_run(store, tmp_path):
         (plan(best="flwo"), "train.best is 'flwo' (did you mean 'flow'?"),
         (plan(data={"corpus": "ted"}), "the recipe is for corpus 'ted'"),
         (plan(data={"fps": 20}), "the recipe is for fps 20.0"),
+        (plan(data={"fps": 20, "pose": "euler"}), "RAW STORE --pose euler --fps 20` makes one that fits; or set data.pose"),
         (plan(data={"mirror": True}), "has no mirrored clips (prepare it with --mirror)"),
         (plan(data={"audio": "mel28"}), "no reduction of audio is called 'mel28'"),
         (plan(config={"frames": 4000}), "no window of 4000 frames in the train split"),

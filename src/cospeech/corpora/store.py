@@ -123,7 +123,10 @@ class Store:
             if clip.frames >= frames and split in (None, clip.split) and {*arrays} <= {*clip.has}
         ]
         if frames < 1 or not chosen:
-            raise InputError(f"no window of {frames} frames in the {split or 'whole'} split of {str(self.folder)!r}", NO_WINDOW)
+            longest = max((clip.frames for clip in self.clips if split in (None, clip.split)), default=0)
+            has = f"its longest clip has {longest}" if longest else "it has no clips"
+            where = f"{split or 'whole'} split of {str(self.folder)!r}"
+            raise InputError(f"no window of {frames} frames in the {where}: {has}", NO_WINDOW)
         numbers, offsets, counts = np.array(chosen, np.int64).T
         return numbers, offsets, counts
 

@@ -167,7 +167,14 @@ def _check_store(data: Data, store: Store) -> None:
     for what, (wanted, has) in found.items():
         if wanted and wanted != has:
             problem = f"the recipe is for {what} {wanted!r}, the store {str(store.folder)!r} has {has!r}"
-            raise InputError(problem, f"prepare one that fits, or set data.{what}")
+            raise InputError(problem, f"`{_command_for(data, store)}` makes one that fits; or set data.{what}")
+
+
+def _command_for(data: Data, store: Store) -> str:
+    """The command that makes a store for a recipe."""
+    options = {"--pose": data.pose, "--fps": f"{data.fps:g}" if data.fps else ""}
+    said = "".join(f" {name} {value}" for name, value in options.items() if value)
+    return f"cospeech prepare {data.corpus or store.corpus} RAW STORE{said}"
 
 
 def _louder(store: Store, data: Data, standards: Mapping[str, Normaliser]) -> list[float]:

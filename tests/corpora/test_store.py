@@ -109,7 +109,7 @@ def test_a_window_is_a_copy(folder):
 
 def test_windows_that_cannot_be(folder):
     store = Store(folder)
-    hint = "no window of 91 .*: its longest clip has 90 .*data.validation=0.05"  # what helps where a small corpus has no clips of a split
+    hint = "no window of 91 .*: its longest clip has 90 .*data.validation=0.05"  # what helps where a split has no clips
     for arguments, words in [((91,), hint), ((8, "train", ["hands"]), "no 'hands'"), ((8, "dev"), "no split")]:
         with pytest.raises(InputError, match=words):
             store.starts(*arguments)

@@ -1,4 +1,7 @@
-"""Bundles that ship follow speech that they were not trained on, as `benchmarks/models.py --follow` measures."""
+"""Bundles that ship, on speech that they were not trained on: they follow it, and their styles differ in manner.
+
+`benchmarks/models.py --follow` and `benchmarks/styles.py` measure this on more.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,7 @@ pytest.importorskip("scipy", reason="beat lift needs scipy (the eval extra)")
 
 import cospeech
 from cospeech.audio.speech import Speech
+from cospeech.experiments.style_judge import StyleJudge
 from cospeech.metrics.beat_lift import RATE, energy_envelope
 from cospeech.metrics.movement import Track, wrist_speeds
 
@@ -67,6 +71,22 @@ def test_own_speech_beats_anothers(shared, player):
     speeds = moved(folder, player)
     won = [agree(speeds[a], heard[a]) > agree(speeds[a], heard[b]) for a, b in permutations(range(len(heard)), 2)]
     assert sum(won) >= len(won) - 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("player", ["chain-of-generation", "mix-stage"])
+def test_styles_differ_in_manner(shared, player):
+    """A judge that has seen a network's styles on other speech names them, without mean pose, amplitude or share of an arm."""
+    *taught, tested = spoken(shared / "data" / "speech" / "ljspeech")
+    model = cospeech.load(player)
+    options = BODY | {"look_ahead": model.for_files.get("look_ahead"), "calibrated": False}
+    styles = list(enumerate(model.styles))
+    judge = StyleJudge(
+        ((k, model.generate(speech, style=name, seed=n, **options)) for n, speech in enumerate(taught) for k, name in styles),
+        arms=False,
+    )
+    named = [judge.name(model.generate(tested, style=name, seed=9, **options)) for _, name in styles]
+    assert sum(said == k for k, said in enumerate(named)) >= 6  # of 8 or 9; of 8, 6 are right by chance once in 12,000 times
 
 
 def agree(speed: np.ndarray, envelope: np.ndarray) -> float:

@@ -1,0 +1,109 @@
+"""Whose style a motion has: a judge that sees neither mean pose nor amplitude, which bundling sets for each style.
+
+Every number of a pose is standardised within each window by its own mean and deviation. What is left, and what the judge sees
+of six parts of the body:
+
+* the shares of five bands of frequency in the velocity;
+* how the speeds of the parts correlate, and how the two arms mirror each other;
+* how long a part rests, and how uneven its speed is;
+* which arm does more, as the ratio of both arms' deviations. Bundling bears on this one, because its gains scale each number
+  of a pose; so it can be left out.
+
+Linear discriminants with a shrunk covariance name the style; the windows of a motion vote, but for its first two seconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+
+import numpy as np
+
+from ..errors import InputError
+from ..motion.motion import Motion
+from ..motion.poses import find_pose
+from ..motion.rotations import Array
+from .discriminants import LinearDiscriminants
+
+__all__ = ["StyleJudge", "describe_manner"]
+
+FPS, WINDOW, STEP, WARM = 15, 8.0, 2.0, 2.0  # frames a second; s; [ours]: some phrases of speech
+BANDS = (0.0, 0.3, 0.6, 1.2, 2.4, 7.5)  # Hz; [ours]: octaves about the rate of strokes
+STILL = 1e-4  # rad; [ours]: a number that varies by less is still
+_RESTING = 0.3  # of the mean speed; [ours]: a part that is slower rests
+_ARM, _HAND = ("Shoulder", "UpperArm", "LowerArm"), ("Hand", "Grip")
+_PARTS = {"trunk": ("hips", "spine", "chest", "upperChest"), "head": ("neck", "head")} | {
+    f"{side} {part}": tuple(side + bone for bone in bones)
+    for side in ("left", "right")
+    for part, bones in (("arm", _ARM), ("hand", _HAND))
+}
+_LEFT, _RIGHT = (list(_PARTS).index(f"{side} arm") for side in ("left", "right"))
+
+
+def describe_manner(window: Array, columns: list[Array], *, arms: bool = True) -> Array:
+    """What the judge sees of a window.
+
+    Args:
+        window: (F, D) poses.
+        columns: numbers of each part of the body: trunk, head, left arm, left hand, right arm, right hand.
+        arms: whether the ratio of the arms' deviations is seen.
+    """
+    spread = window.std(0)
+    blind = np.where(spread > STILL, (window - window.mean(0)) / np.maximum(spread, STILL), 0.0)
+    power = np.square(np.abs(np.fft.rfft(np.diff(blind, axis=0), axis=0)))
+    hertz = np.fft.rfftfreq(len(window) - 1, 1 / FPS)
+    bands = np.stack([power[(hertz >= low) & (hertz < high)].sum(0) for low, high in pairwise(BANDS)])
+    found, speeds = list[Array](), list[Array]()
+    for own in columns:
+        shares = bands[:, own].sum(1)
+        found.append(np.log(shares / max(shares.sum(), 1e-9) + 0.01))
+        speed = np.sqrt(np.square(np.diff(blind[:, own], axis=0)).mean(1))
+        speeds.append(speed)
+        mean = max(float(speed.mean()), 1e-9)
+        found.append(np.array([(speed < _RESTING * mean).mean(), np.log(speed.std() / mean + 0.05)]))
+    together = np.corrcoef(np.stack(speeds) + 1e-9 * np.arange(len(speeds[0])))
+    found.append(together[np.triu_indices(len(speeds), 1)])
+    left, right = columns[_LEFT], columns[_RIGHT]
+    found.append((blind[:, left] * blind[:, right]).mean(0))
+    if arms:
+        found.append(np.log([(spread[left].mean() + 0.01) / (spread[right].mean() + 0.01)]))
+    return np.concatenate(found)
+
+
+class StyleJudge:
+    """Names the style of a motion.
+
+    Args:
+        performed: number of a style, from 0 on without gaps, and a motion in it, to learn from.
+        arms: of `describe_manner`.
+
+    Raises:
+        InputError: there are fewer than two styles, or a motion is too short.
+    """
+
+    def __init__(self, performed: Iterable[tuple[int, Motion]], *, arms: bool = True) -> None:
+        self._pose, self._arms = find_pose("expmap-humanoid"), arms
+        bones = np.array([name.split(".")[0] for name in self._pose.names])
+        self._columns = [np.flatnonzero(np.isin(bones, parts)) for parts in _PARTS.values()]
+        pairs = [(style, self._windows(motion)) for style, motion in performed]
+        styles = {style for style, _ in pairs}
+        if len(styles) < 2 or styles != {*range(len(styles))}:
+            raise InputError(f"a judge of the styles {sorted(styles)}", "two at least, numbered from 0 on")
+        labels = np.concatenate([[style] * len(own) for style, own in pairs])
+        self._discriminants = LinearDiscriminants(np.concatenate([own for _, own in pairs]), labels, len(styles))
+
+    def name(self, motion: Motion) -> int:
+        """The number of the style that a motion has.
+
+        Raises:
+            InputError: it is too short.
+        """
+        return int(self._discriminants.vote(self._windows(motion)).argmax())
+
+    def _windows(self, motion: Motion) -> Array:
+        poses = self._pose.encode(motion.resample(FPS))[round(WARM * FPS) :]
+        frames = round(WINDOW * FPS)
+        if len(poses) < frames:
+            raise InputError(f"a motion of {motion.duration:.1f} s", f"a judge sees {WARM + WINDOW:g} s or more")
+        starts = range(0, len(poses) - frames + 1, round(STEP * FPS))
+        return np.stack([describe_manner(poses[k : k + frames], self._columns, arms=self._arms) for k in starts])

@@ -140,6 +140,7 @@ def _add_prepare(app: typer.Typer) -> None:
 
         \b
         cospeech prepare beat beat_english_v0.2.1 stores/beat --jobs -1
+        cospeech prepare folder my_takes stores/mine --pose expmap-humanoid --fps 12
         """
         from ..corpora.prepare import prepare as make
 

@@ -4,7 +4,7 @@
 
 The rules taught the networks that ship, in the styles of eight speakers. A judge (`cospeech.experiments.style_judge`) learns
 these speakers from performances of the rules on every other piece of speech in the folder. Then each model performs the rest in
-each style, and the judge names the speaker. It does not see what bundling sets.
+each style, and the judge names the speaker. It sees neither mean pose nor amplitude, which bundling sets.
 
 The rules with other seeds are the first row: what can be reached. The second row is the control: the styles are drawn by lot.
 

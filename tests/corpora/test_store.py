@@ -113,6 +113,10 @@ def test_windows_that_cannot_be(folder):
     for arguments, words in [((91,), hint), ((8, "train", ["hands"]), "no 'hands'"), ((8, "dev"), "no split")]:
         with pytest.raises(InputError, match=words):
             store.starts(*arguments)
+    with pytest.raises(InputError, match=r"of 41 .*: its longest clip has 40 "):  # the one of 90 has no face
+        store.starts(41, "train", ["pose", "face"])
+    with pytest.raises(InputError, match=r"validation split of .*: it has no clip with pose, face "):
+        store.starts(8, "validation", ["pose", "face"])
     with pytest.raises(InputError, match="outside"):
         gather(np.zeros((10, 2)), np.array([5]), 6)
 

@@ -117,14 +117,11 @@ class Store:
             raise InputError(f"the store has no {unknown[0]!r}", f"it has {', '.join(n for n in ARRAYS if n in self.arrays)}")
         if split is not None and split not in SPLITS:
             raise InputError(f"no split is called {split!r}", nearest(split, SPLITS))
-        chosen = [
-            (k, clip.offset, clip.frames - frames + 1)
-            for k, clip in enumerate(self.clips)
-            if clip.frames >= frames and split in (None, clip.split) and {*arrays} <= {*clip.has}
-        ]
+        own = [(k, clip) for k, clip in enumerate(self.clips) if split in (None, clip.split) and {*arrays} <= {*clip.has}]
+        chosen = [(k, clip.offset, clip.frames - frames + 1) for k, clip in own if clip.frames >= frames]
         if frames < 1 or not chosen:
-            longest = max((clip.frames for clip in self.clips if split in (None, clip.split)), default=0)
-            has = f"its longest clip has {longest}" if longest else "it has no clips"
+            longest = max((clip.frames for _, clip in own), default=0)
+            has = f"its longest clip has {longest}" if own else f"it has no clip with {', '.join(arrays)}"
             where = f"{split or 'whole'} split of {str(self.folder)!r}"
             raise InputError(f"no window of {frames} frames in the {where}: {has}", NO_WINDOW)
         numbers, offsets, counts = np.array(chosen, np.int64).T

@@ -10,7 +10,7 @@ from ..errors import InputError, nearest
 
 __all__ = ["check_options"]
 
-_COMMON = ("path", "skeleton", "fps")  # of every Writer: what is written says them
+_COMMON = ("skeleton", "fps")  # of every Writer: what is written says them
 
 
 def check_options(code: Callable[..., Any], options: Mapping[str, object], suffix: str, verb: str) -> None:

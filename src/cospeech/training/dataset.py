@@ -172,9 +172,11 @@ def _check_store(data: Data, store: Store) -> None:
 
 def _command_for(data: Data, store: Store) -> str:
     """The command that makes a store for a recipe."""
-    options = {"--pose": data.pose, "--fps": f"{data.fps:g}" if data.fps else ""}
-    said = "".join(f" {name} {value}" for name, value in options.items() if value)
-    return f"cospeech prepare {data.corpus or store.corpus} RAW STORE{said}"
+    options = [f"--pose {data.pose}"] if data.pose else []
+    options += [f"--fps {data.fps:g}"] if data.fps else []
+    options += ["--mirror"] if data.mirror else []
+    options += [preparation_option(data.audio)] if data.audio in REDUCTIONS else []
+    return " ".join(["cospeech prepare", data.corpus or store.corpus, "RAW STORE", *filter(None, options)])
 
 
 def _louder(store: Store, data: Data, standards: Mapping[str, Normaliser]) -> list[float]:

@@ -299,6 +299,18 @@ def test_emotions_are_dealt_evenly_and_speakers_have_voices(layout, quick, recor
         assert {split for clip in quick if (split := clip.split)} == {"train", "validation", "test"}
 
 
+def test_where_the_plan_is_full_the_corpus_is_shorter_and_says_so(quick, recordings, tmp_path, monkeypatch):
+    monkeypatch.setattr("cospeech.corpora.synthetic._PLACES", {"train": 1, "validation": 1, "test": 1})
+    monkeypatch.setattr("cospeech.corpora.synthetic._NEUTRAL", {"train": 2, "validation": 1, "test": 1})
+    with pytest.warns(CospeechWarning, match=r"plan is full: 0\.\d of 1 hours .*--speakers"):
+        made = synthesise(tmp_path / "raw", speech=recordings, hours=1, speakers=2, tts=False)
+    assert made.takes == len(quick) == 2 * (7 * 3 + 4)  # one who is full does not stop the other
+    assert {clip.speaker for clip in quick} == set(made.speakers)
+    with pytest.warns(CospeechWarning, match="plan is full"):
+        calm = synthesise(tmp_path / "calm", speech=recordings, hours=1, speakers=2, tts=False, neutral=True)
+    assert calm.emotions == {"neutral": 2 * 4}
+
+
 def test_voices_act_in_every_layout_unless_told_not_to(quick, recordings, tmp_path):
     by_split = split_recordings(voices.recordings(recordings)).items()
     given = {

@@ -80,7 +80,7 @@ CHANGES = {
     "mix-stage-extended": _MIX,
     "mix-stage-extended+played": _MIX
     | {"adversarial_loss": "squares", "pose_discriminator": True, "persistence": 6.0, "reconstruction": 0.5}
-    | {"speed_distribution": 1.0, "part_correlation": 1.0, "part_timing": 1.0},
+    | {"motion_statistics": 1.0, "speed_distribution": 1.0, "part_correlation": 1.0, "part_timing": 1.0},
     "mix-stage+authors": _MIX | {"soft": True, "adversarial_loss": "distance", "growth": 0.1, "id_freezes": True},
     "mix-stage+before": _MIX | {"style_first": True},
     "stage": _MIX,

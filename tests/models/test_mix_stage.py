@@ -17,6 +17,7 @@ from cospeech.models.cmix_gan import CMixGan  # noqa: E402
 from cospeech.models.mix_stage import MixGan, MixGanConfig, MixStage, MixStageConfig  # noqa: E402
 from cospeech.models.mix_stage_extended import MixStageExtended, MixStageExtendedConfig  # noqa: E402
 from cospeech.models.nn.mixture import ModeLogits  # noqa: E402
+from cospeech.models.nn.motion_statistics_loss import motion_statistics  # noqa: E402
 from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.models.stage import Stage, StageConfig  # noqa: E402
 from cospeech.motion.poses.keypoints2d import KEYPOINTS2D  # noqa: E402
@@ -101,6 +102,19 @@ def test_less_reconstruction_played_poses_and_timing_change_what_they_say_and_no
     assert timed.keys() - plain.keys() == {"stroke_timing"}
     assert all(plain[name] == timed[name] for name in plain)
     assert 0 < timed["stroke_timing"].item() < 6
+
+
+def test_statistics_are_of_the_poses_that_are_judged_and_move_the_network():
+    """The weight times the mean distance of the mean pose, and of the deviations of pose, velocity and acceleration."""
+    data, net = batch(), extended(motion_statistics=3.0, persistence=6.0).train()
+    judged = net._decode_batch(batch(), 0).judged
+    terms = net.generator_loss(data, 0)
+    assert terms.keys() - extended(persistence=6.0).train().generator_loss(data, 0).keys() == {"motion_statistics"}
+    made, recorded = motion_statistics(judged), motion_statistics(data["pose"].mT)
+    assert made.shape == (ROWS, 4 * judged.shape[1])
+    assert terms["motion_statistics"].item() == pytest.approx(3 * (made - recorded).abs().mean().item(), rel=1e-4)
+    slopes = torch.autograd.grad(terms["motion_statistics"], [*net.generators.parameters()])
+    assert all(slope.abs().sum() > 0 for slope in slopes)
 
 
 def test_the_style_joins_the_content_before_or_after_the_unet():

@@ -41,7 +41,7 @@ from .nn.adversarial_losses import ADVERSARIAL_LOSSES
 from .nn.cascade import EMOTIONS, CascadeOutput
 from .nn.gain_augmentation import GainAugmentation
 from .nn.gumbel import smooth_gumbel
-from .nn.motion_statistics_loss import motion_statistics
+from .nn.motion_statistics_loss import statistics_term
 from .nn.objective import Batch, Objective
 from .nn.part_speeds import Parts, PartWeights, part_terms
 from .nn.patch import PATCH_FRAMES
@@ -294,10 +294,7 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         pose, face = batch["pose"][:, :frames].mT, turn.played["face"][:, :frames].mT
         wanted = torch.where(turn.own, pose, made.pose)  # of no distance where nobody knows what would have been done
         terms = self.losses(made._replace(features=turn.features), turn.heard, wanted, face)
-        if c.motion_statistics:
-            terms["motion_statistics"] = (
-                c.motion_statistics * (motion_statistics(made.pose) - motion_statistics(pose)).abs().mean()
-            )
+        terms |= statistics_term(c.motion_statistics, made.pose, pose)
         if c.speed_envelope:
             terms["speed_envelope"] = c.speed_envelope * speed_distance(made.pose, wanted)
         terms |= timing_term(c.stroke_timing, made.pose, wanted)

@@ -13,6 +13,7 @@ what is left, the distance to one recording, is least for the mean of all motion
         Z ─┬─► H ──► logits + noise ── softmax ──► Φ ─┐
            └─► G₁ … G_M ──────────────────────────────┴─► Ŷ of L_adv and L_id, which then reach H too
 
+    motion_statistics ℓ_M = |m(Ŷ) − m(Y)|₁, m: mean pose, and deviations of pose, velocity, acceleration of a window
     stroke_timing     ℓ_T = 1 − r of the logarithms of the speeds of Ŷ and of the recording, without what changes over 2 s
     speed_distribution, part_correlation, part_timing
                       how much of the time each part of the body rests, which parts move together, and when
@@ -34,6 +35,7 @@ from .mix_stage import MixStage, MixStageConfig
 from .nn.adversarial_losses import ADVERSARIAL_LOSSES
 from .nn.gumbel import smooth_gumbel
 from .nn.mixture import mix
+from .nn.motion_statistics_loss import statistics_term
 from .nn.objective import Batch
 from .nn.part_speeds import Parts, PartWeights, part_terms
 from .nn.pose_discriminator import PoseDiscriminator
@@ -56,6 +58,9 @@ class MixStageExtendedConfig(MixStageConfig):
     persistence: float = 0.0
     """Frames; with it L_adv, and the second term of L_id, are of poses as they are played: priors of H, with the smooth noise
     that makes takes differ, drawn for so long a time. [ours]; 0: of those that L_rec is of."""
+    motion_statistics: float = 0.0
+    """Weight of the distance between generated and recorded statistics of a window: mean pose, and deviations of pose, velocity
+    and acceleration. So the network itself moves as far and as fast as the recordings. [ours]"""
     stroke_timing: float = 0.0
     """Weight of how little the speed of the poses of L_adv rises and falls when the recorded one does. [ours]"""
     speed_distribution: float = 0.0
@@ -68,7 +73,9 @@ class MixStageExtendedConfig(MixStageConfig):
     """By how much each number of speech is changed throughout a window, in deviations of the corpus. [ours]"""
 
     def __post_init__(self) -> None:
-        weights = ("reconstruction", "persistence", "stroke_timing", "speech_augmentation", *PartWeights._fields)
+        weights = (
+            "reconstruction", "persistence", "motion_statistics", "stroke_timing", "speech_augmentation", *PartWeights._fields,
+        )  # fmt: skip
         check_least(self, "an extended Mix-StAGE", dict.fromkeys(weights, 0))
 
 
@@ -136,4 +143,5 @@ class MixStageExtended(MixStage):
         c, pose = self.config, batch["pose"].mT
         weights = PartWeights(c.speed_distribution, c.part_correlation, c.part_timing)
         terms |= part_terms(weights, decoded.judged, pose, self.parts)
+        terms |= statistics_term(c.motion_statistics, decoded.judged, pose)
         return terms | timing_term(c.stroke_timing, decoded.judged, pose)

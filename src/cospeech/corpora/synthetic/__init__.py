@@ -10,9 +10,10 @@ from __future__ import annotations
 import shutil
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
+from itertools import product
 from os import PathLike
 from pathlib import Path
 
@@ -83,6 +84,7 @@ _MOST_HELD = 2 * 3600.0  # seconds of speech in memory, each of recorded and syn
 _TAKES_PER_SPEECH = 4  # ours: how often a synthesised speech is performed
 _PLACES = {"train": 4, "validation": 1, "test": 1}  # of an emotion per speaker in BEAT's plan of recordings
 _NEUTRAL = {"train": 48, "validation": 8, "test": 8}
+_FULL = 0.95  # of the hours; ours: takes are not cut, so a corpus ends a little before or after
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,8 @@ def synthesise(
         layout: a name of `LAYOUTS`.
         speech: a folder of recordings, words beside them; alternates with synthesised speech. Without it, and without an
             engine that speaks, the example speech that comes with the program is performed again and again.
-        hours: of motion, roughly (takes are not cut).
+        hours: of motion, roughly (takes are not cut). BEAT's plan has 106 places for takes of a speaker; where they are full,
+            the corpus is shorter, and a warning says so.
         speakers: how many; those of `LAYOUTS` where not given.
         seed: another seed, another corpus; the same one on the same machine, the same bytes.
         gestures: seed of the motion alone: with another one the same speakers say the same and move otherwise.
@@ -186,6 +189,9 @@ def synthesise(
             shutil.move(str(place / "raw"), str(target))
     except OSError as error:
         raise InputError(f"cannot write {str(target)!r}: {describe_os_error(error)}") from None
+    if chosen.full and made.seconds < _FULL * hours * 3600:
+        note = f"BEAT's plan is full: {made.seconds / 3600:.1f} of {hours:g} hours are made"
+        warnings.warn(f"{note}; more speakers make more (--speakers)", CospeechWarning, stacklevel=2)
     styles = {person.name: person.style.what for person in people}
     return SynthesisReport(layout, made.takes, made.seconds, styles, dict(made.emotions), len(made.speeches))
 
@@ -294,7 +300,10 @@ def _clips(
             emotion = "neutral" if chosen.calm else next(emotions)
             split = split_of(k) if split_of(k) in pools[who] else next(iter(pools[who]))
             if chosen.full:
-                emotion, split = _place(places, who, emotion, split)
+                place = _place(places, who, emotion, split, ("neutral",) if chosen.calm else EMOTIONS)
+                if place is None:
+                    break
+                emotion, split = place
             which, speech = pools[who][split][said[split] + 3 * who]  # 3: ours, speakers begin at different speeches
             said[split] += 1
             own = _take_seed(seed, who, k)
@@ -326,13 +335,16 @@ def _take_seed(*parts: int) -> int:
     return int(np.random.SeedSequence(parts).generate_state(1)[0])
 
 
-def _place(places: Counter[tuple[int, str, str]], who: int, emotion: str, split: str) -> tuple[str, str]:
-    """An emotion and a split that still have a place in BEAT's plan, as near to the wanted ones as there are."""
-    for feeling, part in ((emotion, split), (emotion, "train"), ("neutral", split), ("neutral", "train")):
+def _place(
+    places: Counter[tuple[int, str, str]], who: int, emotion: str, split: str, others: Sequence[str]
+) -> tuple[str, str] | None:
+    """An emotion and a split that still have a place in BEAT's plan, as near to the wanted ones as there are; or none."""
+    near = product((emotion, "neutral"), (split, "train"))
+    for feeling, part in (*near, *product(others, SPLITS)):
         if places[who, feeling, part] < (_NEUTRAL if feeling == "neutral" else _PLACES)[part]:
             places[who, feeling, part] += 1
             return feeling, part
-    raise InputError("BEAT's plan has no place for more takes of one speaker", "ask for fewer hours or more speakers")
+    return None
 
 
 def perform(speech: Speech, style: Style, *, emotion: str, seed: int, fps: float) -> Clip:

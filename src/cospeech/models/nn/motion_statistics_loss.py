@@ -7,7 +7,7 @@ from torch import Tensor
 
 from .pose_discriminator import FASTER
 
-__all__ = ["motion_statistics"]
+__all__ = ["motion_statistics", "statistics_term"]
 
 _TINY = 1e-6  # ours: a variance whose root has a slope
 
@@ -17,3 +17,10 @@ def motion_statistics(pose: Tensor) -> Tensor:
     moved = FASTER * pose.diff(dim=-1)
     deviations = [(x.var(-1, correction=0) + _TINY).sqrt() for x in (pose, moved, FASTER * moved.diff(dim=-1))]
     return torch.cat([pose.mean(-1), *deviations], 1)
+
+
+def statistics_term(weight: float, made: Tensor, recorded: Tensor) -> dict[str, Tensor]:
+    """``motion_statistics``, the weighted L1 distance of the statistics of (B, D, T) poses, as a term; of weight 0, no term."""
+    if not weight:
+        return {}
+    return {"motion_statistics": weight * (motion_statistics(made) - motion_statistics(recorded)).abs().mean()}

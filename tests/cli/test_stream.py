@@ -18,11 +18,13 @@ from cospeech.cli.stream import _play as play
 from cospeech.cli.stream import _play_to_the_end as play_to_the_end
 from cospeech.cli.stream import _shut_mouth as shut_mouth
 from cospeech.errors import InputError
+from cospeech.export import save
 from cospeech.export.live.pacing import FramePacer
 from cospeech.generate import open_live_session
 from cospeech.motion.skeleton import humanoid
 from cospeech.motion.skeletons.arkit import ARKIT_INDEX
 from tests.support.command_line import heed
+from tests.support.motions import gesturing
 
 COMMAND = [sys.executable, "-m", "cospeech", "stream"]
 
@@ -135,6 +137,15 @@ def test_what_cannot_be_streamed_is_one_line(cli, arguments, what):
     assert what in err
     assert err.count("\n") == 1
     assert err.startswith("error: ")
+
+
+def test_a_map_that_is_not_of_the_avatar_is_refused(cli, tmp_path):
+    avatar, names = tmp_path / "me.glb", tmp_path / "names.toml"
+    save(gesturing(3), avatar)
+    names.write_text('[bones]\nhead = "haed"\n')
+    code, _, err = cli("stream", "-q", "-i", example()[0], "--to", "vmc://127.0.0.1", "--avatar", avatar, "--map", names)
+    assert (code, err.count("\n")) == (2, 1)
+    assert f"error: {str(avatar)!r}: bone map: 'haed' is none of their joints (did you mean 'head'?)" in err
 
 
 def test_a_gain_of_no_face_is_told(cli):

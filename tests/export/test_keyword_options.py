@@ -6,7 +6,10 @@ import pytest
 
 from cospeech.errors import InputError
 from cospeech.export import FORMATS, load, save
+from cospeech.export.avatar import load_avatar
 from cospeech.export.keyword_options import check_options
+from cospeech.export.target_skeleton import find_target
+from cospeech.motion.skeleton import humanoid
 from tests.support.motions import gesturing
 
 
@@ -41,6 +44,20 @@ def test_a_map_with_a_slip_is_no_map(suffix, bones, words, tmp_path):
     save(gesturing(3), tmp_path / f"a{suffix}")
     with pytest.raises(InputError, match=words):
         load(tmp_path / f"a{suffix}", bone_map=bones)
+
+
+@pytest.mark.parametrize(
+    ("bones", "words"), [({"head": "haed"}, "did you mean 'head'"), ({"haed": "head"}, "'haed' is none of our")]
+)
+def test_rigs_and_avatars_take_no_map_with_a_slip(bones, words, tmp_path):
+    for suffix in (".bvh", ".glb"):
+        save(gesturing(3), tmp_path / f"a{suffix}")
+    for take, of in ((load_avatar, tmp_path / "a.glb"), (find_target, tmp_path / "a.glb"), (find_target, tmp_path / "a.bvh")):
+        with pytest.raises(InputError, match=words):
+            take(of, bones)
+    for of in ("mixamo", humanoid()):
+        with pytest.raises(InputError, match="bone map: 'haed'"):
+            find_target(of, {"head": "haed"})
 
 
 def test_a_map_may_be_a_file(tmp_path):

@@ -8,6 +8,7 @@ from os import PathLike
 from pathlib import Path
 
 from ..errors import InputError
+from ..motion.bone_map_checks import check_fit
 from ..motion.motion import Motion
 from ..motion.skeleton import Skeleton, humanoid
 from . import Writer as BaseWriter
@@ -21,7 +22,7 @@ from .gltf import GltfFile, report_damage
 from .rig import Rig
 from .tracks import clock_of, read_animation
 
-__all__ = ["EYES", "Avatar", "check_surface", "load_avatar"]
+__all__ = ["EYES", "Avatar", "check_surface", "load_avatar", "read_avatar"]
 
 EYES = ("leftEye", "rightEye")
 
@@ -32,14 +33,23 @@ def load_avatar(path: str | PathLike[str], bone_map: Mapping[str, str] | None = 
 
     Args:
         path: the file.
-        bone_map: our name → name of a node, which wins over what is found; a map of other nodes changes nothing.
+        bone_map: our name → name of a node, which wins over what is found.
 
     Raises:
-        InputError: not a character file, damaged, or without a humanoid that can be recognised and without a face.
+        InputError: not a character file, damaged, or without a humanoid that can be recognised and without a face; or the map
+            names nodes that the file lacks.
 
     Warns:
         CospeechWarning: a part of the body is not there, and does not move.
     """
+    found = read_avatar(path, bone_map)
+    if bone_map:
+        check_fit(bone_map, {repr(str(path)): found.joints})
+    return found
+
+
+def read_avatar(path: str | PathLike[str], bone_map: Mapping[str, str] | None = None) -> Avatar:
+    """As `load_avatar`; a map of other nodes changes nothing."""
     file = read_character(path)
     with report_damage(file.name):
         try:

@@ -13,7 +13,7 @@ from ..limits import AVATAR_METRES
 from ..motion.rotations import Array
 from ..motion.skeleton import Skeleton
 from ..motion.skeletons.humanoid import HEIGHT
-from .avatar import Avatar, load_avatar
+from .avatar import Avatar, read_avatar
 from .avatar_mesh import MeshBaker
 from .avatar_skeleton import pose_nodes, shape_humanoid
 from .face_rig import FaceRig
@@ -31,7 +31,7 @@ def load_character(path: str | PathLike[str] | Avatar, bone_map: Mapping[str, st
 
     Args:
         path: the file, or what `load_avatar` has read from it.
-        bone_map: of `load_avatar`.
+        bone_map: of `read_avatar`.
 
     Returns:
         its skeleton has our 55 names and its own proportions; its soles are at height 0, and so would be those of a half
@@ -40,7 +40,7 @@ def load_character(path: str | PathLike[str] | Avatar, bone_map: Mapping[str, st
     Raises:
         InputError: it cannot be read, has no humanoid, or nothing that can be drawn.
     """
-    avatar = path if isinstance(path, Avatar) else load_avatar(path, bone_map)
+    avatar = path if isinstance(path, Avatar) else read_avatar(path, bone_map)
     with report_damage(avatar.file.name), np.errstate(all="ignore"):  # what is not finite then is refused
         return _build(avatar)
 

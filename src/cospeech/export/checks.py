@@ -13,7 +13,7 @@ from ..errors import CospeechWarning, InputError
 from ..motion.bone_map_checks import check_fit
 from ..motion.skeleton import Skeleton
 from .registry import FORMATS, format_of, suffixes
-from .target_skeleton import find_target, rig_joints
+from .target_skeleton import read_target, rig_joints
 
 if TYPE_CHECKING:
     from .avatar import Avatar
@@ -24,8 +24,8 @@ File = str | PathLike[str]
 
 
 def check_skeleton(skeleton: File | Skeleton, written: set[str], bones: Mapping[str, str] | None = None) -> Skeleton:
-    """The skeleton of that name or of that rig, which one of the files, if any, can hold; ``bones`` are of `find_target`."""
-    found = find_target(skeleton, bones)
+    """The skeleton of that name or of that rig, which one of the files, if any, can hold; ``bones`` are of `read_target`."""
+    found = read_target(skeleton, bones)
     if written and not any(FORMATS[suffix].any_skeleton for suffix in written):
         raise InputError(
             f"skeleton {str(skeleton)!r} would not be seen in {' '.join(sorted(written))}",
@@ -35,15 +35,15 @@ def check_skeleton(skeleton: File | Skeleton, written: set[str], bones: Mapping[
 
 
 def check_avatar(avatar: File, written: set[str], bones: Mapping[str, str] | None = None) -> Avatar:
-    """The character, which is there, has a surface, and can be shown by one of the files; ``bones`` are of `load_avatar`."""
+    """The character, which is there, has a surface, and can be shown by one of the files; ``bones`` are of `read_avatar`."""
     if not any(FORMATS[suffix].wears_avatar for suffix in written):
         fit = " ".join(suffixes(lambda entry: entry.wears_avatar))
         raise InputError(f"avatar {str(avatar)!r} would not be seen", f"it is for {fit} files")
     if not Path(avatar).is_file():
         raise InputError(f"no avatar at {str(avatar)!r}", "name a .vrm, .glb or .fbx file")
-    from .avatar import check_surface, load_avatar
+    from .avatar import check_surface, read_avatar
 
-    found = load_avatar(avatar, bones)
+    found = read_avatar(avatar, bones)
     check_surface(found.file)
     return found
 

@@ -18,7 +18,7 @@ from ..motion.motion import Motion
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT
 from . import Writer as BaseWriter
-from .avatar import Avatar, load_avatar
+from .avatar import Avatar, load_avatar, read_avatar
 from .avatar_scene import AvatarScene
 from .clips import MANNEQUIN_SKIN
 from .gltf_build import GltfBuilder
@@ -177,7 +177,7 @@ def load(path: str | PathLike[str], *, animation: int | str | None = None, bone_
     Args:
         path: a ``.glb`` with a skinned or named humanoid, or an ``.fbx``.
         animation: which of its animations, by name or number; the first where not given.
-        bone_map: of `load_avatar`.
+        bone_map: of `read_avatar`.
 
     Returns:
         motion on our humanoid for our own files, else on the character's own bones (from the hips down); the face where
@@ -186,4 +186,4 @@ def load(path: str | PathLike[str], *, animation: int | str | None = None, bone_
     Raises:
         InputError: damaged, without animation, or without a humanoid.
     """
-    return load_avatar(path, bone_map).motion(animation)
+    return read_avatar(path, bone_map).motion(animation)

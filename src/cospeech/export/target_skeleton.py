@@ -8,13 +8,14 @@ from os import PathLike
 from pathlib import Path
 
 from ..errors import InputError, nearest
+from ..motion.bone_map_checks import check_fit
 from ..motion.bone_mapping import names_joints, recognise, recognise_file
 from ..motion.skeleton import Skeleton, find_skeleton
 from ..motion.skeletons import SKELETONS
 from ..motion.tpose import on_floor
 from .character_files import CHARACTERS, read_character
 
-__all__ = ["RIGS", "find_target", "rig_files", "rig_joints"]
+__all__ = ["RIGS", "find_target", "read_target", "rig_files", "rig_joints"]
 
 RIGS = (".bvh", *CHARACTERS)
 """Suffixes of files whose skeleton can be taken."""
@@ -26,14 +27,23 @@ def find_target(name: str | PathLike[str] | Skeleton, bones: Mapping[str, str] |
     Args:
         name: one of `cospeech.motion.skeletons.SKELETONS`, or a rig: a file with one of the suffixes `RIGS`. A BVH gives its
             skeleton, whatever its frames are; its T-pose stands on the floor at height 0.
-        bones: our name → name of a joint, which wins over what is recognised; a map of other names changes nothing.
+        bones: our name → name of a joint, which wins over what is recognised.
 
     Raises:
-        InputError: no skeleton and no file has that name, or the file has no skeleton that is recognised.
+        InputError: no skeleton and no file has that name, the file has no skeleton that is recognised, or the map names joints
+            that it lacks.
 
     >>> find_target("mixamo").names[0]
     'mixamorig:Hips'
     """
+    found = read_target(name, bones)
+    if bones:
+        check_fit(bones, {repr(name.kind if isinstance(name, Skeleton) else str(name)): rig_joints(name, found)})
+    return found
+
+
+def read_target(name: str | PathLike[str] | Skeleton, bones: Mapping[str, str] | None = None) -> Skeleton:
+    """As `find_target`; a map of other joints changes nothing."""
     if isinstance(name, Skeleton) or str(name) in SKELETONS:
         found = name if isinstance(name, Skeleton) else find_skeleton(str(name))
         return replace(found, bone_map=recognise(found, bones)) if bones and names_joints(bones, found) else found
@@ -42,9 +52,9 @@ def find_target(name: str | PathLike[str] | Skeleton, bones: Mapping[str, str] |
         hint = f"{nearest(str(name), SKELETONS)}, or name a rig: {' '.join(RIGS)}"
         raise InputError(f"no skeleton is called {str(name)!r}", hint)
     if path.suffix.lower() != ".bvh":
-        from .avatar import load_avatar
+        from .avatar import read_avatar
 
-        avatar = load_avatar(path, bones)
+        avatar = read_avatar(path, bones)
         if not avatar.rig.bones:
             raise InputError(
                 f"{avatar.file.name} has no bones to carry motion to", "it holds a face alone; as an avatar it plays"

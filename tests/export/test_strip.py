@@ -96,7 +96,7 @@ def test_nobody_touches_the_border_of_a_picture(tmp_path):
     assert widths[1] > 1.5 * widths[0]
 
 
-@pytest.mark.parametrize(("camera", "least", "most"), [("full", 6, 7), ("hands", 4, 5)])
+@pytest.mark.parametrize(("camera", "least", "most"), [("full", 6, 7), ("hands", 4, 5), ("face", 5, 5)])
 def test_as_many_moments_as_leave_the_figures_large(tmp_path, camera, least, most):
     path = tmp_path / "strip.png"
     with Writer(path, skeleton=humanoid(), fps=10.0, camera=camera, size=(1600, 640)) as writer:

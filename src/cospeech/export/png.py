@@ -17,7 +17,7 @@ from ..motion.skeleton import Skeleton
 from . import Writer as BaseWriter
 from .avatar import Avatar
 from .pictures import Subject, background_of, size_of
-from .render.camera import find_view
+from .render.camera import View, find_view
 from .render.crops import Crops, crop_poses
 from .render.framing import FramedPose, PoseStage, boxes_of
 from .render.keyframes import Keyframes
@@ -32,6 +32,7 @@ __all__ = ["Writer"]
 _SIZE = (1600, 640)  # ours: seven standing figures and a waveform, readable at the width of a page
 _PICTURES, _FEWEST = 7, 4  # where no number is given; ours
 _FAR = 1.25  # ours: as many pictures as there is room for, if the camera stands back by no more than this
+_FAR_FACE = 1.1  # the same of a view that follows the head: lips and eyes are small; ours
 _AUDIO_RATE = 16_000  # Hz; enough to look at
 _STEP = 160  # samples per value of the waveform: 10 ms, so that three hours take 9 MB
 
@@ -111,7 +112,9 @@ class Writer(BaseWriter):
             moments = self._moments.best(count)
             layout = StripLayout(*self._size, len(moments), rows=2 if self._words else 0)
             if self._view.follows:
-                return layout, moments, None
+                if self._pictures or count <= _FEWEST or _stand_back(self._view, *layout.cell) <= _FAR_FACE:
+                    return layout, moments, None
+                continue
             crops = crop_poses(self._view, character, [pose for _, pose in moments], layout.room, layout.cell[1])
             if self._pictures or count <= _FEWEST or crops.far <= _FAR:
                 break
@@ -133,3 +136,10 @@ class Writer(BaseWriter):
                 peaks.append(np.abs(steps).max(1))
                 levels.append(np.sqrt(np.square(steps).mean(1)))
         return Sound(_STEP / _AUDIO_RATE, np.concatenate(peaks), np.concatenate(levels))
+
+
+def _stand_back(view: View, width: int, height: int) -> float:
+    """How much farther the camera stands than in a picture that is as broad as one likes."""
+    low, high = np.array(view.low), np.array(view.high)
+    own, free = (view.camera(low, high, broad, height).position - (low + high) / 2 for broad in (width, max(width, height)))
+    return float(np.linalg.norm(own) / np.linalg.norm(free))

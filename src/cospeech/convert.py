@@ -160,11 +160,18 @@ def convert_file(
         options["camera"] = camera
     if worn is not None:
         options["avatar"] = worn
+    if written.sound == "drawn" and edits.start is not None:
+        options["start"] = _first_frame(edits.start, own_fps)
     with _cut_sound(audio, edits, own_fps) as heard:
         if heard is not None:
             options["audio"] = heard
         motion.save(target, **options)
     return motion
+
+
+def _first_frame(start: float, fps: float) -> float:
+    """The time of the first frame that is not before ``start``, both in seconds."""
+    return math.ceil(start * fps - 1e-6) / fps
 
 
 @contextmanager
@@ -179,7 +186,7 @@ def _cut_sound(audio: File | None, edits: Edits, fps: float) -> Iterator[File | 
     import soundfile
 
     speech = Speech.load(audio)
-    start, end = math.ceil((edits.start or 0.0) * fps - 1e-6) / fps, math.inf if edits.end is None else edits.end
+    start, end = _first_frame(edits.start or 0.0, fps), math.inf if edits.end is None else edits.end
     if start >= speech.duration:
         yield None
         return

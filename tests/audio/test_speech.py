@@ -268,8 +268,11 @@ def test_samples_given_directly():
     for wrong in (np.zeros((10, 2)), np.array([1, 2]), np.array([0.0, np.nan]), np.array(["a"])):
         with pytest.raises(InputError):
             Speech(wrong)
-    with pytest.raises(InputError, match=r"samples\.mean\(1\) mixes channels"):
-        Speech(np.zeros((10, 2)))
+    for stereo in (np.full((4, 2), 0.5), np.full((2, 4), 0.5), np.full((4, 2), 16_384, np.int16)):
+        with pytest.raises(InputError, match="mixes its 2 channels") as told:
+            Speech(stereo)
+        mixed = eval(told.value.hint.partition(" mixes")[0], {"samples": stereo})
+        assert Speech(mixed).samples.tolist() == [0.5] * 4
     assert Speech(np.zeros(RATE, np.float32), seconds=1.00001).frames(30) == 31
 
 

@@ -194,6 +194,13 @@ POINTS = '"ooTextFile"\n"TextGrid"\n0\n1\n<exists>\n1\n"TextTier"\n"x"\n0\n1\n1\
 MANY = '"ooTextFile"\n"TextGrid"\n0\n100000\n<exists>\n1\n"IntervalTier"\n"words"\n0\n100000\n100000\n' + "".join(
     f'{i}\n{i + 1}\n"w{i}"\n' for i in range(100_000)
 )
+
+
+def cues(*said: str) -> str:
+    """SubRip with a cue of a second for each text."""
+    return "".join(f"{k}\n00:00:0{k},000 --> 00:00:0{k + 1},000\n{text}\n\n" for k, text in enumerate(said, 1))
+
+
 CASES: dict[str, tuple[str, str | bytes, str | list[str]]] = {
     # name: (file name, content, message of the error or the words that come out)
     "empty": ("a.tsv", "", "empty"),
@@ -222,6 +229,14 @@ CASES: dict[str, tuple[str, str | bytes, str | list[str]]] = {
     "two columns": ("a.tsv", "0\t1\n1\t2\n", []),
     "right to left": ("a.tsv", "0\t1\tשלום\n1\t2\tمرحبا\n", ["שלום", "مرحبا"]),
     "Chinese": ("a.srt", "1\n00:00:01,000 --> 00:00:03,000\n你好，世界\n", ["你", "好", "世", "界"]),
+    "an empty cue": ("a.srt", cues("one", "", "two"), ["one", "two"]),
+    "no blank line": ("a.srt", cues("one", "two").replace("\n\n", "\n"), ["one", "two"]),
+    "a number that is said": ("a.srt", cues("2024", "5"), ["2024", "5"]),
+    "a number in WebVTT": ("a.vtt", "WEBVTT\n\n00:01.000 --> 00:02.000\n2024\n\n00:03.000 --> 00:04.000\nno\n", ["2024", "no"]),
+    "names in capitals": ("a.srt", cues("ANNA: a", ">> DR. BOB: b\nc", "told YOU: d"), ["a", "b", "c", "told", "YOU", "d"]),
+    "names": ("a.srt", cues("- Dr. Smith: a\n- Anna: b", "Dr. Smith: c", "Anna: d"), ["a", "b", "c", "d"]),
+    "no names": ("a.srt", cues("Listen: a", "At 11: b", "NO: NEVER"), ["Listen", "a", "At", "11", "b", "NO", "NEVER"]),
+    "names in plain text": ("a.txt", "Anna: one\nBob: two\n\nAnna: three\nBob: four\n", ["one", "two", "three", "four"]),
     "emoji": ("a.tsv", "0\t1\t🎉\n1\t2\twow🎉\n", ["wow"]),
     "Latin-1": ("a.tsv", "0\t1\tété\n".encode("latin-1"), "is not UTF-8 text: byte 0xe9"),
     "cut in a character": ("a.txt", "été".encode()[:-1], "UTF-8"),

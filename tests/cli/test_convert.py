@@ -7,7 +7,9 @@ import shlex
 import numpy as np
 import pytest
 
+from cospeech.errors import InputError
 from cospeech.export import load, save
+from cospeech.motion.edit import cut
 from cospeech.motion.rotations import quat_angle
 from tests.support.motions import gesturing, stand_in
 
@@ -71,6 +73,16 @@ def test_the_speech_of_a_part_begins_with_its_first_frame(cli, place, monkeypatc
     edits = convert.Edits(start=0.51, end=1.0)  # at 30 frames a second the next frame is at 0.533 s
     convert.convert_file("talk.bvh", "part.png", audio="talk.wav", edits=edits, fps=60)
     assert heard == [pytest.approx(16 / 30 / 2, abs=1e-4)]
+
+
+def test_a_strip_of_a_part_has_the_times_of_the_whole(cli, place):
+    whole = load("talk.bvh")
+    assert cli("render", "talk.bvh", "part.png", "--from", 0.51, "--to", 1.5)[0] == 0
+    for start, same in ((16 / 30, True), (0.0, False)):
+        save(cut(whole, 0.51, 1.5), "cut.png", start=start)
+        assert ((place / "cut.png").read_bytes() == (place / "part.png").read_bytes()) == same
+    with pytest.raises(InputError, match="begins at -1 s"):
+        save(whole, "cut.png", start=-1)
 
 
 def test_mirror_and_the_face_of_another(cli, place):

@@ -139,6 +139,26 @@ def test_a_removed_gesture_is_gone_and_the_rest_stays():
     assert changed[~near].max() < 0.01
 
 
+def test_the_gestures_of_a_stretch_are_removed_and_the_rest_stays():
+    left = plan().remove_between(4, 10)
+    gone = [each for each in plan().gestures if each not in left.gestures]
+    assert {each.id for each in plan().gestures if 4 <= each.stroke < 10} <= {each.id for each in gone}
+    assert all(each.form == "superimposed-beat" for each in gone if not 4 <= each.stroke < 10)  # on one that is gone
+    assert still_after_gestures(play(left), 4, 10)
+    assert moved(play(left))[: at(3.0)].max() == 0
+    assert PlanCommands(remove=["4:10"]).apply(plan()) == left == PlanCommands(remove=["4:10"]).apply(left)
+
+
+def test_locked_gestures_of_a_stretch_are_not_removed_with_the_others():
+    inside = plan().find(a_gesture())
+    locked = plan().lock(inside.stroke - 0.1, inside.stroke + 0.1)
+    left = [each.id for each in locked.remove_between(0, 99).gestures]
+    assert inside.id in left
+    assert len(left) < len(plan().gestures)
+    with pytest.raises(InputError, match="is locked"):
+        locked.remove_between(inside.stroke - 0.05, inside.stroke)
+
+
 def test_a_moved_gesture_strokes_at_the_new_time():
     old = plan().find(a_gesture())
     edited = plan().move(old.id, old.stroke + 0.4)
@@ -207,6 +227,29 @@ def test_a_stretch_has_its_own_style_intensity_and_emotion(values):
     change = np.maximum(moved(edited), face)
     assert change[(time > 4) & (time < 8.5)].max() > 0.02
     assert change[time < 3.5].max() < 1e-6
+
+
+def still_after_gestures(motion: Motion, start: float, end: float) -> bool:
+    """Whether the hands hang or lie still from some time after ``start`` on: breathing and weight alone move them."""
+    times = np.arange(len(motion)) / FPS
+    speed = np.linalg.norm(np.diff(wrists(motion), axis=0), axis=-1).max(1) * FPS
+    return bool(speed[(times[1:] > start + 2) & (times[1:] < end - 1)].max() < 0.25)
+
+
+@pytest.mark.parametrize("listed", [False, True])
+def test_a_stretch_without_intensity_has_no_gestures(listed):
+    assert not still_after_gestures(usual(), 4, 10)
+    model, edited = RuleBasedModel(), (plan() if listed else Plan()).set(4, 10, intensity=0)
+    assert still_after_gestures(play(edited), 4, 10)
+    there = [each for each in model.plan(speech(), plan=edited).gestures if 4 <= each.stroke < 10]
+    assert bool(there) == listed  # what was listed comes back with `clear`
+    after = [each.stroke for each in model.plan(speech(), plan=edited).gestures if each.stroke > 10]
+    assert after == [each.stroke for each in plan().gestures if each.stroke > 10]
+
+
+def test_a_gesture_that_is_asked_for_in_a_stretch_without_intensity_is_told_of():
+    with pytest.warns(CospeechWarning, match="'a1' at 7 s is left out: its stretch has intensity 0"):
+        play(Plan().set(4, 10, intensity=0).add("huge", at=7.0))
 
 
 @pytest.mark.parametrize("values", [{"style": "lively"}, {"intensity": 1.6}, {"emotion": "sadness"}])
@@ -369,6 +412,9 @@ def test_commands_that_cannot_be_understood_are_told(commands):
         ({"reseed": ["20:30"]}, r"--reseed 20:30: 20 is after the end"),
         ({"stretch": ["20:30:style=lively"]}, r"--stretch 20:30:style=lively: 20 is after the end"),
         ({"lock": ["20:30"]}, r"--lock 20:30: 20 is after the end"),
+        ({"remove": ["20:30"]}, r"--remove 20:30: 20 is after the end"),
+        ({"remove": ["5:3"]}, r"--remove 5:3: '5:3' is no stretch of time"),
+        ({"remove": ["3:5:x"]}, r"--remove 3:5:x: '3:5:x' is no stretch of time"),
         ({"remove": ["g99"]}, r"--remove g99: no gesture of the plan is called 'g99'"),
         ({"gesture": ["huge@word:tiny:2"]}, r"there is no word 'tiny:2': 'tiny' is said once \(tiny\)"),
         ({"gesture": ["huge@word:i:9"]}, r"there is no word 'i:9': 'i' is said 3 times \(i:1 … i:3\)"),

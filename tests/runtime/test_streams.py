@@ -235,6 +235,7 @@ def test_sound_is_heard_at_once(name):
     assert joined([*lazy.finish()]) == joined([generated(name, seed=1)])  # what was wrong has changed nothing
     with pytest.raises(InputError, match="the speech is over"):
         lazy.push(said())
+    assert [*lazy.finish()] == []  # nor has what came too late
     with pytest.raises(InputError, match="no speech"):
         model(name).session().finish()
     with pytest.raises(InputError):

@@ -59,6 +59,14 @@ def count_frames(duration: Fraction, fps: float | Fraction) -> int:
     return -(-(duration * exact).numerator // (duration * exact).denominator)
 
 
+def _hint_of(samples: Samples) -> str:
+    """How samples that are none become some."""
+    if samples.ndim == 2:
+        scale = "" if samples.dtype.kind == "f" else " / 32768"
+        return f"samples.mean({int(np.argmin(samples.shape))}){scale} mixes its {min(samples.shape)} channels"
+    return "one row of floats in -1 … 1, or of 16-bit integers; np.frombuffer(x, np.int16) reads bytes"
+
+
 @dataclass(frozen=True, eq=False)
 class Speech:
     """A stretch of speech.
@@ -84,8 +92,7 @@ class Speech:
     def __post_init__(self) -> None:
         samples = np.asarray(self.samples)
         if samples.ndim != 1 or (samples.dtype.kind != "f" and samples.dtype != np.int16):
-            hint = "floats in -1 … 1 or 16-bit integers; samples.mean(1) mixes channels, np.frombuffer(x, np.int16) reads bytes"
-            raise InputError(f"samples of shape {samples.shape} and type {samples.dtype}", hint)
+            raise InputError(f"samples of shape {samples.shape} and type {samples.dtype}", _hint_of(samples))
         if samples.dtype != np.float32:
             samples = samples.astype(np.float32) / np.float32(1 if samples.dtype.kind == "f" else 32768)
         object.__setattr__(self, "rate", _check_rate(self.rate))

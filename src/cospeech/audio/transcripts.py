@@ -23,6 +23,7 @@ from ..errors import CospeechWarning, InputError
 from ..files import read_regular
 from ..limits import PLAUSIBLE_SECONDS, TRANSCRIPT_BYTES, WORDS
 from .forced_alignment import align, bare, spread, tokenise
+from .speaker_labels import drop_labels
 from .speech import Word
 from .word_entries import Entry, read_time
 from .word_json import read_json
@@ -67,7 +68,7 @@ def load_words(
         raise InputError(f"{name!r} holds subtitles of SubStation Alpha", "make .srt of them: ffmpeg -i talk.ass talk.srt")
     reader = _READERS.get(Path(name).suffix.lower()) or _sniff(text)
     if reader is None:
-        tokens = tokenise(text)
+        tokens = tokenise("\n".join(drop_labels(text.split("\n"))))
         if not tokens:
             raise _wordless(name)
         if speech is not None:
@@ -260,6 +261,7 @@ def _word_tier(tiers: list[tuple[str, list[Entry]]]) -> list[Entry]:
 
 TIME = r"(?:(\d{1,4}):)?(\d{1,2}):(\d{1,2})[,.](\d{1,3})"
 NO_CHARACTER = re.compile(r"&#\d{8,};?")  # beyond all of Unicode
+NEXT_NUMBER = re.compile(r"\n[ \t]*\d{1,9}[ \t]*\n\Z")  # that of the next cue, right above its times
 CUE = re.compile(rf"^[ \t]*{TIME}[ \t]*-->[ \t]*{TIME}.*$", re.MULTILINE)
 
 
@@ -310,13 +312,17 @@ def read_srt(text: str) -> Iterator[Entry]:
     """SubRip and WebVTT: what stands between one line of times and the next blank line."""
     if CUE.search(text) is None:
         raise InputError("no subtitle has a time", "'00:00:01,000 --> 00:00:02,000' belongs above each")
+    cues = list[tuple[str, float, float]]()
     for cue, following in pairwise(chain(CUE.finditer(text), [None])):
         assert cue is not None
-        end = len(text) if following is None else following.start()
-        spoken = re.split(r"\n[ \t]*(?:\n|$)", text[cue.end() : end].removeprefix("\n"), maxsplit=1)[0]
+        below = text[cue.end() :] if following is None else NEXT_NUMBER.sub("\n", text[cue.end() : following.start()])
+        spoken = re.split(r"\n[ \t]*(?:\n|$)", below.removeprefix("\n"), maxsplit=1)[0]
         parts = cue.groups()
         said = html.unescape(NO_CHARACTER.sub("\ufffd", re.sub(r"<[^<>\n]*>", "", spoken)))
-        yield said.replace("\n", " "), _clock(parts[:4]), _clock(parts[4:])
+        cues.append((said, _clock(parts[:4]), _clock(parts[4:])))
+    lines = iter(drop_labels([line for said, _, _ in cues for line in said.split("\n")]))
+    for said, start, end in cues:
+        yield " ".join(islice(lines, said.count("\n") + 1)), start, end
 
 
 def _clock(parts: tuple[str | None, ...]) -> float:

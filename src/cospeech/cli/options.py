@@ -230,7 +230,9 @@ Clip = Annotated[
 Picture = Annotated[
     Path, Argument(metavar="PICTURE", help="Picture to write: .mp4 (video), .gif (animation) or .png (strip of frames).")
 ]
-View = Annotated[str | None, option("--camera", metavar="NAME", help="body (the default), full, face or hands.")]
+View = Annotated[
+    str | None, option("--camera", metavar="NAME", help="body (the default of videos), full (of .png), face or hands.")
+]
 Drawn = Annotated[
     Path | None,
     option(

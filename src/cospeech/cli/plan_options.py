@@ -31,7 +31,11 @@ AddGesture = Annotated[
 ]
 RemoveGesture = Annotated[
     list[str] | None,
-    option("--remove", metavar="ID|@TIME", help="Remove a gesture of the plan: g3, or @2.4 for the one nearest to 2.4 s."),
+    option(
+        "--remove",
+        metavar="ID|@TIME|FROM:TO",
+        help="Remove a gesture of the plan: g3, @2.4 for the one nearest to 2.4 s, or all from 15 to 30 s: 15:30.",
+    ),
 ]
 MoveGesture = Annotated[
     list[str] | None,

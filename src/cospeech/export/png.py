@@ -12,6 +12,7 @@ import numpy as np
 
 from ..audio.speech import Word, open_speech
 from ..errors import InputError
+from ..limits import PLAUSIBLE_SECONDS
 from ..motion.motion import Motion
 from ..motion.skeleton import Skeleton
 from . import Writer as BaseWriter
@@ -47,6 +48,7 @@ class Writer(BaseWriter):
         background: sRGB colour of the backdrop.
         pictures: how many moments to show, 1 … 24; where not given 4 to 7, as many as leave the figures large.
         words: of the speech, written below the waveform.
+        start: seconds at which the motion begins, where it is a part of a longer take: the times that are written count it in.
         avatar: file of somebody's character, in place of our mannequin.
     """
 
@@ -62,6 +64,7 @@ class Writer(BaseWriter):
         background: tuple[int, int, int] | None = None,
         pictures: int | None = None,
         words: Sequence[Word] = (),
+        start: float = 0.0,
         avatar: Avatar | str | PathLike[str] | None = None,
     ) -> None:
         super().__init__(path, skeleton=skeleton, fps=fps, audio=audio)
@@ -70,7 +73,9 @@ class Writer(BaseWriter):
             raise InputError(f"a strip of {self._size[0]} × {self._size[1]} pixels", "200 × 160 … 8192 × 4096")
         if pictures is not None and not 1 <= pictures <= 24:
             raise InputError(f"a strip of {pictures} pictures", "1 … 24")
-        self._pictures, self._words = pictures, tuple(words)
+        if not 0 <= start < PLAUSIBLE_SECONDS:
+            raise InputError(f"a strip that begins at {start} s", "seconds, from 0 on")
+        self._pictures, self._words, self._start = pictures, tuple(words), start
         self._subject = Subject(avatar)
         self._view = self._subject.fit(self._view)
         self._stage = PoseStage(self._subject.skeleton, self.fps)
@@ -110,7 +115,7 @@ class Writer(BaseWriter):
 
         for count in range(self._pictures or _PICTURES, 0, -1):
             moments = self._moments.best(count)
-            layout = StripLayout(*self._size, len(moments), rows=2 if self._words else 0)
+            layout = StripLayout(*self._size, len(moments), rows=2 if self._words else 0, start=self._start)
             if self._view.follows:
                 if self._pictures or count <= _FEWEST or _stand_back(self._view, *layout.cell) <= _FAR_FACE:
                     return layout, moments, None

@@ -135,11 +135,12 @@ class GenerationOptions:
             own = getattr(self, name)
             if own != usual[name] and own != value and not (name == "emotion" and isinstance(value, Moods)):
                 held = (
-                    f"a plan with {str(value)[:40]!r}"
+                    f"a plan with {value if isinstance(value, int | float) else repr(str(value)[:40])}"
                     if value is not None
                     else f"a plan that has no {name}, so the default one"
                 )
-                raise InputError(f"{name} {str(own)[:40]!r} beside {held}", f"edit the plan's {name}")
+                shown = repr(own[:40]) if isinstance(own, str) else own if isinstance(own, int | float) else "over time"
+                raise InputError(f"{name} {shown} beside {held}", f"edit the plan's {name}")
             object.__setattr__(self, name, value)
 
     @property

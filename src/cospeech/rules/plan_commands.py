@@ -29,7 +29,7 @@ class PlanCommands:
     lock: Sequence[str] = ()
     """``0:3.2``: stretches whose gestures no other edit changes."""
     remove: Sequence[str] = ()
-    """``g3``, or ``@2.4``: the gesture whose stroke is the nearest to 2.4 s."""
+    """``g3``, or ``@2.4``: the gesture whose stroke is the nearest to 2.4 s; ``15:30``: all that stroke in this stretch."""
     move: Sequence[str] = ()
     """``g3@2.6``: the gesture, and the time of its stroke."""
     stretch: Sequence[str] = ()
@@ -152,6 +152,11 @@ def _lock(plan: Plan, text: str, seconds: float | None) -> tuple[Plan, str]:
 def _remove(plan: Plan, text: str, seconds: float | None) -> tuple[Plan, str]:
     if text.startswith("@"):
         _moment(text[1:], seconds)
+    if text[:1] in ":.0123456789" and ":" in text and text not in {each.id for each in plan.gestures}:
+        low, high, rest = _stretch(text, seconds)
+        if rest:
+            raise InputError(f"{text[:40]!r} is no stretch of time", "seconds from and to: 15:30")
+        return plan.remove_between(low, high), ""
     return plan.remove(text), ""
 
 

@@ -18,7 +18,8 @@ from ..motion.named_numbers import read_number
 from .gesture import RUN_UP
 from .options import SEEDS, GenerationOptions
 from .plan_locks import beats_on, check_free, find_lock, start_after_lock
-from .plan_model import SUPERIMPOSED, EmotionMoment, PlanData, PlannedGesture, Stretch, find_form, parse_plan, words_of
+from .plan_model import SUPERIMPOSED, EmotionMoment, PlanData, PlannedGesture, find_form, parse_plan, words_of
+from .plan_stretches import cut_out, lay_over
 from .repertoire import FORMS, LEXICAL_FORMS
 
 __all__ = ["VALUES", "Plan", "Setting"]
@@ -196,6 +197,20 @@ class Plan(PlanData):
         gone = [old, *(beats_on(old, self.gestures) if old.form != SUPERIMPOSED else [])]
         return self._with(each for each in self.gestures if each not in gone)
 
+    def remove_between(self, start: float, end: float) -> Plan:
+        """Without the gestures that stroke from ``start`` to ``end`` seconds, and the beats on them; locked ones stay.
+
+        Raises:
+            InputError: no stretch of time, all of it is locked, or the plan lists no gesture at all.
+        """
+        if not self.gestures:
+            raise InputError("no gesture is listed", "save the plan of a speech first")
+        free = self._free_parts(start, end, {})
+        there = [each for each in self.gestures if any(low <= each.stroke < high for low, high in free)]
+        gone = [each for each in there if not find_lock(each, self.locked, self.gestures)]
+        gone += [beat for each in gone if each.form != SUPERIMPOSED for beat in beats_on(each, self.gestures)]
+        return self._with(each for each in self.gestures if each not in gone)
+
     def move(self, gesture: str, to: float) -> Plan:
         """A gesture whose stroke is at another time in seconds; it keeps its length.
 
@@ -251,7 +266,7 @@ class Plan(PlanData):
         free = self._free_parts(start, end, values)
         stretches = list(self.stretches)
         for low, high in free:
-            stretches = _lay(stretches, low, high, values)
+            stretches = lay_over(stretches, low, high, values)
 
         def is_planned_anew(time: float) -> bool:
             return "seed" in values and any(low <= time < high for low, high in free)
@@ -282,7 +297,7 @@ class Plan(PlanData):
                 raise InputError(f"a stretch has no value {name[:40]!r} to clear", nearest(name[:40], VALUES))
         stretches = list(self.stretches)
         for low, high in self._free_parts(start, end, {}):
-            stretches = _lay(stretches, low, high, dict.fromkeys(asked))
+            stretches = lay_over(stretches, low, high, dict.fromkeys(asked))
         return self._with_fields(stretches=[each.model_dump() for each in stretches if not each.is_empty])
 
     def lock(self, start: float, end: float) -> Plan:
@@ -320,7 +335,7 @@ class Plan(PlanData):
     def _free_parts(self, start: float, end: float, values: dict[str, Any]) -> list[tuple[float, float]]:
         """The parts of a stretch that are not locked; the values are checked, too."""
         asked = self._with_fields(stretches=[{"from": start, "to": end, **values}]).stretches[0]
-        free = _without([(asked.start, asked.end)], ((each.start, each.end) for each in self.locked))
+        free = cut_out([(asked.start, asked.end)], ((each.start, each.end) for each in self.locked))
         if not free:
             raise InputError(f"{start:g} to {end:g} s is locked", "unlock it, or choose another stretch")
         return free
@@ -369,29 +384,3 @@ def _emotion_data(emotion: object) -> object:
         {"time": max(time, 0.0), "weights": {name: share for name, share in zip(EMOTIONS, row, strict=True) if share > 0}}
         for time, row in rows
     )
-
-
-def _without(parts: list[tuple[float, float]], taken: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Stretches without those that are taken."""
-    for low, high in taken:
-        parts = [
-            piece
-            for a, b in parts
-            for piece in ((a, min(b, low)), (max(a, high), b))
-            if piece[0] < piece[1]
-        ]  # fmt: skip
-    return parts
-
-
-def _lay(stretches: list[Stretch], low: float, high: float, values: dict[str, Any]) -> list[Stretch]:
-    """Values over a stretch, on top of what there is."""
-    laid = list[Stretch]()
-    for each in stretches:
-        for a, b in _without([(each.start, each.end)], [(low, high)]):
-            laid.append(each.model_copy(update={"start": a, "end": b}))
-        a, b = max(each.start, low), min(each.end, high)
-        if a < b:
-            laid.append(each.model_copy(update={"start": a, "end": b, **values}))
-    gaps = _without([(low, high)], ((each.start, each.end) for each in stretches))
-    laid += [Stretch.model_validate({"from": a, "to": b, **values}) for a, b in gaps]
-    return sorted(laid, key=lambda each: each.start)

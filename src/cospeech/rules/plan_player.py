@@ -288,6 +288,10 @@ class PlanPlayer(Planner):
         stays = [] if find_lock(planned, locked) else [each for each in self._made if find_lock(each, locked)]
         return any(_meet(planned, each) for each in (*self._plan.gestures, *stays))
 
+    def _is_still(self, time: float) -> bool:
+        """Whether a stretch without intensity holds then; the sources outside of it do not know of it."""
+        return any(each.intensity == 0 and each.holds(time) for each in self._plan.stretches)
+
     def _set(self, states: _States) -> None:
         self._random.setstate(states.hands)
         self.posture.random.setstate(states.posture)
@@ -296,11 +300,12 @@ class PlanPlayer(Planner):
         """Perform what a source decided, if it is a part of the plan."""
         planned = decision.gesture
         if planned is not None:
-            if self._lists(planned):
+            listed, still = self._lists(planned), self._is_still(planned.stroke)
+            if listed:
                 del self._waiting[planned.id]
-            elif not self._is_open(self._time_of(decision)) or self._is_in_the_way(planned):
+            if still or not (listed or (self._is_open(self._time_of(decision)) and not self._is_in_the_way(planned))):
                 return
-            else:
+            if not listed:
                 self._made.append(planned)
         self._set(decision.states)
         if decision.perform(self, None) is False and planned is not None:  # an edit before it has taken its time
@@ -315,8 +320,10 @@ class PlanPlayer(Planner):
                 continue
             key = f"{self._plan.seed if each.seed is None else each.seed}/{each.id}"
             self._set(_States(Random(f"{key}/hands").getstate(), Random(f"{key}/posture").getstate()))
-            if not self._perform_entry(now, each):
-                problem = f"gesture {each.id!r} at {each.stroke:g} s is left out: there is no time for it"
+            still = self._is_still(each.stroke)
+            if still or not self._perform_entry(now, each):
+                why = "its stretch has intensity 0" if still else "there is no time for it"
+                problem = f"gesture {each.id!r} at {each.stroke:g} s is left out: {why}"
                 warnings.warn(problem, CospeechWarning, stacklevel=2)
 
     def _perform_entry(self, now: float, entry: PlannedGesture) -> bool:

@@ -41,7 +41,7 @@ class PlanRecord:
     def __init__(self, plan: Plan, style: Style, emotion: Moods | None, *, intensity: float, temperature: float) -> None:
         for k, stretch in enumerate(plan.stretches):
             if stretch.style is not None:
-                _check_style(f"stretches[{k}].style", stretch.style, style)
+                _check_style(f"stretches[{k}].style, {stretch.start:g} to {stretch.end:g} s", stretch.style, style)
         self.player = PlanPlayer(style, plan, intensity=intensity, temperature=temperature)
         self.words = PlannedWords(plan.speech_words)
         self._settings = deque(plan.settings())

@@ -185,9 +185,9 @@ class Session(SessionControls):
             InputError: no speech, or at another rate than before, or after `finish`; it was not heard.
         """
         check_speech(chunk)
-        self._make(self.planned_until)  # what the piece before has left
         heard = float(self._sound.duration)
         samples = self._sound.push(chunk)
+        self._make(self.planned_until)  # what the piece before has left; not where this one is refused
         words: Sequence[Word] | None = self._times.count(chunk, heard).words
         if self._played is not None:
             words = self._played.words.hear(words, float(self._sound.duration))

@@ -20,7 +20,9 @@ def check_speech(speech: object) -> None:
         InputError: it is not a `Speech`.
     """
     if not isinstance(speech, Speech):
-        raise InputError(f"{type(speech).__name__} where speech belongs", "cospeech.Speech.load('talk.wav') makes it")
+        is_path = isinstance(speech, str) or not hasattr(speech, "__len__")
+        made = "cospeech.Speech.load('talk.wav')" if is_path else "cospeech.Speech(samples, 24000)"
+        raise InputError(f"{type(speech).__name__} where speech belongs", f"{made} makes it")
 
 
 def in_short(chunk: Speech) -> Iterable[Speech]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import ceil, floor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,7 @@ class StripLayout:
     """Where things are on a strip of ``width × height`` pixels with ``cells`` pictures; all in pixels.
 
     ``rows`` of words are written below the axis. The pictures are as wide as ``widths`` says, equally wide where it is empty.
+    The axis begins with ``start`` seconds: a strip may be of a part of a take.
     """
 
     width: int
@@ -50,6 +52,7 @@ class StripLayout:
     cells: int
     rows: int = 0
     widths: tuple[int, ...] = ()
+    start: float = 0.0
 
     @property
     def below(self) -> float:
@@ -111,7 +114,7 @@ def draw_strip(
 
     Args:
         pictures: N of (h, w, 3), of the height of ``layout.cell``, and of its width or that of ``layout.widths``.
-        times: of the pictures, seconds; each is written below its picture where there is room.
+        times: of the pictures, seconds from the beginning of the axis; each is written below its picture where there is room.
         duration: seconds that the axis spans.
         sound: drawn as a waveform where given.
         words: written below it where there is room, without accents; not in scripts other than Latin, for want of a font.
@@ -122,7 +125,7 @@ def draw_strip(
     free = 0.0
     for k, (picture, time) in enumerate(zip(pictures, times, strict=True)):
         sheet.paste(Image.fromarray(picture), (layout.edge_of(k), layout.margin))
-        middle, text = layout.middle_of(k), _clock(time, 2 if duration < 600 else 0)
+        middle, text = layout.middle_of(k), _clock(layout.start + time, 2 if layout.start + duration < 600 else 0)
         half = small.getlength(text) / 2
         if middle - half >= free:  # where pictures are narrow, every second or third has its time
             pen.text((middle, layout.margin + layout.cell[1] + 1.3 * layout.unit), text, _INK, small, anchor="mm")
@@ -174,11 +177,12 @@ def _axis(
     room = 6 * layout.unit  # pixels between two labels at least
     step = next((t for t in _TICKS if layout.x(t, duration) - layout.margin >= room), _TICKS[-1])
     bottom = layout.wave[1]
-    for k in range(int(duration / step + 1e-6) + 1):
-        x = layout.x(k * step, duration)
+    first, last = ceil(layout.start / step - 1e-6), floor((layout.start + duration) / step + 1e-6)
+    for k in range(first, last + 1):
+        x = layout.x(k * step - layout.start, duration)
         pen.line([(x, bottom), (x, bottom + 0.5 * layout.unit)], _GREY, max(1, round(0.1 * layout.unit)))
         text = _clock(k * step, 1 if step < 1 else 0)
-        side = "l" if k == 0 else ("r" if layout.width - x < 2 * layout.margin else "m")
+        side = "l" if x < 2 * layout.margin else ("r" if layout.width - x < 2 * layout.margin else "m")
         pen.text((x, bottom + 1.35 * layout.unit), text, _GREY, font, anchor=f"{side}m")
 
 

@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from .audio.speech import Speech
 from .errors import CospeechWarning, InputError
@@ -17,6 +16,7 @@ from .export import FORMATS, check_parts, format_of, load, read, suffixes
 from .export.checks import File, check_avatar, check_files, check_map, check_skeleton
 from .export.clips import holds_other_figure
 from .export.render.camera import find_view
+from .export.sound_file import as_sound_file
 from .export.target_skeleton import rig_files
 from .motion import edit
 from .motion.bone_mapping import load_map, names_joints
@@ -183,16 +183,12 @@ def _cut_sound(audio: File | None, edits: Edits, fps: float) -> Iterator[File | 
     if audio is None or (edits.start is None and edits.end is None):
         yield audio
         return
-    import soundfile
-
     speech = Speech.load(audio)
     start, end = _first_frame(edits.start or 0.0, fps), math.inf if edits.end is None else edits.end
     if start >= speech.duration:
         yield None
         return
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "speech.wav"
-        soundfile.write(path, speech.window(start, end).samples, speech.rate, subtype="FLOAT")
+    with as_sound_file(speech.window(start, end)) as path:
         yield path
 
 

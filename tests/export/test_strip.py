@@ -4,8 +4,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import soundfile
 from PIL import Image
 
+from cospeech.audio.speech import Speech
+from cospeech.errors import InputError
 from cospeech.export import mannequin
 from cospeech.export.png import Writer
 from cospeech.export.render.camera import find_view
@@ -105,6 +108,18 @@ def test_as_many_moments_as_leave_the_figures_large(tmp_path, camera, least, mos
     paper = (picture[30:100] > 250).all((0, 2))
     shown = int((np.diff(paper.astype(int)) == -1).sum())
     assert least <= shown <= most
+
+
+def test_the_speech_may_be_a_speech(tmp_path):
+    speech = Speech(np.sin(np.arange(48_000) / 9).astype(np.float32) / 2, 24_000)
+    soundfile.write(tmp_path / "said.wav", speech.samples, speech.rate, subtype="FLOAT")
+    for name, audio in (("a", speech), ("b", tmp_path / "said.wav"), ("c", None)):
+        stand(*[60] * 20).save(tmp_path / f"{name}.png", audio=audio, size=(400, 200))
+    first, second, without = ((tmp_path / f"{name}.png").read_bytes() for name in "abc")
+    assert first == second != without
+    with pytest.raises(InputError, match="audio is of type ndarray"):
+        stand(*[60] * 20).save(tmp_path / "d.png", audio=speech.samples)
+    assert not (tmp_path / "d.png").exists()
 
 
 @pytest.mark.parametrize("count", [3, 24])

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
+from .face_reading import Bind, read_arkit, read_presets
 from .gltf import GltfFile, report_damage
 from .tracks import Curve
 from .visemes import oculus_visemes, vrm_presets
@@ -32,17 +33,6 @@ _VRM0 = {
     "joy": "happy", "angry": "angry", "sorrow": "sad", "surprised": "surprised",
 }  # fmt: skip
 _OCULUS = {name.lower(): name for name in ("sil", "PP", "FF", "aa", "E", "I", "O", "U")}
-
-
-@dataclass(frozen=True)
-class Bind:
-    """``share`` of a driver's weight goes to a morph target; ``binary`` drivers are on or off."""
-
-    driver: str
-    node: int
-    target: int
-    share: float = 1.0
-    binary: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,20 +63,10 @@ class FaceRig:
         return {node: np.clip(weight, 0, 1) for node, weight in result.items()}
 
     def face(self, curves: dict[tuple[int, str], Curve], times: Array) -> Array | None:
-        """ARKit weights (T, 52) of an animation; None where it moves none of ARKit's targets."""
-        if self.alphabet != "ARKit":
-            return None
-        chosen: dict[str, Bind] = {}
-        for bind in self.binds:
-            curve = curves.get((bind.node, "weights"))
-            if curve is not None and bind.target < curve.values.shape[1]:
-                chosen.setdefault(bind.driver, bind)
-        face = np.zeros((len(times), len(ARKIT)))
-        for bind in chosen.values():  # each column by itself: a mesh may have thousands of other targets
-            curve = curves[bind.node, "weights"]
-            target = slice(bind.target, bind.target + 1)
-            face[:, ARKIT_INDEX[bind.driver]] = curve._replace(values=curve.values[:, target]).at(times)[:, 0]
-        return np.clip(face, 0, 1) if chosen else None
+        """ARKit weights (T, 52) of an animation; None where it moves none of the targets that are driven."""
+        if self.alphabet == "ARKit":
+            return read_arkit(self.binds, curves, times)
+        return read_presets(self.binds, self.base, curves, times)
 
 
 def target_names(file: GltfFile, mesh: int) -> list[str]:

@@ -180,8 +180,8 @@ def load(path: str | PathLike[str], *, animation: int | str | None = None, bone_
         bone_map: of `read_avatar`.
 
     Returns:
-        motion on our humanoid for our own files, else on the character's own bones (from the hips down); the face where
-        morph targets carry ARKit's names.
+        motion on our humanoid for our own files, else on the character's own bones (from the hips down); the face where it
+        can be read (`cospeech.export.face_reading`).
 
     Raises:
         InputError: damaged, without animation, or without a humanoid.

@@ -1,0 +1,95 @@
+"""From the morph targets of somebody's character back to ARKit's weights: the face of an animation that a file has.
+
+Where the character is driven in VRM's presets or Oculus' visemes, its targets are solved for these (least squares), and these
+become ARKit weights that give the same presets again. So a clip that is read, cut and written for the same character keeps its
+face; between two characters it keeps what the smaller alphabet says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..motion.rotations import Array
+from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
+from .tracks import Curve
+from .visemes import invert_presets
+
+__all__ = ["Bind", "read_arkit", "read_presets"]
+
+_SWEEPS, _TINY = 40, 1e-6  # ours: over a dozen drivers, of which few share a target
+_VOWELS = {"viseme_aa": "aa", "viseme_E": "ee", "viseme_I": "ih", "viseme_O": "oh", "viseme_U": "ou"}
+_SHAPES = {
+    "lookUp": ("eyeLookUpLeft", "eyeLookUpRight"), "lookDown": ("eyeLookDownLeft", "eyeLookDownRight"),
+    "lookLeft": ("eyeLookOutLeft", "eyeLookInRight"), "lookRight": ("eyeLookInLeft", "eyeLookOutRight"),
+    "blink": ("eyeBlinkLeft", "eyeBlinkRight"), "blinkLeft": ("eyeBlinkLeft",), "blinkRight": ("eyeBlinkRight",),
+    "viseme_PP": ("mouthPressLeft", "mouthPressRight"), "viseme_FF": ("mouthRollLower",),
+}  # fmt: skip
+"""Driver that says the weight of some shapes directly → these."""
+
+
+class Bind(NamedTuple):
+    """``share`` of a driver's weight goes to a morph target; ``binary`` drivers are on or off."""
+
+    driver: str
+    node: int
+    target: int
+    share: float = 1.0
+    binary: bool = False
+
+
+def read_arkit(binds: Sequence[Bind], curves: Mapping[tuple[int, str], Curve], times: Array) -> Array | None:
+    """ARKit weights (T, 52) of a character that has ARKit's targets; None where the animation moves none of them."""
+    chosen: dict[str, Bind] = {}
+    for bind in _moved(binds, curves):
+        chosen.setdefault(bind.driver, bind)
+    face = np.zeros((len(times), len(ARKIT)))
+    for name, bind in chosen.items():
+        face[:, ARKIT_INDEX[name]] = _weights_of(bind.node, bind.target, curves, times)
+    return np.clip(face, 0, 1) if chosen else None
+
+
+def read_presets(
+    binds: Sequence[Bind], base: Mapping[int, Array], curves: Mapping[tuple[int, str], Curve], times: Array
+) -> Array | None:
+    """ARKit weights (T, 52) that look like an animation of VRM's presets or of Oculus' visemes; None where it moves none."""
+    found = _moved(binds, curves)
+    if not found:
+        return None
+    known = {(bind.node, bind.target) for bind in found if not bind.binary}  # what is on or off says little of how much
+    moved = [bind for bind in found if not bind.binary or (bind.node, bind.target) not in known]
+    names, targets = sorted({bind.driver for bind in moved}), sorted({(bind.node, bind.target) for bind in moved})
+    shares = np.zeros((len(targets), len(names)))
+    for bind in moved:
+        shares[targets.index((bind.node, bind.target)), names.index(bind.driver)] += bind.share
+    weights = np.stack([_weights_of(*target, curves, times) - base[target[0]][target[1]] for target in targets], 1)
+    drivers = dict(zip(names, _solve(shares, weights).T, strict=True))
+    face = invert_presets({_VOWELS.get(name, name): value for name, value in drivers.items()}, len(times))
+    for name, value in drivers.items():
+        for shape in _SHAPES.get(name, (name,) if name in ARKIT_INDEX else ()):
+            face[:, ARKIT_INDEX[shape]] = np.minimum(face[:, ARKIT_INDEX[shape]] + value, 1)
+    return face
+
+
+def _solve(shares: Array, weights: Array) -> Array:
+    """(T, drivers) of least squares, none below 0, of what each driver gives to each target and of (T, targets) weights."""
+    square, pull = shares.T @ shares, weights @ shares
+    found = np.zeros_like(pull)
+    for _ in range(_SWEEPS):
+        for k in range(len(square)):
+            found[:, k] = np.maximum(found[:, k] + (pull[:, k] - found @ square[k]) / max(square[k, k], _TINY), 0)
+    return np.minimum(found, 1)
+
+
+def _moved(binds: Sequence[Bind], curves: Mapping[tuple[int, str], Curve]) -> list[Bind]:
+    """Those whose target has a curve."""
+    found = [(bind, curves.get((bind.node, "weights"))) for bind in binds]
+    return [bind for bind, curve in found if curve is not None and bind.target < curve.values.shape[1]]
+
+
+def _weights_of(node: int, target: int, curves: Mapping[tuple[int, str], Curve], times: Array) -> Array:
+    """(T,) of one target alone: a mesh may have thousands of others."""
+    curve = curves[node, "weights"]
+    return curve._replace(values=curve.values[:, target : target + 1]).at(times)[:, 0]

@@ -43,7 +43,7 @@ class Bind(NamedTuple):
 def read_arkit(binds: Sequence[Bind], curves: Mapping[tuple[int, str], Curve], times: Array) -> Array | None:
     """ARKit weights (T, 52) of a character that has ARKit's targets; None where the animation moves none of them."""
     chosen: dict[str, Bind] = {}
-    for bind in _moved(binds, curves):
+    for bind in _find_moving(binds, curves):
         chosen.setdefault(bind.driver, bind)
     face = np.zeros((len(times), len(ARKIT)))
     for name, bind in chosen.items():
@@ -55,7 +55,7 @@ def read_presets(
     binds: Sequence[Bind], base: Mapping[int, Array], curves: Mapping[tuple[int, str], Curve], times: Array
 ) -> Array | None:
     """ARKit weights (T, 52) that look like an animation of VRM's presets or of Oculus' visemes; None where it moves none."""
-    found = _moved(binds, curves)
+    found = _find_moving(binds, curves)
     if not found:
         return None
     known = {(bind.node, bind.target) for bind in found if not bind.binary}  # what is on or off says little of how much
@@ -83,7 +83,7 @@ def _solve(shares: Array, weights: Array) -> Array:
     return np.minimum(found, 1)
 
 
-def _moved(binds: Sequence[Bind], curves: Mapping[tuple[int, str], Curve]) -> list[Bind]:
+def _find_moving(binds: Sequence[Bind], curves: Mapping[tuple[int, str], Curve]) -> list[Bind]:
     """Those whose target has a curve."""
     found = [(bind, curves.get((bind.node, "weights"))) for bind in binds]
     return [bind for bind, curve in found if curve is not None and bind.target < curve.values.shape[1]]

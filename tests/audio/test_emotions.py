@@ -150,6 +150,7 @@ def test_spreadsheets_may_write_semicolons_tabs_and_decimal_commas(tmp_path, mar
         ("time\n0\n", "line 1: header"), ("time,emotoin\n0,fear\n", "line 1: column 'emotoin'"),
         ("time,hapiness\n0,1\n", "did you mean 'happiness'"), ("time,fear,fear\n0,1,0\n", "line 1: two columns"),
         ("time,emotion\n\n0,fear\n1,angr\n", "line 4: 'angr' is no emotion .did you mean 'anger'"),
+        ("time,emotion\n0,auto\n5,sadness\n", "line 2: 'auto' is no emotion .a file says all of it; --stretch"),
         ("time,emotion\n0,Joy\n", "line 2: 'Joy' is no emotion .did you mean 'happiness'"),
         ("time,emotion\n0,fear\nx,fear\n", "line 3: time 'x' is no number"), ("time,emotion\nnan,fear\n", "line 2: time 'nan'"),
         ("time,emotion\n1,fear\n1,anger\n", "line 3: time 1 after 1"), ("time,emotion\n-1,fear\n", "line 2: time -1"),

@@ -235,6 +235,9 @@ def _layout(header: list[str], place: str) -> Callable[[list[str], str], Array]:
 
 def _parse_emotion(cells: list[str], place: str) -> Array:
     name = cells[0].strip()
+    if name == "auto":
+        hint = "a file says all of it; --stretch 120:180:emotion=sadness sets a part, and the rest follows the voice"
+        raise InputError(f"{place}: 'auto' is no emotion", hint)
     if name not in EMOTIONS:
         raise InputError(f"{place}: {name[:60]!r} is no emotion", suggest_emotion(name[:60], EMOTIONS))
     weight = _number(cells[1], f"{place}: weight") if len(cells) > 1 and cells[1].strip() else 1.0

@@ -27,6 +27,8 @@ from .rules.options import FPS_RANGE, check_range
 
 __all__ = ["Edits", "convert_file", "read_as_humanoid"]
 
+_UNSEEN = 0.1  # [ours] seconds by which a face may be shorter than a body, and nobody is told: files round their rates
+
 
 @dataclass(frozen=True)
 class Edits:
@@ -67,11 +69,20 @@ class Edits:
             if not self.joined and not self.loop:
                 warnings.warn("the blend changes nothing: it is for --join and --loop", CospeechWarning, stacklevel=2)
         if self.joined:
+            if self.end is not None and self.end * motion.fps <= len(motion):
+                problem = f"--to {self.end:g} leaves nothing of what is joined: clips are joined before they are cut"
+                warnings.warn(f"{problem}; cut {str(source)!r} first", CospeechWarning, stacklevel=2)
             motion = _join([(source, motion), *((path, load(path)) for path in self.joined)], self.blend)
         if self.start is not None or self.end is not None:
             motion = edit.cut(motion, self.start, self.end)
         if self.face is not None:
-            motion = edit.replace_face(motion, load(self.face))
+            face = load(self.face)
+            if face.duration < motion.duration - _UNSEEN:
+                problem = (
+                    f"the face of {str(self.face)!r} ends at {face.duration:.4g} s, and rests until {motion.duration:.4g} s"
+                )
+                warnings.warn(problem, CospeechWarning, stacklevel=2)
+            motion = edit.replace_face(motion, face)
         if self.mirror:
             own = motion.skeleton
             motion = motion.mirror() if own.kind == "humanoid" else motion.retarget("humanoid").mirror().retarget(own)

@@ -93,6 +93,23 @@ def test_mirror_and_the_face_of_another(cli, place):
     assert quat_angle(body.rotations.astype(float), mirrored.rotations.astype(float)).max() < 0.02
 
 
+def test_a_face_that_is_shorter_comes_to_rest_and_is_told_of(cli, place):
+    assert cli("convert", "face.json", "short.json", "--to", 1)[0] == 0
+    code, _, err = cli("convert", "talk.glb", "out.json", "--face", "short.json")
+    assert (code, "note: the face of 'short.json' ends at 1 s, and rests until 2 s" in err) == (0, True)
+    face = load("out.json").face
+    np.testing.assert_allclose(face[:30], load("short.json").face, atol=2e-3)
+    assert face[30:42].max() > 0.01
+    assert face[45:].max() == 0
+
+
+def test_a_cut_that_leaves_nothing_of_what_is_joined_is_told_of(cli, place):
+    _, _, err = cli("convert", "talk.bvh", "out.bvh", "--join", "talk.bvh", "--to", 1.5)
+    assert "note: --to 1.5 leaves nothing of what is joined: clips are joined before they are cut; cut 'talk.bvh' first" in err
+    _, _, err = cli("convert", "talk.bvh", "out.bvh", "--join", "talk.bvh", "--to", 3)
+    assert "leaves nothing" not in err
+
+
 def test_a_face_for_a_file_without_one_is_noted(cli, place):
     code, _, err = cli("convert", "talk.bvh", "out.bvh", "--face", "face.json")
     assert code == 0

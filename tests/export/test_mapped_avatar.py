@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import warnings
+
 import numpy as np
 import pytest
 import soundfile
@@ -47,6 +50,29 @@ def odd(still, tmp_path):  # noqa: F811
     rewrite(still, tmp_path / "odd.glb", as_odd)
     (tmp_path / "map.toml").write_text("[bones]\n" + "\n".join(f'{ours} = "{theirs}"' for ours, theirs in NAMES.items()))
     return tmp_path / "odd.glb", tmp_path / "map.toml"
+
+
+@pytest.mark.slow
+def test_a_map_reaches_the_clip_of_the_style(tmp_path):
+    """Joints of which nothing is recognised, in another order of sides than the shape of the tree says."""
+    sound, clip = example()[0], gesturing(200)
+    save(clip, tmp_path / "known.bvh")
+    text = (tmp_path / "known.bvh").read_text()
+    for name in sorted(NAMES, key=len, reverse=True):
+        text = re.sub(rf"\b(ROOT|JOINT) {name}\b", rf"\1 {NAMES[name]}", text)
+    (tmp_path / "odd.bvh").write_text(text)
+    (tmp_path / "map.toml").write_text("[bones]\n" + "\n".join(f'{ours} = "{theirs}"' for ours, theirs in NAMES.items()))
+    options = {"model": "mix-stage", "parts": ("body",)}
+    wanted = generate_files(sound, [tmp_path / "a.bvh"], style=tmp_path / "known.bvh", **options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", CospeechWarning)
+        made = generate_files(
+            sound, [tmp_path / "b.bvh"], style=tmp_path / "odd.bvh", bone_map=tmp_path / "map.toml", **options
+        )
+    there, here = (load(tmp_path / f"{name}.bvh").positions() for name in "ab")
+    assert np.abs(there - here).max() < 1e-3
+    assert made.style_mixture == wanted.style_mixture
+    assert made.style == str(tmp_path / "odd.bvh")
 
 
 def assert_moves(path, motion) -> None:

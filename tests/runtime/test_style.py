@@ -17,7 +17,7 @@ from cospeech.audio.speech import Speech
 from cospeech.audio.speech import example as speech_example
 from cospeech.errors import InputError
 from cospeech.generate import generate_files
-from cospeech.models import BUNDLE, SHIPPED
+from cospeech.models import BUNDLE, SHIPPED, load
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import axis_angle_to_quat, quat_conjugate, quat_multiply, quat_rotate
 from cospeech.motion.skeleton import humanoid
@@ -245,6 +245,27 @@ def test_rate_place_and_heading_do_not_matter():
     assert np.abs(there - here).mean() < 0.05  # what is left is the heading that the person kept, which was not quite 0
     ahead = space().by_example(Motion(motion.fps, motion.rotations, motion.root + np.array([0.05, 0, 0]))).poses[0]
     assert np.abs(ahead[:, 0] - here[:, 0]).min() > 0.1  # a step aside is the person's own
+
+
+@pytest.mark.slow
+def test_who_turns_bends_and_walks_leaves_the_flow_on_its_feet():
+    """Of an example whose person goes about the room, the flow that ships takes the manner and stands."""
+    motion = acted(0.0, seconds=10.0)
+    times = motion.times[:, None]
+    turn = axis_angle_to_quat([0, 1, 0], 2.5 * np.sin(times[:, 0]))
+    bow = axis_angle_to_quat([1, 0, 0], 0.6 + 0.6 * np.sin(0.7 * times[:, 0]))
+    rotations = motion.rotations.copy()
+    rotations[:, 0] = quat_multiply(quat_multiply(turn, bow), rotations[:, 0])
+    root = motion.root + np.concatenate([np.sin(times), -0.3 - 0.3 * np.sin(times), np.cos(times)], 1)
+    about = Motion(motion.fps, rotations, root.astype(np.float32))
+    model = load("stylised-flow")
+    made = model.generate(talk(6.0), style=about, **model.for_files)
+    places, index = made.positions(), made.skeleton.index
+    feet = (places[:, index["leftFoot"]] + places[:, index["rightFoot"]]) / 2
+    for low, high, most in ((feet, places[:, index["hips"]], 15), (places[:, index["hips"]], places[:, index["neck"]], 40)):
+        way = high - low
+        lean = np.degrees(np.arccos(way[:, 1] / np.linalg.norm(way, axis=1)))
+        assert lean.max() < most
 
 
 @pytest.mark.slow

@@ -124,6 +124,8 @@ def loop(motion: Motion, *, blend: float | None = None) -> Motion:
 def replace_face(motion: Motion, other: Motion) -> Motion:
     """Body and hands of one motion with the face of another, which is brought to the same rate and length.
 
+    A face that is shorter comes to rest after its end.
+
     Raises:
         InputError: the other has no face, or no frames.
     """
@@ -133,8 +135,9 @@ def replace_face(motion: Motion, other: Motion) -> Motion:
         raise InputError("the other motion has no face", "give a .json, .csv, .glb or .vrma with one")
     face = other.resample(motion.fps).face
     assert face is not None
-    last = np.minimum(np.arange(len(motion)), len(face) - 1)  # a face that is shorter keeps its last expression
-    return replace(motion, face=face[last])
+    longer = max(len(motion) - len(face), 0)
+    rest = decay(longer, motion.fps, BLEND)[:, None] * face[-1:]
+    return replace(motion, face=np.concatenate([face[: len(motion)], rest]).astype(face.dtype))
 
 
 def _go_on(before: Motion, motion: Motion, blend: float | None) -> Motion:

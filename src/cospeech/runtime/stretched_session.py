@@ -64,7 +64,8 @@ class StretchedSession:
             try:
                 start(replace(own, style=style))  # it complains now, not in the middle of the speech
             except InputError as error:
-                raise InputError(f"stretches[{k}].style: {error.problem}", error.hint) from None
+                where = f"stretches[{k}].style, {plan.stretches[k].start:g} to {plan.stretches[k].end:g} s"
+                raise InputError(f"{where}: {error.problem}", error.hint) from None
         self._waiting: list[list[Motion]] = [[] for _ in seeds]
         self._switch, self._time, self._fps = MotionSwitch(), Fraction(0), options.fps
         self._words, self._times = PlannedWords(plan.speech_words), PieceTimes()

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...errors import InputError, say_count
 from ...motion.motion import Motion
+from ...motion.poses import find_pose
 from ...motion.rotations import Array
 from ..bundles.spec import VOICE
 from ..flow.engine import FlowEngine
@@ -26,6 +27,9 @@ SHORTEST = 1.0  # s; ours: less shows no movement
 SPREAD_FLOOR = 0.1  # cospeech.training.batch_loader
 STRETCH = 128  # frames that a style code is made of; cospeech.training.calibration_clips
 BEGINNINGS = 8  # ours: places in an example that takes begin from
+FARTHEST_MEAN, FARTHEST_STD = 3.0, 2.0
+"""[ours] How far from the speakers of the corpus an example may be, in its deviations: ours have means up to 2.3 and deviations
+up to 1.9. Who turns round, bends down or sits is farther out by ten times, and the flow knows standing people alone."""
 
 
 class StyleSpace(Protocol):
@@ -180,6 +184,7 @@ class FlowSpace:
         if s.speaker_std.size:  # standardised as in training; but what is still in the example stays as still
             std = np.concatenate(shown).std(0).astype(np.float32)
             shown = tuple((poses - mean) / np.maximum(std, SPREAD_FLOOR) for poses in shown)
+            mean, std = self._hold_near(mean, std)  # played so; what is standardised has all of its movement
         shown = tuple(np.clip(poses, s.pose_low, s.pose_high) for poses in shown)
         code = np.zeros(0)
         if sizes.style:
@@ -188,6 +193,15 @@ class FlowSpace:
         every = [np.lib.stride_tricks.sliding_window_view(p[:-1], sizes.history, 0).transpose(0, 2, 1) for p in shown]
         beginnings = np.concatenate(every)[places.astype(int)]
         return StyleEmbedding(code.astype(np.float32), mean.astype(np.float32), beginnings.astype(np.float32), std, shown)
+
+    def _hold_near(self, mean: Array, std: Array) -> tuple[Array, Array]:
+        """Mean pose and deviations (D,) of an example, near those of speakers; of the hips, over planted feet, within them."""
+        s = self._system.statistics
+        hips = np.array([name.startswith("hips.") for name in find_pose(self._system.pose).names])
+        low = np.where(hips, s.speaker_mean.min(0), np.minimum(s.speaker_mean.min(0), -FARTHEST_MEAN))
+        high = np.where(hips, s.speaker_mean.max(0), np.maximum(s.speaker_mean.max(0), FARTHEST_MEAN))
+        most = np.where(hips, s.speaker_std.max(0), np.maximum(s.speaker_std.max(0), FARTHEST_STD))
+        return np.clip(mean, low, high).astype(np.float32), np.minimum(std, most).astype(np.float32)
 
     def mix(self, mixture: StyleMixture) -> StyleEmbedding:
         """See `StyleSpace`."""

@@ -12,14 +12,16 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError, nearest
+from ...export import read
 from ...export.registry import FORMATS, reads_body, suffixes
+from ...motion.bone_map_checks import names_joints
 from ...motion.motion import Motion
 from ...motion.named_numbers import read_named_numbers
 from ..system import System
 from .embedding import StyleEmbedding, StyleMixture
 from .space import StyleSpace
 
-__all__ = ["StyleMixture", "Styles", "example_files"]
+__all__ = ["StyleMixture", "Styles", "example_files", "read_mapped"]
 
 ALL = 1 - 1e-6  # ours: weights that add up to so much leave nothing to the default style
 MOST_WEIGHT = 1e9  # ours: so that shares are numbers
@@ -94,6 +96,20 @@ def example_files(style: object) -> list[Path]:
         return [Path(text)] if isinstance(text, str) else []
     parts = read_named_numbers(text, number="", of="", hint="", is_name=lambda who: False)
     return [Path(part.name) for part in parts if _has_body(part.name)]
+
+
+def read_mapped(style: object, bone_map: Mapping[str, str]) -> Motion | None:
+    """The clip that is the style, where a map names its joints; None where it is no file, or one with other joints.
+
+    Args:
+        style: as of `Styles.blend`; of a mixture no clip is mapped.
+        bone_map: our name → name of a joint.
+    """
+    files = example_files(style)
+    if not isinstance(style, str | PathLike) or files != [Path(fspath(style))] or not files[0].is_file():
+        return None
+    clip = read(files[0], bone_map=bone_map)
+    return clip if names_joints(bone_map, clip.skeleton) else None
 
 
 _KEPT = 8  # ours: examples remembered

@@ -39,7 +39,7 @@ from .rules.options import FaceGain, GenerationOptions, MotionLike, check_range
 from .rules.plan_commands import NO_EDITS, PlanCommands, with_plan
 from .runtime.motion_switch import keep_stretches
 from .runtime.report import Report
-from .runtime.styles.style import example_files, read_mapped
+from .runtime.styles.style import example_files, read_clip_by_map
 
 __all__ = ["check_request", "generate_files", "open_live_session", "take_path", "writer_keywords"]
 
@@ -116,12 +116,22 @@ def generate_files(
     lister = partial(_list_gestures, loaded, model, audio, transcript, transcribe, silence)
     options = with_plan(options, plan, plan_edits, audio, transcript, wanted=plan_out is not None, list_gestures=lister)
     old = keep_stretches(keep, keep_from, options.fps)
-    clip, named = options.style, _style_text(options.style)
+    asked = options.style
     options, target, worn = _check_files(options, skeleton, bone_map, avatar, files)
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
-    given = (transcript, avatar, track, bone_map, face, continue_from, plan, keep_from)
-    read = [path for path in (*given, *rig_files(skeleton), *example_files(clip)) if path]
-    _check_names(audio, names, read, report, plan, plan_out)
+    given = (
+        transcript,
+        avatar,
+        track,
+        bone_map,
+        face,
+        continue_from,
+        plan,
+        keep_from,
+        *rig_files(skeleton),
+        *example_files(asked),
+    )
+    _check_names(audio, names, [path for path in given if path], report, plan, plan_out)
     loaded = _check_parts(loaded or load_model(model), model, options, files)
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *(Path(path) for path in (report, plan_out) if path)]))
@@ -147,7 +157,7 @@ def generate_files(
             model=model, speech_seconds=seconds, frames=wanted, fps=options.fps, seed=options.seed, takes=takes,
             realtime_factor=(time.perf_counter() - began) / (seconds * takes), emotion=performance.emotion,
             played=performance.expression, arousal=performance.arousal, speaker=performance.speaker, version=__version__,
-            style=named or loaded.default_style, style_mixture=performance.style_mixture,
+            style=_style_text(asked) or loaded.default_style, style_mixture=performance.style_mixture,
             outputs=[str(path) for path in names])  # fmt: skip
         if plan_out is not None:
             place(Path(plan_out)).write_text(cast(PlannedSession, performance).plan.to_json(), "utf-8")
@@ -386,7 +396,7 @@ def _check_files(
         check_parts(path, options.parts, "the parts that were asked for are")
     suffixes = {path.suffix.lower() for path in files}
     target = None if skeleton == "humanoid" else check_skeleton(skeleton, suffixes, bones)
-    clip = None if bones is None else read_mapped(options.style, bones)
+    clip = None if bones is None else read_clip_by_map(options.style, bones)
     if bones and target is None and avatar is None and clip is None:
         problem = "the map changes nothing: it is for the rig of --skeleton, for --avatar, or for the clip of --style"
         warnings.warn(problem, CospeechWarning, stacklevel=3)

@@ -54,7 +54,7 @@ def odd(still, tmp_path):  # noqa: F811
 
 @pytest.mark.slow
 def test_a_map_reaches_the_clip_of_the_style(tmp_path):
-    """Joints of which nothing is recognised, in another order of sides than the shape of the tree says."""
+    """A clip of joints whose names say nothing; without the map, a note would say that fingers are lost."""
     sound, clip = example()[0], gesturing(200)
     save(clip, tmp_path / "known.bvh")
     text = (tmp_path / "known.bvh").read_text()
@@ -63,15 +63,12 @@ def test_a_map_reaches_the_clip_of_the_style(tmp_path):
     (tmp_path / "odd.bvh").write_text(text)
     (tmp_path / "map.toml").write_text("[bones]\n" + "\n".join(f'{ours} = "{theirs}"' for ours, theirs in NAMES.items()))
     options = {"model": "mix-stage", "parts": ("body",)}
-    wanted = generate_files(sound, [tmp_path / "a.bvh"], style=tmp_path / "known.bvh", **options)
+    generate_files(sound, [tmp_path / "a.bvh"], style=load(tmp_path / "odd.bvh", bone_map=NAMES), **options)
+    options |= {"style": tmp_path / "odd.bvh", "bone_map": tmp_path / "map.toml"}
     with warnings.catch_warnings():
         warnings.simplefilter("error", CospeechWarning)
-        made = generate_files(
-            sound, [tmp_path / "b.bvh"], style=tmp_path / "odd.bvh", bone_map=tmp_path / "map.toml", **options
-        )
-    there, here = (load(tmp_path / f"{name}.bvh").positions() for name in "ab")
-    assert np.abs(there - here).max() < 1e-3
-    assert made.style_mixture == wanted.style_mixture
+        made = generate_files(sound, [tmp_path / "b.bvh"], **options)
+    assert (tmp_path / "a.bvh").read_bytes() == (tmp_path / "b.bvh").read_bytes()
     assert made.style == str(tmp_path / "odd.bvh")
 
 

@@ -21,7 +21,7 @@ from ..system import System
 from .embedding import StyleEmbedding, StyleMixture
 from .space import StyleSpace
 
-__all__ = ["StyleMixture", "Styles", "example_files", "read_mapped"]
+__all__ = ["StyleMixture", "Styles", "example_files", "read_clip_by_map"]
 
 ALL = 1 - 1e-6  # ours: weights that add up to so much leave nothing to the default style
 MOST_WEIGHT = 1e9  # ours: so that shares are numbers
@@ -98,7 +98,7 @@ def example_files(style: object) -> list[Path]:
     return [Path(part.name) for part in parts if _has_body(part.name)]
 
 
-def read_mapped(style: object, bone_map: Mapping[str, str]) -> Motion | None:
+def read_clip_by_map(style: object, bone_map: Mapping[str, str]) -> Motion | None:
     """The clip that is the style, where a map names its joints; None where it is no file, or one with other joints.
 
     Args:

@@ -106,32 +106,21 @@ def generate_files(
     """
     began = time.perf_counter()
     check_range("tail", tail, TAIL_RANGE)
-    silence = Fraction(tail).limit_denominator(1000)
     _check_rivals(style, speaker, transcript, transcribe)
     files = [Path(path) for path in ([outputs] if isinstance(outputs, str | PathLike) else outputs)]
     felt, track = _read_emotion(emotion)
     options = GenerationOptions(
         style=style or speaker, emotion=felt, seed=seed, intensity=intensity, temperature=temperature, fps=fps, takes=takes,
         parts=tuple(parts), face_gain=face_gain, face=face, continue_from=continue_from)  # fmt: skip
+    silence = Fraction(tail).limit_denominator(1000)
     lister = partial(_list_gestures, loaded, model, audio, transcript, transcribe, silence)
     options = with_plan(options, plan, plan_edits, audio, transcript, wanted=plan_out is not None, list_gestures=lister)
-    old = keep_stretches(keep, keep_from, options.fps)
-    asked = options.style
+    old, asked = keep_stretches(keep, keep_from, options.fps), options.style
     options, target, worn = _check_files(options, skeleton, bone_map, avatar, files)
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]
-    given = (
-        transcript,
-        avatar,
-        track,
-        bone_map,
-        face,
-        continue_from,
-        plan,
-        keep_from,
-        *rig_files(skeleton),
-        *example_files(asked),
-    )
-    _check_names(audio, names, [path for path in given if path], report, plan, plan_out)
+    given = (transcript, avatar, track, bone_map, face, continue_from, plan, keep_from)
+    others = [path for path in (*given, *rig_files(skeleton), *example_files(asked)) if path]
+    _check_names(audio, names, others, report, plan, plan_out)
     loaded = _check_parts(loaded or load_model(model), model, options, files)
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *(Path(path) for path in (report, plan_out) if path)]))

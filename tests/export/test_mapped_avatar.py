@@ -15,6 +15,7 @@ from cospeech.errors import CospeechWarning, InputError
 from cospeech.export import load, save
 from cospeech.export.avatar import load_avatar
 from cospeech.export.avatar_character import load_character
+from cospeech.export.checks import note_faceless
 from cospeech.export.gltf import read_glb
 from cospeech.export.target_skeleton import find_target
 from cospeech.generate import generate_files
@@ -106,6 +107,21 @@ def test_pictures_take_the_map_of_an_avatar(odd, tmp_path):
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
     there = load_character(odd[0], NAMES).skeleton
     assert there.index["leftHand"] == humanoid().index["leftHand"]
+
+
+def test_an_avatar_without_a_face_is_told_of(still, tmp_path):  # noqa: F811
+    def faceless(document: dict) -> None:
+        document["meshes"] = [mesh | {"extras": {}} for mesh in document["meshes"]]
+        for node in document["nodes"]:
+            if node.get("name") in ("leftEye", "rightEye", "jaw"):
+                node["name"] = "bead"
+
+    rewrite(still, tmp_path / "me.glb", faceless)
+    with pytest.warns(CospeechWarning, match="'?me.glb'? has no face that can be driven: its body alone moves"):
+        note_faceless(load_avatar(tmp_path / "me.glb"), ("face", "body"))
+    with pytest.raises(InputError, match=r"so it would not move .leave --parts out"):
+        note_faceless(load_avatar(tmp_path / "me.glb"), ("face",))
+    note_faceless(load_avatar(still), ("face",))
 
 
 @pytest.mark.slow

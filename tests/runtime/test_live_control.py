@@ -52,6 +52,8 @@ def test_words_of_a_message_go_where_words_are_wanted():
     session, words = Listener(), []
     done = apply_control(session, '{"words": [{"word": "no"}], "style": "calm"}', put_words=words.append)
     assert (done, words, session.calls) == ({"words", "style"}, [[{"word": "no"}]], [("restyle", "calm")])
+    with pytest.raises(InputError, match=r"words are not taken here .*--transcript"):
+        apply_control(session, '{"words": []}')
     with pytest.raises(InputError, match="interrupt, words"):
         apply_control(session, '{"word": "no"}', put_words=words.append)
 

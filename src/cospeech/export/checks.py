@@ -18,7 +18,16 @@ from .target_skeleton import read_target, rig_joints
 if TYPE_CHECKING:
     from .avatar import Avatar
 
-__all__ = ["File", "check_apart", "check_avatar", "check_files", "check_map", "check_skeleton", "note_idle_gain"]
+__all__ = [
+    "File",
+    "check_apart",
+    "check_avatar",
+    "check_files",
+    "check_map",
+    "check_skeleton",
+    "note_faceless",
+    "note_idle_gain",
+]
 
 File = str | PathLike[str]
 
@@ -61,6 +70,20 @@ def check_map(bones: Mapping[str, str], skeletons: Mapping[str, Skeleton], avata
     """
     files: dict[str, Collection[str]] = {repr(str(name)): rig_joints(name, found) for name, found in skeletons.items()}
     check_fit(bones, files | ({} if avatar is None else {repr(str(avatar.path)): avatar.joints}))
+
+
+def note_faceless(avatar: Avatar, parts: Collection[str]) -> None:
+    """Warn if a character has no face to drive, and no eyes.
+
+    Raises:
+        InputError: nothing else is to move.
+    """
+    if avatar.face.alphabet or {"leftEye", "rightEye", "jaw"} & {*avatar.rig.bones}:
+        return
+    problem = f"{avatar.path.name} has no face that can be driven"
+    if {*parts} == {"face"}:
+        raise InputError(f"{problem}, so it would not move", "leave --parts out")
+    warnings.warn(f"{problem}: its body alone moves", CospeechWarning, stacklevel=4)
 
 
 def note_idle_gain(face_gain: object, shown: Collection[str], why: str) -> None:

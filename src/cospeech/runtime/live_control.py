@@ -52,6 +52,8 @@ def apply_control(session: LiveSession, text: str | bytes, *, put_words: Callabl
     if not isinstance(message, dict) or not message:
         raise InputError(f"{text.strip()[:60]!r} is no control message", f"a JSON object with some of {', '.join(known)}")
     for key in message:
+        if key == "words" and put_words is None:
+            raise InputError("words are not taken here", "words come with raw samples; a sound file has its --transcript")
         if key not in known:
             raise InputError(f"no control is called {key[:40]!r}", f"known: {', '.join(known)}")
     _check(message)

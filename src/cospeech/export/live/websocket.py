@@ -35,7 +35,9 @@ def serve_here(serve: Any, handler: Any, host: str, port: int) -> Any:
     try:
         return serve(handler, host, port, origins=[None, _LOCAL], max_size=MESSAGE, close_timeout=_PATIENCE)
     except OSError as error:
-        raise InputError(f"cannot listen on {host}:{port}: {error.strerror or error}", "choose another port") from None
+        raise InputError(
+            f"cannot listen on {host}:{port}: {error.strerror or error}", "choose another port, or an address of this machine"
+        ) from None
 
 
 class WebSocketWire:

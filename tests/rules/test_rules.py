@@ -396,10 +396,14 @@ class TestPerformance:
             RuleBasedModel().generate(babble_speech(), **options)
 
     def test_what_is_not_speech_is_told(self):
-        for wrong in ("talk.wav", None, np.zeros(10)):
-            with pytest.raises(InputError, match=r"Speech\.load"):
+        for wrong, hint in (
+            ("talk.wav", r"Speech\.load"),
+            (None, r"Speech\.load"),
+            (np.zeros(10), r"Speech\(samples, 24000\)"),
+        ):
+            with pytest.raises(InputError, match=hint):
                 RuleBasedModel().generate(wrong)
-            with pytest.raises(InputError, match=r"Speech\.load"):
+            with pytest.raises(InputError, match=hint):
                 list(RuleBasedModel().stream([wrong]))
         with pytest.raises(InputError, match=r"stream\(\[speech\]\)"):
             list(RuleBasedModel().stream(babble_speech()))

@@ -27,16 +27,7 @@ from .audio.speech import Speech, Word, count_frames, open_speech
 from .audio.speech_chunks import speech_chunks
 from .errors import CospeechWarning, InputError
 from .export import FORMATS, Writer, check_parts, format_of, open_writer
-from .export.checks import (
-    File,
-    check_apart,
-    check_avatar,
-    check_files,
-    check_map,
-    check_skeleton,
-    note_faceless,
-    note_idle_gain,
-)
+from .export.checks import File, check_apart, check_avatar, check_files, check_map, check_skeleton, note_idle_gain
 from .export.target_skeleton import rig_files
 from .files import all_or_none
 from .models import DEFAULT, PARTS, GenerationSession, Model, PlannedSession
@@ -398,9 +389,7 @@ def _check_files(
     if bones and target is None and avatar is None and clip is None:
         problem = "the map changes nothing: it is for the rig of --skeleton, for --avatar, or for the clip of --style"
         warnings.warn(problem, CospeechWarning, stacklevel=3)
-    worn = None if avatar is None else check_avatar(avatar, suffixes, bones)
-    if worn is not None and "face" in options.parts:
-        note_faceless(worn, options.parts)
+    worn = None if avatar is None else check_avatar(avatar, suffixes, bones, options.parts)
     if bones and clip is None:
         check_map(bones, {} if target is None else {str(skeleton): target}, worn)
     shown = {part for suffix in suffixes for part in FORMATS[suffix].holds} & {*options.parts}

@@ -43,8 +43,13 @@ def check_skeleton(skeleton: File | Skeleton, written: set[str], bones: Mapping[
     return found
 
 
-def check_avatar(avatar: File, written: set[str], bones: Mapping[str, str] | None = None) -> Avatar:
-    """The character, which is there, has a surface, and can be shown by one of the files; ``bones`` are of `read_avatar`."""
+def check_avatar(
+    avatar: File, written: set[str], bones: Mapping[str, str] | None = None, parts: Collection[str] = ()
+) -> Avatar:
+    """The character, which is there, has a surface, and can be shown by one of the files; ``bones`` are of `read_avatar`.
+
+    A note says if it has no face, and the face is one of the ``parts`` that are to move.
+    """
     if not any(FORMATS[suffix].wears_avatar for suffix in written):
         fit = " ".join(suffixes(lambda entry: entry.wears_avatar))
         raise InputError(f"avatar {str(avatar)!r} would not be seen", f"it is for {fit} files")
@@ -54,6 +59,8 @@ def check_avatar(avatar: File, written: set[str], bones: Mapping[str, str] | Non
 
     found = read_avatar(avatar, bones)
     check_surface(found.file)
+    if "face" in parts:
+        note_faceless(found, parts)
     return found
 
 

@@ -148,7 +148,6 @@ def convert_file(
     goal = None if skeleton is None else check_skeleton(skeleton, {Path(target).suffix.lower()}, bones)
     worn = None if avatar is None else check_avatar(avatar, {Path(target).suffix.lower()}, bones)
     motion = edits.apply(_read(source, bones, clip), source)
-    own_fps = motion.fps
     holds = {*format_of(source).holds} | ({"face"} if edits.face is not None else set())
     shown = [part for part in PARTS if part in holds and (part != "face" or motion.face is not None)]
     check_parts(target, shown, f"{str(source)!r} holds")
@@ -172,34 +171,28 @@ def convert_file(
     if worn is not None:
         options["avatar"] = worn
     if written.sound == "drawn" and edits.start is not None:
-        options["start"] = _first_frame(edits.start, own_fps)
-    with _cut_sound(audio, edits, own_fps) as heard:
+        options["start"] = motion.start
+    with _cut_sound(audio, edits, motion.start) as heard:
         if heard is not None:
             options["audio"] = heard
         motion.save(target, **options)
     return motion
 
 
-def _first_frame(start: float, fps: float) -> float:
-    """The time of the first frame that is not before ``start``, both in seconds."""
-    return math.ceil(start * fps - 1e-6) / fps
-
-
 @contextmanager
-def _cut_sound(audio: File | None, edits: Edits, fps: float) -> Iterator[File | None]:
+def _cut_sound(audio: File | None, edits: Edits, start: float) -> Iterator[File | None]:
     """The file of the speech that belongs to what the edits leave of a motion; None where nothing is left of the speech.
 
-    It begins with the first frame that is left: ``fps`` is the rate at which the motion was cut.
+    It begins with the first frame that is left, at ``start`` seconds.
     """
     if audio is None or (edits.start is None and edits.end is None):
         yield audio
         return
     speech = Speech.load(audio)
-    start, end = _first_frame(edits.start or 0.0, fps), math.inf if edits.end is None else edits.end
     if start >= speech.duration:
         yield None
         return
-    with as_sound_file(speech.window(start, end)) as path:
+    with as_sound_file(speech.window(start, math.inf if edits.end is None else edits.end)) as path:
         yield path
 
 

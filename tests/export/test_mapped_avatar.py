@@ -15,7 +15,7 @@ from cospeech.errors import CospeechWarning, InputError
 from cospeech.export import load, save
 from cospeech.export.avatar import load_avatar
 from cospeech.export.avatar_character import load_character
-from cospeech.export.checks import note_faceless
+from cospeech.export.checks import check_avatar
 from cospeech.export.gltf import read_glb
 from cospeech.export.target_skeleton import find_target
 from cospeech.generate import generate_files
@@ -118,10 +118,10 @@ def test_an_avatar_without_a_face_is_told_of(still, tmp_path):  # noqa: F811
 
     rewrite(still, tmp_path / "me.glb", faceless)
     with pytest.warns(CospeechWarning, match="'?me.glb'? has no face that can be driven: its body alone moves"):
-        note_faceless(load_avatar(tmp_path / "me.glb"), ("face", "body"))
+        check_avatar(tmp_path / "me.glb", {".glb"}, parts=("face", "body"))
     with pytest.raises(InputError, match=r"so it would not move .leave --parts out"):
-        note_faceless(load_avatar(tmp_path / "me.glb"), ("face",))
-    note_faceless(load_avatar(still), ("face",))
+        check_avatar(tmp_path / "me.glb", {".glb"}, parts=("face",))
+    check_avatar(still, {".glb"}, parts=("face",))
 
 
 @pytest.mark.slow

@@ -62,7 +62,7 @@ def count_frames(duration: Fraction, fps: float | Fraction) -> int:
 def _hint_of(samples: Samples) -> str:
     """How samples that are none become some."""
     if samples.ndim == 2:
-        scale = "" if samples.dtype.kind == "f" else " / 32768"
+        scale = f" / {1 << 8 * samples.dtype.itemsize - 1}" if samples.dtype.kind == "i" else ""
         return f"samples.mean({int(np.argmin(samples.shape))}){scale} mixes its {min(samples.shape)} channels"
     return "one row of floats in -1 … 1, or of 16-bit integers; np.frombuffer(x, np.int16) reads bytes"
 

@@ -7,7 +7,6 @@ never have to be in memory at once; ``save`` is a writer that gets one piece.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from os import PathLike
 from pathlib import Path
@@ -115,19 +114,13 @@ def save(motion: Motion, path: str | PathLike[str], **options: object) -> None:
     Raises:
         InputError: the format is unknown, or has no such option.
     """
-    audio: Any = options.get("audio")
-    if audio is None:
-        _write_whole(motion, path, options)
-        return
     from .sound_file import as_sound_file
 
+    audio: Any = options.get("audio")
     with as_sound_file(audio) as heard:
-        _write_whole(motion, path, options | {"audio": heard})
-
-
-def _write_whole(motion: Motion, path: str | PathLike[str], options: Mapping[str, object]) -> None:
-    with open_writer(path, skeleton=motion.skeleton, fps=motion.fps, **options) as writer:
-        writer.write(motion)
+        options |= {"audio": heard} if "audio" in options else {}
+        with open_writer(path, skeleton=motion.skeleton, fps=motion.fps, **options) as writer:
+            writer.write(motion)
 
 
 def load(path: str | PathLike[str], **options: object) -> Motion:

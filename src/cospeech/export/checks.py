@@ -18,16 +18,7 @@ from .target_skeleton import read_target, rig_joints
 if TYPE_CHECKING:
     from .avatar import Avatar
 
-__all__ = [
-    "File",
-    "check_apart",
-    "check_avatar",
-    "check_files",
-    "check_map",
-    "check_skeleton",
-    "note_faceless",
-    "note_idle_gain",
-]
+__all__ = ["File", "check_apart", "check_avatar", "check_files", "check_map", "check_skeleton", "note_idle_gain"]
 
 File = str | PathLike[str]
 
@@ -60,7 +51,7 @@ def check_avatar(
     found = read_avatar(avatar, bones)
     check_surface(found.file)
     if "face" in parts:
-        note_faceless(found, parts)
+        _note_faceless(found, parts)
     return found
 
 
@@ -79,7 +70,7 @@ def check_map(bones: Mapping[str, str], skeletons: Mapping[str, Skeleton], avata
     check_fit(bones, files | ({} if avatar is None else {repr(str(avatar.path)): avatar.joints}))
 
 
-def note_faceless(avatar: Avatar, parts: Collection[str]) -> None:
+def _note_faceless(avatar: Avatar, parts: Collection[str]) -> None:
     """Warn if a character has no face to drive, and no eyes.
 
     Raises:

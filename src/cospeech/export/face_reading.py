@@ -15,12 +15,12 @@ import numpy as np
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from .tracks import Curve
-from .visemes import invert_presets
+from .visemes import OCULUS_VOWELS, invert_presets
 
 __all__ = ["Bind", "read_arkit", "read_presets"]
 
 _SWEEPS, _TINY = 40, 1e-6  # ours: over a dozen drivers, of which few share a target
-_VOWELS = {"viseme_aa": "aa", "viseme_E": "ee", "viseme_I": "ih", "viseme_O": "oh", "viseme_U": "ou"}
+_VOWELS = {f"viseme_{oculus}": vrm for oculus, vrm in OCULUS_VOWELS.items()}
 _SHAPES = {
     "lookUp": ("eyeLookUpLeft", "eyeLookUpRight"), "lookDown": ("eyeLookDownLeft", "eyeLookDownRight"),
     "lookLeft": ("eyeLookOutLeft", "eyeLookInRight"), "lookRight": ("eyeLookInLeft", "eyeLookOutRight"),

@@ -29,6 +29,6 @@ def as_sound_file(audio: Speech | str | PathLike[str] | None) -> Iterator[str | 
     import soundfile
 
     with TemporaryDirectory() as folder:
-        path = Path(folder) / f"{Path(audio.name).stem or 'speech'}.wav"
+        path = Path(folder) / "speech.wav"
         soundfile.write(path, audio.samples, audio.rate, subtype="FLOAT")
         yield path

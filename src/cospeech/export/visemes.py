@@ -24,11 +24,13 @@ import numpy as np
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 
-__all__ = ["MOODS", "arkit_from_presets", "invert_presets", "oculus_visemes", "vrm_presets"]
+__all__ = ["MOODS", "OCULUS_VOWELS", "arkit_from_presets", "invert_presets", "oculus_visemes", "vrm_presets"]
 
 _OPEN, _ROUND, _STRETCHED, _SMILED, _PARTED = 0.4, 0.7, 0.22, 0.8, 0.5  # ours, see above
 _LITTLE, _TRACE = 1e-3, 0.1  # ours: of a weight that is none; of a mood that may be an error of reading
-_VOWELS = ("aa", "ih", "ou", "ee", "oh")
+_INVERTED = ("surprised", "angry", "sad", "happy")  # moods, each after those whose shapes count against it
+OCULUS_VOWELS = {"aa": "aa", "E": "ee", "I": "ih", "O": "oh", "U": "ou"}
+"""Viseme of Oculus → the preset of VRM that is the same vowel."""
 _AT_EASE = 0.2  # of a smile; ours: a face that speaks without an emotion has less for nine tenths of the time
 MOODS = {
     "happy": (-0.4, {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8}),
@@ -95,7 +97,7 @@ def oculus_visemes(face: Array) -> dict[str, Array]:
     vowels = vrm_presets(face)
     shut = 1 - np.clip((face[:, ARKIT_INDEX["jawOpen"]] - face[:, ARKIT_INDEX["mouthClose"]]) / _OPEN, 0, 1)
     upper, lower = face[:, ARKIT_INDEX["mouthRollUpper"]], face[:, ARKIT_INDEX["mouthRollLower"]]
-    named = {oculus: vowels[vrm] for oculus, vrm in (("aa", "aa"), ("E", "ee"), ("I", "ih"), ("O", "oh"), ("U", "ou"))}
+    named = {oculus: vowels[vrm] for oculus, vrm in OCULUS_VOWELS.items()}
     named["FF"] = shut * np.clip(lower - upper, 0, 1)  # the lower lip under the teeth
     named["PP"] = shut * np.maximum(_mean(face, "mouthPress"), np.minimum(upper, lower))
     room = np.maximum(sum(named.values()), 1)
@@ -118,31 +120,28 @@ def invert_presets(presets: Mapping[str, Array], frames: int) -> Array:
 
     Of what a preset does not tell, nothing moves: a smile that is no mood, which lip is round, a raised brow.
     """
-    get = {name: np.clip(presets.get(name, np.zeros(frames)), 0, 1) for name in (*_VOWELS, *MOODS)}
+    get = {name: np.clip(presets.get(name, np.zeros(frames)), 0, 1) for name in (*OCULUS_VOWELS.values(), *MOODS)}
     opened, rounded = np.clip(get["aa"] + get["ee"] + get["oh"], 0, 1), np.clip(get["oh"] + get["ou"], 0, 1)
     spread, apart = (1 - rounded) * opened, (1 - rounded) * (1 - opened)
     wide = np.clip(
         np.where(spread > _LITTLE, get["ee"] / np.maximum(spread, _LITTLE), get["ih"] / np.maximum(apart, _LITTLE)), 0, 1
     )
     parted = np.clip(get["ih"] / np.maximum(apart * wide, _LITTLE), 0, 1)
-    raised = _until(get["surprised"], 0.25, 1.0)
-    lowered = _until(get["angry"], 0.2 + 0.7 * raised, 0.85)
-    smiled = _until(get["happy"], 0.4, 1.6)
-    stretched = _STRETCHED * (wide + rounded - np.maximum(smiled - _AT_EASE, 0) / _SMILED) * (wide > 0)
-    shapes = {
-        "jawOpen": _OPEN * opened, "mouthPucker": _ROUND * rounded, "mouthStretch": stretched, "mouthSmile": smiled,
-        "mouthLowerDown": _PARTED * parted * (parted > opened), "mouthUpperUp": _PARTED * parted * (parted > opened),
-        "browInnerUp": raised, "eyeWide": raised, "browDown": lowered,
-        "mouthFrown": _until(get["sad"], 0.1 + 0.5 * lowered, 1.2),
-    }  # fmt: skip
     face = np.zeros((frames, len(ARKIT)))
+    for mood in _INVERTED:
+        base, shares = MOODS[mood]
+        own = {name: share for name, share in shares.items() if share > 0}
+        others = base + sum(share * face[:, ARKIT_INDEX[name]] for name, share in shares.items() if share < 0)
+        weight = (get[mood] - others) / sum(own.values()) * np.minimum(get[mood] / _TRACE, 1)
+        face[:, [ARKIT_INDEX[name] for name in own]] = np.clip(weight, 0, 1)[:, None]
+    smiled = np.maximum(_mean(face, "mouthSmile") - _AT_EASE, 0) / _SMILED
+    lifted = _PARTED * parted * (parted > opened)
+    shapes = {
+        "jawOpen": _OPEN * opened, "mouthPucker": _ROUND * rounded,
+        "mouthStretch": _STRETCHED * (wide + rounded - smiled) * (wide > 0), "mouthLowerDown": lifted, "mouthUpperUp": lifted,
+    }  # fmt: skip
     for stem, weight in shapes.items():
         for name in (stem, f"{stem}Left", f"{stem}Right"):
             if name in ARKIT_INDEX:
                 face[:, ARKIT_INDEX[name]] = np.clip(weight, 0, 1)
     return face
-
-
-def _until(mood: Array, base: Array | float, share: float) -> Array:
-    """How much of its shapes makes a mood of `MOODS`: nothing where there is none of it, and less than that of a trace."""
-    return (mood + base) / share * np.minimum(mood / _TRACE, 1)

@@ -134,13 +134,8 @@ class GenerationOptions:
         for name, value in plan.options().items():
             own = getattr(self, name)
             if own != usual[name] and own != value and not (name == "emotion" and isinstance(value, Moods)):
-                held = (
-                    f"a plan with {value if isinstance(value, int | float) else repr(str(value)[:40])}"
-                    if value is not None
-                    else f"a plan that has no {name}, so the default one"
-                )
-                shown = repr(own[:40]) if isinstance(own, str) else own if isinstance(own, int | float) else "over time"
-                raise InputError(f"{name} {shown} beside {held}", f"edit the plan's {name}")
+                held = f"a plan with {_show(value)}" if value is not None else f"a plan that has no {name}, so the default one"
+                raise InputError(f"{name} {_show(own)} beside {held}", f"edit the plan's {name}")
             object.__setattr__(self, name, value)
 
     @property
@@ -152,6 +147,11 @@ class GenerationOptions:
     def seeds(self) -> list[int]:
         """Of the takes."""
         return [self.seed + take for take in range(self.takes)]
+
+
+def _show(value: object) -> str:
+    """A value of an option, for an error."""
+    return repr(value[:40]) if isinstance(value, str) else str(value) if isinstance(value, int | float) else "over time"
 
 
 def check_names(keywords: Iterable[str]) -> None:

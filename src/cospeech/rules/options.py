@@ -62,8 +62,9 @@ class GenerationOptions:
     and frames of `cospeech stream` have it. In Python it is there only when it is asked for: `generate` gives what the network
     makes, which metrics measure."""
     holds: bool = False
-    """Whether the hands of a trained model hold still between strokes (`cospeech.runtime.hand_holds`). Files of
-    `cospeech generate` have it. In a stream and in Python it is there only when it is asked for: it waits for 2.4 s more."""
+    """Whether the hands of a trained model hold still between strokes (`cospeech.runtime.hand_holds`), and rest between bouts
+    of gestures (`cospeech.runtime.hand_rests`). Files of `cospeech generate` have it. In a stream and in Python it is there
+    only when it is asked for: it waits for 2.4 s more."""
     beat_alignment: bool = False
     """Whether the arms of a trained model are moved in time, so that their strokes fall on the accents of the speech
     (`cospeech.runtime.beat_alignment`). Files of `cospeech generate` have it. In a stream it is there only when it is asked

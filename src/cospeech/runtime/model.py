@@ -34,6 +34,7 @@ from .decoders import is_mouth, needs_stance, options_for_files, start_decoder
 from .face_override import FaceOverride
 from .flow.latent_sources import Transfer, flow_of
 from .hand_holds import HandHolds
+from .hand_rests import HandRests
 from .motion_layers import LayerStack, MotionLayer
 from .mouth import POSE, BundleMouth, open_default_mouth
 from .pose_resampler import PoseResampler
@@ -126,7 +127,7 @@ class TrainedModel:
         rules = self._speaking(options.style)
         of_face: dict[str, Any] = {"parts": ("face",), "emotion": decoder.moods or options.emotion, "fps": options.fps}
         of_face |= {"intensity": options.intensity, "temperature": options.temperature, "face_gain": options.face_gain}
-        accents = AccentTrack() if options.beat_alignment and self._has_arms(options) else None
+        accents = AccentTrack() if (options.holds or options.beat_alignment) and self._has_arms(options) else None
         layers = self._layers(options, accents)
         rest = None
         if self.system.rests and self.system.pose != POSE:
@@ -146,18 +147,18 @@ class TrainedModel:
         )  # fmt: skip
 
     def _layers(self, options: GenerationOptions, accents: AccentTrack | None) -> list[LayerStack]:
-        """What comes after the network, for each take: hands that hold still; strokes on accents, where these are heard; and a
-        stance, where a system needs one, the body is wanted and a stance is asked for."""
+        """What comes after the network, for each take: hands that hold still; strokes on accents; hands that rest between
+        bouts; and a stance, where a system needs one, the body is wanted and a stance is asked for."""
         stands = options.stance and "body" in options.parts and needs_stance(self.system)
         amount, fingers = min(options.intensity, 1.5), "hands" in options.parts
         waits = REACH if _has_time(options) else 0.0
         stacks = []
         for seed in options.seeds:
             layers: list[MotionLayer] = []
-            if options.holds and self._has_arms(options):
-                layers.append(HandHolds(options.fps))
             if accents is not None:
-                layers.append(BeatAlignment(options.fps, accents))
+                layers += [HandHolds(options.fps)] if options.holds else []
+                layers += [BeatAlignment(options.fps, accents)] if options.beat_alignment else []
+                layers += [HandRests(options.fps, accents, seed)] if options.holds else []
             if stands:
                 layers.append(StanceLayer(seed=seed, fps=options.fps, amount=amount, fingers=fingers, waits=waits))
             stacks.append(LayerStack(layers))
@@ -215,8 +216,8 @@ class TrainedModel:
                 and hands instead of from its own, and which is shown; for chains trained so, and not while they stream.
             stance: True puts the stance of the rules under a body without legs, as `cospeech generate` does for its files:
                 weight shifts, steps, a trunk that follows the hands. False, the default, gives the network's own motion.
-            holds: True holds the hands still between strokes, as `cospeech generate` does for its files. False, the default,
-                keeps the network's own motion.
+            holds: True holds the hands still between strokes, and lets them rest between bouts of gestures, as
+                `cospeech generate` does for its files. False, the default, keeps the network's own motion.
             beat_alignment: True moves the arms in time, so that their strokes fall on accents, as `cospeech generate` does for
                 its files. False, the default, keeps the network's own timing.
             calibrated: False plays the network alone, without means, amplitudes and noise measured when it was bundled, and

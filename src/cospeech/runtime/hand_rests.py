@@ -1,0 +1,115 @@
+"""Hands that come down while somebody speaks, between bouts of gestures, as people's do; ours.
+
+The hands of a network hover in front of the body for as long as there is speech. People gesture for some seconds, let the hands
+down, and take them up again. Here bouts are drawn as the rules draw them (`cospeech.rules.bouts`), and the speech says when
+exactly they end and begin: hands go down where no accent is near, and come up on an accent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from random import Random
+
+import numpy as np
+
+from ..audio.prosodic_events import Accent
+from ..motion.part_joints import arm_joints
+from ..motion.rotations import Array, quat_slerp
+from ..motion.skeleton import humanoid
+from ..rules.minimum_jerk import minimum_jerk
+from .beat_alignment import LEAD, AccentTrack
+from .rest_in_silence import resting_pose
+
+__all__ = ["HandRests"]
+
+_RATE = 50  # decisions a second [ours: those of `RestInSilence`]
+_BUSY, _QUIET = (4.5, 10.0), (1.4, 3.2)
+"""Seconds of a bout, and between bouts. [ours: about those of `cospeech.rules.bouts`; with longer rests, still spells are
+longer than people's]"""
+_DOWN, _UP = 1.2, 0.5  # seconds in which hands come to rest, and from there [ours: with a quicker way down, beat lift falls]
+_CLEAR = 0.9  # seconds without an accent that is no weak one, in which hands go down [ours: with .7 s, beat lift falls]
+_LATE = 2.0  # seconds by which a bout ends later, at most, because accents follow; and begins later, until one comes [ours]
+_WEAK = 0.3  # strength up to which an accent counts for nothing here [ours]
+_MOST = 0.9  # how far hands come to rest [ours: as hands that are held, they live a little]
+
+
+class HandRests:
+    """Lets hands rest, in frames that come in pieces of any size; these come back the same.
+
+    Args:
+        fps: of the frames.
+        track: of the accents; it is pushed first.
+        seed: of the take.
+    """
+
+    look_ahead = 0.0
+    """Seconds of motion after a frame that it waits for."""
+    _foreseen = max(_CLEAR, LEAD + _UP / 2 + 1 / _RATE)
+    sound_ahead = _foreseen + AccentTrack.delay
+    """Seconds of 16 kHz sound after a frame that must have been heard."""
+
+    def __init__(self, fps: float, track: AccentTrack, seed: int) -> None:
+        self._fps, self._track = fps, track
+        self._random = Random(f"{seed}/rests")
+        self._joints = arm_joints()
+        self._rests, self._until = False, self._random.uniform(*_BUSY)
+        self._place = 0.0
+        self._shares: list[float] = []  # of decisions, from the first that a frame still needs
+        self._first = 0
+        self._rotations, self._root = np.zeros((0, len(humanoid()), 4), np.float32), np.zeros((0, 3), np.float32)
+        self._given = 0
+
+    def push(self, rotations: Array, root: Array) -> tuple[Array, Array]:
+        """See `MotionLayer.push`."""
+        self._rotations, self._root = np.concatenate([self._rotations, rotations]), np.concatenate([self._root, root])
+        return self._give()
+
+    def finish(self) -> tuple[Array, Array]:
+        """See `MotionLayer.finish`."""
+        return self._give()
+
+    def _give(self) -> tuple[Array, Array]:
+        """The frames of which it is known whether hands rest."""
+        while self._first + len(self._shares) <= self._index(self._given + len(self._rotations)):
+            now = (self._first + len(self._shares)) / _RATE
+            if self._track.known < now + self._foreseen:
+                break
+            self._shares.append(self._decide(now))
+        end = self._first + len(self._shares)
+        index = [k for k in map(self._index, range(self._given, self._given + len(self._rotations))) if k < end]
+        share = _MOST * minimum_jerk(np.array([self._shares[k - self._first] for k in index]))
+        made, root = self._rotations[: len(index)], self._root[: len(index)]
+        if share.any():
+            made = made.copy()
+            rest = np.broadcast_to(resting_pose()[self._joints], (len(made), len(self._joints), 4)).astype(float)
+            made[:, self._joints] = quat_slerp(made[:, self._joints].astype(float), rest, share[:, None])
+        self._rotations, self._root = self._rotations[len(index) :], self._root[len(index) :]
+        self._given += len(index)
+        gone = max(min(self._index(self._given) - self._first, len(self._shares)), 0)
+        del self._shares[:gone]
+        self._first += gone
+        return made, root
+
+    def _index(self, frame: int) -> int:
+        return round(frame * _RATE / self._fps)
+
+    def _decide(self, now: float) -> float:
+        """How far the hands are on their way to rest at this time, 0 … 1."""
+        if now >= self._until and self._is_time(now):
+            self._rests = not self._rests
+            self._until = now + self._random.uniform(*(_QUIET if self._rests else _BUSY))
+        self._place = min(max(self._place + (1 / _DOWN if self._rests else -1 / _UP) / _RATE, 0.0), 1.0)
+        return self._place
+
+    def _is_time(self, now: float) -> bool:
+        """Whether the speech lets hands go down, or up, now."""
+        if now >= self._until + _LATE:
+            return True
+        if self._rests:
+            fastest = now + _UP / 2  # of the way up
+            return _strong(self._track.between(fastest + LEAD - 1 / _RATE, fastest + LEAD))
+        return not _strong(self._track.between(now, now + _CLEAR))
+
+
+def _strong(accents: Sequence[Accent]) -> bool:
+    return any(accent.strength > _WEAK for accent in accents)

@@ -1,0 +1,123 @@
+"""Hands of trained models that rest while somebody speaks: when they go down, when they come up, and in pieces of any size."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import cospeech
+from cospeech import Speech
+from cospeech.audio.prosodic_events import Accent
+from cospeech.cli.demo import EXAMPLE
+from cospeech.motion.part_joints import arm_joints
+from cospeech.motion.rotations import quat_angle, quat_identity
+from cospeech.motion.skeleton import humanoid
+from cospeech.runtime.beat_alignment import LEAD, AccentTrack
+from cospeech.runtime.hand_rests import HandRests
+from cospeech.runtime.rest_in_silence import resting_pose
+
+ARM = humanoid().index["rightUpperArm"]
+
+
+class Known(AccentTrack):
+    """Accents that are all known, as strong as is said."""
+
+    def __init__(self, times: list[float], strength: float = 0.6) -> None:
+        super().__init__()
+        self._times, self._accents = list(times), [Accent(time, strength) for time in times]
+        self.known = np.inf
+
+
+def tpose(seconds: float, fps: float) -> tuple[np.ndarray, np.ndarray]:
+    """Somebody who keeps the arms out to the sides, far from where they rest."""
+    count = round(seconds * fps)
+    rotations = np.broadcast_to(quat_identity(1), (count, len(humanoid()), 4)).astype(np.float32)
+    return rotations, np.zeros((count, 3), np.float32)
+
+
+def play(track: AccentTrack, seconds: float, *, fps: float = 30.0, seed: int = 0, piece: int | None = None) -> np.ndarray:
+    """Rotations that come back, of pieces of so many frames."""
+    rotations, root = tpose(seconds, fps)
+    layer = HandRests(fps, track, seed)
+    size = piece or len(rotations)
+    made = [layer.push(rotations[k : k + size], root[k : k + size]) for k in range(0, len(rotations), size)]
+    made.append(layer.finish())
+    joined = np.concatenate([part for part, _ in made])
+    assert len(joined) == len(rotations) == sum(len(part) for _, part in made)
+    return joined
+
+
+def lowered(rotations: np.ndarray) -> np.ndarray:
+    """(n,) how far the right arm is on its way to rest, 0 … 1."""
+    way = quat_angle(rotations[:, ARM].astype(float), np.broadcast_to(quat_identity(1), (len(rotations), 4)))
+    return way / quat_angle(quat_identity(1), resting_pose()[None, ARM].astype(float))
+
+
+def test_hands_rest_for_a_part_of_the_time_and_gesture_for_most_of_it():
+    down = lowered(play(Known(list(np.arange(0.4, 600, 0.6))), 600.0))
+    assert down.max() < 0.92  # a hand that rests still lives a little
+    spells = np.diff(np.flatnonzero(np.diff(np.concatenate([[0], (down > 0.5).astype(int), [0]]))))[::2] / 30
+    assert 0.15 < (down > 0.5).mean() < 0.35
+    assert 4 < 60 * len(spells) / 600 < 9  # rests in a minute
+    assert np.median(spells) > 1.5
+
+
+def test_hands_go_down_where_no_accent_is_near_and_come_up_on_one():
+    bars = np.arange(0.0, 300.0, 3.0)  # three accents in each, and then 2 s of nothing
+    times = [bar + more for bar in bars for more in (0.2, 0.7, 1.2)]
+    clear = [(bar + 1.2, bar + 3.2 - 0.9) for bar in bars]
+    down = lowered(play(Known(times), 300.0, fps=100.0))
+    speed = np.gradient(down) * 100
+    ways_down = [k / 100 for k in np.flatnonzero((down[1:] > 0) & (down[:-1] == 0))]
+    ups = [k / 100 for k in range(50, len(speed) - 50) if speed[k] < -0.5 and speed[k] == speed[k - 50 : k + 50].min()]
+    assert min(len(ways_down), len(ups)) > 20
+    assert all(any(start <= time <= end for start, end in clear) for time in ways_down)
+    assert all(min(abs(time - LEAD - up) for time in times) < 0.03 for up in ups)
+
+
+def test_weak_accents_do_not_raise_the_hands_until_they_have_waited_long():
+    down = lowered(play(Known(list(np.arange(0.4, 120, 0.6)), strength=0.1), 120.0))
+    strong = lowered(play(Known(list(np.arange(0.4, 120, 0.6))), 120.0))
+    assert (down > 0.85).mean() > (strong > 0.85).mean() + 0.1
+
+
+@pytest.mark.parametrize("fps", [15.0, 24.0, 30.0, 59.94, 120.0])
+def test_pieces_of_any_size_are_the_whole(fps):
+    track = Known(list(np.arange(0.3, 30, 0.77)))
+    whole = play(track, 30.0, fps=fps)
+    for piece in (1, 7, 100):
+        np.testing.assert_array_equal(play(track, 30.0, fps=fps, piece=piece), whole)
+    assert not (play(track, 30.0, fps=fps, seed=1) == whole).all()
+
+
+def test_a_frame_waits_until_its_accents_are_known():
+    track = Known(list(np.arange(0.3, 30, 0.77)))
+    track.known = 5.0
+    layer = HandRests(30.0, track, 0)
+    rotations, root = tpose(10.0, 30.0)
+    made, _ = layer.push(rotations, root)
+    assert 3.5 * 30 < len(made) < 5.0 * 30
+    track.known = np.inf
+    assert len(made) + len(layer.finish()[0]) == len(rotations)
+
+
+def test_only_arms_and_hands_are_led():
+    rotations = play(Known(list(np.arange(0.4, 60, 0.6))), 60.0)
+    others = [k for k in range(len(humanoid())) if k not in arm_joints()]
+    assert (rotations[:, others] == tpose(60.0, 30.0)[0][:, others]).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["mix-stage", "chain-of-generation", "stylised-flow"])
+def test_hands_of_files_reach_down_while_somebody_speaks(name):
+    """Without it the lowest twentieth of the heights lies well above where hands rest."""
+    model, speech = cospeech.load(name), Speech.load(EXAMPLE, rate=16_000)
+    options = {**model.for_files, "fps": 30, "parts": ("body", "hands"), "emotion": "neutral"}
+    rest = resting_pose()[None, ARM].astype(float)
+    shares = []
+    for holds in (False, True):
+        takes = model.generate_takes(speech, takes=3, **{**options, "holds": holds})
+        near = [quat_angle(take.rotations[:, ARM].astype(float), np.repeat(rest, len(take), 0)) < 0.25 for take in takes]
+        shares.append(np.mean(near))
+    assert shares[1] > shares[0] + 0.05
+    assert shares[1] < 0.6

@@ -197,7 +197,14 @@ def test_a_new_voice_begins_with_a_whole_sample(border):
     assert told == ["the sound ends within a sample; 1 byte left out (samples are s16, little-endian)"]
 
 
-@pytest.mark.parametrize(("head", "name"), [(b"RIFF", "a WAV"), (b"fLaC", "a FLAC"), (b"OggS", "an Ogg"), (b"ID3", "an MP3")])
+@pytest.mark.parametrize(
+    ("head", "name"),
+    [
+        (b"RIFF", "a WAV"), (b"fLaC", "a FLAC"), (b"OggS", "an Ogg"), (b"ID3", "an MP3"), (b"\x1a\x45\xdf\xa3", "a WebM"),
+        (b"\0\0\0\x1cftypM4A ", "an MP4"), ((b"\xff\xf3\x44\xc4" + bytes(92)) * 2, "an MP3"),
+        ((b"\xff\xfb\x90\xc4" + bytes(413)) * 2, "an MP3"),
+    ],
+)  # fmt: skip
 def test_a_sound_file_is_not_taken_for_raw_samples(head, name):
     data = head + bytes(2000)
     with pytest.raises(InputError, match=f"this is {name} file, not raw samples"):
@@ -205,6 +212,22 @@ def test_a_sound_file_is_not_taken_for_raw_samples(head, name):
     with pytest.raises(InputError, match=f"this is {name} file, not raw samples"):
         list(read_websocket([data]))
     assert len(np.concatenate(list(read_pcm(io.BytesIO(bytes(100) + data), RATE)))) > 1000  # in mid-sound it is sound
+
+
+def test_samples_that_begin_as_a_frame_of_mp3_does_are_samples():
+    data = np.full(1000, -1025, "<i2").tobytes()  # FF FB FF FB …
+    assert len(np.concatenate(list(read_websocket([data])))) == 1000
+    assert len(np.concatenate(list(read_websocket([b"\xff\xfb\x90\xc4" + bytes(2000)])))) == 1002
+
+
+def test_a_sound_file_of_a_later_client_is_told_and_not_heard():
+    told: list[str] = []
+    whole = np.full(4, 8192, "<i2").tobytes()
+    messages = [b"", whole, b"", b"RIFF" + bytes(100), whole, b"", whole]
+    assert len(np.concatenate(list(read_websocket(messages, note=told.append)))) == 8
+    assert len(told) == 1
+    assert told[0].startswith("this is a WAV file, not raw samples")
+    assert told[0].endswith("it is not heard")
 
 
 def test_samples_that_are_no_numbers_are_told_once():

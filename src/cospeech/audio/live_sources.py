@@ -29,9 +29,20 @@ PIECE = 0.02  # seconds of a piece: what telephones and browsers send (ours)
 FORMATS: dict[str, np.dtype[Any]] = {"s16": np.dtype("<i2"), "f32": np.dtype("<f4")}
 """Raw samples: whole numbers of 16 bits, floats of 32 bits; little-endian, one channel."""
 SLACK = 0.03  # seconds that sound may be late before silence takes its place (ours: half of the pacing's margin)
-_HEADS = {b"RIFF": "a WAV", b"fLaC": "a FLAC", b"OggS": "an Ogg", b"ID3": "an MP3"}
-"""First bytes of sound files. As samples of 16 bits they would be loud: above a fifth of full scale."""
+_HEADS = {
+    (0, b"RIFF"): "a WAV", (0, b"fLaC"): "a FLAC", (0, b"OggS"): "an Ogg", (0, b"ID3"): "an MP3",
+    (0, b"\x1a\x45\xdf\xa3"): "a WebM", (4, b"ftyp"): "an MP4",
+}  # fmt: skip
+"""Where sound files have these bytes, and what they are. As samples of 16 bits they would be loud: above a fifth of full
+scale."""
+_MP3_KBPS = {
+    0xFB: (0, 32, 40, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320, 0),
+    0xF3: (0, 8, 16, 24, 32, 40, 48, 56, 64, 80, 96, 112, 128, 144, 160, 0),
+}
+"""Second byte of a frame of MP3 (layer III of MPEG-1 and MPEG-2, without a checksum) → bit rates (ISO/IEC 11172-3, 13818-3)."""
+_MP3_RATES = {0xFB: (44100, 48000, 32000), 0xF3: (22050, 24000, 16000)}
 LINE = 1 << 16  # bytes of a line (ours)
+_FIRST = 2048  # bytes of the first piece of a pipe [ours: more than a frame of MP3 of 320 kbit/s]
 _READ = 1 << 16  # bytes that are read at once: what a pipe of Linux holds
 BEHIND = 300.0  # seconds of sound that may wait: who sends more is made to wait (ours: longer than an answer)
 
@@ -121,7 +132,7 @@ def read_pcm(
     """
     read = getattr(file, "read1", file.read)  # what there is, without waiting for more
     decoder, size = _Decoder(kind, note), max(1, round(PIECE * rate)) * FORMATS[kind].itemsize
-    while data := read(size):
+    while data := read(size if decoder.begun else max(size, _FIRST)):
         yield decoder.decode(data)
     decoder.end()
 
@@ -163,7 +174,8 @@ def read_websocket(
     """Samples of the binary messages of a WebSocket; texts are given to ``on_text``.
 
     A message may end within a sample: the next one goes on there. After an empty message, or a text for which ``on_text``
-    returns True, a new sample begins. ``note`` is told once of each fault that messages have.
+    returns True, a new sample begins; after an empty one somebody else may speak. ``note`` is told once of each fault that
+    messages have, and of each sound file that comes later.
 
     Raises:
         InputError: the first message is the head of a sound file, not raw samples.
@@ -174,7 +186,7 @@ def read_websocket(
             if on_text is not None and on_text(message) is True:
                 decoder.end()
         elif not message:
-            decoder.end()
+            decoder.begin_anew()
         elif len(samples := decoder.decode(message)):
             yield samples
     decoder.end()
@@ -185,20 +197,39 @@ class _Decoder:
 
     def __init__(self, kind: str, note: Callable[[str], object]) -> None:
         self._kind, self._size, self._note = kind, FORMATS[kind].itemsize, note
-        self._rest, self._begun, self._told = b"", False, set[str]()
+        self._rest, self._told = b"", set[str]()
+        self.begun, self._heard, self._skips = False, False, False
         self._layout = f"samples are {kind}, little-endian"
 
     def decode(self, data: bytes) -> Samples:
         """The whole samples up to the end of this piece."""
-        if not self._begun:
-            self._begun = True
-            _check_raw(data)
+        if not self.begun:
+            self.begun = True
+            self._check(data)
+        if self._skips:
+            return np.zeros(0, np.float32)
         data = self._rest + data
         whole = len(data) - len(data) % self._size
         self._rest, data = data[whole:], data[:whole]
         if self._kind == "f32" and not np.isfinite(np.frombuffer(data, FORMATS[self._kind])).all():
             self._tell("number", f"samples that are NaN or infinite are heard as silence ({self._layout})")
         return decode_pcm(data, self._kind)
+
+    def _check(self, data: bytes) -> None:
+        """The first bytes of somebody's sound. A file is refused; one that comes after other sound is told, and not heard."""
+        try:
+            _check_raw(data)
+        except InputError as error:
+            if not self._heard:
+                raise
+            self._skips = True
+            self._note(f"{error}; it is not heard")
+        self._heard = True
+
+    def begin_anew(self) -> None:
+        """Somebody else's sound begins."""
+        self.end()
+        self.begun = self._skips = False
 
     def end(self) -> None:
         """The sound is over, or begins anew."""
@@ -218,10 +249,21 @@ def _check_raw(data: bytes) -> None:
     Raises:
         InputError: they are the head of a sound file.
     """
-    for head, name in _HEADS.items():
-        if data.startswith(head):
-            hint = "give the file's name to --input, or send raw samples: ffmpeg -i talk.wav -f s16le -ac 1 -ar 16000 -"
-            raise InputError(f"this is {name} file, not raw samples", hint)
+    name = next((name for (place, head), name in _HEADS.items() if data.startswith(head, place)), None)
+    if name is None and _is_mp3(data):
+        name = "an MP3"
+    if name is not None:
+        hint = "give the file's name to --input, or send raw samples: ffmpeg -i talk.wav -f s16le -ac 1 -ar 16000 -"
+        raise InputError(f"this is {name} file, not raw samples", hint)
+
+
+def _is_mp3(data: bytes) -> bool:
+    """Whether two frames of MP3 follow each other, without tags before them."""
+    if len(data) < 4 or data[0] != 0xFF or data[1] not in _MP3_KBPS or data[2] & 0x0C == 0x0C:
+        return False
+    kbps, rate = _MP3_KBPS[data[1]][data[2] >> 4], _MP3_RATES[data[1]][data[2] >> 2 & 3]
+    length = (144 if data[1] == 0xFB else 72) * 1000 * kbps // rate + (data[2] >> 1 & 1)
+    return kbps > 0 and data[length : length + 2] == data[:2]
 
 
 def read_microphone(rate: int) -> Iterator[Samples]:

@@ -121,7 +121,6 @@ def _read_entries(node: object, depth: int = 0) -> Iterator[Entry]:
     elif depth == 0 and said is not None and end is None:
         raise InputError(f"{said[:40]!r} has no start and no end", "give each word start and end, seconds")
     elif depth == 0 and not any(isinstance(node.get(key), list) for key in LIST_KEYS):
-        raise InputError(
-            f"JSON without words: its names are {', '.join(map(repr, list(node)[:5]))}", "a list of words with times"
-        )
+        names = f": its names are {', '.join(map(repr, list(node)[:5]))}" if node else ""
+        raise InputError(f"JSON without words{names}", "a list of words with times")
     # A word without any time is one that the recogniser could not place: it is left out.

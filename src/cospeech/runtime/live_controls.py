@@ -64,4 +64,12 @@ class LiveControls:
         from ..audio.word_json import read_documents
 
         words = self._words
-        return None if words is None else lambda value: words.put(settle(read_documents(iter([value]))), place)
+
+        def put(value: object) -> None:
+            entries = [*read_documents(iter([value]))]
+            if value and not entries:
+                raise InputError("no word of the message has a time", "give each word start and end, seconds")
+            assert words is not None
+            words.put(settle(entries), place)
+
+        return None if words is None else put

@@ -117,6 +117,19 @@ def test_vmc_packets_are_as_short_as_asked():
     assert vmc_frame(packets) == whole
 
 
+def test_vmc_turns_eyes_once_where_shapes_turn_them():
+    motion = gesturing(1)
+    motion.rotations[:, humanoid().index["leftEye"]] = [0, 0.6, 0, 0.8]
+
+    def left_eye(**settings) -> list[float]:
+        frame = vmc_frame(next(iter(VmcEncoder(**settings).frames(motion))))
+        return next(values for values in frame["/VMC/Ext/Bone/Pos"] if values[0] == "LeftEye")[4:]
+
+    np.testing.assert_allclose(left_eye(face="arkit", still_eyes=True), [0, 0, 0, 1], atol=1e-6)
+    for settings in ({"face": "arkit"}, {"face": "vrm0", "still_eyes": True}):  # no shapes of looking are sent
+        np.testing.assert_allclose(left_eye(**settings), [0, -0.6, 0, 0.8], atol=1e-6)
+
+
 @pytest.mark.parametrize("change", [as_vrm0, as_vrm1])
 def test_vmc_keeps_the_lengths_of_the_avatars_bones(still, tmp_path, change):  # noqa: F811
     def taller(document: dict) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from typing import IO, Protocol
@@ -15,6 +16,7 @@ __all__ = ["Encoder", "LineWire", "Outlet", "UdpWire", "Wire"]
 
 WAITING = 2.0  # seconds of frames that a slow receiver may be behind; then the oldest are dropped (ours)
 _RETRY = (0.25, 4.0)  # seconds between two attempts to connect: the first, and the longest (ours)
+_ANSWERED = 2.0  # seconds without a refusal after which somebody listens (ours: machines send one or more a second)
 
 
 class Encoder(Protocol):
@@ -32,8 +34,10 @@ class Encoder(Protocol):
 class Wire(Protocol):
     """How bytes reach a receiver."""
 
-    is_refused: bool
-    """Whether its machine has said that nobody listens there. Bytes are sent all the same."""
+    @property
+    def is_refused(self) -> bool:
+        """Whether its machine says that nobody listens there. Bytes are sent all the same."""
+
     is_alone: bool
     """Whether what was sent last reached nobody, because no client is connected."""
     is_needed: bool
@@ -53,11 +57,16 @@ class UdpWire:
 
     def __init__(self, host: str, port: int) -> None:
         self._address, self._socket = (host, port), None
+        self._refused: float | None = None  # when a datagram was last refused
 
     _socket: socket.socket | None
-    is_refused = False
     is_alone = False
     is_needed = False
+
+    @property
+    def is_refused(self) -> bool:
+        """See `Wire`."""
+        return self._refused is not None and time.monotonic() - self._refused < _ANSWERED
 
     def connect(self) -> None:
         """See `Wire`; the name of the host is looked up."""
@@ -71,7 +80,7 @@ class UdpWire:
         try:
             self._socket.send(data)
         except ConnectionRefusedError:  # of an earlier datagram: nobody listens yet
-            self.is_refused = True
+            self._refused = time.monotonic()
 
     def close(self) -> None:
         """See `Wire`."""
@@ -110,14 +119,18 @@ class Outlet:
         wire: to it.
         fps: of the motion.
         note: told when the receiver goes, and when it is back.
+
+    Attributes:
+        sent, dropped: frames.
+        problem: why nobody receives frames now, in words; nothing where they are received.
     """
 
     def __init__(self, name: str, encoder: Encoder, wire: Wire, *, fps: float, note: Callable[[str], None]) -> None:
-        self.name, self.sent, self.dropped = name, 0, 0
+        self.name, self.sent, self.dropped, self.problem = name, 0, 0, ""
         self._encoder, self._wire, self._note = encoder, wire, note
         self._waiting: deque[Motion] = deque()
         self._most = max(1, round(WAITING * fps))
-        self._changed, self._over = threading.Condition(), False
+        self._changed, self._over, self._in_hand = threading.Condition(), False, False
         self._error: OSError | None = None
         self._thread = threading.Thread(target=self._work, name=f"cospeech {name}", daemon=True)
         self._thread.start()
@@ -139,7 +152,7 @@ class Outlet:
             self._changed.notify()
         self._thread.join(timeout)
         with self._changed:
-            self.dropped += len(self._waiting)
+            self.dropped += len(self._waiting) + self._in_hand  # a frame in hand is given up, too
             self._waiting.clear()
         self._wire.close()
         self._raise_error()
@@ -153,7 +166,14 @@ class Outlet:
         with self._changed:
             while not self._waiting and not self._over:
                 self._changed.wait()
+            self._in_hand = bool(self._waiting)
             return self._waiting.popleft() if self._waiting else None
+
+    def _count(self, *, sent: bool) -> None:
+        with self._changed:
+            self.sent += sent
+            self.dropped += not sent
+            self._in_hand = False
 
     def _fault(self) -> str:
         """Why nobody may have got the frame, in words; nothing where it is received."""
@@ -175,20 +195,21 @@ class Outlet:
                 for packets in self._encoder.frames(frame):
                     for data in packets:
                         self._wire.send(data)
-                self.sent += not self._wire.is_alone
-                self.dropped += self._wire.is_alone
-                if (note := self._fault()) and note not in notes:
-                    notes.add(note)
-                    self._note(note)
+                self._count(sent=not self._wire.is_alone)
+                self.problem = self._fault()
+                if self.problem and self.problem not in notes:
+                    notes.add(self.problem)
+                    self._note(self.problem)
             except OSError as error:
-                self.dropped += 1
+                self._count(sent=False)
                 if self._wire.is_needed:
                     self._error = error
                     return
                 connected = False
+                self.problem = f"{self.name} cannot be reached ({error.strerror or error}); trying again"
                 if not told:
                     told = True
-                    self._note(f"{self.name} cannot be reached ({error.strerror or error}); trying again")
+                    self._note(self.problem)
                 with self._changed:
                     self._changed.wait_for(lambda: self._over, wait)
                 wait = min(2 * wait, _RETRY[1])

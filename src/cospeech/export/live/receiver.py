@@ -23,8 +23,8 @@ def open_receiver(address: str, note: Callable[[str], object] = lambda text: Non
 
     Args:
         address: ``ws://`` or ``wss://`` of a server; or ``listen://HOST:PORT``, where the first client that comes is heard,
-            and after it the next one.
-        note: told once if a second client comes while the first one is heard.
+            and after it the next one (``?origin=…``: `cospeech.export.live.websocket.serve_here`).
+        note: told once if a second client comes while the first one is heard; and of pages that are refused.
 
     Raises:
         InputError: another scheme, nobody answers at the address, or it cannot be listened on.
@@ -60,7 +60,6 @@ def _hear_to_the_end(connection: Any) -> Iterator[str | bytes]:
 def _listening(address: str, note: Callable[[str], object]) -> Iterator[Iterator[str | bytes]]:
     from websockets.sync.server import serve
 
-    host, port, _ = split_address(address, None)
     arrived: queue.Queue[str | bytes] = queue.Queue(_MESSAGES)
     one, told = threading.Lock(), threading.Event()
 
@@ -73,7 +72,7 @@ def _listening(address: str, note: Callable[[str], object]) -> Iterator[Iterator
             for message in _hear_to_the_end(connection):
                 arrived.put(message)
 
-    server = serve_here(serve, hear, host, port)
+    server = serve_here(serve, hear, address, note)
     threading.Thread(target=server.serve_forever, name="cospeech sound server", daemon=True).start()
     try:
         yield iter(arrived.get, None)

@@ -21,6 +21,8 @@ __all__ = ["SCHEMES", "StreamSettings", "open_outlet"]
 
 _PACKET = range(200, 65_001)  # bytes of a datagram that can be asked for: one bone must fit (ours)
 
+Note = Callable[[str], None]
+
 
 @dataclass(frozen=True)
 class StreamSettings:
@@ -36,7 +38,7 @@ class StreamSettings:
     """Our name → name of a joint of the avatar, where its joints are not recognised."""
 
 
-def open_outlet(address: str, settings: StreamSettings, note: Callable[[str], None]) -> Outlet:
+def open_outlet(address: str, settings: StreamSettings, note: Note) -> Outlet:
     """The receiver at an address; it is connected to when the first frame comes, and again whenever it was lost.
 
     Raises:
@@ -45,22 +47,25 @@ def open_outlet(address: str, settings: StreamSettings, note: Callable[[str], No
     scheme = "-" if address == "-" else scheme_of(address)
     if scheme not in SCHEMES:
         raise unknown_address(f"cannot send to {address!r}", SCHEMES)
-    encoder, wire = SCHEMES[scheme](address, settings)
+    encoder, wire = SCHEMES[scheme](address, settings, note)
     return Outlet(address, encoder, wire, fps=settings.fps, note=note)
 
 
-def _vmc(address: str, settings: StreamSettings) -> tuple[Encoder, Wire]:
+def _vmc(address: str, settings: StreamSettings, note: Note) -> tuple[Encoder, Wire]:
     host, port, options = split_address(address, vmc.PORT, query=("face", "packet"))
     face, packet = options.get("face", vmc.FACES[0]), options.get("packet", str(_PACKET[-1]))
     if face not in vmc.FACES:
         raise InputError(f"face={face!r} in {address!r}", f"known: {', '.join(vmc.FACES)}")
     if not packet.isdecimal() or int(packet) not in _PACKET:
         raise InputError(f"packet={packet!r} in {address!r}", f"bytes, {_PACKET[0]} … {_PACKET[-1]}; 1400 fits into Ethernet's")
-    rest = None if settings.avatar is None else avatar_offsets(load_avatar(settings.avatar, settings.bone_map))
-    return VmcEncoder(face=face, rest=rest, most=int(packet)), UdpWire(host, port)
+    if settings.avatar is None:
+        return VmcEncoder(face=face, most=int(packet)), UdpWire(host, port)
+    avatar = load_avatar(settings.avatar, settings.bone_map)
+    own = {"rest": avatar_offsets(avatar), "still_eyes": avatar.eyes_by_shapes}
+    return VmcEncoder(face=face, most=int(packet), **own), UdpWire(host, port)  # type: ignore[arg-type]
 
 
-def _live_link(address: str, settings: StreamSettings) -> tuple[Encoder, Wire]:
+def _live_link(address: str, settings: StreamSettings, note: Note) -> tuple[Encoder, Wire]:
     host, port, options = split_address(address, live_link.PORT, query=("subject",))
     subject = options.get("subject", "cospeech")
     if not subject or len(subject.encode()) > 255:
@@ -72,18 +77,17 @@ def _json(settings: StreamSettings) -> JsonEncoder:
     return JsonEncoder(settings.fps, settings.latency, humanoid(), face="face" in settings.parts)
 
 
-def _websocket(address: str, settings: StreamSettings) -> tuple[Encoder, Wire]:
+def _websocket(address: str, settings: StreamSettings, note: Note) -> tuple[Encoder, Wire]:
     split_address(address.split("?")[0], 443 if scheme_of(address) == "wss" else 80)
     return _json(settings), WebSocketWire(address)
 
 
-def _listen(address: str, settings: StreamSettings) -> tuple[Encoder, Wire]:
-    host, port, _ = split_address(address, None)
-    return _json(settings), WebSocketServer(host, port)
+def _listen(address: str, settings: StreamSettings, note: Note) -> tuple[Encoder, Wire]:
+    return _json(settings), WebSocketServer(address, note=note)
 
 
-SCHEMES: dict[str, Callable[[str, StreamSettings], tuple[Encoder, Wire]]] = {
+SCHEMES: dict[str, Callable[[str, StreamSettings, Note], tuple[Encoder, Wire]]] = {
     "vmc": _vmc, "livelink": _live_link, "ws": _websocket, "wss": _websocket, "listen": _listen,
-    "-": lambda address, settings: (_json(settings), LineWire()),
+    "-": lambda address, settings, note: (_json(settings), LineWire()),
 }  # fmt: skip
 """Scheme → what opens a receiver of that kind."""

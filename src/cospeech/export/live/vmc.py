@@ -17,11 +17,11 @@ import numpy as np
 
 from ...errors import InputError
 from ...motion.motion import Motion
-from ...motion.rotations import Array
+from ...motion.rotations import Array, quat_identity
 from ...motion.skeleton import humanoid
 from ...motion.skeletons.arkit import ARKIT
 from ...motion.skeletons.vrm import FROM_VRM0
-from ..avatar import Avatar
+from ..avatar import EYES, Avatar
 from ..rig import world_matrices
 from ..to_humanoid import as_humanoid
 from ..visemes import vrm_presets
@@ -53,15 +53,20 @@ class VmcEncoder:
     Args:
         face: one of `FACES`: which names the blend shapes have; "arkit" are those of "perfect sync" avatars.
         rest: offsets of the avatar's own bones, so that they keep their lengths (`avatar_offsets`); ours where not given.
+        still_eyes: eye bones rest, because blend shapes turn the avatar's eyes (`Avatar.eyes_by_shapes`); of "arkit" alone, as
+            other names say nothing of the eyes.
         most: bytes of a datagram; a frame that is longer is sent as several bundles.
     """
 
-    def __init__(self, *, face: str = "vrm0", rest: Mapping[str, Array] | None = None, most: int = _MOST) -> None:
+    def __init__(
+        self, *, face: str = "vrm0", rest: Mapping[str, Array] | None = None, still_eyes: bool = False, most: int = _MOST
+    ) -> None:
         self._names, self._most = face, most
         own = humanoid()
         offsets = dict(zip(own.names, own.offsets, strict=True)) if rest is None else rest
         self._bones = [k for k, name in enumerate(own.names) if name in offsets]
         names = [own.names[k] for k in self._bones]
+        self._still = [k for k, name in enumerate(names) if name in EYES] if still_eyes and face == "arkit" else []
         self._scale = float(offsets["hips"][1] / own.offsets[0][1])  # hips move as much further as the legs are longer
         self._heads = [osc.message("/VMC/Ext/Bone/Pos", _unity_name(name), *[0.0] * 7)[:-28] for name in names]
         shapes = {"vrm0": _VRM0.values(), "vrm1": _VRM0, "arkit": [name[0].upper() + name[1:] for name in ARKIT]}[face]
@@ -82,6 +87,8 @@ class VmcEncoder:
         """
         motion = as_humanoid(motion)
         turned = motion.rotations[:, self._bones] * np.array([1, -1, -1, 1], np.float32)
+        if motion.face is not None:
+            turned[:, self._still] = quat_identity(1)
         root = _unity_place(motion.root * self._scale)
         weights, shapes = self._weights(motion), [] if motion.face is None else self._shapes
         for k in range(len(motion)):

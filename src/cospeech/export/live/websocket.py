@@ -4,18 +4,28 @@ from __future__ import annotations
 
 import re
 import threading
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from http import HTTPStatus
 from typing import Any
 
 from ...errors import InputError, describe_extra
+from .addresses import split_address
 
-__all__ = ["CLIENT", "WebSocketServer", "WebSocketWire", "import_websockets", "serve_here"]
+__all__ = ["CLIENT", "ORIGIN", "WebSocketServer", "WebSocketWire", "import_websockets", "serve_here"]
 
 MESSAGE = 1 << 20  # bytes of a message that is received, at most
 _PATIENCE = 2.0  # seconds until an attempt to connect is given up (ours)
 CLIENT: dict[str, Any] = {"open_timeout": _PATIENCE, "close_timeout": _PATIENCE, "max_size": MESSAGE}
-_LOCAL = re.compile(r"(null|https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?)")
-"""Pages that may connect: those of this machine, and files. Programs send no origin."""
+ORIGIN = "origin"
+"""Option of ``listen://`` addresses: further origins whose pages may connect, with commas between them."""
+_LOCAL = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?")
+"""Origins of pages that may connect: those of this machine. Programs send no origin. Files say ``null``, but so does a page of
+any site that puts itself into a frame (HTML standard, sandboxed origin). So they may connect only if they are named."""
+_ORIGIN = re.compile(r"null|[a-z][a-z0-9+.-]*://[^/?#\s]+", re.IGNORECASE)  # RFC 6454, section 6.1
+_TOLD = 8  # refused origins that are told ([ours]: a page that tries on has one)
+
+Note = Callable[[str], object]
 
 
 def import_websockets() -> None:
@@ -30,14 +40,45 @@ def import_websockets() -> None:
         raise InputError("WebSockets need the package websockets", describe_extra("live")) from None
 
 
-def serve_here(serve: Any, handler: Any, host: str, port: int) -> Any:
-    """A server for programs and for pages of this machine."""
+def serve_here(serve: Any, handler: Any, address: str, note: Note) -> Any:
+    """A server for programs, for pages of this machine, and for pages of the origins that the address names.
+
+    Args:
+        serve: of the library.
+        handler: of a connection.
+        address: ``listen://HOST:PORT?origin=ORIGIN,…``.
+        note: told of an origin that is refused.
+
+    Raises:
+        InputError: no such address, or it cannot be listened on.
+    """
+    host, port, options = split_address(address, None, query=(ORIGIN,))
+    allowed, told = _read_origins(options.get(ORIGIN, ""), address), set[str]()
+
+    def check_origin(connection: Any, request: Any) -> Any:
+        origin = request.headers.get("Origin")
+        if origin is None or _LOCAL.fullmatch(origin) or origin.lower() in allowed:
+            return None
+        if origin not in told and len(told) < _TOLD:
+            told.add(origin)
+            what = "a file, or a page in a frame," if origin == "null" else f"a page of {origin[:80]!r}"
+            note(f"{what} was refused at {address} (to let it in: {address.split('?')[0]}?{ORIGIN}={origin[:80]})")
+        return connection.respond(HTTPStatus.FORBIDDEN, f"pages of {origin[:80]!r} may not connect\n")
+
     try:
-        return serve(handler, host, port, origins=[None, _LOCAL], max_size=MESSAGE, close_timeout=_PATIENCE)
+        return serve(handler, host, port, process_request=check_origin, max_size=MESSAGE, close_timeout=_PATIENCE)
     except OSError as error:
         raise InputError(
             f"cannot listen on {host}:{port}: {error.strerror or error}", "choose another port, or an address of this machine"
         ) from None
+
+
+def _read_origins(text: str, address: str) -> set[str]:
+    origins = {origin.strip().lower() for origin in text.split(",") if origin.strip()}
+    for origin in sorted(origins):
+        if not _ORIGIN.fullmatch(origin):
+            raise InputError(f"{ORIGIN}={origin[:80]!r} in {address[:80]!r}", "such as https://example.org, or null for files")
+    return origins
 
 
 class WebSocketWire:
@@ -83,8 +124,8 @@ class WebSocketServer:
     Each client has a thread and a queue of its own. One that is slower than the frames misses the oldest.
 
     Args:
-        host: address to listen on.
-        port: port; 0 takes a free one (`port` tells which).
+        address: ``listen://HOST:PORT?origin=…``, see `serve_here`; port 0 takes a free one (`port` tells which).
+        note: told of pages that are refused.
         most: messages that wait for a slow client.
 
     Raises:
@@ -95,14 +136,14 @@ class WebSocketServer:
     is_alone = False
     is_needed = False
 
-    def __init__(self, host: str, port: int, *, most: int = 120) -> None:
+    def __init__(self, address: str, *, note: Note = lambda text: None, most: int = 120) -> None:
         import_websockets()
         from websockets.sync.server import serve
 
         self._first, self._most = b"", most
         self._clients: dict[int, list[bytes]] = {}
         self._changed, self._over = threading.Condition(), False
-        self._server = serve_here(serve, self._serve, host, port)
+        self._server = serve_here(serve, self._serve, address, note)
         self.port: int = self._server.socket.getsockname()[1]
         threading.Thread(target=self._server.serve_forever, name="cospeech websocket server", daemon=True).start()
 

@@ -4,8 +4,8 @@
 
 SPEECH is files or folders; short utterances of one folder are joined as in movement_statistics.py. Five minutes in all are
 wanted. `--model` is a name that `cospeech.load` knows (the rules where not given); without `--style` the rules play all
-of theirs. A trained system plays as for files: it hears all of the speech, and has stance, holds and beat alignment; `--bare`
-leaves those three out.
+of theirs. A trained system plays as for files: it hears all of the speech, and has stance, holds, rests and beat alignment;
+`--bare` leaves these out.
 `--recordings 2 4 5` takes only these of the joined recordings (0 is the first), so that figures come from speech that nothing
 was tuned on.
 `cospeech.metrics.body` defines the statistics. The old rows are the 86 of movement_statistics.py, exempt ones left out.
@@ -133,7 +133,7 @@ def main() -> int:
     parser.add_argument("speech", nargs="*", type=Path, default=[EXAMPLE], help="files or folders of speech")
     parser.add_argument("--model", default="rules", help="a model by name or bundle (default: rules)")
     parser.add_argument("--style", action="append", help="only this style (may be repeated)")
-    parser.add_argument("--bare", action="store_true", help="a trained model without stance, holds and beat alignment")
+    parser.add_argument("--bare", action="store_true", help="a trained model without stance, holds, rests and beat alignment")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="takes of each recording (default: 0)")
     parser.add_argument("--recordings", type=int, nargs="+", help="only these of the joined recordings, from 0")
     parser.add_argument("--emotion", default="neutral")

@@ -44,7 +44,7 @@ def prepare(job: str) -> tuple[Callable[[], None], float]:
     pieces, model = list(speech.chunks(0.02)), cospeech.load(name)
     options = dict(getattr(model, "for_files", {}))
     if how == "offline-bare":
-        layers = ("stance", "holds", "beat_alignment")  # `LAYERS`, which old commits lack
+        layers = ("stance", "holds", "beat_alignment", "rests")  # `LAYERS`, which old commits lack
         options |= {name: False for name in layers if name in options}
 
     def play() -> None:

@@ -36,6 +36,7 @@ WATCHED = {
     "decoding": ("runtime.session:TrainedSession._keep", "runtime.session:TrainedSession._decode"),
     "holds": ("runtime.hand_holds:HandHolds.push",),
     "beat alignment": ("runtime.beat_alignment:BeatAlignment.push", "runtime.beat_alignment:AccentTrack.push"),
+    "rests": ("runtime.hand_rests:HandRests.push",),
     "stance": ("rules.stance_layer:StanceLayer.push",),
     "rest in silence": (
         "runtime.rest_in_silence:RestInSilence.push", "runtime.rest_in_silence:RestInSilence.lead",

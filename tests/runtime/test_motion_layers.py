@@ -8,11 +8,12 @@ import cospeech
 from cospeech.errors import InputError
 
 
-@pytest.mark.parametrize("layer", ["holds", "beat_alignment"])
-def test_files_have_it_and_streams_do_not(layer):
+@pytest.mark.parametrize("layer", ["holds", "beat_alignment", "rests"])
+def test_files_have_it_and_sessions_only_when_they_are_asked(layer):
     model = cospeech.load("mix-stage")
     assert model.for_files[layer] is True
     assert cospeech.load("speech-to-face").for_files[layer] is False
-    assert model.session(stance=True).latency < model.session(stance=True, **{layer: True}).latency
+    usual = {"stance": True, "parts": ("body", "hands")}
+    assert model.session(**usual).latency < model.session(**usual, **{layer: True}).latency
     with pytest.raises(InputError, match=f"{layer} is 1"):
         model.session(**{layer: 1})

@@ -40,9 +40,9 @@ __all__ = ["is_mouth", "needs_stance", "options_for_files", "start_decoder"]
 
 def options_for_files(system: System) -> Mapping[str, Any]:
     """Options of a session over a file: windows that hear both ways, where a system has them, as nobody waits; a stance; hands
-    that hold still; and strokes on the accents."""
+    that hold still and rest; and strokes on the accents."""
     ahead = {"look_ahead": inf} if {"make", "live"} <= set(system.networks) else {}
-    return ahead | {"stance": needs_stance(system)} | dict.fromkeys(("holds", "beat_alignment"), system.pose != POSE)
+    return ahead | {"stance": needs_stance(system)} | dict.fromkeys(("holds", "beat_alignment", "rests"), system.pose != POSE)
 
 
 def is_mouth(system: System) -> bool:

@@ -27,7 +27,8 @@ _BUSY, _QUIET = (4.5, 10.0), (1.4, 3.2)
 """Seconds of a bout, and between bouts. [ours: about those of `cospeech.rules.bouts`; with longer rests, still spells are
 longer than people's]"""
 _DOWN, _UP = 1.2, 0.5  # seconds in which hands come to rest, and from there [ours: with a quicker way down, beat lift falls]
-_CLEAR = 0.9  # seconds without an accent that is no weak one, in which hands go down [ours: with .7 s, beat lift falls]
+_CLEAR = 0.7
+"""Seconds without an accent that is no weak one, in which hands go down. [ours: with more, streams would have more lag]"""
 _LATE = 2.0  # seconds by which a bout ends later, at most, because accents follow; and begins later, until one comes [ours]
 _WEAK = 0.3  # strength up to which an accent counts for nothing here [ours]
 _MOST = 0.9  # how far hands come to rest [ours: as hands that are held, they live a little]

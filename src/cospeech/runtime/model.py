@@ -127,7 +127,7 @@ class TrainedModel:
         rules = self._speaking(options.style)
         of_face: dict[str, Any] = {"parts": ("face",), "emotion": decoder.moods or options.emotion, "fps": options.fps}
         of_face |= {"intensity": options.intensity, "temperature": options.temperature, "face_gain": options.face_gain}
-        accents = AccentTrack() if (options.holds or options.beat_alignment) and self._has_arms(options) else None
+        accents = AccentTrack() if (options.rests or options.beat_alignment) and self._has_arms(options) else None
         layers = self._layers(options, accents)
         rest = None
         if self.system.rests and self.system.pose != POSE:
@@ -155,10 +155,11 @@ class TrainedModel:
         stacks = []
         for seed in options.seeds:
             layers: list[MotionLayer] = []
+            if options.holds and self._has_arms(options):
+                layers.append(HandHolds(options.fps))
             if accents is not None:
-                layers += [HandHolds(options.fps)] if options.holds else []
                 layers += [BeatAlignment(options.fps, accents)] if options.beat_alignment else []
-                layers += [HandRests(options.fps, accents, seed)] if options.holds else []
+                layers += [HandRests(options.fps, accents, seed)] if options.rests else []
             if stands:
                 layers.append(StanceLayer(seed=seed, fps=options.fps, amount=amount, fingers=fingers, waits=waits))
             stacks.append(LayerStack(layers))
@@ -216,8 +217,10 @@ class TrainedModel:
                 and hands instead of from its own, and which is shown; for chains trained so, and not while they stream.
             stance: True puts the stance of the rules under a body without legs, as `cospeech generate` does for its files:
                 weight shifts, steps, a trunk that follows the hands. False, the default, gives the network's own motion.
-            holds: True holds the hands still between strokes, and lets them rest between bouts of gestures, as
-                `cospeech generate` does for its files. False, the default, keeps the network's own motion.
+            holds: True holds the hands still between strokes, as `cospeech generate` does for its files. False, the default,
+                keeps the network's own motion.
+            rests: True lets the hands rest between bouts of gestures, as files of `cospeech generate` and streams do. False,
+                the default, keeps the network's own motion.
             beat_alignment: True moves the arms in time, so that their strokes fall on accents, as `cospeech generate` does for
                 its files. False, the default, keeps the network's own timing.
             calibrated: False plays the network alone, without means, amplitudes and noise measured when it was bundled, and

@@ -5,10 +5,8 @@ from __future__ import annotations
 import base64
 import io
 import json
-import re
 import struct
 import tracemalloc
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -147,7 +145,32 @@ def test_vrma_follows_its_specification(tmp_path):
     assert {node for node, path in channels if path == "rotation"} == {*bones.values(), extension["lookAt"]["node"]}
     assert all("rotation" not in node and "scale" not in node for node in file.json["nodes"])
     assert set(extension["expressions"]["preset"]) == {"aa", "ih", "ou", "ee", "oh", "blink", "blinkLeft", "blinkRight", *MOODS}
-    assert set(extension["expressions"]["custom"]) == set(ARKIT)
+    assert set(extension["expressions"]["custom"]) == {name for name in ARKIT if not name.startswith("eyeLook")}
+
+
+@pytest.mark.parametrize("options", [{}, {"presets": False}, {"arkit": False}])
+def test_vrma_says_the_gaze_once(tmp_path, options):
+    """A player adds eyeLook* to lookAt where an avatar has both; so a clip has one of them, and either tells the other."""
+    motion = gesturing(60)
+    for look_at in (True, False):
+        save(motion, tmp_path / "a.vrma", look_at=look_at, **options)
+        extension = read_glb(tmp_path / "a.vrma").json["extensions"]["VRMC_vrm_animation"]
+        looks = [name for name in extension["expressions"].get("custom", {}) if name.startswith("eyeLook")]
+        assert ("lookAt" in extension, len(looks)) == (look_at, 0 if look_at or "arkit" in options else 8)
+        back = load(tmp_path / "a.vrma")
+        if look_at or looks:
+            assert quat_angle(back.rotations, motion.rotations).max() < 1e-5
+            columns = [ARKIT_INDEX[name] for name in ARKIT if name.startswith("eyeLook")]
+            np.testing.assert_allclose(back.face[:, columns], motion.face[:, columns], atol=1e-5)
+
+
+def test_a_face_that_was_recorded_alone_keeps_its_gaze_as_vrma(tmp_path):
+    """Its eyes rest, and its eyeLook* tell where it looks."""
+    motion = gesturing(60)
+    still = Motion(fps=30, rotations=np.tile([0.0, 0, 0, 1], (60, len(humanoid()), 1)), root=motion.root, face=motion.face)
+    save(still, tmp_path / "a.vrma")
+    eye = humanoid().index["leftEye"]
+    assert quat_angle(load(tmp_path / "a.vrma").rotations[:, eye], motion.rotations[:, eye]).max() < 1e-5
 
 
 def test_presets_are_modest():
@@ -180,15 +203,6 @@ def test_an_emotion_is_a_mood_of_avatars_that_have_presets_alone(emotion, mood):
     others = [weight for name, weight in found.items() if name != mood]
     assert max(others) < 0.2
     assert mood is None or found[mood] > max(0.25, max(others) + 0.1)
-
-
-def test_the_page_has_the_same_moods():
-    text = (Path(__file__).parents[2] / "web" / "src" / "shapes.ts").read_text("utf-8")
-    rows = re.findall(r"^  (\w+): \[(-[\d.]+), {(.*)}\],$", text, re.M)
-    found = {
-        mood: (float(base), {k: float(v) for k, v in re.findall(r"(\w+): (-?[\d.]+)", shares)}) for mood, base, shares in rows
-    }
-    assert found == MOODS
 
 
 def test_curves_are_sampled_as_the_specification_says():

@@ -15,6 +15,8 @@ from cospeech import Motion
 from cospeech.audio.speech import example
 from cospeech.errors import InputError
 from cospeech.export import html_page
+from cospeech.export.character_files import PACKED
+from tests.export.test_avatar import rewrite
 from tests.support.browser import find_violations, open_chromium, scrub, wait_until
 
 
@@ -67,6 +69,20 @@ def test_the_sound_reaches_the_last_frame(tmp_path, monkeypatch):
     samples, rate = soundfile.read(io.BytesIO(base64.b64decode(sound[1])))
     assert len(samples) / rate == pytest.approx(2.5, abs=0.05)
     assert abs(samples[: rate // 2]).mean() > 0.05 > 50 * abs(samples[rate * 3 // 2 :]).max()
+
+
+@pytest.mark.parametrize("extension", PACKED)
+def test_a_character_that_the_viewer_cannot_read_is_refused_before_the_work(tmp_path, monkeypatch, extension):
+    for name in ("viewer.js", "viewer.css"):
+        (tmp_path / name).write_text("")
+    monkeypatch.setattr(html_page, "VIEWER", tmp_path)
+    still(2).save(tmp_path / "me.glb")
+    used = {"extensionsUsed": [extension], "extensionsRequired": [extension]}
+    rewrite(tmp_path / "me.glb", tmp_path / "packed.glb", lambda document: document.update(used))
+    writer = html_page.Writer(tmp_path / "talk.html", skeleton=still(2).skeleton, fps=30, avatar=tmp_path / "packed.glb")
+    with pytest.raises(InputError, match=f"is packed by {extension}.*export it without compression"), writer:
+        pytest.fail("the work began")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["me.glb", "packed.glb", "viewer.css", "viewer.js"]
 
 
 @pytest.mark.slow

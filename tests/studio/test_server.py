@@ -224,3 +224,16 @@ def test_a_port_that_is_taken_is_said():
 )
 def test_loopback(host, own):
     assert server.is_loopback(host) is own
+
+
+def test_a_server_of_a_network_names_an_address_that_other_computers_can_open(monkeypatch):
+    with server.open_socket("0.0.0.0", 0) as listening:
+        port = listening.getsockname()[1]
+        own, other = server.list_addresses("0.0.0.0", listening, "secret")
+        assert own == f"http://127.0.0.1:{port}/?token=secret"
+        assert "0.0.0.0" not in other
+        monkeypatch.setattr(server, "_find_outward", lambda far: None)  # without a network
+        assert server.list_addresses("0.0.0.0", listening, "secret")[1] == f"http://{socket.gethostname()}:{port}/?token=secret"
+        monkeypatch.setattr(server, "_find_outward", lambda far: "2001:db8::7")
+        assert server.list_addresses("::", listening, None) == [f"http://[::1]:{port}/", f"http://[2001:db8::7]:{port}/"]
+        assert server.list_addresses("127.0.0.1", listening, None) == [f"http://127.0.0.1:{port}/"]

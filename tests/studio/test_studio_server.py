@@ -32,6 +32,7 @@ from cospeech.studio.catalogue import check_style, make_catalogue
 from cospeech.studio.live import FrameBox
 from cospeech.studio.messages import ModelRow
 from cospeech.studio.motion_bytes import read_motion
+from cospeech.studio.server import open_socket
 from cospeech.studio.speeches import label_of
 from cospeech.studio.uploads import UPLOAD_BYTES, UploadRefused, Uploads
 from tests.studio.test_server import PAYLOADS, raw_get
@@ -630,6 +631,35 @@ def test_an_interruption_drops_the_sound_that_was_sent_ahead(served):
         line.send(json.dumps({"type": "interrupt"}))
         mouths(2)  # the latency, and the mouth that shuts
         assert max(mouths(1.5)) < 0.02
+
+
+@pytest.mark.slow
+def test_a_receiver_that_comes_later_is_no_problem_any_more(served):
+    from websockets.sync.client import connect
+
+    with open_socket("127.0.0.1", 0) as free:
+        target = f"127.0.0.1:{free.getsockname()[1]}"
+    with connected(served[0], "/api/live") as line:
+        line.send(json.dumps({"type": "start", "model": "rules", "rate": 16_000, "targets": [f"listen://{target}"]}))
+
+        def wait_for_target(is_so):
+            until = time.monotonic() + 30
+            while time.monotonic() < until:
+                line.send(np.zeros(1600, "<i2").tobytes())
+                got = line.recv(timeout=30)
+                for each in [] if isinstance(got, bytes) else json.loads(got)["targets"]:
+                    if is_so(each):
+                        return each
+            pytest.fail("no such status")
+
+        assert "nobody is connected" in wait_for_target(lambda each: each["problem"])["problem"]
+        with pytest.raises(InvalidStatus), connect(f"ws://{target}", origin="https://elsewhere.example"):
+            pass
+        with connect(f"ws://{target}") as client:
+            found = wait_for_target(lambda each: each["sent"] > 20 and not each["problem"])
+            assert "elsewhere.example" in found["note"]
+            client.recv(timeout=30)
+        assert wait_for_target(lambda each: each["problem"])
 
 
 def test_the_catalogue_holds_every_form():

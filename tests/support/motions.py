@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cospeech.export.mannequin.character import Character, Part
+from cospeech.face.gaze import write_looks
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import axis_angle_to_quat, quat_identity, quat_multiply
 from cospeech.motion.skeleton import humanoid
@@ -14,7 +15,8 @@ __all__ = ["gesturing", "stand_in"]
 
 
 def gesturing(frames: int, fps: float = 30.0) -> Motion:
-    """Arms hang 75° below the T-pose, the right one comes up with a bent elbow; head, spine, fingers, eyes, face move."""
+    """Arms hang 75° below the T-pose, the right one comes up with a bent elbow; head, spine, fingers, eyes, face move;
+    the eyeLook* of the face are those of the eyes."""
     skeleton = humanoid()
     t = np.arange(frames) / fps
     q = quat_identity(frames, len(skeleton))
@@ -40,6 +42,8 @@ def gesturing(frames: int, fps: float = 30.0) -> Motion:
     face = np.zeros((frames, 52))
     for k, name in enumerate(ARKIT_INDEX):
         face[:, k] = (1 + np.sin(2 * np.pi * t * (0.3 + k / 40) + k)) / 2 * (0.1 if name.startswith("mouth") else 0.6)
+    yaw = np.repeat(0.2 * np.sin(1.3 * t)[:, None], 2, 1)
+    face = write_looks(face, np.stack([yaw, np.zeros_like(yaw)], -1))
     root = skeleton.offsets[0] + np.stack([0.03 * np.sin(t), 0.01 * np.sin(2 * t), 0.02 * np.cos(t)], 1)
     return Motion(fps=fps, rotations=q, root=root, face=face)
 

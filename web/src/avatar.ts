@@ -1,30 +1,41 @@
 // Somebody's own character: a VRM by its humanoid, a GLB by the names of its bones. The file stays in the browser.
 
 import { VRMHumanBoneName, VRMLoaderPlugin, VRMUtils, type VRM } from "@pixiv/three-vrm";
-import { Bone, Box3, Mesh, Object3D, Quaternion, Vector3 } from "three";
+import { Bone, Box3, Object3D, Quaternion, Vector3 } from "three";
 import { GLTFLoader, type GLTF } from "three/addons/loaders/GLTFLoader.js";
 import { Problem } from "./api";
 import { findBones } from "./bones";
-import { disposeMeshes, placeOf, prepareMeshes, type Figure } from "./figure";
+import { FaceRig } from "./face_rig";
+import { disposeMeshes, prepareMeshes, type Figure } from "./figure";
+import type { Catalogue } from "./messages";
 import type { Pose } from "./motion";
-import { ShapeMap } from "./shapes";
 
-/** Our humanoid, as the catalogue tells it. */
-export interface Humanoid {
-  joints: string[];
-  parents: number[];
-  rest: [number, number, number][];
-  weights: string[];
-}
+/** Our humanoid, and what is known of the files of others, as the catalogue tells it. */
+export type Humanoid = Pick<Catalogue, "joints" | "parents" | "rest" | "weights" | "face" | "packed">;
 
 const LEAST_BONES = 8; // a body has at least hips, head, arms and legs of two bones [ours]; a head with a face needs none
+
+const EYES = ["leftEye", "rightEye"];
 
 const LEGS = 0.6; // surface this far below the hips, of the way from hips to head, is legs; of a half body a third [ours]
 
 const HEAD = 0.3; // metres from the neck to the top of a head [ours: our mannequin]
 
+/** Refuse a character that three.js cannot read as it is packed: as `check_packing` of src/cospeech/export/character_files.py. */
+function checkPacking(data: ArrayBuffer, name: string, packed: string[]): void {
+  let document: { extensionsUsed?: string[]; extensionsRequired?: string[] } = {};
+  try {
+    document = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 20, new DataView(data).getUint32(12, true)))); // glTF 2.0, 4.4
+  } catch { // the loader says what is wrong
+  }
+  const { extensionsUsed = [], extensionsRequired = [] } = document;
+  const found = packed.find((each) => extensionsRequired.includes(each) || (/draco/.test(each) && extensionsUsed.includes(each)));
+  if (found) throw new Problem(`${name} is packed by ${found}`, "export it without compression");
+}
+
 /** Read somebody's character; what cannot be used is a Problem. */
 export async function loadAvatar(data: ArrayBuffer, name: string, humanoid: Humanoid): Promise<Figure> {
+  checkPacking(data, name, humanoid.packed);
   const loader = new GLTFLoader();
   loader.register((parser) => new VRMLoaderPlugin(parser));
   let file: GLTF;
@@ -35,27 +46,28 @@ export async function loadAvatar(data: ArrayBuffer, name: string, humanoid: Huma
   }
   const vrm = file.userData.vrm as VRM | undefined;
   const again = (): Promise<Figure> => loadAvatar(data, name, humanoid);
-  return vrm ? new VrmFigure(vrm, humanoid, again) : new GlbFigure(file.scene, name, humanoid, again);
+  return vrm ? new VrmFigure(vrm, file, humanoid, again) : new GlbFigure(file, name, humanoid, again);
 }
 
 /** A VRM: its normalised bones rest as ours do, so that rotations are taken as they are. */
 class VrmFigure implements Figure {
   readonly root: Object3D;
+  readonly face: FaceRig;
   private readonly bones: (Object3D | null)[];
-  private readonly shapes: ShapeMap;
   private readonly scale: number;
   private readonly side: number;
-  private open = 0;
 
-  constructor(private readonly vrm: VRM, private readonly humanoid: Humanoid, private readonly again: () => Promise<Figure>) {
+  constructor(private readonly vrm: VRM, file: GLTF, humanoid: Humanoid, private readonly again: () => Promise<Figure>) {
     this.root = new Object3D();
     this.root.add(vrm.scene);
     VRMUtils.rotateVRM0(vrm);
     prepareMeshes(vrm.scene);
     this.side = vrm.meta.metaVersion === "0" ? -1 : 1; // VRM 0 faces −Z
-    this.bones = humanoid.joints.map((name) => vrm.humanoid.getNormalizedBoneNode(name as VRMHumanBoneName));
+    const eyes = EYES.map((name) => this.bone(name));
+    this.face = new FaceRig(file, humanoid.weights, humanoid.face, eyes[0] !== undefined);
+    const resting = this.face.turnsEyes(eyes) ? EYES : [];
+    this.bones = humanoid.joints.map((name) => resting.includes(name) ? null : vrm.humanoid.getNormalizedBoneNode(name as VRMHumanBoneName));
     this.scale = (this.bones[0]?.position.y ?? humanoid.rest[0][1]) / humanoid.rest[0][1];
-    this.shapes = new ShapeMap(humanoid.weights, (shape) => vrm.expressionManager?.getExpression(shape) != null);
   }
 
   show(pose: Pose): void {
@@ -65,18 +77,20 @@ class VrmFigure implements Figure {
       const [x, y, z, w] = pose.rotations.subarray(k * 4, k * 4 + 4);
       bone?.quaternion.set(x * side, y, z * side, w);
     });
-    this.shapes.apply(pose.face, (shape, value) => this.vrm.expressionManager?.setValue(shape, value));
-    this.open = pose.face[this.humanoid.weights.indexOf("jawOpen")];
+    const drivers = this.face.driversOf(pose.face);
+    if (this.face.alphabet === "VRM") { // expressions also change materials
+      for (const [name, weight] of Object.entries(drivers)) this.vrm.expressionManager?.setValue(name, weight);
+    }
     this.vrm.update(0);
+    this.face.apply(drivers); // three-vrm puts shapes back to 0, and not to their weights at rest
   }
 
   jawOpen(): number {
-    const manager = this.vrm.expressionManager;
-    return this.shapes.moves ? (manager?.getValue("jawOpen") ?? manager?.getValue("aa") ?? this.open) : 0;
+    return this.face.opening();
   }
 
-  joint(name: string): [number, number, number] | null {
-    return placeOf(this.vrm.humanoid.getRawBoneNode(name as VRMHumanBoneName) ?? undefined, this.root);
+  bone(name: string): Object3D | undefined {
+    return this.vrm.humanoid.getRawBoneNode(name as VRMHumanBoneName) ?? undefined;
   }
 
   copy(): Promise<Figure> {
@@ -101,15 +115,15 @@ class GlbFigure implements Figure {
   readonly root = new Object3D();
   private readonly driven: Driven[] = [];
   private readonly byJoint = new Map<string, Object3D>();
-  private readonly faces: { mesh: Mesh; shapes: ShapeMap }[] = [];
+  readonly face: FaceRig;
+  private readonly scene: Object3D;
   private readonly world: Quaternion[];
   private readonly scale: number;
   private readonly hips: Vector3;
-  private open = 0;
 
-  constructor(
-    private readonly scene: Object3D, name: string, private readonly humanoid: Humanoid, private readonly again: () => Promise<Figure>,
-  ) {
+  constructor(file: GLTF, name: string, private readonly humanoid: Humanoid, private readonly again: () => Promise<Figure>) {
+    const { scene } = file;
+    this.scene = scene;
     this.root.add(scene);
     prepareMeshes(scene);
     this.root.updateMatrixWorld(true);
@@ -118,8 +132,8 @@ class GlbFigure implements Figure {
       if (node instanceof Bone) bones.push(node);
     });
     const found = findBones(humanoid.joints, bones.map((bone) => bone.userData.name ?? bone.name));
-    this.readFaces();
-    if (found.size < LEAST_BONES && !this.faces.length) {
+    this.face = new FaceRig(file, humanoid.weights, humanoid.face, found.has("leftEye"));
+    if (found.size < LEAST_BONES && !this.face.alphabet) {
       throw new Problem(`${name} has no humanoid that is recognised`, "a VRM says which bone is which");
     }
     for (const [joint, index] of found) this.byJoint.set(joint, bones[index]);
@@ -152,9 +166,10 @@ class GlbFigure implements Figure {
   /** Bones in the order of our joints, parents first. */
   private collect(): void {
     const { joints } = this.humanoid;
+    const resting = this.face.turnsEyes(EYES.map((name) => this.byJoint.get(name))) ? EYES : [];
     joints.forEach((joint, column) => {
       const bone = this.byJoint.get(joint);
-      if (bone === undefined) return;
+      if (bone === undefined || resting.includes(joint)) return;
       const rest = bone.getWorldQuaternion(new Quaternion());
       const turn = this.turnOf(column, bone);
       this.driven.push({ bone, column, rest: turn.multiply(rest) });
@@ -178,15 +193,6 @@ class GlbFigure implements Figure {
     return turn.setFromUnitVectors(from, new Vector3(...rest[child]).normalize());
   }
 
-  private readFaces(): void {
-    this.scene.traverse((node) => {
-      if (!(node instanceof Mesh) || node.morphTargetDictionary === undefined) return;
-      const known = node.morphTargetDictionary;
-      const shapes = new ShapeMap(this.humanoid.weights, (shape) => shape in known);
-      if (shapes.moves) this.faces.push({ mesh: node, shapes });
-    });
-  }
-
   show(pose: Pose): void {
     const { parents } = this.humanoid;
     this.world.forEach((rotation, k) => {
@@ -205,19 +211,15 @@ class GlbFigure implements Figure {
       }
       bone.updateMatrixWorld(true);
     }
-    for (const { mesh, shapes } of this.faces) {
-      const [known, influences] = [mesh.morphTargetDictionary ?? {}, mesh.morphTargetInfluences ?? []];
-      shapes.apply(pose.face, (shape, value) => (influences[known[shape]] = value));
-    }
-    this.open = pose.face[this.humanoid.weights.indexOf("jawOpen")];
+    this.face.apply(this.face.driversOf(pose.face));
   }
 
   jawOpen(): number {
-    return this.faces.length ? this.open : 0;
+    return this.face.opening();
   }
 
-  joint(name: string): [number, number, number] | null {
-    return placeOf(this.byJoint.get(name), this.root);
+  bone(name: string): Object3D | undefined {
+    return this.byJoint.get(name);
   }
 
   copy(): Promise<Figure> {

@@ -7,6 +7,8 @@ import type { Stage } from "./stage";
 import type { Catalogue } from "./messages";
 import type { Take } from "./state";
 
+const SHAPES = { ARKit: "shapes of ARKit", VRM: "expressions of VRM", Oculus: "visemes of Oculus" };
+
 export class Crowd {
   private figures: Figure[] = [];
   private readonly pose: Pose;
@@ -49,8 +51,7 @@ export class Crowd {
   /** Somebody's own character in the place of ours; the file is read here and goes nowhere. */
   async wear(file: File): Promise<void> {
     const { loadAvatar } = await import("./avatar");
-    const { joints, parents, rest, weights } = this.catalogue;
-    const figure = await loadAvatar(await file.arrayBuffer(), file.name, { joints, parents, rest, weights });
+    const figure = await loadAvatar(await file.arrayBuffer(), file.name, this.catalogue);
     this.name = file.name;
     await this.replace(figure);
   }
@@ -84,6 +85,14 @@ export class Crowd {
 
   showPose(pose: Pose): void {
     this.figures[0]?.show(pose);
+  }
+
+  /** By what the face of the character's own moves, in words; nothing of our mannequin. */
+  describeFace(): string {
+    const { face } = this.first;
+    if (face === undefined) return "";
+    if (!face.alphabet) return "Its face cannot be moved: no shape has a name of ARKit, VRM or Oculus.";
+    return `Its face moves by ${SHAPES[face.alphabet]}.`;
   }
 
   figure(k: number): Figure {

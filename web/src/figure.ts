@@ -3,6 +3,7 @@
 import { Mesh, Object3D, Vector3 } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { clone } from "three/addons/utils/SkeletonUtils.js";
+import type { FaceRig } from "./face_rig";
 import type { Pose } from "./motion";
 
 export interface Figure {
@@ -11,8 +12,10 @@ export interface Figure {
   show(pose: Pose): void;
   /** How far the mouth is open, as the shapes of the face stand: 0 to 1. */
   jawOpen(): number;
-  /** Where a joint is, metres from the place on which the character stands; null where it has no such joint. */
-  joint(name: string): [number, number, number] | null;
+  /** What moves the face of somebody's own character. */
+  readonly face?: FaceRig;
+  /** What turns as a joint of ours. */
+  bone(name: string): Object3D | undefined;
   /** Another one that looks the same. */
   copy(): Promise<Figure>;
   dispose(): void;
@@ -39,7 +42,9 @@ export function disposeMeshes(root: Object3D): void {
   });
 }
 
-export function placeOf(node: Object3D | undefined, root: Object3D): [number, number, number] | null {
+/** Where a joint is, metres from the place on which the character stands; null where it has no such joint. */
+export function placeOf(figure: Figure, joint: string): [number, number, number] | null {
+  const [{ root }, node] = [figure, figure.bone(joint)];
   if (node === undefined) return null;
   root.updateWorldMatrix(true, true);
   const place = root.worldToLocal(node.getWorldPosition(new Vector3()));
@@ -86,8 +91,8 @@ export class Mannequin implements Figure {
     return column < 0 ? 0 : (face.mesh.morphTargetInfluences?.[column] ?? 0);
   }
 
-  joint(name: string): [number, number, number] | null {
-    return placeOf(this.byName.get(name), this.root);
+  bone(name: string): Object3D | undefined {
+    return this.byName.get(name);
   }
 
   copy(): Promise<Figure> {

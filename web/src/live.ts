@@ -3,6 +3,7 @@
 import { socketOf } from "./api";
 import { fillSelect, find, make, modelRows, readName } from "./dom";
 import type { LiveStatus, StartLive } from "./messages";
+import { openMicrophone } from "./microphone";
 import { makePose, type Pose } from "./motion";
 import type { Store } from "./state";
 import { emotionRows } from "./panels/settings";
@@ -54,11 +55,11 @@ export class Live {
   private async start(): Promise<void> {
     this.tell("");
     try {
-      this.microphone = await navigator.mediaDevices.getUserMedia({ audio: { channelCount: 1, autoGainControl: true } });
+      this.microphone = await openMicrophone({ channelCount: 1, autoGainControl: true });
       this.context = new AudioContext();
       await this.context.audioWorklet.addModule("./capture.js");
     } catch (error) {
-      this.tell(`the microphone cannot be used: ${error instanceof Error ? error.message : String(error)} (allow it in the browser)`);
+      this.tell(error instanceof Error ? error.message : String(error));
       return this.stop();
     }
     const socket = socketOf("/api/live");
@@ -105,7 +106,7 @@ export class Live {
     find("live-latency").textContent = `${Math.round(status.latency * 1000)} ms after the sound`;
     find("live-late").textContent = String(status.late);
     find("live-targets").replaceChildren(...status.targets.map((target) =>
-      make("li", {}, `${target.url}: ${target.problem || `${target.sent} frames sent`}`)));
+      make("li", {}, [`${target.url}: ${target.problem || `${target.sent} frames sent`}`, target.note].filter(Boolean).join("; "))));
     if (status.problem) this.tell(status.hint ? `${status.problem} (${status.hint})` : status.problem);
     if (!status.running && status.problem) this.stop();
   }

@@ -69,6 +69,7 @@ async function openStudio(): Promise<void> {
       store.update({ problem: error instanceof Error ? error.message : String(error) });
     }
     find("avatar-name").textContent = crowd?.name || "Mannequin";
+    find("avatar-face").textContent = crowd?.describeFace() ?? "";
     find("mannequin").hidden = !crowd?.name;
     find("avatar-note").hidden = !crowd?.name;
   }
@@ -130,9 +131,10 @@ function bindHeader(store: Store, takes: Takes): void {
     const { settings, takes: shown } = store.state;
     const link = location.href.replace(/#.*$/, "") + writeLink(settings, shown.map((take) => take.seed));
     history.replaceState(null, "", link);
-    navigator.clipboard.writeText(link).then(
+    const { clipboard } = navigator as { clipboard?: Clipboard }; // browsers give it to pages of https or localhost alone
+    (clipboard?.writeText(link) ?? Promise.reject(new Error("no clipboard"))).then(
       () => store.update({ notice: "the link is copied: it holds the settings, and not the speech" }),
-      () => store.update({ notice: "the link is in the address bar" }),
+      () => store.update({ notice: `copy the link from here, or from the address bar: ${link}` }),
     );
   });
 }

@@ -28,6 +28,8 @@ export interface Catalogue {
   parents: number[];
   rest: [number, number, number][];
   weights: string[];
+  face: FaceTables;
+  packed: string[];
   limits: StudioLimits;
 }
 
@@ -84,6 +86,20 @@ export interface CreatedTake {
 export interface EmotionMoment {
   time: number;
   weights: Record<string, number>;
+}
+
+/** How faces of characters are found and driven, as `cospeech.export.face_names` and `cospeech.export.visemes` have it. */
+export interface FaceTables {
+  arkit: Record<string, string>;
+  vrm0: Record<string, string>;
+  oculus: Record<string, string>;
+  longest: number;
+  enough: number;
+  held: number;
+  moved: number;
+  vowels: Record<string, string>;
+  moods: Record<string, [number, Record<string, number>]>;
+  scales: Record<string, number>;
 }
 
 /** A form of gesture. */
@@ -351,6 +367,7 @@ export interface TargetStatus {
   url: string;
   sent: number;
   problem: string;
+  note: string;
 }
 
 /** `cospeech.Plan.unlock`. */

@@ -68,7 +68,8 @@ export class Motion {
     const after = Math.min(before + 1, this.frames - 1);
     const share = Math.max(at - before, 0);
     mix(this.root, pose.root, before, after, share);
-    mix(this.face, pose.face, before, after, share);
+    if (this.weights.length) mix(this.face, pose.face, before, after, share);
+    else pose.face.fill(0); // a motion without a face
     mixRotations(this.rotations, pose.rotations, before, after, share);
   }
 }

@@ -1,7 +1,8 @@
 // What tests read of the page: window.cospeechStudio.
 
-import { Box3 } from "three";
+import { Box3, Vector3 } from "three";
 import type { Crowd } from "./crowd";
+import { placeOf } from "./figure";
 import type { Live } from "./live";
 import type { Player } from "./player";
 import type { Stage } from "./stage";
@@ -44,7 +45,23 @@ export function publishReadOuts({ store, player, live, stage, crowd, shownTime }
       const { min, max } = new Box3().setFromObject(figure.root);
       return [min.y, max.y];
     },
-    joint: (name: string, k = store.state.chosen) => crowd()?.figure(k).joint(name) ?? null,
+    joint: (name: string, k = store.state.chosen) => {
+      const figure = crowd()?.figure(k);
+      return figure ? placeOf(figure, name) : null;
+    },
+    /** How a bone is turned in what it hangs on. */
+    turn: (name: string, k = store.state.chosen) => crowd()?.figure(k).bone(name)?.quaternion.toArray() ?? null,
+    /** Node of the character's file → the weights of its shapes; for a face, if one is given. */
+    shapes: (face?: number[], k = store.state.chosen) => {
+      const rig = crowd()?.figure(k).face;
+      if (rig && face) rig.apply(rig.driversOf(face));
+      return rig?.shown() ?? null;
+    },
+    /** Where a joint is in the picture: 0 to 1 from the left and from the top. */
+    onScreen: (name: string, k = store.state.chosen) => {
+      const place = crowd()?.figure(k).bone(name)?.getWorldPosition(new Vector3()).project(stage.camera);
+      return place ? [(place.x + 1) / 2, (1 - place.y) / 2] : null;
+    },
   };
   Object.assign(window, { cospeechStudio: readOuts });
 }

@@ -36,6 +36,7 @@ export class Stage {
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.enableDamping = false;
     this.controls.maxPolarAngle = Math.PI * 0.52;
+    this.controls.zoomToCursor = true; // scrolling comes nearer to what the pointer is on, a face say
     this.controls.minDistance = 0.4;
     this.controls.maxDistance = 25;
     this.controls.addEventListener("change", () => (this.stale = true));

@@ -51,7 +51,7 @@ def studio(
     cospeech studio --port 0 --no-browser
     """
     from ..errors import InputError
-    from ..studio.server import is_loopback, load_web, make_token, name_address, open_socket, run_server
+    from ..studio.server import is_loopback, list_addresses, load_web, make_token, open_socket, run_server
 
     for module in ("starlette.applications", "uvicorn", "websockets"):
         load_web(module)
@@ -63,11 +63,13 @@ def studio(
     from ..studio.app import make_app
     from ..studio.state import StudioState
 
-    address = name_address(host, listening, token)
+    address, *others = list_addresses(host, listening, token)
     with StudioState() as state:
         app = make_app(state, token=token)
         state.start_warm_up()
         typer.echo(f"the studio is at {address}  (Ctrl-C ends)")
+        for other in others:
+            typer.echo(f"  from other computers: {other}")
         if not no_browser:
             threading.Thread(target=webbrowser.open, args=(address,), name="cospeech browser", daemon=True).start()
         run_server(app, listening, websockets=True)

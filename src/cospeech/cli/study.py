@@ -125,7 +125,7 @@ def serve(study: Study, host: Host = "127.0.0.1", port: Port = 8766, debug: Debu
     cospeech study serve study
     cospeech study serve study --host 0.0.0.0 --port 8000
     """
-    from ..studio.server import is_loopback, load_web, make_token, name_address, open_socket, run_server
+    from ..studio.server import is_loopback, list_addresses, load_web, make_token, open_socket, run_server
     from ..studio.study.answers import Answers
     from ..studio.study.app import make_app
     from ..studio.study.plan import load_plan
@@ -136,7 +136,10 @@ def serve(study: Study, host: Host = "127.0.0.1", port: Port = 8766, debug: Debu
     with Answers(study, plan) as answers:
         app = make_app(study, plan, answers, token=token)
         listening = open_socket(host, port)
-        typer.echo(f"the study is at {name_address(host, listening, token)}  (Ctrl-C ends)")
+        address, *others = list_addresses(host, listening, token)
+        typer.echo(f"the study is at {address}  (Ctrl-C ends)")
+        for other in others:
+            typer.echo(f"  from other computers: {other}")
         run_server(app, listening)
 
 

@@ -12,6 +12,7 @@ from ..errors import InputError
 from ..limits import AVATAR_SHAPE_NUMBERS, AVATAR_VERTICES
 from ..motion.rotations import Array
 from .avatar_skeleton import TPose
+from .character_files import check_packing
 from .gltf import GltfFile
 from .mannequin.character import Part
 from .surface import Surface, normalise_normals
@@ -20,7 +21,6 @@ from .textures import Material, MaterialReader
 __all__ = ["MeshBaker"]
 
 _TRIANGLES = 4  # 5.24: what ``mode`` says of a list of triangles
-_PACKED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +48,7 @@ class MeshBaker:
     def __init__(
         self, file: GltfFile, tpose: TPose, shapes: Mapping[int, Mapping[int, str]], base: Mapping[int, Array]
     ) -> None:
-        packed = _PACKED & {str(name) for name in file.json.get("extensionsRequired", [])}
-        if packed:
-            raise InputError(f"{file.name} is packed by {sorted(packed)[0]}", "export it without compression")
+        check_packing(file)
         self._file, self._tpose, self._shapes, self._base = file, tpose, shapes, base
         self._materials = MaterialReader(file)
         self._vertices, self._numbers = AVATAR_VERTICES, AVATAR_SHAPE_NUMBERS

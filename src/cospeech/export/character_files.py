@@ -5,12 +5,17 @@ from __future__ import annotations
 from os import PathLike
 from pathlib import Path
 
+from ..errors import InputError
 from .gltf import GltfFile, read_glb
 
-__all__ = ["CHARACTERS", "read_character"]
+__all__ = ["CHARACTERS", "PACKED", "check_packing", "read_character"]
 
 CHARACTERS = (".glb", ".gltf", ".vrm", ".fbx")
 """Suffixes of files that hold a character."""
+_DRACO, _TEXTURES = "KHR_draco_mesh_compression", "KHR_texture_basisu"
+PACKED = (_DRACO, "EXT_meshopt_compression", "KHR_meshopt_compression", _TEXTURES)
+"""Extensions of packed meshes and textures, which a page cannot read. [ours]: decoders are
+WebAssembly, which the policy of our pages forbids."""
 
 
 def read_character(path: str | PathLike[str]) -> GltfFile:
@@ -24,3 +29,19 @@ def read_character(path: str | PathLike[str]) -> GltfFile:
 
         return read_fbx(path)
     return read_glb(path)
+
+
+def check_packing(file: GltfFile, *, in_page: bool = False) -> None:
+    """Whether the surface of a character can be read here, or by the viewer of a page.
+
+    Pictures leave out packed textures. Where a plain copy of a mesh lies beside a packed one, pictures take it; three.js, the
+    library of the viewer, refuses the file if Draco packed it.
+
+    Raises:
+        InputError: it cannot.
+    """
+    required, used = ({str(name) for name in file.json.get(key, [])} for key in ("extensionsRequired", "extensionsUsed"))
+    found = {name for name in PACKED if name in required and (in_page or name != _TEXTURES)}
+    found |= {_DRACO} & used if in_page else set()
+    if found:
+        raise InputError(f"{file.name} is packed by {min(found)}", "export it without compression")

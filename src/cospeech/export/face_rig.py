@@ -15,24 +15,13 @@ import numpy as np
 
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
+from .face_names import ARKIT_NAMES, ENOUGH, HELD, LONGEST, MOVED, OCULUS_NAMES, VRM0_NAMES
 from .face_reading import Bind, read_arkit, read_presets
 from .gltf import GltfFile, report_damage
 from .tracks import Curve
 from .visemes import oculus_visemes, vrm_presets
 
 __all__ = ["Bind", "FaceRig", "looks_turn_eyes", "read_face", "target_names"]
-
-_LONGEST = 64  # letters at the end of a name that count; ours: the longest of ARKit has 19
-_ENOUGH = 12  # ours: with fewer of ARKit's shapes, a full set of presets or visemes says more
-_HELD, _MOVED = 0.3, 1e-3  # ours: a vertex is an eyeball's if its bone holds that much of it; metres that a look moves it
-_SHORT = {name.replace("Left", "L").replace("Right", "R").lower(): name for name in ARKIT if name.endswith(("Left", "Right"))}
-_ARKIT = {name.lower(): name for name in ARKIT} | _SHORT
-_VRM0 = {
-    "a": "aa", "i": "ih", "u": "ou", "e": "ee", "o": "oh", "blink": "blink", "blink_l": "blinkLeft", "blink_r": "blinkRight",
-    "lookup": "lookUp", "lookdown": "lookDown", "lookleft": "lookLeft", "lookright": "lookRight",
-    "joy": "happy", "angry": "angry", "sorrow": "sad", "surprised": "surprised",
-}  # fmt: skip
-_OCULUS = {name.lower(): name for name in ("sil", "PP", "FF", "aa", "E", "I", "O", "U")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,16 +80,17 @@ def read_face(file: GltfFile, *, eyes_are_bones: bool) -> FaceRig:
     with report_damage(file.name):
         nodes = [(k, node["mesh"]) for k, node in enumerate(file.list("nodes")) if "mesh" in node]
         named = [(k, t, name) for k, mesh in nodes for t, name in enumerate(target_names(file, mesh))]
-        arkit = [Bind(_ARKIT[key], k, t) for k, t, name in named if (key := _key(name)) in _ARKIT]
+        arkit = [Bind(ARKIT_NAMES[key], k, t) for k, t, name in named if (key := _key(name)) in ARKIT_NAMES]
         expressions = list(_expressions(file))
         presets = [bind for name, bind in expressions if name in vrm_presets(np.zeros((1, len(ARKIT))))]
         if eyes_are_bones:
             presets = [bind for bind in presets if not bind.driver.startswith("look")]
         oculus = [Bind(f"viseme_{v}", k, t) for k, t, name in named if (v := _viseme(name))]
-        if len({bind.driver for bind in arkit}) < _ENOUGH:
-            clips = [Bind(_ARKIT[name.lower()], b.node, b.target, b.share) for name, b in expressions if name.lower() in _ARKIT]
+        if len({bind.driver for bind in arkit}) < ENOUGH:
+            known = [(ARKIT_NAMES[name.lower()], bind) for name, bind in expressions if name.lower() in ARKIT_NAMES]
+            clips = [bind._replace(driver=name, binary=False) for name, bind in known]
             arkit = clips if len({b.driver for b in clips}) > len({b.driver for b in arkit}) else arkit
-        if len({bind.driver for bind in arkit}) >= _ENOUGH:
+        if len({bind.driver for bind in arkit}) >= ENOUGH:
             return _rig(file, "ARKit", arkit)
         if presets:
             return _rig(file, "VRM", presets)
@@ -121,8 +111,8 @@ def looks_turn_eyes(file: GltfFile, face: FaceRig, eyes: set[int]) -> bool:
             for primitive in file.list("meshes")[entry["mesh"]]["primitives"]:
                 attributes, target = primitive["attributes"], primitive["targets"][bind.target]
                 on_eye = np.isin(file.accessor(attributes["JOINTS_0"], 4), own)
-                held = np.sum(file.accessor(attributes["WEIGHTS_0"], 4) * on_eye, 1) > _HELD
-                if np.any(np.abs(file.accessor(target["POSITION"], 3)[held]) > _MOVED):
+                held = np.sum(file.accessor(attributes["WEIGHTS_0"], 4) * on_eye, 1) > HELD
+                if np.any(np.abs(file.accessor(target["POSITION"], 3)[held]) > MOVED):
                     return True
         return False
 
@@ -141,17 +131,17 @@ def _rig(file: GltfFile, alphabet: str, binds: list[Bind]) -> FaceRig:
 
 def _key(name: str) -> str:
     """``"Face.M_eyeBlink_L"`` → ``"eyeblinkl"``: without what stands before ARKit's name, and without signs."""
-    pieces = [piece for piece in re.split(r"[.:|_\s-]+", name[-_LONGEST:]) if piece]
+    pieces = [piece for piece in re.split(r"[.:|_\s-]+", name[-LONGEST:]) if piece]
     for first in range(len(pieces)):
         key = "".join(pieces[first:]).lower()
-        if key in _ARKIT:
+        if key in ARKIT_NAMES:
             return key
     return ""
 
 
 def _viseme(name: str) -> str:
-    found = re.search(r"viseme[._\s-]*([a-z]+)$", name[-_LONGEST:], re.IGNORECASE)
-    return _OCULUS.get(found[1].lower(), "") if found else ""
+    found = re.search(r"viseme[._\s-]*([a-z]+)$", name[-LONGEST:], re.IGNORECASE)
+    return OCULUS_NAMES.get(found[1].lower(), "") if found else ""
 
 
 def _expressions(file: GltfFile) -> Iterator[tuple[str, Bind]]:
@@ -171,7 +161,7 @@ def _expressions(file: GltfFile) -> Iterator[tuple[str, Bind]]:
     for group in extensions.get("VRM", {}).get("blendShapeMaster", {}).get("blendShapeGroups", []):
         preset = str(group.get("presetName", "")).lower()
         name = str(group.get("name", ""))
-        name = _VRM0.get(preset) or _VRM0.get(name.lower(), name)
+        name = VRM0_NAMES.get(preset) or VRM0_NAMES.get(name.lower(), name)
         for bind in group.get("binds", []):
             for k in of_mesh.get(bind["mesh"], []):
                 share = float(bind.get("weight", 100)) / 100  # VRM 0.x counts in per cent

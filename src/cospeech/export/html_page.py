@@ -21,7 +21,8 @@ from ..audio.speech import open_speech
 from ..errors import InputError
 from ..motion.motion import Motion
 from . import Writer as BaseWriter
-from .avatar import Avatar
+from .avatar import Avatar, load_avatar
+from .character_files import check_packing
 from .glb import Writer as GlbWriter
 
 __all__ = ["Writer"]
@@ -64,7 +65,7 @@ class Writer(BaseWriter):
         avatar: somebody's character in place of ours: a ``.vrm`` or ``.glb`` file, or one that `load_avatar` has read.
 
     Raises:
-        InputError: the viewer has not been built, or the audio or the avatar cannot be read.
+        InputError: the viewer has not been built, or the audio or the avatar cannot be read, here or by the viewer.
     """
 
     _inner: GlbWriter | None = None
@@ -77,7 +78,11 @@ class Writer(BaseWriter):
     def _begin(self, temporary: Path) -> None:
         self._temporary = temporary
         self._character, self._sound = temporary.with_suffix(".character.glb"), temporary.with_suffix(".sound.mp3")
-        inner = GlbWriter(self._character, skeleton=self.skeleton, fps=self.fps, avatar=self._avatar)
+        avatar = self._avatar
+        if avatar is not None:
+            avatar = avatar if isinstance(avatar, Avatar) else load_avatar(avatar)
+            check_packing(avatar.file, in_page=True)
+        inner = GlbWriter(self._character, skeleton=self.skeleton, fps=self.fps, avatar=avatar)
         inner.__enter__()
         self._inner = inner
         if self.audio is not None:  # what cannot be read is to be known before the work

@@ -8,11 +8,12 @@ the lips' mean lift), each held in 0 … 1:
     aa = (1−R)·A·(1−W)    ee = (1−R)·A·W    ih = (1−R)·(1−A)·W·L    oh = R·A    ou = R·(1−A)
 
 They never add up to more than 1, a smile with closed lips speaks no vowel, and a wide jaw is ``aa``. The formula and its
-five scales are ours. ``blink`` takes what both lids share and ``blinkLeft``/``blinkRight`` the rest, as a character adds
+six scales are ours. ``blink`` takes what both lids share and ``blinkLeft``/``blinkRight`` the rest, as a character adds
 them up.
 
 The moods are sums of ARKit weights, held in 0 … 1 (`MOODS`). What a face does while it speaks without an emotion is below
-their thresholds. VRM has no preset for fear, disgust and contempt: fear shows as surprise, disgust as anger.
+their thresholds. VRM has no preset for fear, disgust and contempt: fear shows as surprise, disgust as anger. The page of the
+studio gets `MOODS`, `OCULUS_VOWELS` and `SCALES` from the server; web/src/face_drivers.ts has the formula, and a test compares.
 """
 
 from __future__ import annotations
@@ -24,14 +25,15 @@ import numpy as np
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 
-__all__ = ["MOODS", "OCULUS_VOWELS", "arkit_from_presets", "invert_presets", "oculus_visemes", "vrm_presets"]
+__all__ = ["MOODS", "OCULUS_VOWELS", "SCALES", "arkit_from_presets", "invert_presets", "oculus_visemes", "vrm_presets"]
 
-_OPEN, _ROUND, _STRETCHED, _SMILED, _PARTED = 0.4, 0.7, 0.22, 0.8, 0.5  # ours, see above
+SCALES = {"open": 0.4, "round": 0.7, "stretched": 0.22, "smiled": 0.8, "parted": 0.5, "at_ease": 0.2}
+"""Of the formula above. [ours]; ``at_ease``: a face that speaks without an emotion smiles less for nine tenths of the time."""
+_OPEN, _ROUND, _STRETCHED, _SMILED, _PARTED, _AT_EASE = SCALES.values()
 _LITTLE, _TRACE = 1e-3, 0.1  # ours: of a weight that is none; of a mood that may be an error of reading
 _INVERTED = ("surprised", "angry", "sad", "happy")  # moods, each after those whose shapes count against it
 OCULUS_VOWELS = {"aa": "aa", "E": "ee", "I": "ih", "O": "oh", "U": "ou"}
 """Viseme of Oculus → the preset of VRM that is the same vowel."""
-_AT_EASE = 0.2  # of a smile; ours: a face that speaks without an emotion has less for nine tenths of the time
 MOODS = {
     "happy": (-0.4, {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8}),
     "angry": (-0.2, {"browDownLeft": 0.425, "browDownRight": 0.425, "browInnerUp": -0.7}),
@@ -39,7 +41,7 @@ MOODS = {
     "surprised": (-0.25, {"eyeWideLeft": 0.4, "eyeWideRight": 0.4, "browInnerUp": 0.2}),
 }
 """Mood of VRM → what is added to a sum of ARKit weights, and their shares. Ours: at the usual intensity, the preset of an
-emotion is half of what the avatar's author drew, so that lips still speak; web/src/shapes.ts has the same figures."""
+emotion is half of what the avatar's author drew, so that lips still speak."""
 _FROM_PRESET = {
     "aa": {"jawOpen": 0.4},
     "ih": {"jawOpen": 0.1, "mouthStretchLeft": 0.5, "mouthStretchRight": 0.5, "mouthLowerDownLeft": 0.3,

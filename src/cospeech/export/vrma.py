@@ -2,8 +2,12 @@
 
 The rest pose is VRM's T-pose with identity rotations (so that the data carries over as it is), soles on the floor;
 translation is keyed on the hips only and the eyes not at all: a ``lookAt`` node turns in their place. Expressions are the
-X of a node's translation: the presets of `visemes.vrm_presets` for any avatar, and ARKit's 52 names as custom expressions for
+X of a node's translation: the presets of `visemes.vrm_presets` for any avatar, and ARKit's names as custom expressions for
 "perfect sync" avatars. An avatar that has both adds them up: leave one out with ``presets=False`` or ``arkit=False``.
+
+The gaze is said once. The specification forbids the presets of looking, since ``lookAt`` handles them; the same holds for
+ARKit's eyeLook*, which a player adds to ``lookAt`` on an avatar that has such expressions. So these are left out, or with
+``look_at=False`` the ``lookAt``. `load` finds the one by the other.
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..face.gaze import read_looks, toward, write_looks
 from ..motion.motion import Motion
 from ..motion.rotations import Array, euler_to_quat, quat_slerp, quat_to_euler
 from ..motion.skeleton import humanoid
@@ -34,6 +39,8 @@ PRESETS = ("aa", "ih", "ou", "ee", "oh", "blink", "blinkLeft", "blinkRight", *MO
 
 _EYES = ("leftEye", "rightEye")
 _ARKIT = {name.lower(): name for name in ARKIT}
+_LOOKS = [k for name, k in ARKIT_INDEX.items() if name.startswith("eyeLook")]
+_AHEAD = 1e-6  # of a quaternion's x, y, z; [ours]: what rounding leaves of eyes that rest
 
 
 class Writer(BaseWriter):
@@ -42,22 +49,29 @@ class Writer(BaseWriter):
     Args:
         presets: write VRM's preset expressions.
         arkit: write ARKit's 52 as custom expressions.
+        look_at: write the gaze as ``lookAt``; else as ARKit's eyeLook*.
     """
 
     _recorder: Recorder | None = None
 
-    def __init__(self, path: str | PathLike[str], *, presets: bool = True, arkit: bool = True, **common: Any) -> None:
+    def __init__(
+        self, path: str | PathLike[str], *, presets: bool = True, arkit: bool = True, look_at: bool = True, **common: Any
+    ) -> None:
         super().__init__(path, **common)
         self._presets = PRESETS if presets else ()
-        self._arkit = ARKIT if arkit else ()
+        self._arkit = tuple(name for name, k in ARKIT_INDEX.items() if k not in _LOOKS or not look_at) if arkit else ()
+        self._look_at = look_at
 
     def _begin(self, temporary: Path) -> None:
         self._temporary = temporary
         self._builder = GltfBuilder({"asset": {"version": "2.0", "generator": "cospeech"}, "scene": 0})
         joints = add_humanoid(self._builder)
-        preset, custom = (_add_nodes(self._builder, names) for names in (self._presets, self._arkit))
-        look = self._builder.append("nodes", {"name": "lookAt"})
-        roots = [joints["hips"], *preset.values(), *custom.values(), look]
+        preset, custom = (
+            {name: self._builder.append("nodes", {"name": f"expression {name}"}) for name in names}
+            for names in (self._presets, self._arkit)
+        )
+        looks = [self._builder.append("nodes", {"name": "lookAt"})] if self._look_at else []
+        roots = [joints["hips"], *preset.values(), *custom.values(), *looks]
         self._builder.json["scenes"] = [{"name": "cospeech", "nodes": roots}]
         expressions = {
             kind: {name: {"node": node} for name, node in nodes.items()}
@@ -67,13 +81,14 @@ class Writer(BaseWriter):
         animation = {
             "specVersion": "1.0",
             "humanoid": {"humanBones": {name: {"node": node} for name, node in joints.items() if name not in _EYES}},
-            "lookAt": {"node": look, "offsetFromHeadBone": _between_the_eyes()},
         } | ({"expressions": expressions} if expressions else {})
+        if looks:
+            animation["lookAt"] = {"node": looks[0], "offsetFromHeadBone": _between_the_eyes()}
         self._builder.json |= {"extensionsUsed": ["VRMC_vrm_animation"], "extensions": {"VRMC_vrm_animation": animation}}
         turned = [node for name, node in joints.items() if name not in _EYES]
         tracks = [
             GltfTrack((joints["hips"],), "translation", 3),
-            *(GltfTrack((node,), "rotation", 4) for node in [*turned, look]),
+            *(GltfTrack((node,), "rotation", 4) for node in [*turned, *looks]),
         ]
         tracks += [GltfTrack((node,), "translation", 3) for node in [*preset.values(), *custom.values()]]
         self._joints = [k for k, name in enumerate(humanoid().names) if name not in _EYES]
@@ -90,7 +105,8 @@ class Writer(BaseWriter):
         if weights:
             expressions[..., 0] = np.clip(np.stack(weights, 1), 0, 1)
         turned = motion.rotations[:, self._joints].reshape(frames, -1)
-        columns = [motion.root, turned, gaze(motion), expressions.reshape(frames, -1)]
+        looks = [gaze(motion)] if self._look_at else []
+        columns = [motion.root, turned, *looks, expressions.reshape(frames, -1)]
         self._recorder.add(np.concatenate(columns, 1))
 
     def _finish(self) -> None:
@@ -115,15 +131,16 @@ def add_humanoid(builder: GltfBuilder) -> dict[str, int]:
     return dict(skeleton.index)
 
 
-def _add_nodes(builder: GltfBuilder, names: tuple[str, ...]) -> dict[str, int]:
-    return {name: builder.append("nodes", {"name": f"expression {name}"}) for name in names}
-
-
 def gaze(motion: Motion) -> Array:
-    """(T, 4) where both eyes look together, relative to the head: yaw and pitch, no roll."""
+    """(T, 4) where both eyes look together, relative to the head: yaw and pitch, no roll. Where eyes rest and eyeLook* say
+    otherwise, as in a face that was recorded alone, these tell."""
     left, right = (motion.rotations[:, motion.skeleton.index[name]].astype(np.float64) for name in _EYES)
     angles = quat_to_euler(quat_slerp(left, right, np.full(len(left), 0.5)), "YXZ")
-    return euler_to_quat(angles[:, :2], "YX")
+    turned = euler_to_quat(angles[:, :2], "YX")
+    if motion.face is None:
+        return turned
+    resting = np.abs(np.stack([left, right], 1)[..., :3]).max((1, 2)) < _AHEAD
+    return np.where(resting[:, None], toward(read_looks(motion.face).mean(1)), turned)
 
 
 def _between_the_eyes() -> list[float]:
@@ -148,11 +165,16 @@ def load(path: str | PathLike[str]) -> Motion:
         fps, times = clock_of(curves, file, max(rig.joints, len(humanoid())))
         rotations, root = rig.motion(curves, times)
         face = _face(file, curves, times, extension["VRMC_vrm_animation"])
-        look = extension["VRMC_vrm_animation"].get("lookAt", {}).get("node")
+        look = curves.get((extension["VRMC_vrm_animation"].get("lookAt", {}).get("node"), "rotation"))
+        turned = None if look is None else look.at(times)[:, None]
+        if turned is None:
+            turned = None if face is None else toward(read_looks(face))
+        elif face is not None and not face[:, _LOOKS].any():
+            angles = quat_to_euler(turned, "YXZ")[..., :2] * (1, -1)
+            face = np.clip(write_looks(face, np.repeat(angles, 2, 1)), 0, 1)
         motion = as_humanoid(Motion(fps=fps, rotations=rotations, root=root, face=face, skeleton=rig.skeleton))
-        if (look, "rotation") in curves:
-            for name in _EYES:
-                motion.rotations[:, motion.skeleton.index[name]] = curves[look, "rotation"].at(times)
+        if turned is not None:
+            motion.rotations[:, [motion.skeleton.index[name] for name in _EYES]] = turned
     return motion
 
 

@@ -20,7 +20,9 @@ from ..motion.rotations import Array, euler_to_quat, quat_conjugate, quat_multip
 from ..motion.skeleton import humanoid
 from ..motion.skeletons.arkit import ARKIT_INDEX
 
-__all__ = ["LISTENER", "Gaze", "GazePlanner", "Saccade", "direction_of", "eye_angles", "look", "toward"]
+__all__ = [
+    "LISTENER", "Gaze", "GazePlanner", "Saccade", "direction_of", "eye_angles", "look", "read_looks", "toward", "write_looks",
+]  # fmt: skip
 
 LISTENER = 2.0
 """Metres from the speaker to the listener, in front of where the speaker stands at rest: social distance (Hall 1966)."""
@@ -188,6 +190,22 @@ _BLINK, _WIDE = _columns("eyeBlink"), _columns("eyeWide")
 _SIDES = np.array([1.0, -1.0])
 
 
+def write_looks(weights: Array, angles: Array) -> Array:
+    """(N, 52) weights whose eyeLook* are those of eyes at (N, 2, 2) `eye_angles`; beyond what shapes can say they exceed 1."""
+    out = weights.copy()
+    outward = angles[:, :, 0] / _FULL[0] * _SIDES
+    up = angles[:, :, 1] / _FULL[1]
+    out[:, _OUT], out[:, _IN] = np.maximum(outward, 0.0), np.maximum(-outward, 0.0)
+    out[:, _UP], out[:, _DOWN] = np.maximum(up, 0.0), np.maximum(-up, 0.0)
+    return out
+
+
+def read_looks(weights: Array) -> Array:
+    """(N, 2, 2) `eye_angles` that the eyeLook* of (N, 52) weights say."""
+    outward, up = weights[:, _OUT] - weights[:, _IN], weights[:, _UP] - weights[:, _DOWN]
+    return np.stack([outward * _SIDES * _FULL[0], up * _FULL[1]], -1)
+
+
 def lids_and_looks(weights: Array, angles: Array) -> Array:
     """A face whose lids are as for eyes that look straight ahead, with those that follow its eyes.
 
@@ -199,11 +217,7 @@ def lids_and_looks(weights: Array, angles: Array) -> Array:
         (N, 52): eyeLook* of the eyes; upper lids come down with a gaze that falls, as much as a blink leaves of them, and
         open wide with one that rises.
     """
-    out = weights.copy()
-    outward = angles[:, :, 0] / _FULL[0] * _SIDES
-    up = angles[:, :, 1] / _FULL[1]
-    out[:, _OUT], out[:, _IN] = np.maximum(outward, 0.0), np.maximum(-outward, 0.0)
-    out[:, _UP], out[:, _DOWN] = np.maximum(up, 0.0), np.maximum(-up, 0.0)
+    out = write_looks(weights, angles)
     shut = out[:, _BLINK].copy()
     out[:, _BLINK] = 1 - (1 - shut) * (1 - _LID_FOLLOWS * np.minimum(out[:, _DOWN], 1.0))
     out[:, _WIDE] += _LID_LIFTS * out[:, _UP] * (1 - shut)

@@ -12,14 +12,16 @@ from typing import Any
 from .. import __version__
 from ..audio.emotions import EMOTIONS, suggest_emotion
 from ..errors import InputError, nearest
-from ..export import FORMATS
+from ..export import FORMATS, face_names
+from ..export.character_files import PACKED
+from ..export.visemes import MOODS, OCULUS_VOWELS, SCALES
 from ..models import DEFAULT
 from ..motion.skeleton import humanoid
 from ..motion.skeletons.arkit import ARKIT
 from ..rules.lexicon import LEXICON
 from ..rules.plan_edits import Plan
 from ..rules.repertoire import FORMS, LEXICAL_FORMS
-from .messages import Catalogue, FormatRow, FormRow, ModelRow, StudioLimits
+from .messages import Catalogue, FaceTables, FormatRow, FormRow, ModelRow, StudioLimits
 from .speeches import MINUTES
 from .uploads import UPLOAD_BYTES
 
@@ -48,8 +50,16 @@ def make_catalogue(models: Sequence[dict[str, Any]]) -> Catalogue:
             for suffix, entry in FORMATS.items()
         ],
         joints=list(skeleton.names), parents=list(skeleton.parents), rest=skeleton.offsets.tolist(),
-        weights=list(ARKIT),
+        weights=list(ARKIT), face=_list_face_tables(), packed=list(PACKED),
         limits=StudioLimits(upload_bytes=UPLOAD_BYTES, minutes=MINUTES, takes=MOST_TAKES),
+    )  # fmt: skip
+
+
+def _list_face_tables() -> FaceTables:
+    return FaceTables(
+        arkit=face_names.ARKIT_NAMES, vrm0=face_names.VRM0_NAMES, oculus=face_names.OCULUS_NAMES, longest=face_names.LONGEST,
+        enough=face_names.ENOUGH, held=face_names.HELD, moved=face_names.MOVED, vowels=OCULUS_VOWELS, moods=MOODS,
+        scales=SCALES,
     )  # fmt: skip
 
 

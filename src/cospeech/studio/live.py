@@ -103,7 +103,7 @@ class LivePlayer:
         self._start, self._models, self._box, self._on_end = start, models, box, on_end
         self._sound = WaitingSound(round(_AHEAD * start.rate))
         self._controls = LiveControls(self._sound, self._tell_problem)
-        self._problems: dict[str, str] = {}
+        self._notes: dict[str, str] = {}
         self._outlets: list[Outlet] = []
         self._pace = Pace()
         self._latency, self._look_ahead = 0.0, 0.0
@@ -134,7 +134,7 @@ class LivePlayer:
     def status(self, *, running: bool) -> LiveStatus:
         """How it goes."""
         targets = [
-            TargetStatus(url=outlet.name, sent=outlet.sent, problem=self._problems.get(outlet.name, ""))
+            TargetStatus(url=outlet.name, sent=outlet.sent, problem=outlet.problem, note=self._notes.get(outlet.name, ""))
             for outlet in self._outlets
         ]
         return LiveStatus(
@@ -185,5 +185,7 @@ class LivePlayer:
         self.problem = problem
 
     def _note(self, name: str, text: str) -> None:
-        """What an outlet tells of its receiver."""
-        self._problems[name] = "" if text.endswith("is back") else text
+        """What an outlet tells. The state of its receiver is the outlet's ``problem``, so only the rest is kept: a page that
+        was refused, say."""
+        if not text.endswith("is back") and all(outlet.problem != text for outlet in self._outlets):
+            self._notes[name] = text

@@ -58,6 +58,9 @@ class TargetStatus(StudioMessage):
     sent: int
     """Frames."""
     problem: str
+    """Why nobody receives frames now; else empty."""
+    note: str
+    """What was told of it once: a page that was refused, say."""
 
 
 class LiveStatus(StudioMessage):

@@ -15,10 +15,10 @@ from ..rules.plan_edits import Plan
 from ..rules.plan_model import HeardWord
 
 __all__ = [
-    "AddGesture", "Catalogue", "ChangeGesture", "ChangedPlan", "ClearStretch", "ClipStyle", "CreatedTake", "FormRow",
-    "FormatRow", "LockStretch", "MessageWords", "MixedStyle", "ModelRow", "MotionHeader", "MoveGesture", "NamedStyle",
-    "OpenedPlan", "PlanEdit", "PlanEditRequest", "PlanOpenRequest", "RemoveGesture", "ReseedStretch", "SetStretch",
-    "StudioLimits", "StudioMessage", "StudioProblem", "TakeEvent", "TakeRequest", "UnlockAll", "UploadedClip",
+    "AddGesture", "Catalogue", "ChangeGesture", "ChangedPlan", "ClearStretch", "ClipStyle", "CreatedTake", "FaceTables",
+    "FormRow", "FormatRow", "LockStretch", "MessageWords", "MixedStyle", "ModelRow", "MotionHeader", "MoveGesture",
+    "NamedStyle", "OpenedPlan", "PlanEdit", "PlanEditRequest", "PlanOpenRequest", "RemoveGesture", "ReseedStretch",
+    "SetStretch", "StudioLimits", "StudioMessage", "StudioProblem", "TakeEvent", "TakeRequest", "UnlockAll", "UploadedClip",
     "UploadedSpeech",
 ]  # fmt: skip
 
@@ -93,6 +93,31 @@ class StudioLimits(StudioMessage):
     """That are kept; the oldest one goes."""
 
 
+class FaceTables(StudioMessage):
+    """How faces of characters are found and driven, as `cospeech.export.face_names` and `cospeech.export.visemes` have it."""
+
+    arkit: dict[str, str]
+    """Small letters without signs → ARKit's name."""
+    vrm0: dict[str, str]
+    """Preset of VRM 0.x → that of VRM 1.0."""
+    oculus: dict[str, str]
+    """What stands after ``viseme_``, in small letters → viseme of Oculus."""
+    longest: int
+    """Letters at the end of a name that count."""
+    enough: int
+    """Of ARKit's shapes: with fewer, presets or visemes are driven."""
+    held: float
+    """Share of a vertex that an eye bone holds, if it is an eyeball's."""
+    moved: float
+    """Metres by which the shape of a look moves an eyeball, if it turns it."""
+    vowels: dict[str, str]
+    """Viseme of Oculus → preset of VRM."""
+    moods: dict[str, tuple[float, dict[str, float]]]
+    """Preset of VRM → what is added to a sum of ARKit weights, and their shares."""
+    scales: dict[str, float]
+    """Of the formula of vowels."""
+
+
 class Catalogue(StudioMessage):
     """Everything that the page offers."""
 
@@ -110,6 +135,9 @@ class Catalogue(StudioMessage):
     """Of each joint, its place from its parent in metres, in the T-pose."""
     weights: list[str]
     """The 52 names of ARKit, in the order of the face."""
+    face: FaceTables
+    packed: list[str]
+    """Extensions of glTF by which characters are packed, so that the page cannot read them."""
     limits: StudioLimits
 
 

@@ -23,9 +23,9 @@ from ..errors import InputError, InternalError
 __all__ = [
     "Guard",
     "is_loopback",
+    "list_addresses",
     "load_web",
     "make_token",
-    "name_address",
     "name_cookie",
     "open_socket",
     "run_server",
@@ -60,6 +60,8 @@ HEADERS = {
     "permissions-policy": "camera=(), geolocation=(), microphone=()",
     "cache-control": "no-store",
 }
+_ALL = {"0.0.0.0": ("127.0.0.1", "192.0.2.1"), "::": ("::1", "2001:db8::1")}
+"""All addresses of a machine → its own name of itself; and an address that nobody has (RFC 5737, RFC 3849)."""
 _HOST = re.compile(r"[A-Za-z0-9.:\[\]_-]{1,255}")
 
 
@@ -289,10 +291,29 @@ def open_socket(host: str, port: int) -> socket.socket:
     return made
 
 
-def name_address(host: str, listening: socket.socket, token: str | None) -> str:
-    """Where a browser finds what is served at a listening socket; a token that is needed is in it."""
-    shown = f"[{host}]" if ":" in host else host
-    return f"http://{shown}:{listening.getsockname()[1]}/{f'?token={token}' if token else ''}"
+def list_addresses(host: str, listening: socket.socket, token: str | None) -> list[str]:
+    """Where browsers find what is served at a listening socket; a token that is needed is in it.
+
+    A server that listens at all addresses of its machine is found by its own browsers at the first, which counts as secure
+    (microphone, clipboard), and by those of other machines at the rest.
+    """
+    names = [host]
+    if host in _ALL:
+        own, far = _ALL[host]
+        names = [own, _find_outward(far) or socket.gethostname()]
+    port, query = listening.getsockname()[1], f"?token={token}" if token else ""
+    shown = [f"[{name}]" if ":" in name else name for name in names]
+    return [f"http://{name}:{port}/{query}" for name in shown]
+
+
+def _find_outward(far: str) -> str | None:
+    """The address of this machine from which it would call another one; no packet is sent. None where it has no network."""
+    try:
+        with socket.socket(socket.AF_INET6 if ":" in far else socket.AF_INET, socket.SOCK_DGRAM) as line:
+            line.connect((far, 9))
+            return str(line.getsockname()[0])
+    except OSError:
+        return None
 
 
 def server_of(app: App, *, websockets: bool = False) -> Any:

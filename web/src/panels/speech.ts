@@ -3,6 +3,7 @@
 import * as api from "../api";
 import { find, formatTime } from "../dom";
 import type { UploadedSpeech } from "../messages";
+import { openMicrophone } from "../microphone";
 import type { Player } from "../player";
 import { isPlan } from "./plan";
 import type { State, Store } from "../state";
@@ -92,7 +93,7 @@ export class SpeechPanel {
   private async record(): Promise<void> {
     if (this.recorder !== null) return this.recorder.stop();
     try {
-      const microphone = await navigator.mediaDevices.getUserMedia({ audio: true });
+      const microphone = await openMicrophone(true);
       const recorder = new MediaRecorder(microphone);
       const pieces: Blob[] = [];
       recorder.ondataavailable = (event) => pieces.push(event.data);
@@ -107,8 +108,7 @@ export class SpeechPanel {
       this.recorder = recorder;
       this.showRecording(true);
     } catch (error) {
-      const reason = error instanceof Error ? error.message : String(error);
-      this.store.update({ problem: `the microphone cannot be used: ${reason} (allow it in the browser)` });
+      this.store.update({ problem: error instanceof Error ? error.message : String(error) });
     }
   }
 

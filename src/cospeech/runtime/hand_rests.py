@@ -26,7 +26,9 @@ _RATE = 50  # decisions a second [ours: those of `RestInSilence`]
 _BUSY, _QUIET = (4.5, 10.0), (1.4, 3.2)
 """Seconds of a bout, and between bouts. [ours: about those of `cospeech.rules.bouts`; with longer rests, still spells are
 longer than people's]"""
-_DOWN, _UP = 1.2, 0.5  # seconds in which hands come to rest, and from there [ours: with a quicker way down, beat lift falls]
+_DOWN, _UP = 1.2, 0.65
+"""Seconds in which hands come to rest, and from there. [ours: with a quicker way down, beat lift falls; with a quicker way up,
+the wrists of the chain jerk more]"""
 _CLEAR = 0.7
 """Seconds without an accent that is no weak one, in which hands go down. [ours: with more, streams would have more lag]"""
 _LATE = 2.0  # seconds by which a bout ends later, at most, because accents follow; and begins later, until one comes [ours]

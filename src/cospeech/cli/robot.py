@@ -52,6 +52,8 @@ Rate = Annotated[float, option("--fps", metavar="NUMBER", parser=rate, help="Com
 
 _WIDE, _FAST = 25.2, 50.0
 """Radians from limit to limit, and per second, above which limits limit nothing. [ours: ± two turns; twice NAO's fastest]"""
+_TURN, _SEVERAL = 6.284, 3
+"""Radians of a whole turn; so many joints with a larger range are too many. [ours: of NAO, Pepper and Reachy none has it]"""
 _OF_SPEECH = {"model": DEFAULT, "style": None, "emotion": "auto", "transcript": None, "seed": 0, "intensity": 1.0}
 """Options that change nothing for a motion file, and what they are where not given."""
 
@@ -111,7 +113,10 @@ def robot(
     if not quiet:
         counts = f"{say_count(len(commands), 'command')} for {say_count(len(joints), 'joint')}"
         typer.echo(f"{target}  {counts} at {fps:g} per second")
+        if _is_urdf(robot):
+            typer.echo("  " + ", ".join(f"{joint.name} = {_say_angle(joint)}" for joint in joints))
         _tell_what_stays(robot, source.name, table.get("joints", {}), joints, commands, outside)
+    _tell_faults(source.name, joints, table.get("joints", {}), outside)
 
 
 def _is_urdf(robot: str) -> bool:
@@ -149,28 +154,27 @@ def _make_commands(motion: Motion, joints: Sequence[RobotJoint]) -> tuple[Array,
     return np.concatenate([stream.push(motion), stream.finish()]), stream.outside
 
 
+def _tell_faults(name: str, joints: Sequence[RobotJoint], channels: Mapping[str, str], outside: Sequence[str]) -> None:
+    """On standard error, also with --quiet: what may be wrong with a URDF or a map."""
+    for text in (*_check_ranges(joints), *_check_channels(joints, channels)):
+        typer.echo(text, err=True)
+    if outside:
+        typer.echo(f"outside the limits all the time in {name}: {', '.join(outside)}", err=True)
+
+
 def _tell_what_stays(
     robot: str, name: str, channels: Mapping[str, str], joints: Sequence[RobotJoint], commands: Array, outside: Sequence[str]
 ) -> None:
-    """On standard error: joints that do not move, and why; and limits that limit nothing."""
+    """On standard error: joints that do not move, and why."""
     from ..motion.robot import list_followers, list_joints
 
     followers = list_followers(robot) if _is_urdf(robot) else {}
     for leader in dict.fromkeys(followers.values()):
         typer.echo(f"follows {leader}: {', '.join(name for name in followers if followers[name] == leader)}", err=True)
-    loose = [
-        joint.name for joint in joints if not joint.is_hand and (joint.upper - joint.lower > _WIDE or joint.velocity > _FAST)
-    ]
-    if loose:
-        typer.echo(f"limits that do not limit: {', '.join(loose)} (a URDF counts in radians, not in degrees)", err=True)
     left_out = {joint for joint, what in channels.items() if not what}
     others = set(list_joints(robot)) - {joint.name for joint in joints} - left_out if _is_urdf(robot) else set()
     if others:
         typer.echo(f"not moved: {', '.join(sorted(others))} (--map FILE.toml says what they take)", err=True)
-    if outside:
-        with_offset = any(joint.offset and joint.name in channels for joint in joints if joint.name in outside)
-        hint = " (is the offset in radians?)" if with_offset else ""
-        typer.echo(f"outside the limits all the time in {name}: {', '.join(outside)}{hint}", err=True)
     still = [
         joint.name
         for joint, course in zip(joints, commands.T, strict=True)
@@ -178,6 +182,34 @@ def _tell_what_stays(
     ]
     if still:
         typer.echo(f"without movement in {name}: {', '.join(still)}", err=True)
+
+
+def _check_ranges(joints: Sequence[RobotJoint]) -> list[str]:
+    """What is told of limits that limit nothing. One joint may turn further than a whole turn; several hardly do."""
+    turning = [joint for joint in joints if not joint.is_hand]
+    wide = [joint.name for joint in turning if _TURN < round(joint.upper - joint.lower, 3) != 2 * _TURN]
+    loose = [
+        joint.name
+        for joint in turning
+        if joint.upper - joint.lower > _WIDE or joint.velocity > _FAST or (len(wide) >= _SEVERAL and joint.name in wide)
+    ]
+    return [f"limits that do not limit: {', '.join(loose)} (a URDF counts in radians, not in degrees)"] if loose else []
+
+
+def _check_channels(joints: Sequence[RobotJoint], channels: Mapping[str, str]) -> list[str]:
+    """What is told of angles that several joints take, and of offsets beyond a whole turn."""
+    told, takers = [], dict[str, list[str]]()
+    for joint in joints:
+        takers.setdefault(joint.channel, []).append(joint.name)
+    told += [f"several joints take {what}: {', '.join(names)}" for what, names in takers.items() if len(names) > 1]
+    far = [joint.name for joint in joints if joint.name in channels and abs(joint.offset) > _TURN]
+    return told + ([f"offsets of more than a turn: {', '.join(far)} (are they in radians?)"] if far else [])
+
+
+def _say_angle(joint: RobotJoint) -> str:
+    """What a joint takes, as a map says it."""
+    offset = f"{joint.offset:+.4g}" if joint.offset else ""
+    return f"{'-' * (joint.sign < 0)}{joint.channel}{offset}"
 
 
 def _read_motion(path: Path, options: Mapping[str, Any], bones: Mapping[str, str] | None) -> Motion:

@@ -95,7 +95,7 @@ class BodyAngles:
         for k, (wanted, share) in enumerate(zip(pitch.tolist(), free.tolist(), strict=True)):
             way = 0.0 if last is None else _short(wanted - last)
             behind = last is not None and (share < 1 or (behind and abs(way) > most))
-            last = last + min(max(share * way, -most), most) if last is not None and behind else wanted
+            last = wanted if last is None else last + (min(max(share * way, -most), most) if behind else way)
             held[k] = last
         self._pitch[side] = last, behind
         return held

@@ -52,7 +52,7 @@ class RobotJoint:
             raise InputError(
                 f"joint {self.name!r} has limits {self.lower} … {self.upper}, speed {self.velocity}, "
                 f"acceleration {self.acceleration}, offset {self.offset}",
-                "numbers; lower ≤ upper, and a speed and an acceleration above 0",
+                "finite numbers; lower ≤ upper, and a speed and an acceleration above 0",
             )
         if self.is_hand and self.offset:
             raise InputError(f"joint {self.name!r} is a hand with an offset", "its limits say where it is closed and open")

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from ...errors import InputError
 from ..rotations import Array
 
 __all__ = ["JointLimiter"]
+
+_KEPT = 60.0  # seconds of commands that can be taken back [ours: longer than an answer that is sent ahead]
 
 
 class JointLimiter:
@@ -28,20 +32,44 @@ class JointLimiter:
         self, lower: Array, upper: Array, velocity: Array, acceleration: Array, *, fps: float, start: Array | None = None
     ) -> None:
         self._lower, self._upper, self._most, self._push = (np.array(x, float) for x in (lower, upper, velocity, acceleration))
-        if not (self._lower <= self._upper).all() or not (self._most > 0).all() or not (self._push > 0).all() or fps <= 0:
+        if not (self._lower <= self._upper).all() or not (self._most > 0).all() or not (self._push > 0).all() or not fps > 0:
             raise InputError("limits of joints that nothing can keep", "lower ≤ upper, velocity > 0, acceleration > 0, fps > 0")
         self._step = 1.0 / fps
         self._start = np.full_like(self._lower, np.nan) if start is None else np.clip(start, self._lower, self._upper)
         self._at: Array | None = None
         self._speed = np.zeros_like(self._lower)
+        self._past = deque[tuple[Array | None, Array]](maxlen=max(round(_KEPT * fps), 1))  # before each command
 
     def push(self, wanted: Array) -> Array:
-        """(T, J) → (T, J); the first command of all is the start, or what is wanted first, within the limits of position."""
+        """(T, J) → (T, J); the first command of all is the start, or what is wanted first, within the limits of position.
+
+        Raises:
+            InputError: a number that is not finite, or another shape; nothing of it was taken.
+        """
+        wanted = np.asarray(wanted, float)
+        if wanted.ndim != 2 or wanted.shape[1] != len(self._lower) or not np.isfinite(wanted).all():
+            raise InputError(f"goals of shape {wanted.shape}", f"finite numbers, (frames, {len(self._lower)})")
         commands = np.empty_like(wanted, float)
         for k, goal in enumerate(np.clip(wanted, self._lower, self._upper)):
+            self._past.append((self._at, self._speed))
             self._at = np.where(np.isnan(self._start), goal, self._start) if self._at is None else self._go(self._at, goal)
             commands[k] = self._at
         return commands
+
+    def rewind(self, count: int) -> Array | None:
+        """Take back the last commands.
+
+        Returns:
+            (J,) radians of the command before them; None where there is none.
+
+        Raises:
+            InputError: there were not so many, or they are forgotten.
+        """
+        if not 0 <= count <= len(self._past):
+            raise InputError(f"{count} commands cannot be taken back", f"0 … {len(self._past)}")
+        for _ in range(count):
+            self._at, self._speed = self._past.pop()
+        return self._at
 
     def finish(self) -> Array:
         """(T, J) commands that stop every joint, as soon as its acceleration allows; the last repeats its place.

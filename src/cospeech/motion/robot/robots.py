@@ -9,7 +9,7 @@ import numpy as np
 from ...errors import InputError, nearest
 from .joints import RobotJoint
 
-__all__ = ["ROBOTS", "find_robot"]
+__all__ = ["ROBOTS", "TURNS", "find_robot"]
 
 
 def _aldebaran(
@@ -64,6 +64,21 @@ ROBOTS: Mapping[str, tuple[RobotJoint, ...]] = {
     "reachy": _reachy(),
 }  # fmt: skip
 """Name → joints. Ranges of NAO (V4 and later) and Pepper as in Aldebaran's documentation, speeds as in their URDFs."""
+
+
+_ABOUT = {
+    "HeadYaw": "z", "HeadPitch": "y", "ShoulderPitch": "y", "ShoulderRoll": "z", "ElbowYaw": "x", "ElbowRoll": "z",
+    "WristYaw": "x", "shoulder_pitch": "y", "shoulder_roll": "x", "arm_yaw": "z", "elbow_pitch": "y", "forearm_yaw": "z",
+}  # fmt: skip
+TURNS: Mapping[str, str] = {
+    joint.name: about
+    for robot in ROBOTS.values()
+    for joint in robot
+    for name, about in _ABOUT.items()
+    if joint.name in (name, f"L{name}", f"R{name}", f"l_{name}", f"r_{name}")
+}
+"""Joint → the axis that it turns about where all joints are at 0, in the frame of the base (ROS, REP 103); hands have none. NAO
+and Pepper as in Aldebaran's documentation, whose arms point forward at 0; Reachy's hang down."""
 
 
 def find_robot(name: str) -> tuple[RobotJoint, ...]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from collections.abc import Mapping, Sequence
 from numbers import Real
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,10 +19,12 @@ from ..rotations import Array
 from .angles import BodyAngles
 from .joints import LIMITS, RobotJoint
 from .limiter import JointLimiter
+from .turns import TurnChooser
 
 __all__ = ["RobotStream", "check_trajectory_file", "robot_trajectory", "save_trajectory"]
 
 _SUFFIXES = (".csv", ".json")
+_DIGITS = 9  # behind the point, radians [ours: at 240 commands per second, an acceleration is then right to 1e-4]
 _MEASURED = 0.05  # rad [ours]: a joint that is measured, or wanted, may lie so far beyond a limit
 
 
@@ -46,6 +50,9 @@ class RobotStream:
         if not joints or not all(isinstance(joint, RobotJoint) for joint in joints):
             problem = f"joints that are {joints!r:.60}" if joints else "a robot without joints"
             raise InputError(problem, "find_robot('nao'), or read_urdf('my_robot.urdf')")
+        _check_rate(fps)
+        if start is not None and not isinstance(start, Mapping):
+            raise InputError(f"a start that is {start!r:.60}", 'joint → radians, such as {"HeadYaw": 0.4}')
         self.joints, self.fps, self._angles = tuple(joints), fps, BodyAngles()
         limits = [[getattr(joint, name) for joint in joints] for name in LIMITS]
         start = start or {}
@@ -60,6 +67,8 @@ class RobotStream:
                 raise InputError(f"a start of joint {name!r} at {start[name]:g} radians", ends)
         first = np.array([start.get(name, np.nan) for name in self.names], float)
         self._limiter = JointLimiter(*(np.array(values) for values in limits), fps=fps, start=first)
+        turning = np.array([not joint.is_hand for joint in joints])
+        self._turns = TurnChooser(np.array(limits[0]), np.array(limits[1]), turning)
         self._ends = np.array(limits[:2]) + np.array([[-_MEASURED], [_MEASURED]])
         self._outside, self._pushed, self._over = np.ones(len(joints), bool), False, False
 
@@ -77,16 +86,33 @@ class RobotStream:
         """(T, J) commands of the next frames, radians.
 
         Raises:
-            InputError: the motion has another rate, or it comes after `finish`.
+            InputError: no motion, one of another rate, or one that comes after `finish`.
         """
         self._check_open()
+        if not isinstance(motion, Motion):
+            raise InputError(f"{type(motion).__name__} for a robot", "a Motion, as a session gives it")
         if motion.fps != self.fps:
             raise InputError(f"motion of {motion.fps:g} frames per second for a robot of {self.fps:g}", "motion.resample(fps)")
         angles = self._angles.push(motion)
-        wanted = np.stack([joint.command(angles) for joint in self.joints], 1)
+        wanted = self._turns.push(np.stack([joint.command(angles) for joint in self.joints], 1))
         self._outside &= ((wanted < self._ends[0]) | (wanted > self._ends[1])).all(0)
         self._pushed |= len(wanted) > 0
         return self._limiter.push(wanted)
+
+    def rewind(self, count: int) -> None:
+        """Take back the last commands, which the robot did not get, because `LiveSession.interrupt` took back their frames.
+
+        The next commands go on from the one before them, within the limits.
+
+        Args:
+            count: of commands, within the last 60 s.
+
+        Raises:
+            InputError: there were not so many, or they are forgotten, or the stream is finished.
+        """
+        self._check_open()
+        self._turns.go_on_from(self._limiter.rewind(count))
+        self._angles = BodyAngles()
 
     def finish(self) -> Array:
         """(T, J) commands that stop the joints where they are, as soon as they can brake; none where all stand still.
@@ -130,7 +156,8 @@ def check_trajectory_file(path: str | PathLike[str]) -> str:
 def save_trajectory(path: str | PathLike[str], commands: Array, joints: Sequence[RobotJoint], *, fps: float) -> None:
     """Write commands: ``.csv`` with a column for each joint, or ``.json`` in the shape of ROS' JointTrajectory.
 
-    The velocities of the ``.json`` are those of the positions. The first is 0, as a trajectory begins at rest.
+    The velocities of the ``.json`` are those of the positions. The first is 0, as a trajectory begins at rest. Numbers have
+    nine digits behind the point, and stay within the limits of the joints.
 
     Args:
         path: the suffix picks the format.
@@ -139,20 +166,42 @@ def save_trajectory(path: str | PathLike[str], commands: Array, joints: Sequence
         fps: commands per second.
 
     Raises:
-        InputError: another suffix, or a file that cannot be written.
+        InputError: another suffix, commands that are not (T, J) finite numbers, a rate that is not above 0, or a file that
+            cannot be written.
     """
     suffix, names = check_trajectory_file(path), [joint.name for joint in joints]
+    commands = np.asarray(commands, float)
+    if commands.ndim != 2 or commands.shape[1] != len(joints) or not np.isfinite(commands).all():
+        raise InputError(
+            f"commands of shape {commands.shape}", f"finite numbers, (commands, {len(joints)}): one for each joint"
+        )
+    _check_rate(fps)
     speeds = np.gradient(commands, 1 / fps, axis=0) if len(commands) > 1 else np.zeros_like(commands)
     speeds[:1] = 0.0
+    places = _round_within(commands, joints)
     with atomic(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         if suffix == ".csv":
-            file.write(",".join(["time", *names]) + "\n")
-            for k, row in enumerate(commands):
-                file.write(",".join([f"{k / fps:.6f}", *(f"{value:.6f}" for value in row)]) + "\n")
+            rows = csv.writer(file, lineterminator="\n")
+            rows.writerow(["time", *names])
+            rows.writerows([f"{k / fps:.6f}", *(f"{value:.{_DIGITS}f}" for value in row)] for k, row in enumerate(places))
             return
         points = []
-        for k, (row, speed) in enumerate(zip(commands.round(6).tolist(), speeds.round(6).tolist(), strict=True)):
+        for k, (row, speed) in enumerate(zip(places.tolist(), speeds.round(_DIGITS).tolist(), strict=True)):
             nanoseconds = round(k / fps * 1e9)
             when = {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
             points.append({"positions": row, "velocities": speed, "time_from_start": when})
         json.dump({"joint_names": names, "points": points}, file)
+
+
+def _check_rate(fps: Any) -> None:
+    if isinstance(fps, bool) or not isinstance(fps, Real) or not 0 < float(fps) < np.inf:
+        raise InputError(f"fps is {fps!r:.40}", "commands per second, such as 50")
+
+
+def _round_within(commands: Array, joints: Sequence[RobotJoint]) -> Array:
+    """Commands with `_DIGITS` digits behind the point; those that lie within the limits stay there."""
+    unit = 10.0**-_DIGITS
+    lower, upper = (np.array([getattr(joint, name) for joint in joints]) for name in LIMITS[:2])
+    rounded = commands.round(_DIGITS)
+    rounded = np.where((rounded < lower) & (commands >= lower), (commands + unit).round(_DIGITS), rounded)
+    return np.where((rounded > upper) & (commands <= upper), (commands - unit).round(_DIGITS), rounded)

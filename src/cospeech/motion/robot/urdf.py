@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from os import PathLike
 from xml.etree import ElementTree
 
@@ -12,12 +13,14 @@ import numpy as np
 from ...errors import InputError, nearest
 from ...files import read_regular
 from .joints import RobotJoint, check_limits
-from .robots import ROBOTS
+from .robots import ROBOTS, TURNS
+from .urdf_axes import Axis, read_axes
 
 __all__ = ["list_followers", "list_joints", "read_urdf"]
 
 _URDF = 16 << 20  # bytes; ours: a large robot has some 200 kB
 _MOVING = ("revolute", "continuous", "prismatic")
+_OTHERS = ("fixed", "floating", "planar")  # the other types of the specification, which take no angle
 
 
 def read_urdf(
@@ -32,21 +35,24 @@ def read_urdf(
         channels: joint → what it takes of `CHANNELS`; ``"-left_elbow"`` takes it with the other sign,
             ``"left_shoulder_pitch-1.5708"`` with an offset in radians, and with ``""`` the joint is not moved. A hand goes from
             the lower limit (closed) to the upper one (open); of ``"-left_hand"``, open is the lower one. Joints with the names
-            of a known robot need none. Such a joint takes the other sign where its axis points the other way. A joint that
-            follows another (``<mimic>``) takes nothing.
+            of a known robot need none, where they turn about the same axis (`read_axes`). Such a joint takes the other sign
+            where its axis points the other way. A joint that follows another (``<mimic>``) takes nothing, and narrows the
+            limits of that one to its own.
         limits: joint → lower, upper and velocity where the URDF says nothing of them; a velocity of 0 says nothing. What it
             says counts: `narrow_joints` narrows that.
 
     Raises:
-        InputError: no URDF, a joint that it does not have, one that follows another, one whose limits neither it nor ``limits``
-            gives, or one that slides and takes no hand.
+        InputError: no URDF, a joint of no known type, one that it does not have, one that follows another, one whose limits
+            neither it nor ``limits`` gives, or one that slides and takes no hand.
     """
     moving, followers = _read_joints(path)
+    axes = read_axes(_read_root(path))
     for name in channels or {}:
         if name in followers:
-            problem = f"joint {name!r} of {str(path)!r} follows {followers[name]!r} and takes nothing"
-            raise InputError(problem, f"map {followers[name]}, and leave {name} out of the map")
-    wanted = {name: what for name, what in (_recognise(moving) | dict(channels or {})).items() if what}
+            leader = _read_leader(name, followers[name])
+            problem = f"joint {name!r} of {str(path)!r} follows {leader!r} and takes nothing"
+            raise InputError(problem, f"map {leader}, and leave {name} out of the map")
+    wanted = {name: what for name, what in (_recognise(moving, axes) | dict(channels or {})).items() if what}
     if not wanted:
         raise InputError(
             f"no joint of {str(path)!r} is recognised", 'a map says what each takes, such as arm_1 = "left_shoulder_pitch"'
@@ -57,7 +63,8 @@ def read_urdf(
     given = limits or {}
     for name in given:
         check_limits(name, given[name])
-    return tuple(_joint(name, moving[name], wanted[name], given.get(name, {})) for name in moving if name in wanted)
+    joints = tuple(_joint(name, moving[name], wanted[name], given.get(name, {})) for name in moving if name in wanted)
+    return _narrow_leaders(joints, followers, given)
 
 
 def list_joints(path: str | PathLike[str]) -> tuple[str, ...]:
@@ -75,63 +82,96 @@ def list_followers(path: str | PathLike[str]) -> dict[str, str]:
     Raises:
         InputError: no URDF.
     """
-    return _read_joints(path)[1]
+    return {name: _read_leader(name, joint) for name, joint in _read_joints(path)[1].items()}
 
 
-def _read_joints(path: str | PathLike[str]) -> tuple[dict[str, ElementTree.Element], dict[str, str]]:
-    """Joints that turn or slide by commands, and those that follow another, with its name."""
+def _read_joints(path: str | PathLike[str]) -> tuple[dict[str, ElementTree.Element], dict[str, ElementTree.Element]]:
+    """Joints that turn or slide by commands, and those that follow another."""
+    found: dict[str, ElementTree.Element] = {}
+    followers: dict[str, ElementTree.Element] = {}
+    for joint in _read_root(path).findall("{*}joint"):  # {*}: with a namespace of its own, too
+        name, kind = joint.get("name", ""), joint.get("type")
+        if kind not in (*_MOVING, *_OTHERS):
+            problem = f"joint {name!r} of {str(path)!r} has {'no type' if kind is None else f'type {kind[:40]!r}'}"
+            raise InputError(problem, nearest(kind or "", (*_MOVING, *_OTHERS)))
+        if kind in _OTHERS:
+            continue
+        if not name:
+            raise InputError(f"a {kind} joint of {str(path)!r} has no name", 'a URDF says <joint name="HeadYaw" …>')
+        if name in found or name in followers:
+            raise InputError(f"{str(path)!r} has two joints {name!r}", "each joint needs a name of its own")
+        (found if joint.find("{*}mimic") is None else followers)[name] = joint
+    for name, joint in followers.items():
+        leader = _read_leader(name, joint)
+        if leader not in found:
+            problem = f"joint {name!r} mimics {leader!r}"
+            raise InputError(
+                problem, nearest(leader, found) if leader not in followers else "which follows another joint itself"
+            )
+    return found, followers
+
+
+def _read_root(path: str | PathLike[str]) -> ElementTree.Element:
     data = read_regular(path, "a URDF", _URDF)
     if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
         raise InputError(f"{str(path)!r} has a document type", "remove <!DOCTYPE …>; a URDF needs none")
     try:
-        tree = ElementTree.fromstring(data)
+        root = ElementTree.fromstring(data)
     except ElementTree.ParseError as error:
         raise InputError(f"{str(path)!r} is no XML: {error}", "is it a .urdf, not a .xacro?") from None
-    found: dict[str, ElementTree.Element] = {}
-    followers: dict[str, str] = {}
-    for joint in tree.findall(".//{*}joint"):  # {*}: with a namespace of its own, too
-        if joint.get("type") in _MOVING:
-            name, mimic = joint.get("name", ""), joint.find("{*}mimic")
-            if name in found or name in followers:
-                raise InputError(f"{str(path)!r} has two joints {name!r}", "each joint needs a name of its own")
-            if mimic is None:
-                found[name] = joint
-            else:
-                followers[name] = _read_leader(name, mimic)
-    return found, followers
+    if (tag := root.tag.rpartition("}")[2]) != "robot":
+        raise InputError(f"{str(path)!r} is no URDF: it begins with <{tag[:40]}>", "a URDF begins with <robot>")
+    return root
 
 
-def _read_leader(name: str, mimic: ElementTree.Element) -> str:
-    leader = mimic.get("joint")
+def _read_leader(name: str, joint: ElementTree.Element) -> str:
+    mimic = joint.find("{*}mimic")
+    leader = None if mimic is None else mimic.get("joint")
     if not leader:
         raise InputError(f"joint {name!r} mimics a joint that has no name", 'a URDF says <mimic joint="gripper"/>')
     return leader
 
 
-def _recognise(joints: Mapping[str, ElementTree.Element]) -> dict[str, str]:
-    """Joints with the names of a robot of ours, with its signs and offsets, both turned over where the axis is."""
+def _recognise(joints: Mapping[str, ElementTree.Element], axes: Mapping[str, Axis]) -> dict[str, str]:
+    """Joints with the names of a robot of ours, with its signs and offsets, both turned over where the axis is.
+
+    A joint that turns about another axis than that robot's is not recognised: its angle would mean something else.
+    """
     known, found = {joint.name: joint for robot in ROBOTS.values() for joint in robot}, {}
     for name, element in joints.items():
-        if name in known:
-            joint = known[name]
-            if element.get("type") == "prismatic" and not joint.is_hand:
-                continue
-            way = -1.0 if _is_turned_over(element) and not joint.is_hand else 1.0
-            found[name] = f"{'-' * (way * joint.sign < 0)}{joint.channel}{way * joint.offset:+.6f}"
+        if name not in known:
+            continue
+        joint, axis = known[name], axes[name]
+        if not joint.is_hand and (element.get("type") == "prismatic" or axis.letter not in ("", TURNS[name])):
+            continue
+        way = -1.0 if axis.is_turned_over and not joint.is_hand else 1.0
+        found[name] = f"{'-' * (way * joint.sign < 0)}{joint.channel}{way * joint.offset:+.6f}"
     return found
 
 
-def _is_turned_over(element: ElementTree.Element) -> bool:
-    """Whether a joint turns about x, y or z the other way; all joints of our robots turn about +x, +y or +z.
-
-    Of an axis that is oblique, nothing is known; one that is not written is +x.
-    """
-    axis = element.find("{*}axis")
-    try:
-        parts = [] if axis is None else [float(part) for part in axis.get("xyz", "").split()]
-    except ValueError:
-        raise InputError(f"joint {element.get('name')!r} has an axis that is no numbers", 'write xyz="0 0 1"') from None
-    return sum(parts) < 0 and sum(part != 0 for part in parts) == 1
+def _narrow_leaders(
+    joints: tuple[RobotJoint, ...], followers: Mapping[str, ElementTree.Element], limits: Mapping[str, Mapping[str, float]]
+) -> tuple[RobotJoint, ...]:
+    """The same joints, within the limits of those that follow them: follower = multiplier × leader + offset."""
+    own = {joint.name: joint for joint in joints}
+    for name, element in followers.items():
+        leader, mimic = own.get(_read_leader(name, element)), element.find("{*}mimic")
+        if leader is None or mimic is None or (element.find("{*}limit") is None and element.get("type") != "continuous"):
+            continue
+        times = _read_number(name, mimic, "multiplier") if mimic.get("multiplier") else 1.0
+        plus = _read_number(name, mimic, "offset") if mimic.get("offset") else 0.0
+        if not times:
+            continue
+        lower, upper, velocity = _read_limits(name, element, {"velocity": np.inf, **limits.get(name, {})})
+        ends = sorted(((lower - plus) / times, (upper - plus) / times))
+        low, high = max(leader.lower, ends[0]), min(leader.upper, ends[1])
+        if low > high:
+            problem = f"joint {name!r} mimics {leader.name!r}, whose limits let it be nowhere"
+            raise InputError(problem, f"{leader.name} {leader.lower:g} … {leader.upper:g}, {name} {lower:g} … {upper:g}")
+        slower = min(leader.velocity, velocity / abs(times))
+        push = leader.acceleration * slower / leader.velocity
+        own[leader.name] = replace(leader, lower=low, upper=high, velocity=slower, acceleration=push)
+    return tuple(own[joint.name] for joint in joints)
 
 
 def _joint(name: str, element: ElementTree.Element, what: str, given: Mapping[str, float]) -> RobotJoint:

@@ -1,0 +1,86 @@
+"""Axes of the joints of a URDF, in the frame of its base, with all joints at 0."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+
+from ...errors import InputError
+from ..rotations import Array, euler_to_quat, quat_to_matrix
+
+__all__ = ["Axis", "read_axes"]
+
+_ALONG = (
+    0.9  # cosine to x, y or z from which an axis is that one [ours: 26°; exporters leave noise, and robots tilt some joints]
+)
+
+
+class Axis(NamedTuple):
+    """What a joint turns about."""
+
+    letter: str
+    """x (forward), y (left) or z (up); nothing of an axis that is oblique, or not written."""
+    is_turned_over: bool
+    """Whether it points the other way. Of an oblique axis nothing is known."""
+
+
+def read_axes(root: ElementTree.Element) -> dict[str, Axis]:
+    """Joint → its axis. Origins turn the frames of joints, each on top of those before it.
+
+    Args:
+        root: ``<robot>``.
+
+    Raises:
+        InputError: an axis or an origin that is no three numbers, an axis of no length, or links in a circle.
+    """
+    joints = {joint.get("name", ""): joint for joint in root.findall("{*}joint")}
+    above = {link: joint for joint in joints.values() if (link := _link_of(joint, "child"))}
+    return {
+        name: _axis_of(name, joint, _turn_of(joint, above)) for name, joint in joints.items() if joint.get("type") != "fixed"
+    }
+
+
+def _axis_of(name: str, joint: ElementTree.Element, frame: Array) -> Axis:
+    if joint.find("{*}axis") is None:
+        return Axis("", False)
+    written = _numbers(name, joint.find("{*}axis"), "xyz", "1 0 0", 'write <axis xyz="0 0 1"/>')
+    length = float(np.linalg.norm(written))
+    if not length:
+        raise InputError(f"joint {name!r} has an axis of no length", 'write <axis xyz="0 0 1"/>')
+    axis = frame @ written / length
+    k = int(np.abs(axis).argmax())
+    return Axis("xyz"[k], bool(axis[k] < 0)) if abs(axis[k]) >= _ALONG else Axis("", False)
+
+
+def _turn_of(joint: ElementTree.Element, above: dict[str, ElementTree.Element]) -> Array:
+    """(3, 3) from the frame of a joint to that of the base."""
+    turn, at, seen = np.eye(3), joint, 0
+    while True:
+        name = at.get("name", "")
+        rpy = _numbers(name, at.find("{*}origin"), "rpy", "0 0 0", 'write <origin rpy="0 0 1.5708"/>')
+        turn = quat_to_matrix(euler_to_quat(rpy[None, ::-1], "ZYX"))[0] @ turn  # about the fixed x, then y, then z
+        parent, seen = above.get(_link_of(at, "parent")), seen + 1
+        if parent is None:
+            return turn
+        if seen > len(above):
+            raise InputError(f"the links above joint {name!r} go in a circle", "each link of a URDF has one parent")
+        at = parent
+
+
+def _link_of(joint: ElementTree.Element, end: str) -> str:
+    found = joint.find(f"{{*}}{end}")
+    return "" if found is None else found.get("link", "")
+
+
+def _numbers(name: str, element: ElementTree.Element | None, key: str, usual: str, hint: str) -> Array:
+    """(3,) numbers of an attribute."""
+    text = usual if element is None else element.get(key, usual)
+    try:
+        found = np.array([float(part) for part in text.split()])
+    except ValueError:
+        found = np.zeros(0)
+    if len(found) != 3 or not np.isfinite(found).all():
+        raise InputError(f"joint {name!r} has {key}={text[:40]!r}, which is no three numbers", hint)
+    return found

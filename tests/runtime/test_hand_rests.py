@@ -63,9 +63,9 @@ def test_hands_rest_for_a_part_of_the_time_and_gesture_for_most_of_it():
 
 
 def test_hands_go_down_where_no_accent_is_near_and_come_up_on_one():
-    bars = np.arange(0.0, 300.0, 3.0)  # three accents in each, and then 2 s of nothing
+    bars = np.arange(0.0, 300.0, 2.5)  # three accents in each, and then 1.5 s of nothing
     times = [bar + more for bar in bars for more in (0.2, 0.7, 1.2)]
-    clear = [(bar + 1.2, bar + 3.2 - 0.7) for bar in bars]
+    clear = [(bar + 1.2, bar + 2.7 - 0.7) for bar in bars]
     down = lowered(play(Known(times), 300.0, fps=100.0))
     speed = np.gradient(down) * 100
     ways_down = [k / 100 for k in np.flatnonzero((down[1:] > 0) & (down[:-1] == 0))]
@@ -79,6 +79,13 @@ def test_weak_accents_do_not_raise_the_hands_until_they_have_waited_long():
     down = lowered(play(Known(list(np.arange(0.4, 120, 0.6)), strength=0.1), 120.0))
     strong = lowered(play(Known(list(np.arange(0.4, 120, 0.6))), 120.0))
     assert (down > 0.85).mean() > (strong > 0.85).mean() + 0.1
+
+
+def test_a_bout_begins_after_a_pause():
+    """Where pauses come more often than bouts end, hands rest in them, and not in the speech as well."""
+    phrases = [bar + more for bar in np.arange(0.0, 120.0, 5.0) for more in np.arange(0.2, 3.0, 0.4)]
+    assert lowered(play(Known(phrases), 120.0)).max() == 0
+    assert lowered(play(Known(list(np.arange(0.2, 120, 0.4))), 120.0)).max() > 0.5
 
 
 @pytest.mark.parametrize("fps", [15.0, 24.0, 30.0, 59.94, 120.0])

@@ -31,6 +31,8 @@ _DOWN, _UP = 1.2, 0.65
 the wrists of the chain jerk more]"""
 _CLEAR = 0.7
 """Seconds without an accent that is no weak one, in which hands go down. [ours: with more, streams would have more lag]"""
+_PAUSE = 1.6
+"""Seconds without any accent after which a bout begins. [ours: hands have rested in silence then, see `RestInSilence`]"""
 _LATE = 2.0  # seconds by which a bout ends later, at most, because accents follow; and begins later, until one comes [ours]
 _WEAK = 0.3  # strength up to which an accent counts for nothing here [ours]
 _MOST = 0.9  # how far hands come to rest [ours: as hands that are held, they live a little]
@@ -56,7 +58,7 @@ class HandRests:
         self._random = Random(f"{seed}/rests")
         self._joints = arm_joints()
         self._rests, self._until = False, self._random.uniform(*_BUSY)
-        self._place = 0.0
+        self._place, self._heard = 0.0, 0.0  # of the last accent, seconds
         self._shares: list[float] = []  # of decisions, from the first that a frame still needs
         self._first = 0
         self._rotations, self._root = np.zeros((0, len(humanoid()), 4), np.float32), np.zeros((0, 3), np.float32)
@@ -98,6 +100,10 @@ class HandRests:
 
     def _decide(self, now: float) -> float:
         """How far the hands are on their way to rest at this time, 0 … 1."""
+        if self._track.between(now - 1 / _RATE, now):
+            if not self._rests and now - self._heard > _PAUSE:
+                self._until = now + self._random.uniform(*_BUSY)
+            self._heard = now
         if now >= self._until and self._is_time(now):
             self._rests = not self._rests
             self._until = now + self._random.uniform(*(_QUIET if self._rests else _BUSY))

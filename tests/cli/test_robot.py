@@ -136,6 +136,21 @@ def test_limits_in_degrees_are_told(cli, place):
         assert ("limits that do not limit: HeadYaw (a URDF counts in radians" in err) == (limits in degrees)
 
 
+def test_several_joints_of_more_than_a_turn_are_told_and_those_without_end_are_not(cli, place):
+    for kind, told in (("continuous", False), ("revolute", True)):
+        limit = '<limit lower="-4" upper="4" velocity="2"/></joint>'
+        three = [f'<joint name="{name}" type="{kind}">{limit}' for name in ("HeadYaw", "HeadPitch", "LElbowYaw")]
+        (place / "three.urdf").write_text(f"<robot>{''.join(three)}</robot>")
+        code, _, err = cli("robot", "talk.bvh", "talk.csv", "--robot", "three.urdf", "-q")
+        assert (code, "limits that do not limit: HeadYaw, HeadPitch, LElbowYaw" in err) == (0, told)
+
+
+def test_angles_that_several_joints_take_are_told(cli, place):
+    (place / "twice.toml").write_text('[joints]\narm = "left_elbow"\npan = "left_elbow"\n')
+    code, _, err = cli("robot", "talk.bvh", "talk.csv", "--robot", "mine.urdf", "--map", "twice.toml", "-q")
+    assert (code, "several joints take left_elbow: arm, pan" in err) == (0, True)
+
+
 def test_a_map_names_the_joints_of_a_foreign_motion(cli, place):
     from cospeech.motion.skeleton import humanoid
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from cospeech.convert import convert_file
 from cospeech.export import load, save
@@ -87,3 +88,15 @@ def test_visemes_of_oculus_are_read_and_the_lids_of_arkit_beside_them(still, tmp
 def test_a_clip_that_moves_no_target_has_no_face(still, tmp_path):  # noqa: F811
     rewrite(still, tmp_path / "me.glb", as_presets)
     assert load_avatar(tmp_path / "me.glb").face.face({}, np.zeros(3)) is None
+
+
+@pytest.mark.parametrize("face", [True, False])
+def test_a_gaze_of_eye_bones_alone_is_kept_by_expressions(tmp_path, face):
+    motion = gesturing(5)
+    eyes = [motion.skeleton.index[name] for name in ("leftEye", "rightEye")]
+    motion.rotations[:, eyes] = [0, np.sin(0.1), 0, np.cos(0.1)]  # .2 to the left
+    motion = Motion(motion.fps, motion.rotations, motion.root, np.zeros((5, 52)) if face else None, motion.skeleton)
+    save(motion, tmp_path / "a.vrma", look_at=False)
+    read = load(tmp_path / "a.vrma")
+    np.testing.assert_allclose(read.rotations[:, eyes], motion.rotations[:, eyes], atol=0.01)
+    assert read.face[:, ARKIT_INDEX["eyeLookOutLeft"]].min() > 0.1

@@ -28,8 +28,9 @@ function checkPacking(data: ArrayBuffer, name: string, packed: string[]): void {
     document = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 20, new DataView(data).getUint32(12, true)))); // glTF 2.0, 4.4
   } catch { // the loader says what is wrong
   }
-  const { extensionsUsed = [], extensionsRequired = [] } = document;
-  const found = packed.find((each) => extensionsRequired.includes(each) || (/draco/.test(each) && extensionsUsed.includes(each)));
+  const has = (list: unknown, name: string): boolean => Array.isArray(list) && list.includes(name);
+  const { extensionsUsed, extensionsRequired } = document;
+  const found = packed.find((each) => has(extensionsRequired, each) || (/draco/.test(each) && has(extensionsUsed, each)));
   if (found) throw new Problem(`${name} is packed by ${found}`, "export it without compression");
 }
 
@@ -56,6 +57,7 @@ class VrmFigure implements Figure {
   private readonly bones: (Object3D | null)[];
   private readonly scale: number;
   private readonly side: number;
+  private readonly turnsByBones: boolean; // its eyes; expressions of looking would turn them twice
 
   constructor(private readonly vrm: VRM, file: GLTF, humanoid: Humanoid, private readonly again: () => Promise<Figure>) {
     this.root = new Object3D();
@@ -66,6 +68,7 @@ class VrmFigure implements Figure {
     const eyes = EYES.map((name) => this.bone(name));
     this.face = new FaceRig(file, humanoid.weights, humanoid.face, eyes[0] !== undefined);
     const resting = this.face.turnsEyes(eyes) ? EYES : [];
+    this.turnsByBones = eyes[0] !== undefined && !resting.length;
     this.bones = humanoid.joints.map((name) => resting.includes(name) ? null : vrm.humanoid.getNormalizedBoneNode(name as VRMHumanBoneName));
     this.scale = (this.bones[0]?.position.y ?? humanoid.rest[0][1]) / humanoid.rest[0][1];
   }
@@ -79,7 +82,9 @@ class VrmFigure implements Figure {
     });
     const drivers = this.face.driversOf(pose.face);
     if (this.face.alphabet === "VRM") { // expressions also change materials
-      for (const [name, weight] of Object.entries(drivers)) this.vrm.expressionManager?.setValue(name, weight);
+      for (const [name, weight] of Object.entries(drivers)) {
+        if (!(this.turnsByBones && name.startsWith("look"))) this.vrm.expressionManager?.setValue(name, weight);
+      }
     }
     this.vrm.update(0);
     this.face.apply(drivers); // three-vrm puts shapes back to 0, and not to their weights at rest

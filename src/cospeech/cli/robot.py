@@ -54,6 +54,7 @@ _WIDE, _FAST = 25.2, 50.0
 """Radians from limit to limit, and per second, above which limits limit nothing. [ours: ± two turns; twice NAO's fastest]"""
 _TURN, _SEVERAL = 6.284, 3
 """Radians of a whole turn; so many joints with a larger range are too many. [ours: of NAO, Pepper and Reachy none has it]"""
+_FREE = 12.566  # radians of a joint that turns without end, `read_urdf`: two turns
 _OF_SPEECH = {"model": DEFAULT, "style": None, "emotion": "auto", "transcript": None, "seed": 0, "intensity": 1.0}
 """Options that change nothing for a motion file, and what they are where not given."""
 
@@ -187,7 +188,7 @@ def _tell_what_stays(
 def _check_ranges(joints: Sequence[RobotJoint]) -> list[str]:
     """What is told of limits that limit nothing. One joint may turn further than a whole turn; several hardly do."""
     turning = [joint for joint in joints if not joint.is_hand]
-    wide = [joint.name for joint in turning if _TURN < round(joint.upper - joint.lower, 3) != 2 * _TURN]
+    wide = [joint.name for joint in turning if (span := joint.upper - joint.lower) > _TURN and abs(span - _FREE) > 0.01]
     loose = [
         joint.name
         for joint in turning

@@ -40,8 +40,13 @@ def check_packing(file: GltfFile, *, in_page: bool = False) -> None:
     Raises:
         InputError: it cannot.
     """
-    required, used = ({str(name) for name in file.json.get(key, [])} for key in ("extensionsRequired", "extensionsUsed"))
+    required, used = (_names(file, key) for key in ("extensionsRequired", "extensionsUsed"))
     found = {name for name in PACKED if name in required and (in_page or name != _TEXTURES)}
     found |= {_DRACO} & used if in_page else set()
     if found:
         raise InputError(f"{file.name} is packed by {min(found)}", "export it without compression")
+
+
+def _names(file: GltfFile, key: str) -> set[str]:
+    found = file.json.get(key)
+    return {str(name) for name in found} if isinstance(found, list) else set()

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..face.gaze import read_looks, toward, write_looks
+from ..face.gaze import complete_looks, read_looks, toward
 from ..motion.motion import Motion
 from ..motion.rotations import Array, euler_to_quat, quat_slerp, quat_to_euler
 from ..motion.skeleton import humanoid
@@ -99,6 +99,7 @@ class Writer(BaseWriter):
         motion = as_humanoid(motion)
         frames = len(motion)
         face = np.zeros((frames, len(ARKIT))) if motion.face is None else motion.face
+        face = face if self._look_at else complete_looks(face, gaze(motion))
         presets = vrm_presets(face)
         weights = [presets[name] for name in self._presets] + [face[:, ARKIT_INDEX[name]] for name in self._arkit]
         expressions = np.zeros((frames, len(weights), 3))
@@ -169,9 +170,8 @@ def load(path: str | PathLike[str]) -> Motion:
         turned = None if look is None else look.at(times)[:, None]
         if turned is None:
             turned = None if face is None else toward(read_looks(face))
-        elif face is not None and not face[:, _LOOKS].any():
-            angles = quat_to_euler(turned, "YXZ")[..., :2] * (1, -1)
-            face = np.clip(write_looks(face, np.repeat(angles, 2, 1)), 0, 1)
+        elif face is not None:
+            face = complete_looks(face, turned[:, 0])
         motion = as_humanoid(Motion(fps=fps, rotations=rotations, root=root, face=face, skeleton=rig.skeleton))
         if turned is not None:
             motion.rotations[:, [motion.skeleton.index[name] for name in _EYES]] = turned

@@ -16,12 +16,13 @@ import numpy as np
 
 from ..audio.prosodic_events import Phrase
 from ..motion.curves import clip
-from ..motion.rotations import Array, euler_to_quat, quat_conjugate, quat_multiply, quat_rotate
+from ..motion.rotations import Array, euler_to_quat, quat_conjugate, quat_multiply, quat_rotate, quat_to_euler
 from ..motion.skeleton import humanoid
 from ..motion.skeletons.arkit import ARKIT_INDEX
 
 __all__ = [
-    "LISTENER", "Gaze", "GazePlanner", "Saccade", "direction_of", "eye_angles", "look", "read_looks", "toward", "write_looks",
+    "LISTENER", "Gaze", "GazePlanner", "Saccade", "complete_looks", "direction_of", "eye_angles", "look", "read_looks",
+    "toward", "write_looks",
 ]  # fmt: skip
 
 LISTENER = 2.0
@@ -198,6 +199,14 @@ def write_looks(weights: Array, angles: Array) -> Array:
     out[:, _OUT], out[:, _IN] = np.maximum(outward, 0.0), np.maximum(-outward, 0.0)
     out[:, _UP], out[:, _DOWN] = np.maximum(up, 0.0), np.maximum(-up, 0.0)
     return out
+
+
+def complete_looks(weights: Array, turned: Array) -> Array:
+    """A face (N, 52), whose eyeLook* become those of eyes that look to (N, 4) together, where it has none."""
+    if any(weights[:, columns].any() for columns in (_OUT, _IN, _UP, _DOWN)):
+        return weights
+    angles = quat_to_euler(turned, "YXZ")[:, None, :2] * (1, -1)
+    return np.clip(write_looks(weights, np.repeat(angles, 2, 1)), 0, 1)  # type: ignore[no-any-return]
 
 
 def read_looks(weights: Array) -> Array:

@@ -87,7 +87,9 @@ class HandRests:
         if share.any():
             made = made.copy()
             rest = np.broadcast_to(resting_pose()[self._joints], (len(made), len(self._joints), 4)).astype(float)
-            made[:, self._joints] = quat_slerp(made[:, self._joints].astype(float), rest, share[:, None])
+            own = made[:, self._joints]
+            led = quat_slerp(own.astype(float), rest, share[:, None])
+            made[:, self._joints] = np.where(share[:, None, None] > 0, led, own)  # the bits of frames without a rest stay
         self._rotations, self._root = self._rotations[len(index) :], self._root[len(index) :]
         self._given += len(index)
         gone = max(min(self._index(self._given) - self._first, len(self._shares)), 0)
@@ -100,10 +102,11 @@ class HandRests:
 
     def _decide(self, now: float) -> float:
         """How far the hands are on their way to rest at this time, 0 … 1."""
-        if self._track.between(now - 1 / _RATE, now):
-            if not self._rests and now - self._heard > _PAUSE:
-                self._until = now + self._random.uniform(*_BUSY)
-            self._heard = now
+        seen = now + _UP / 2 + LEAD  # as far as an accent must be seen for hands to come up on it
+        if self._track.between(seen - 1 / _RATE, seen):
+            if seen - self._heard > _PAUSE:
+                self._rests, self._until = False, now + self._random.uniform(*_BUSY)
+            self._heard = seen
         if now >= self._until and self._is_time(now):
             self._rests = not self._rests
             self._until = now + self._random.uniform(*(_QUIET if self._rests else _BUSY))

@@ -235,9 +235,9 @@ def test_pages_of_other_places_cannot_connect_and_are_told_of():
 
 
 def test_pages_of_origins_that_are_named_can_connect():
-    wire = WebSocketServer("listen://127.0.0.1:0?origin=null,https://My.example,tauri://localhost")
+    wire = WebSocketServer("listen://127.0.0.1:0?origin=null,https://My.example,tauri://localhost,file://")
     address = f"ws://127.0.0.1:{wire.port}"
-    for origin in ("null", "https://my.example", "tauri://localhost", "http://127.0.0.1"):
+    for origin in ("null", "https://my.example", "tauri://localhost", "file://", "http://127.0.0.1"):
         with connect(address, origin=origin):
             pass
     with pytest.raises(InvalidStatus), connect(address, origin="https://my.example.evil"):

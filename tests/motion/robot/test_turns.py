@@ -41,10 +41,9 @@ def test_other_turns_are_the_same_angles_within_the_limits_where_that_is_possibl
     turns = (chosen - rows) / (2 * np.pi)
     np.testing.assert_allclose(turns, np.round(turns), atol=1e-9)
     possible = np.floor((ends[1] - rows) / (2 * np.pi)) >= np.ceil((ends[0] - rows) / (2 * np.pi))
-    inside = (chosen >= ends[0] - 1e-9) & (chosen <= ends[1] + 1e-9)
-    assert inside[possible].all()
     beside = np.maximum(np.maximum(ends[0] - chosen, chosen - ends[1]), 0)
-    assert beside.max() <= np.pi + 0.3  # half a turn, and what keeps it from flickering
+    assert beside[possible].max(initial=0) <= 0.5 + 1e-9  # what keeps it from flickering
+    assert beside.max() <= np.pi + 0.25  # half a turn, and half of that
     pieces = TurnChooser(*ends, np.array([True]))
     np.testing.assert_array_equal(np.concatenate([pieces.push(rows[:cut]), pieces.push(rows[cut:])]), chosen)
 
@@ -54,10 +53,18 @@ def test_a_joint_stays_on_its_turn_while_it_can():
     spin = np.arange(0, 12, 0.1)[:, None]
     made = chosen.push((spin + np.pi) % (2 * np.pi) - np.pi)
     np.testing.assert_allclose(made[:62], spin[:62], atol=1e-9)  # up to the limit
-    assert made.max() <= 2 * np.pi
+    assert made.max() <= 2 * np.pi + 0.5  # what keeps it from flickering
     assert (np.abs(np.diff(made[:, 0])) > 1).sum() == 1  # there it comes back, once
     hand = TurnChooser(np.array([0.0]), np.array([1.0]), np.array([False]))
     np.testing.assert_array_equal(hand.push(np.array([[9.0]])), [[9.0]])
+
+
+def test_a_joint_with_a_range_of_a_turn_does_not_flicker_at_its_limit():
+    seconds = np.arange(200) / FPS
+    wanted = np.pi + 0.03 * np.sin(2 * np.pi * seconds)[:, None]
+    for end in (np.pi, 3.15, 3.2):
+        chosen = TurnChooser(np.array([-end]), np.array([end]), np.array([True])).push((wanted + np.pi) % (2 * np.pi) - np.pi)
+        assert np.ptp(chosen) < 0.1
 
 
 def test_a_pitch_that_goes_round_does_not_jump():
@@ -87,8 +94,8 @@ def test_all_commands_may_be_taken_back_and_no_more():
     robot.rewind(0)
     robot.rewind(50)
     np.testing.assert_array_equal(robot.push(motion), first)
-    for count in (51, -1):
-        with pytest.raises(InputError, match=f"{count} commands cannot be taken back"):
+    for count in (51, -1, 2.0, "3", None, True):
+        with pytest.raises(InputError, match="commands cannot be taken back"):
             robot.rewind(count)
     robot.finish()
     with pytest.raises(InputError, match="finished"):
@@ -124,6 +131,7 @@ def test_what_is_no_motion_no_rate_and_no_start():
     for options, what in (
         ({"fps": "50"}, "fps is '50'"),
         ({"fps": np.nan}, "fps is nan"),
+        ({"fps": 1e18}, "fps is 1e"),
         ({"start": [0.0]}, r"a start that is"),
     ):
         with pytest.raises(InputError, match=what):

@@ -38,6 +38,15 @@ def test_origins_turn_all_frames_after_them(tmp_path):
     assert [each.sign for each in read_urdf(write(tmp_path, torso, pitch, roll))] == [-1, 1]
 
 
+def test_fixed_joints_without_names_turn_frames_too(tmp_path):
+    torso = joint("mount", "0 0 0", rpy="0 0 3.14159265", kind="fixed").replace(' name="mount"', "")
+    other = joint("camera", "0 0 1", kind="fixed").replace(' name="camera"', "")
+    root = joint("root", "0 0 0", kind="floating", parent="world").replace('"root_link"', '"base"')
+    pitch = joint("LShoulderPitch", "0 1 0", parent="mount_link")
+    again = joint("LShoulderPitch", "0 1 0", kind="fixed").replace("LShoulderPitch_link", "x")
+    assert [each.sign for each in read_urdf(write(tmp_path, root, torso, pitch, other, again))] == [-1]
+
+
 def test_a_joint_that_turns_about_another_axis_is_not_recognised(tmp_path):
     found = read_urdf(write(tmp_path, joint("HeadYaw", "0 0 1"), joint("HeadPitch", "1 0 0"), joint("LElbowRoll", "1 1 1")))
     assert [each.name for each in found] == ["HeadYaw", "LElbowRoll"]  # of an oblique axis nothing is known
@@ -82,6 +91,9 @@ def test_a_leader_keeps_the_limits_of_those_that_follow_it(tmp_path):
     (hand,) = read_urdf(write(tmp_path, joint("LHand", "1 0 0"), back))
     assert (hand.lower, hand.upper, hand.velocity) == pytest.approx((-0.5, 0.0, 1.0))
     assert hand.acceleration == pytest.approx(8.0)
+    free = joint("finger", "1 0 0", more='<mimic joint="LHand"/>').replace(ENDS, '<limit effort="1" velocity="2"/>')
+    (hand,) = read_urdf(write(tmp_path, joint("LHand", "1 0 0"), free))
+    assert (hand.lower, hand.upper, hand.velocity) == (-1.5, 1.5, 2.0)
     nowhere = joint("finger", "1 0 0", more='<mimic joint="LHand" offset="9"/>').replace(ENDS, ends)
     with pytest.raises(InputError, match="whose limits let it be nowhere"):
         read_urdf(write(tmp_path, joint("LHand", "1 0 0"), nowhere))

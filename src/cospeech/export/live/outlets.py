@@ -154,6 +154,7 @@ class Outlet:
         with self._changed:
             self.dropped += len(self._waiting) + self._in_hand  # a frame in hand is given up, too
             self._waiting.clear()
+            self._in_hand = False
         self._wire.close()
         self._raise_error()
 
@@ -171,8 +172,8 @@ class Outlet:
 
     def _count(self, *, sent: bool) -> None:
         with self._changed:
-            self.sent += sent
-            self.dropped += not sent
+            self.sent += sent and self._in_hand
+            self.dropped += not sent and self._in_hand
             self._in_hand = False
 
     def _fault(self) -> str:

@@ -22,7 +22,7 @@ ORIGIN = "origin"
 _LOCAL = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?")
 """Origins of pages that may connect: those of this machine. Programs send no origin. Files say ``null``, but so does a page of
 any site that puts itself into a frame (HTML standard, sandboxed origin). So they may connect only if they are named."""
-_ORIGIN = re.compile(r"null|[a-z][a-z0-9+.-]*://[^/?#\s]+", re.IGNORECASE)  # RFC 6454, section 6.1
+_ORIGIN = re.compile(r"null|file://|[a-z][a-z0-9+.-]*://[^/?#\s]+", re.IGNORECASE)  # RFC 6454, section 6.1
 _TOLD = 8  # refused origins that are told ([ours]: a page that tries on has one)
 
 Note = Callable[[str], object]
@@ -56,13 +56,15 @@ def serve_here(serve: Any, handler: Any, address: str, note: Note) -> Any:
     allowed, told = _read_origins(options.get(ORIGIN, ""), address), set[str]()
 
     def check_origin(connection: Any, request: Any) -> Any:
-        origin = request.headers.get("Origin")
-        if origin is None or _LOCAL.fullmatch(origin) or origin.lower() in allowed:
+        said = request.headers.get_all("Origin")
+        if not said or (len(said) == 1 and (_LOCAL.fullmatch(said[0]) or said[0].lower() in allowed)):
             return None
+        origin = said[0]
         if origin not in told and len(told) < _TOLD:
             told.add(origin)
+            names = ",".join([*sorted(allowed), origin[:80]])
             what = "a file, or a page in a frame," if origin == "null" else f"a page of {origin[:80]!r}"
-            note(f"{what} was refused at {address} (to let it in: {address.split('?')[0]}?{ORIGIN}={origin[:80]})")
+            note(f"{what} was refused at {address} (to let it in: {address.split('?')[0]}?{ORIGIN}={names})")
         return connection.respond(HTTPStatus.FORBIDDEN, f"pages of {origin[:80]!r} may not connect\n")
 
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from numbers import Integral
 
 import numpy as np
 
@@ -65,8 +66,8 @@ class JointLimiter:
         Raises:
             InputError: there were not so many, or they are forgotten.
         """
-        if not 0 <= count <= len(self._past):
-            raise InputError(f"{count} commands cannot be taken back", f"0 … {len(self._past)}")
+        if isinstance(count, bool) or not isinstance(count, Integral) or not 0 <= count <= len(self._past):
+            raise InputError(f"{count!r:.40} commands cannot be taken back", f"0 … {len(self._past)}")
         for _ in range(count):
             self._at, self._speed = self._past.pop()
         return self._at

@@ -9,15 +9,17 @@ from ..rotations import Array
 __all__ = ["TurnChooser"]
 
 _TURN = 2 * np.pi
-_NEARER = 0.5  # radians by which another turn must be nearer to the limits, where none is within them [ours: no joint flickers]
+_FAR = 0.5
+"""Radians by which an angle is beyond a limit before another turn counts; or by which that is nearer to the limits, where none
+is within them. [ours: no joint flickers where its range is about a whole turn]"""
 
 
 class TurnChooser:
     """Keeps angles within the limits of joints by whole turns, where that is possible, and else without jumps.
 
     A forearm that somebody turns and turns ends where it began, but the sum of its ways does not. An angle stays on the turn of
-    the frame before while that is within the limits. Where it is not, another turn that is within them counts: the joint then
-    goes there the long way round, as it cannot go on.
+    the frame before while that is within the limits. Where it is far outside of them, another turn that is within them counts:
+    the joint then goes there the long way round, as it cannot go on.
 
     Args:
         lower, upper: (J,) radians.
@@ -45,8 +47,9 @@ class TurnChooser:
         last = row + _TURN * np.floor((self._upper - row) / _TURN)  # the last turn up to the upper limit
         within = np.where(near > self._upper, last, first)
         beside = np.where(self._outside(last) < self._outside(first), last, first)  # where none is within them
-        flips = (self._outside(near) > 0) & (first <= self._upper)
-        nears = (first > self._upper) & (self._outside(near) > self._outside(beside) + _NEARER)
+        far, possible = self._outside(near), first <= self._upper
+        flips = (far > _FAR) & possible
+        nears = ~possible & (far > self._outside(beside) + _FAR)
         return np.where(flips, within, np.where(nears, beside, near))
 
     def _outside(self, angles: Array) -> Array:

@@ -20,6 +20,7 @@ __all__ = ["list_followers", "list_joints", "read_urdf"]
 
 _URDF = 16 << 20  # bytes; ours: a large robot has some 200 kB
 _MOVING = ("revolute", "continuous", "prismatic")
+_ANY = {"lower": -np.inf, "upper": np.inf, "velocity": np.inf}
 _OTHERS = ("fixed", "floating", "planar")  # the other types of the specification, which take no angle
 
 
@@ -46,7 +47,7 @@ def read_urdf(
             neither it nor ``limits`` gives, or one that slides and takes no hand.
     """
     moving, followers = _read_joints(path)
-    axes = read_axes(_read_root(path))
+    axes = read_axes(_read_root(path), _MOVING)
     for name in channels or {}:
         if name in followers:
             leader = _read_leader(name, followers[name])
@@ -162,7 +163,7 @@ def _narrow_leaders(
         plus = _read_number(name, mimic, "offset") if mimic.get("offset") else 0.0
         if not times:
             continue
-        lower, upper, velocity = _read_limits(name, element, {"velocity": np.inf, **limits.get(name, {})})
+        lower, upper, velocity = _read_limits(name, element, {**_ANY, **limits.get(name, {})})
         ends = sorted(((lower - plus) / times, (upper - plus) / times))
         low, high = max(leader.lower, ends[0]), min(leader.upper, ends[1])
         if low > high:

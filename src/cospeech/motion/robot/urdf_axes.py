@@ -26,20 +26,20 @@ class Axis(NamedTuple):
     """Whether it points the other way. Of an oblique axis nothing is known."""
 
 
-def read_axes(root: ElementTree.Element) -> dict[str, Axis]:
+def read_axes(root: ElementTree.Element, types: tuple[str, ...]) -> dict[str, Axis]:
     """Joint → its axis. Origins turn the frames of joints, each on top of those before it.
 
     Args:
         root: ``<robot>``.
+        types: of the joints that have one.
 
     Raises:
         InputError: an axis or an origin that is no three numbers, an axis of no length, or links in a circle.
     """
-    joints = {joint.get("name", ""): joint for joint in root.findall("{*}joint")}
-    above = {link: joint for joint in joints.values() if (link := _link_of(joint, "child"))}
-    return {
-        name: _axis_of(name, joint, _turn_of(joint, above)) for name, joint in joints.items() if joint.get("type") != "fixed"
-    }
+    joints = root.findall("{*}joint")
+    above = {link: joint for joint in joints if (link := _link_of(joint, "child"))}
+    moving = {joint.get("name", ""): joint for joint in joints if joint.get("type") in types}
+    return {name: _axis_of(name, joint, _turn_of(joint, above)) for name, joint in moving.items()}
 
 
 def _axis_of(name: str, joint: ElementTree.Element, frame: Array) -> Axis:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import tau
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -54,7 +55,7 @@ _WIDE, _FAST = 25.2, 50.0
 """Radians from limit to limit, and per second, above which limits limit nothing. [ours: ± two turns; twice NAO's fastest]"""
 _TURN, _SEVERAL = 6.284, 3
 """Radians of a whole turn; so many joints with a larger range are too many. [ours: of NAO, Pepper and Reachy none has it]"""
-_FREE = 12.566  # radians of a joint that turns without end, `read_urdf`: two turns
+_FREE = 2 * tau  # radians of a joint that turns without end, as of `read_urdf`
 _OF_SPEECH = {"model": DEFAULT, "style": None, "emotion": "auto", "transcript": None, "seed": 0, "intensity": 1.0}
 """Options that change nothing for a motion file, and what they are where not given."""
 

@@ -17,7 +17,7 @@ from typing import Any
 from ..errors import InputError
 from ..motion.poses import find_pose
 from ..motion.rotations import Array
-from ..rules.options import GenerationOptions
+from ..rules.options import LAYERS, GenerationOptions
 from .autoregressive_decoder import AutoregressiveDecoder, Source
 from .causal_stream_decoder import CausalStreamDecoder
 from .conditioning import Conditioning, check_conditioning, poses_before
@@ -42,7 +42,7 @@ def options_for_files(system: System) -> Mapping[str, Any]:
     """Options of a session over a file: windows that hear both ways, where a system has them, as nobody waits; a stance; hands
     that hold still and rest; and strokes on the accents."""
     ahead = {"look_ahead": inf} if {"make", "live"} <= set(system.networks) else {}
-    return ahead | {"stance": needs_stance(system)} | dict.fromkeys(("holds", "beat_alignment", "rests"), system.pose != POSE)
+    return ahead | dict.fromkeys(LAYERS, system.pose != POSE) | {"stance": needs_stance(system)}
 
 
 def is_mouth(system: System) -> bool:

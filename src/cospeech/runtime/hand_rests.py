@@ -29,6 +29,7 @@ longer than people's]"""
 _DOWN, _UP = 1.2, 0.65
 """Seconds in which hands come to rest, and from there. [ours: with a quicker way down, beat lift falls; with a quicker way up,
 the wrists of the chain jerk more]"""
+_COMES = _UP / 2 + LEAD  # seconds before an accent at which hands begin to come up, to be fastest on it
 _CLEAR = 0.7
 """Seconds without an accent that is no weak one, in which hands go down. [ours: with more, streams would have more lag]"""
 _PAUSE = 1.6
@@ -49,7 +50,7 @@ class HandRests:
 
     look_ahead = 0.0
     """Seconds of motion after a frame that it waits for."""
-    _foreseen = max(_CLEAR, LEAD + _UP / 2 + 1 / _RATE)
+    _foreseen = max(_CLEAR, _COMES + 1 / _RATE)
     sound_ahead = _foreseen + AccentTrack.delay
     """Seconds of 16 kHz sound after a frame that must have been heard."""
 
@@ -102,24 +103,24 @@ class HandRests:
 
     def _decide(self, now: float) -> float:
         """How far the hands are on their way to rest at this time, 0 … 1."""
-        seen = now + _UP / 2 + LEAD  # as far as an accent must be seen for hands to come up on it
-        if self._track.between(seen - 1 / _RATE, seen):
+        seen = now + _COMES
+        coming = self._track.between(seen - 1 / _RATE, seen)
+        if coming:
             if seen - self._heard > _PAUSE:
                 self._rests, self._until = False, now + self._random.uniform(*_BUSY)
             self._heard = seen
-        if now >= self._until and self._is_time(now):
+        if now >= self._until and self._is_time(now, coming):
             self._rests = not self._rests
             self._until = now + self._random.uniform(*(_QUIET if self._rests else _BUSY))
         self._place = min(max(self._place + (1 / _DOWN if self._rests else -1 / _UP) / _RATE, 0.0), 1.0)
         return self._place
 
-    def _is_time(self, now: float) -> bool:
-        """Whether the speech lets hands go down, or up, now."""
+    def _is_time(self, now: float, coming: Sequence[Accent]) -> bool:
+        """Whether the speech lets hands go down, or up, now; ``coming`` are the accents on which they can come up."""
         if now >= self._until + _LATE:
             return True
         if self._rests:
-            fastest = now + _UP / 2  # of the way up
-            return _strong(self._track.between(fastest + LEAD - 1 / _RATE, fastest + LEAD))
+            return _strong(coming)
         return not _strong(self._track.between(now, now + _CLEAR))
 
 

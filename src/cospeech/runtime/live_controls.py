@@ -63,13 +63,13 @@ class LiveControls:
         from ..audio.transcripts import settle
         from ..audio.word_json import read_documents
 
-        words = self._words
+        if (words := self._words) is None:
+            return None
 
         def put(value: object) -> None:
             entries = [*read_documents(iter([value]))]
             if value and not entries:
                 raise InputError("no word of the message has a time", "give each word start and end, seconds")
-            assert words is not None
             words.put(settle(entries), place)
 
-        return None if words is None else put
+        return put

@@ -46,8 +46,9 @@ def read_urdf(
         InputError: no URDF, a joint of no known type, one that it does not have, one that follows another, one whose limits
             neither it nor ``limits`` gives, or one that slides and takes no hand.
     """
-    moving, followers = _read_joints(path)
-    axes = read_axes(_read_root(path), _MOVING)
+    root = _read_root(path)
+    moving, followers = _read_joints(root, path)
+    axes = read_axes(root, _MOVING)
     for name in channels or {}:
         if name in followers:
             leader = _read_leader(name, followers[name])
@@ -74,7 +75,7 @@ def list_joints(path: str | PathLike[str]) -> tuple[str, ...]:
     Raises:
         InputError: no URDF.
     """
-    return tuple(_read_joints(path)[0])
+    return tuple(_read_joints(_read_root(path), path)[0])
 
 
 def list_followers(path: str | PathLike[str]) -> dict[str, str]:
@@ -83,14 +84,16 @@ def list_followers(path: str | PathLike[str]) -> dict[str, str]:
     Raises:
         InputError: no URDF.
     """
-    return {name: _read_leader(name, joint) for name, joint in _read_joints(path)[1].items()}
+    return {name: _read_leader(name, joint) for name, joint in _read_joints(_read_root(path), path)[1].items()}
 
 
-def _read_joints(path: str | PathLike[str]) -> tuple[dict[str, ElementTree.Element], dict[str, ElementTree.Element]]:
+def _read_joints(
+    root: ElementTree.Element, path: str | PathLike[str]
+) -> tuple[dict[str, ElementTree.Element], dict[str, ElementTree.Element]]:
     """Joints that turn or slide by commands, and those that follow another."""
     found: dict[str, ElementTree.Element] = {}
     followers: dict[str, ElementTree.Element] = {}
-    for joint in _read_root(path).findall("{*}joint"):  # {*}: with a namespace of its own, too
+    for joint in root.findall("{*}joint"):  # {*}: with a namespace of its own, too
         name, kind = joint.get("name", ""), joint.get("type")
         if kind not in (*_MOVING, *_OTHERS):
             problem = f"joint {name!r} of {str(path)!r} has {'no type' if kind is None else f'type {kind[:40]!r}'}"

@@ -129,6 +129,30 @@ def test_words(ours, theirs, expected):
     assert word(ours, theirs) == expected
 
 
+@pytest.mark.parametrize(
+    ("metric", "oracle", "expected"),
+    [("pck", 0.19, NOT_ASSAYED), ("pck", 0.5, HOLDS), ("fgd", 21.0, NOT_ASSAYED), ("fgd", 0.5, HOLDS)],
+)
+def test_a_metric_by_which_the_oracle_is_no_better_than_a_control_row_decides_nothing(metric, oracle, expected):
+    claim = Claim(metric, "ours", "theirs", metric == "pck", "t")
+    good, bad = (0.8 + NEAR / 10, 0.5 - NEAR / 10) if claim.higher else (1 + NEAR, 3 - NEAR)
+    controls = {**CONTROLS, "oracle: the same speech, another take": {metric: oracle}}
+    assert word(good, bad, claim, controls=controls) == expected
+    assert word(good, bad, claim) == HOLDS  # without an oracle
+
+
+def test_costs_of_missing_inputs_have_the_headroom_of_their_metric():
+    costs = {"CoG: −face": [0.1, 0.2, 0.15, 0.1, 0.1], "CaMN: −face": [0.9, 1.0, 0.95, 0.9, 0.9]}
+    rows = {name: cells("fgd_cost", values) for name, values in costs.items()}
+    claim = Claim("fgd_cost", "CoG: −face", "CaMN: −face", False, "figure 1")
+    heads = {**HEADS, "fgd_cost": "FGD, worse by ↓"}
+    for oracle, expected in ((0.5, HOLDS), (21.0, NOT_ASSAYED)):
+        controls = {**CONTROLS, "oracle: the same speech, another take": {"fgd": oracle}}
+        known = {name: {metric: {"value": value} for metric, value in row.items()} for name, row in controls.items()}
+        (told,) = judge([claim], Evidence(rows, known, heads, {}))
+        assert told["verdict"] == expected
+
+
 def test_many_claims_make_each_harder():
     rng = np.random.default_rng(3)
     rows = {"ours": cells("fgd", 1 + NEAR), "theirs": cells("fgd", 1.09 + NEAR[::-1])}

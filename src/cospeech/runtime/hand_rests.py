@@ -18,11 +18,11 @@ from ..motion.rotations import Array, quat_slerp
 from ..motion.skeleton import humanoid
 from ..rules.minimum_jerk import minimum_jerk
 from .beat_alignment import LEAD, AccentTrack
+from .frame_decisions import DECISION_RATE, FrameDecisions
 from .rest_in_silence import resting_pose
 
 __all__ = ["HandRests"]
 
-_RATE = 50  # decisions a second [ours: those of `RestInSilence`]
 _BUSY, _QUIET = (4.5, 10.0), (1.4, 3.2)
 """Seconds of a bout, and between bouts. [ours: about those of `cospeech.rules.bouts`; with longer rests, still spells are
 longer than people's]"""
@@ -50,20 +50,17 @@ class HandRests:
 
     look_ahead = 0.0
     """Seconds of motion after a frame that it waits for."""
-    _foreseen = max(_CLEAR, _COMES + 1 / _RATE)
+    _foreseen = max(_CLEAR, _COMES + 1 / DECISION_RATE)
     sound_ahead = _foreseen + AccentTrack.delay
     """Seconds of 16 kHz sound after a frame that must have been heard."""
 
     def __init__(self, fps: float, track: AccentTrack, seed: int) -> None:
-        self._fps, self._track = fps, track
+        self._track, self._decisions = track, FrameDecisions(fps)
         self._random = Random(f"{seed}/rests")
         self._joints = arm_joints()
         self._rests, self._until = False, self._random.uniform(*_BUSY)
         self._place, self._heard = 0.0, 0.0  # of the last accent, seconds
-        self._shares: list[float] = []  # of decisions, from the first that a frame still needs
-        self._first = 0
         self._rotations, self._root = np.zeros((0, len(humanoid()), 4), np.float32), np.zeros((0, 3), np.float32)
-        self._given = 0
 
     def push(self, rotations: Array, root: Array) -> tuple[Array, Array]:
         """See `MotionLayer.push`."""
@@ -76,35 +73,26 @@ class HandRests:
 
     def _give(self) -> tuple[Array, Array]:
         """The frames of which it is known whether hands rest."""
-        while self._first + len(self._shares) <= self._index(self._given + len(self._rotations)):
-            now = (self._first + len(self._shares)) / _RATE
+        while self._decisions.lack(len(self._rotations)):
+            now = self._decisions.count / DECISION_RATE
             if self._track.known < now + self._foreseen:
                 break
-            self._shares.append(self._decide(now))
-        end = self._first + len(self._shares)
-        index = [k for k in map(self._index, range(self._given, self._given + len(self._rotations))) if k < end]
-        share = _MOST * minimum_jerk(np.array([self._shares[k - self._first] for k in index]))
-        made, root = self._rotations[: len(index)], self._root[: len(index)]
+            self._decisions.add(self._decide(now))
+        share = _MOST * minimum_jerk(self._decisions.take(len(self._rotations)))
+        made, root = self._rotations[: len(share)], self._root[: len(share)]
         if share.any():
             made = made.copy()
             rest = np.broadcast_to(resting_pose()[self._joints], (len(made), len(self._joints), 4)).astype(float)
             own = made[:, self._joints]
             led = quat_slerp(own.astype(float), rest, share[:, None])
             made[:, self._joints] = np.where(share[:, None, None] > 0, led, own)  # the bits of frames without a rest stay
-        self._rotations, self._root = self._rotations[len(index) :], self._root[len(index) :]
-        self._given += len(index)
-        gone = max(min(self._index(self._given) - self._first, len(self._shares)), 0)
-        del self._shares[:gone]
-        self._first += gone
+        self._rotations, self._root = self._rotations[len(share) :], self._root[len(share) :]
         return made, root
-
-    def _index(self, frame: int) -> int:
-        return round(frame * _RATE / self._fps)
 
     def _decide(self, now: float) -> float:
         """How far the hands are on their way to rest at this time, 0 … 1."""
         seen = now + _COMES
-        coming = self._track.between(seen - 1 / _RATE, seen)
+        coming = self._track.between(seen - 1 / DECISION_RATE, seen)
         if coming:
             if seen - self._heard > _PAUSE:
                 self._rests, self._until = False, now + self._random.uniform(*_BUSY)
@@ -112,7 +100,7 @@ class HandRests:
         if now >= self._until and self._is_time(now, coming):
             self._rests = not self._rests
             self._until = now + self._random.uniform(*(_QUIET if self._rests else _BUSY))
-        self._place = min(max(self._place + (1 / _DOWN if self._rests else -1 / _UP) / _RATE, 0.0), 1.0)
+        self._place = min(max(self._place + (1 / _DOWN if self._rests else -1 / _UP) / DECISION_RATE, 0.0), 1.0)
         return self._place
 
     def _is_time(self, now: float, coming: Sequence[Accent]) -> bool:

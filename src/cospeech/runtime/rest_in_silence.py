@@ -24,12 +24,12 @@ from ..motion.rotations import Array
 from ..motion.skeleton import humanoid
 from ..rules import RuleBasedModel
 from ..rules.manner import mix_frames
+from .frame_decisions import DECISION_RATE, FrameDecisions
 
 __all__ = ["RestInSilence", "resting_pose"]
 
-_RATE = 50  # decisions a second [ours: a decision is then as long as a frame of the rules' slowest display]
 _SILENCE = 0.6  # s without a voice after which hands rest [ours: pauses inside a sentence are shorter; `motion.md` §1]
-_PAUSE = round(_SILENCE * _RATE)  # decisions
+_PAUSE = round(_SILENCE * DECISION_RATE)  # decisions
 _FORESEEN = 0.5  # s that are looked ahead at most [ours: so long does it take to raise the hands]
 _DOWN, _UP = 0.7, 0.5  # s in which hands come to rest, and from there [ours: an unhurried retraction takes .5 to .8 s]
 _VOICED = 0.5  # voicing above which there is a voice (`cospeech.audio.features.prosody`)
@@ -54,21 +54,20 @@ class RestInSilence:
     """
 
     def __init__(self, fps: float, waits: float, parts: tuple[str, ...]) -> None:
-        self._features, self._fps = FrameFeatures(_RATE), fps
-        self._ahead = min(max(floor((waits - self._features.delay) * _RATE) - 1, 0), round(_FORESEEN * _RATE))
+        self._features, self._decisions = FrameFeatures(DECISION_RATE), FrameDecisions(fps)
+        self._ahead = min(max(floor((waits - self._features.delay) * DECISION_RATE) - 1, 0), round(_FORESEEN * DECISION_RATE))
         self._joints = arm_joints(parts)
         self._trunk = [humanoid().index[name] for name in _TRUNK] if "body" in parts else []
         self._loudest = -inf
         self._raw = deque[bool](maxlen=4)
         self._quiet = 0  # decisions since there was speech
-        self._count, self._shares, self._first = 0, list[float](), 0  # of decisions; those that frames still need
+        self._heard = 0  # decisions on whether there is speech
         self._place = 0.0
-        self._given = 0
 
     @property
     def ahead(self) -> float:
         """Seconds of sound after a frame's time on which it depends."""
-        return self._ahead / _RATE + self._features.delay
+        return self._ahead / DECISION_RATE + self._features.delay
 
     def share(self, prosody: SharedProsody) -> None:
         """See `cospeech.audio.features.streaming.StreamingFeatures`."""
@@ -81,7 +80,7 @@ class RestInSilence:
     def finish(self) -> None:
         """The speech is over: silence follows."""
         self._hear(self._features.finish())
-        for _ in range(self._ahead + _RATE):  # of frames a little after the end, too
+        for _ in range(self._ahead + DECISION_RATE):  # of frames a little after the end, too
             self._decide(False)
 
     def split(self, rows: Array) -> tuple[Array, Array, Array]:
@@ -93,15 +92,8 @@ class RestInSilence:
         Returns:
             (N, k, D) of which it is known; the others; and (k,) how far the hands are at rest there, 0 … 1.
         """
-        end = self._first + len(self._shares)
-        index = [self._index(self._given + k) for k in range(rows.shape[1])]
-        count = sum(k < end for k in index)
-        places = np.array([self._shares[k - self._first] for k in index[:count]])
-        self._given += count
-        gone = min(self._index(self._given) - self._first, len(self._shares))
-        del self._shares[: max(gone, 0)]
-        self._first += max(gone, 0)
-        return rows[:, :count], rows[:, count:], smoothstep(places)
+        places = self._decisions.take(rows.shape[1])
+        return rows[:, : len(places)], rows[:, len(places) :], smoothstep(places)
 
     def lead(self, rotations: Array, share: Array) -> Array:
         """Rotations (n, J, 4) of the frames that `split` gave the shares of, led to rest."""
@@ -115,12 +107,9 @@ class RestInSilence:
             led[:, joints] = np.where(share[:, None, None] > 0, mixed, own)
         return led
 
-    def _index(self, frame: int) -> int:
-        return round(frame * _RATE / self._fps)
-
     def _hear(self, rows: Array) -> None:
         for energy, voicing in rows[:, [_ENERGY, _VOICING]].tolist():
-            self._loudest = max(energy, self._loudest - _RELEASE / _RATE)
+            self._loudest = max(energy, self._loudest - _RELEASE / DECISION_RATE)
             loud = energy > max(self._loudest - _LOUD, _FLOOR)
             self._raw.append(loud or (voicing > _VOICED and energy > self._loudest - 1.5 * _LOUD))
             self._decide(sum(self._raw) >= _BLIP)
@@ -128,16 +117,15 @@ class RestInSilence:
     def _decide(self, speech: bool) -> None:
         """The next decision, of ``ahead`` before this moment."""
         self._quiet = 0 if speech else self._quiet + 1
-        self._count += 1
-        if self._count <= self._ahead:
+        self._heard += 1
+        if self._heard <= self._ahead:
             return
-        now = self._count - 1 - self._ahead
-        rests = self._quiet >= min(self._count, _PAUSE)
-        if now == 0:
+        rests = self._quiet >= min(self._heard, _PAUSE)
+        if not self._decisions.count:
             self._place = float(rests)
         else:
-            self._place = min(max(self._place + (1 / _DOWN if rests else -1 / _UP) / _RATE, 0.0), 1.0)
-        self._shares.append(self._place)
+            self._place = min(max(self._place + (1 / _DOWN if rests else -1 / _UP) / DECISION_RATE, 0.0), 1.0)
+        self._decisions.add(self._place)
 
 
 @cache

@@ -111,3 +111,10 @@ def test_a_colon_of_a_path_is_its_own():
         parts("ada:x", **known)
     with pytest.raises(InputError, match="weight '' of style 'ada'"):
         parts("ada:", **known)
+
+
+@pytest.mark.parametrize("wrong", [16000, {"seed": 1}, "rules"], ids=str)
+def test_what_is_no_options_is_told(wrong, tmp_path):
+    for model in (RuleBasedModel(), TrainedModel.open(write_small(tmp_path / "a.cospeech"))):
+        with pytest.raises(InputError, match="where options of a session belong"):
+            model.session(wrong)

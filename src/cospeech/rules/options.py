@@ -110,9 +110,15 @@ class GenerationOptions:
 
     @classmethod
     def of(cls, options: GenerationOptions | None, keywords: Mapping[str, Any]) -> GenerationOptions:
-        """Options as a session is given them: whole, by keywords, or whole with some changed."""
+        """Options as a session is given them: whole, by keywords, or whole with some changed.
+
+        Raises:
+            InputError: other things than options, or a keyword that there is not.
+        """
         if options is None:
             return cls.from_keywords(keywords)
+        if not isinstance(options, cls):
+            raise InputError(f"{type(options).__name__} where options of a session belong", "session(style='calm', seed=3)")
         check_names(keywords)
         return replace(options, **keywords) if keywords else options
 

@@ -1,6 +1,6 @@
 """Writes the control-row tables of docs/metrics/ from speech and the rule-based model's motion for it (synthetic).
 
-    python tools/measure_metrics.py FOLDER_OF_SPEECH [--minutes 6]
+    python tools/measure_metrics.py FOLDER_OF_SPEECH [--minutes 6] [--only PAGE …]
 
 Files of the folder are joined into clips of about a minute, gestured in four styles by turns (the "speakers" of clustering and
 inception score) at 15 frames per second, and evaluated. In docs/metrics/NAME.md what is between ``<!-- measured -->`` and
@@ -109,8 +109,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--minutes", type=float, default=6.0)
+    parser.add_argument("--only", nargs="+", metavar="PAGE", help="write these pages alone: wrist_height")
     options = parser.parse_args()
     spoken = speeches(options.folder, options.minutes)
+    if len(spoken) < 4:
+        parser.error(f"{len(spoken)} clips of {CLIP:g} s in {options.folder}: four are wanted, one of each style")
     clips = [recording(speech, k, k) for k, speech in enumerate(spoken)]
     flat = [key_points(clip) for clip in clips]
     takes = [[recording(speech, k, 100 * take + k) for take in range(1, TAKES + 1)] for k, speech in enumerate(spoken)]
@@ -122,7 +125,9 @@ def main() -> None:
     for path in sorted(PAGES.glob("*.md")):
         names = [n for n, where in METRICS.items() if where.split(":")[0].endswith(f".{path.stem}")]
         text = path.read_text("utf-8")
-        if not names or not BLOCK.search(text):
+        if names and not BLOCK.search(text):
+            print(f"left {path.name}: it has no lines <!-- measured --> and <!-- end -->")
+        if not names or not BLOCK.search(text) or (options.only and path.stem not in options.only):
             continue
         rows = {row: [(planar if n in POINTS else solid)._cell(row, n) for n in names] for row in solid.rows}
         faults = {n: (planar if n in POINTS else solid).faults.get(n, ()) for n in names}

@@ -42,17 +42,19 @@ def _models() -> list[Row]:
 
 
 def _styles() -> list[Row]:
-    """Those of the rule-based model, then the speakers of the models whose weights ship."""
-    from ..models import BUNDLE, SHIPPED
+    """Those of the rule-based model, then the speakers of the models whose weights ship, or come with a package."""
+    from ..models import BUNDLE, ENTRIES, SHIPPED, find_bundle
     from ..rules.styles import STYLES
     from ..runtime.bundles.bundle import read_bundle
     from ..runtime.bundles.spec import VOICE
 
     rows = [{"name": name, "what": style.what, "model": "rules"} for name, style in STYLES.items()]
-    for path in sorted(SHIPPED.glob(f"*{BUNDLE}")):
+    weights = {path.stem: path for path in sorted(SHIPPED.glob(f"*{BUNDLE}"))}
+    weights |= {name: path for name in ENTRIES if name not in weights and (path := find_bundle(name)) is not None}
+    for model, path in weights.items():
         names = read_bundle(path).fact("styles", list)
         about = dict.fromkeys(names, "a speaker of its training data") | {VOICE: "the speaker that it estimates from the voice"}
-        rows += [{"name": name, "what": about[name], "model": path.stem} for name in names]
+        rows += [{"name": name, "what": about[name], "model": model} for name in names]
     return rows
 
 

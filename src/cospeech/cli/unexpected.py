@@ -9,6 +9,7 @@ from pathlib import Path
 from types import CodeType
 
 from ..errors import CospeechError, InputError, InternalError
+from ..export.plugins import USED
 
 __all__ = ["explain"]
 
@@ -34,7 +35,8 @@ def explain(error: Exception, command: str) -> CospeechError:
         return InternalError(f"too little memory: {what}", hint)
     if place := _find_own_code(error):
         return InputError(f"{place}: {what}", "the error comes from this file, not from cospeech; --debug shows the whole way")
-    return InternalError(what, "this is a bug of ours; --debug shows where")
+    whose = f"this is a bug of ours, or of {' or '.join(USED)}" if USED else "this is a bug of ours"
+    return InternalError(what, f"{whose}; --debug shows where")
 
 
 def _is_memory(error: Exception) -> bool:

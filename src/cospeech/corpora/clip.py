@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from ..audio.speech import Speech
+from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.points import Points
 from ..motion.rotations import Array
@@ -46,6 +47,9 @@ class Clip:
         split: one of `SPLITS`, where the corpus fixes it.
         start: seconds from the beginning of the original recording.
         extra: what only this corpus has (video ids, precomputed features), by name.
+
+    Raises:
+        InputError: a name that is no text, or a split that there is not.
     """
 
     name: str
@@ -61,6 +65,14 @@ class Clip:
     split: str | None = None
     start: float = 0.0
     extra: dict[str, object] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for what in ("name", "speaker", "corpus"):
+            value = getattr(self, what)
+            if not isinstance(value, str):
+                raise InputError(f"clip {self.name!r}: the {what} is {value!r:.60}", "it is text")
+        if self.split not in (None, *SPLITS):
+            raise InputError(f"clip {self.name!r}: {self.split!r:.60} is no split", f"{', '.join(SPLITS)}, or None")
 
     @property
     def duration(self) -> float:

@@ -79,6 +79,8 @@ def read_each(names: Iterable[str], read: Callable[[str], Clip | Dropped]) -> It
             item = Dropped(name, str(error))
         except OSError as error:  # taken away meanwhile, or a disk that fails
             item = Dropped(name, f"cannot read {error.filename or name!r}: {describe_os_error(error)}")
+        except (ArithmeticError, LookupError, ValueError) as error:  # what JSON, CSV and NumPy make of a damaged file
+            item = Dropped(name, f"{type(error).__name__}: {error}")
         yield item
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from contextlib import AbstractContextManager
+from inspect import isabstract
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -59,9 +60,9 @@ class Writer(AbstractContextManager["Writer"], ABC):
         """Close what is open; called when something failed, and after ``_finish`` too."""
 
     def __enter__(self) -> Writer:
-        temporary = self._atomic.__enter__()
+        self._temporary = self._atomic.__enter__()
         try:
-            self._begin(temporary)
+            self._begin(self._temporary)
         except BaseException as error:
             self._discard()
             self._atomic.__exit__(type(error), error, error.__traceback__)
@@ -82,6 +83,8 @@ class Writer(AbstractContextManager["Writer"], ABC):
                 if not self.frames:
                     raise InputError(f"no motion to write to {str(self.path)!r}", "it has no frames")
                 self._finish()
+                if self._temporary.is_file() and not self._temporary.stat().st_size:
+                    raise InputError(f"nothing was written to {str(self.path)!r}", "_begin is given the path to write to")
             except BaseException as failure:
                 self._discard()
                 self._atomic.__exit__(type(failure), failure, failure.__traceback__)
@@ -96,8 +99,12 @@ class Writer(AbstractContextManager["Writer"], ABC):
 
 
 def open_writer(path: str | PathLike[str], *, skeleton: Skeleton, fps: float, **options: object) -> Writer:
-    """A writer for ``path``, chosen by its suffix; use it in a ``with`` block."""
-    code = _find_code(path, "Writer")
+    """A writer for ``path``, chosen by its suffix; use it in a ``with`` block.
+
+    Raises:
+        InputError: the format is unknown, has no such option, or its module has no `Writer`.
+    """
+    code = _find_writer(path)
     check_options(code, options, Path(path).suffix, "written")
     writer: Writer = code(path, skeleton=skeleton, fps=fps, **options)
     return writer
@@ -162,8 +169,21 @@ def read(path: str | PathLike[str], **options: object) -> Motion:
         raise InputError(f"{Path(path).suffix} files can be written but not read", f"load a {', '.join(most)} or {last}")
     code = _find_code(path, "load")
     check_options(code, options, Path(path).suffix, "read")
-    found: Motion = code(path, **options)
+    from ..motion.motion import Motion
+
+    found = code(path, **options)
+    if not isinstance(found, Motion):
+        raise InputError(f"{code.__module__}.load gives {type(found).__name__}", "it gives a cospeech.Motion")
     return found
+
+
+def _find_writer(path: str | PathLike[str]) -> Any:
+    """The class that writes a path's format."""
+    code = _find_code(path, "Writer")
+    if not (isinstance(code, type) and issubclass(code, Writer)) or isabstract(code):
+        hint = "a subclass of cospeech.export.Writer with _begin, _write and _finish"
+        raise InputError(f"the Writer of {format_of(path).module} cannot write {Path(path).suffix} files", hint)
+    return code
 
 
 def _find_code(path: str | PathLike[str], attribute: str) -> Any:

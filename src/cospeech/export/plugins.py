@@ -18,9 +18,11 @@ from ..errors import CospeechWarning, InputError
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-__all__ = ["Registry"]
+__all__ = ["USED", "Registry"]
 
 Row = TypeVar("Row")
+USED: list[str] = []
+"""The plug-ins of this process whose rows were read, in words: what goes wrong may come from them."""
 
 
 class Registry(Mapping[str, Row], Generic[Row]):
@@ -52,7 +54,7 @@ class Registry(Mapping[str, Row], Generic[Row]):
         yield from self.ours
         seen = set(self.ours)
         for entry in self._entries():
-            name = self._prefix + entry.name
+            name = self._name(entry)
             if name in seen:
                 who = "cospeech has" if name in self.ours else "another package has"
                 self._tell(f"{_describe(entry)} is not used: {who} {name!r} already")
@@ -78,7 +80,11 @@ class Registry(Mapping[str, Row], Generic[Row]):
             raise InputError(_say_unusable(entry, error), f"its row says that {module} has {attribute}") from error
 
     def _find_entry(self, name: str) -> EntryPoint | None:
-        return next((entry for entry in self._entries() if self._prefix + entry.name == name), None)
+        return next((entry for entry in self._entries() if self._name(entry) == name), None)
+
+    def _name(self, entry: EntryPoint) -> str:
+        """Under which a row is found; a suffix has small letters, as files are told by."""
+        return self._prefix + entry.name.removeprefix(self._prefix).lower() if self._prefix else entry.name
 
     def _entries(self) -> tuple[EntryPoint, ...]:
         return _find_entries(self._group, tuple(sys.path))
@@ -88,11 +94,12 @@ class Registry(Mapping[str, Row], Generic[Row]):
             self._loaded[entry] = None
             try:
                 row = entry.load()
-            except Exception as error:  # whatever a stranger's module does when it is imported
+            except (Exception, SystemExit) as error:  # whatever a stranger's module does when it is imported
                 self._tell(_say_unusable(entry, error))
             else:
                 if isinstance(row, self._kind):
                     self._loaded[entry] = row
+                    USED.append(_describe(entry))
                 else:
                     self._tell(f"{_describe(entry)} cannot be used: {entry.value} is no {self._kind.__name__}")
         return self._loaded[entry]
@@ -109,7 +116,7 @@ def _describe(entry: EntryPoint) -> str:
     return f"plug-in {entry.name!r}{owner} ({entry.group})"
 
 
-def _say_unusable(entry: EntryPoint, error: Exception) -> str:
+def _say_unusable(entry: EntryPoint, error: BaseException) -> str:
     return f"{_describe(entry)} cannot be used: {type(error).__name__}: {error}"
 
 

@@ -45,6 +45,13 @@ class Format:
     needs: str = ""
     """A module that an extra installs."""
 
+    def __post_init__(self) -> None:
+        for name in ("module", "what", "opens", "sound", "needs"):
+            if not isinstance(getattr(self, name), str):
+                raise InputError(f"{name} of a Format is {getattr(self, name)!r:.60}", "it is text")
+        if not isinstance(self.holds, tuple) or not self.holds or not {*self.holds} <= {*PARTS}:
+            raise InputError(f"holds of a Format is {self.holds!r:.60}", f"a tuple of some of {', '.join(PARTS)}")
+
 
 _OURS = {
     ".bvh": Format(

@@ -54,7 +54,7 @@ def load_metric(name: str) -> Metric:
     """A metric by name.
 
     Raises:
-        InputError: there is none of that name.
+        InputError: there is none of that name, or what is registered is no metric.
     """
     from importlib import import_module
 
@@ -63,6 +63,10 @@ def load_metric(name: str) -> Metric:
     if name not in METRICS:
         raise InputError(f"no metric is called {name!r}", nearest(name, METRICS))
     module, _, attribute = METRICS[name].partition(":")
-    found = getattr(import_module(module), attribute)
-    assert isinstance(found, Metric)
+    try:
+        found = getattr(import_module(module), attribute)
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"the metric {name!r} cannot be used: {error}", f"METRICS says {METRICS[name]!r}") from error
+    if not isinstance(found, Metric):
+        raise InputError(f"the metric {name!r} is a {type(found).__name__}", "put @metric(…, better=…) before the function")
     return found

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import update_wrapper
+from inspect import signature
 from math import isclose
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, nearest
 from ..motion.rotations import Array
 from .sample import Sample, Score, Tools
 
@@ -25,6 +26,8 @@ __all__ = ["BETTER", "About", "Metric", "metric", "pair_samples"]
 BETTER = ("higher", "lower", "reference")
 """Which way is better: a higher value, a lower one, or the one nearest to that of the reference (diversity, jerk)."""
 
+SAME = ("rate", "joints")
+"""What all clips may have to have the same."""
 RATE = 1e-4  # ours: relative; files round their frame time (0.033333 s), and 29.97 is not 30
 
 Function = Callable[[Sequence[Sample], Sequence[Sample], Tools], Score]
@@ -84,6 +87,10 @@ class Metric:
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # what comes of them is looked at below
             score = self.function(generated, reference, tools)
+        if not isinstance(score, Score):
+            raise InputError(f"{name} gives {_describe(score)}", "a Score: cospeech.metrics.interval.mean_score makes one")
+        if np.ndim(score.value) or not isinstance(score.value, int | float | np.integer | np.floating):
+            raise InputError(f"the value of the score of {name} is {_describe(score.value)}", "one real number")
         if not np.isfinite(score.value):
             raise InputError(f"{name} comes out as {score.value} for these clips", "they hardly move, or are too few")
         ends = score.interval
@@ -99,9 +106,34 @@ def metric(
     chance: bool = False,
     same: tuple[str, ...] = (),
 ) -> Callable[[Function], Metric]:
-    """Decorator that makes a `Metric` of a function; see `About`."""
+    """Decorator that makes a `Metric` of a function; see `About`.
+
+    Raises:
+        InputError: something is asked for that there is not, or the function takes other arguments.
+    """
+    known = {field.name for kind in (Sample, Tools) for field in fields(kind)}
+    asked = {name for need in needs for name in need.split("|")}
+    if better not in BETTER:
+        raise InputError(f"better={better!r} of a metric", f"one of {', '.join(BETTER)}")
+    if asked - known:
+        raise InputError(f"a metric needs {min(asked - known)!r}", nearest(min(asked - known), known))
+    if not isinstance(same, tuple) or {*same} - {*SAME}:
+        raise InputError(f"same={same!r} of a metric", f"a tuple of some of {', '.join(SAME)}")
     about = About(needs, better, paired, hears, unit, chance, same)
-    return lambda function: Metric(function, about)
+
+    def make(function: Function) -> Metric:
+        try:
+            signature(function).bind((), (), None)
+        except TypeError as error:
+            raise InputError(f"the metric {function.__name__!r}: {error}", "it takes (generated, reference, tools)") from None
+        return Metric(function, about)
+
+    return make
+
+
+def _describe(value: object) -> str:
+    shape = f" of shape {value.shape}" if isinstance(value, np.ndarray) else ""
+    return "nothing" if value is None else f"{type(value).__name__}{shape}"
 
 
 def _check_rates(sample: Sample, other: Sample) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +27,7 @@ _SHAPES: dict[str, tuple[int, int | None]] = {
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """One recording as metrics see it; what is not known is None.
+    """One recording as metrics see it, in arrays that are read-only; what is not known is None.
 
     Args:
         name: of the recording.
@@ -76,8 +77,13 @@ class Sample:
             if not np.isfinite(value).all():
                 raise InputError(f"{name} of {self.name!r} hold values that are not finite")
             lengths.add(len(value))
+            object.__setattr__(self, name, _protect(value))
         if len(lengths) > 1:
             raise InputError(f"arrays of {self.name!r} have {sorted(lengths)} frames", "all of one length")
+        if self.track is not None:
+            arrays = {each.name: getattr(self.track, each.name) for each in fields(self.track)}
+            safe: dict[str, Any] = {name: _protect(value) for name, value in arrays.items() if isinstance(value, np.ndarray)}
+            object.__setattr__(self, "track", replace(self.track, **safe))
         if not self.condition:
             object.__setattr__(self, "condition", self.name)
 
@@ -86,6 +92,13 @@ class Sample:
             if value is not None:
                 return len(value)
         return 0 if self.track is None else len(self.track.hips)
+
+
+def _protect(values: Array) -> Array:
+    """The same numbers, which cannot be changed in place: all metrics see one sample."""
+    view = values.view()
+    view.flags.writeable = False
+    return view
 
 
 def pose_vectors(sample: Sample) -> Array:

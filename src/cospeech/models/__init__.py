@@ -207,7 +207,10 @@ def load(name: str | PathLike[str] = DEFAULT) -> Model:
     if ENTRIES[name].trains:
         path = find_bundle(name)
         if path is None:
-            raise InputError(f"no weights of {name!r} ship", "train it (docs/training.md), and name the run or its bundle")
+            named = ENTRIES[name].weights
+            lost = f": its row names {named!r}, which is no file" if named else ""
+            hint = "train it (docs/training.md), and name the run or its bundle"
+            raise InputError(f"no weights of {name!r} ship{lost}", "the path must be whole" if named else hint)
         return _open(path)
     from ..runtime.mouth import open_default_mouth
 

@@ -8,9 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
+from ..errors import InputError
 from ..export.plugins import Registry
 
 __all__ = ["ENTRIES", "MODELS", "NETWORKS", "ModelEntry"]
+
+
+_ALL = ("words", "face", "emotion")
 
 
 @dataclass(frozen=True)
@@ -32,8 +36,14 @@ class ModelEntry:
     weights: str = ""
     """Path of the bundle with its weights, of another package; ours lie in `cospeech.models.SHIPPED`."""
 
+    def __post_init__(self) -> None:
+        for name in ("where", "what", "paper", "weights"):
+            if not isinstance(getattr(self, name), str):
+                raise InputError(f"{name} of a ModelEntry is {getattr(self, name)!r:.60}", "it is text")
+        if not isinstance(self.needs, tuple) or not {*self.needs} <= {*_ALL}:
+            raise InputError(f"needs of a ModelEntry is {self.needs!r:.60}", f"a tuple of some of {', '.join(_ALL)}")
 
-_ALL = ("words", "face", "emotion")
+
 _OURS = {
     "rules": ModelEntry(
         "cospeech.rules:RuleBasedModel",

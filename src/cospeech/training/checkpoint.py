@@ -28,7 +28,7 @@ from ..files import atomic, describe_os_error, read_regular, regular_file
 from ..limits import RUN_BYTES
 from ..models import ENTRIES, NETWORKS
 from ..models.nn.trainable import Trainable
-from .recipe import Recipe, build, change_recipe, list_changes
+from .recipe import Recipe, build, change_recipe, check_types, list_changes
 from .renamed import RENAMED, add_former_values
 
 __all__ = [
@@ -66,6 +66,7 @@ def network(name: str) -> type[Trainable]:
     if not is_dataclass(getattr(kind, "Config", None)):
         hint = "Config = a frozen dataclass, whose fields are the keys of [model] (docs/add_a_model.md)"
         raise InputError(f"{NETWORKS[name]} has no Config", hint)
+    check_types(kind.Config)
     return kind
 
 
@@ -104,7 +105,8 @@ def build_model(facts: Mapping[str, Any], needs: Mapping[str, nn.Module] | None 
     try:
         return kind(config, **sizes, **parts)
     except TypeError as error:
-        raise InputError(f"cannot build {facts['model']!r}: {error}"[:200], "do [needs] of the recipe fit the model?") from None
+        hint = f"its constructor takes (config, {', '.join(f'{keyword}=' for keyword in {**sizes, **parts})})"
+        raise InputError(f"cannot build {facts['model']!r}: {error}"[:200], hint) from None
 
 
 def write_facts(folder: Path, facts: Mapping[str, Any], files: Mapping[str, Mapping[str, Tensor]]) -> None:

@@ -9,15 +9,30 @@ from torch import Tensor, nn
 
 from ..errors import InputError, nearest
 from ..models.nn.objective import Batch, Objective
+from ..models.nn.trainable import Trainable
 from .recipe import Optimiser
 from .schedule import SCHEDULES
 
-__all__ = ["ObjectiveOptimiser", "with_prefix"]
+__all__ = ["ObjectiveOptimiser", "list_objectives", "with_prefix"]
 
 
 def with_prefix(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
     """The tensors whose names have this prefix, by the rest of their names."""
     return {name.removeprefix(prefix): tensor for name, tensor in tensors.items() if name.startswith(prefix)}
+
+
+def list_objectives(model: Trainable) -> list[tuple[str, Objective]]:
+    """Name and objective, of all that a network declares.
+
+    Raises:
+        InputError: it declares something else.
+    """
+    found = model.objectives()
+    if isinstance(found, Mapping) and found and all(isinstance(part, Objective) for part in found.values()):
+        return [*found.items()]
+    given = f"{found!r}"[:80] if isinstance(found, Mapping) else type(found).__name__
+    hint = 'a dict by name: {"pose": Objective(parameters, loss)} (docs/add_a_model.md)'
+    raise InputError(f"objectives() of {type(model).__name__} gives {given}", hint)
 
 
 class ObjectiveOptimiser:
@@ -58,7 +73,13 @@ class ObjectiveOptimiser:
         return found
 
     def gradients(self, total: Tensor) -> list[Tensor]:
-        """Of a loss, for these parameters alone; one that is not in the loss has none, and is not moved."""
+        """Of a loss, for these parameters alone; one that is not in the loss has none, and is not moved.
+
+        Raises:
+            InputError: the loss depends on no parameter.
+        """
+        if not total.requires_grad:
+            raise InputError(f"the loss of the objective {self.name!r} depends on no parameter", "is it detached?")
         for p, gradient in zip(self.parameters, torch.autograd.grad(total, self.parameters, allow_unused=True), strict=True):
             p.grad = gradient
         return [p.grad for p in self.parameters if p.grad is not None]

@@ -29,6 +29,7 @@ __all__ = [
     "Train",
     "build",
     "change_recipe",
+    "check_types",
     "describe_recipe",
     "list_changes",
     "list_recipes",
@@ -192,6 +193,28 @@ def _kind(hint: Any) -> str:
     if get_origin(hint) is tuple:
         return "a list" if Ellipsis in get_args(hint) else f"a list of {len(get_args(hint))}"
     return _KINDS.get(hint, "something else")
+
+
+def check_types(kind: type) -> None:
+    """Whether a recipe can hold the fields of the settings of a network.
+
+    Raises:
+        InputError: one has a type that it cannot hold.
+    """
+    hints = get_type_hints(kind)
+    for name in (each.name for each in fields(kind)):
+        if not _is_held(hints[name]):
+            shown = hints[name].__name__ if isinstance(hints[name], type) and not get_args(hints[name]) else hints[name]
+            hint = "int, float, bool, str, tuple[int, ...] and the like, and each of these with | None"
+            raise InputError(f"{kind.__qualname__}.{name} is of the type {shown}, which no recipe holds", hint)
+
+
+def _is_held(hint: Any) -> bool:
+    if get_origin(hint) in (Union, UnionType):
+        return all(map(_is_held, get_args(hint)))
+    if get_origin(hint) is tuple:
+        return all(inner is Ellipsis or _is_held(inner) for inner in get_args(hint))
+    return hint is Any or hint in _KINDS
 
 
 def _fit(value: Any, hint: Any, where: str) -> Any:

@@ -30,7 +30,7 @@ from .batch_loader import BatchLoader
 from .checkpoint import build_model, read_facts, read_tensors, write_facts, write_tensors
 from .dataset import check_same, open_set
 from .interrupts import SignalWatch, Stopped, defer_signals
-from .objective_optimiser import ObjectiveOptimiser, with_prefix
+from .objective_optimiser import ObjectiveOptimiser, list_objectives, with_prefix
 from .processes import Team, average, join, mean_values, surroundings
 from .recipe import Recipe, Train
 from .renamed import suggest_key
@@ -80,7 +80,7 @@ class _Run:
         self.model = model.to(team.device)
         self.total = self.settings.steps + self.model.preliminary_steps
         self.model.set_statistics(work.statistics)
-        self.parts = [ObjectiveOptimiser(name, part, self.settings.of(name)) for name, part in self.model.objectives().items()]
+        self.parts = [ObjectiveOptimiser(name, part, self.settings.of(name)) for name, part in list_objectives(self.model)]
         if unknown := {*self.settings.objectives} - {part.name for part in self.parts}:
             raise InputError(
                 f"no objective {min(unknown)!r} in [train]", suggest_key(min(unknown), [p.name for p in self.parts])

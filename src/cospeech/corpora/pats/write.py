@@ -21,7 +21,7 @@ from ...motion.points import Points
 from ...motion.poses.keypoints2d import points_of
 from ...motion.rotations import Array
 from ...motion.skeletons.pats import JOINTS
-from ..clip import SPLITS, Clip, Dropped
+from ..clip import Clip, Dropped
 from ..layout import on_rate
 from .pandas_frame_writer import write_frame
 from .points import FPS, from_points, mirror, normalise_points
@@ -61,8 +61,6 @@ def write(clips: Iterable[Clip | Dropped], raw: str | PathLike[str], *, transfor
         for number, (clip, name) in enumerate(_assign_ids(clips)):
             points = _points(clip)
             split = clip.split or {9: "test", 8: "validation"}.get(number % 10, "train")
-            if split not in SPLITS:
-                raise InputError(f"{clip.name!r} is of the split {split!r}", f"one of {', '.join(SPLITS)}")
             video, link = (str(clip.extra.get(key, "")) for key in ("video_fn", "video_link"))
             rows.append(Interval(name, _folder(clip.speaker), split, points.duration, max(clip.start, 0.0), video, link))
             sides = [(rows[-1], points.values)]

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from importlib import import_module
@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 from ...audio.features.waveform import WAVEFORM_NAMES
 from ...errors import CospeechError, InputError, describe_extra, nearest
 from ...files import atomic, describe_os_error
-from ...motion.poses import find_pose
+from ...motion.poses import POSES, find_pose
 from ...motion.skeletons.arkit import ARKIT
 from .. import CORPORA
 from ..attributes import speaker_attributes
@@ -102,6 +102,8 @@ def prepare(
         raise InputError(f"no corpus is called {corpus!r}", nearest(corpus, CORPORA))
     target = Path(store)
     _check_target(target, Path(raw), overwrite)
+    if not pose and corpus not in DEFAULT_POSES:
+        raise InputError(f"no pose representation is set for {corpus!r}", f"--pose chooses one: {', '.join(POSES)}")
     chosen = find_pose(pose or DEFAULT_POSES[corpus])
     rate = chosen.fps if fps is None else fps
     if not 1 <= rate <= 240:
@@ -116,7 +118,7 @@ def prepare(
         raise InputError(f"a scheduler {scheduler!r} for the backend {backend!r}", "it is for --backend dask")
     if wav2vec is not None:
         wav2vec_names(wav2vec)  # so that it is told now, not once per clip
-    read = import_module(CORPORA[corpus].module).read
+    read = _find_reader(corpus)
     derivations_for = plan_derivations(derived_speakers, lambda: read(raw), mirror)
     plan = PreparationPlan(corpus, chosen.name, float(rate), filters, wav2vec, waveform)
     settings = {"mirror": mirror, "speeds": [*speeds], "pitches": [*pitches], "derived_speakers": [*derived_speakers]}
@@ -126,6 +128,20 @@ def prepare(
         with _workers(jobs, backend, scheduler) as (run, together):
             made = _make_parts(tasks, plan, run, together, progress)
         return _assemble(target, made, plan, dropped)
+
+
+def _find_reader(corpus: str) -> Callable[[str | PathLike[str]], Iterator[Clip | Dropped]]:
+    """The function that reads a corpus.
+
+    Raises:
+        InputError: its module is not there, or has none.
+    """
+    module = CORPORA[corpus].module
+    try:
+        read: Callable[[str | PathLike[str]], Iterator[Clip | Dropped]] = import_module(module).read
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"the corpus {corpus!r} cannot be read: {error}", f"its row says that {module} has read") from error
+    return read
 
 
 def _check_target(target: Path, raw: Path, overwrite: bool) -> None:
@@ -209,7 +225,7 @@ class _Task(NamedTuple):
 
 
 def _tasks(
-    items: Iterator[Clip | Dropped],
+    items: Iterable[Clip | Dropped],
     derivations_for: Callable[[Clip], list[Change]],
     changes: list[Change],
     parts: Path,
@@ -217,7 +233,11 @@ def _tasks(
 ) -> Iterator[_Task]:
     """Every clip, those of its derived speakers, and augmented training clips; drops go into the list."""
     number, names = count(), set()
+    if not isinstance(items, Iterable):
+        raise InputError(f"the reader of the corpus gives {type(items).__name__}", "it yields Clip and Dropped")
     for item in items:
+        if not isinstance(item, Clip | Dropped):
+            raise InputError(f"the reader of the corpus yields {type(item).__name__}", "it yields Clip and Dropped")
         if isinstance(item, Dropped):
             dropped.append({"name": item.name, "reason": item.reason})
             continue

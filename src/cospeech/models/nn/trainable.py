@@ -72,8 +72,16 @@ class Trainable(nn.Module):
 
     @property
     def window(self) -> int:
-        """Frames of a training window: ``frames`` of the settings, and what is heard after them."""
-        return int(self.config.frames) + self.delay
+        """Frames of a training window: ``frames`` of the settings, and what is heard after them.
+
+        Raises:
+            InputError: there are no settings, or they have no ``frames``.
+        """
+        frames = getattr(self.__dict__.get("config"), "frames", None)
+        if frames is None:
+            hint = "self.config = config in __init__, and a field frames in Config; or a property window"
+            raise InputError(f"{type(self).__name__} does not say how long a training window is", hint)
+        return int(frames) + self.delay
 
     @property
     def word_embedding(self) -> SubwordTable | WordEmbedding | None:
@@ -89,8 +97,12 @@ class Trainable(nn.Module):
         """
 
     def objectives(self) -> dict[str, Objective]:
-        """Name → what is optimised, in the order in which it is done within a step."""
-        raise NotImplementedError
+        """Name → what is optimised, in the order in which it is done within a step.
+
+        Raises:
+            InputError: a subclass does not say, which is the default.
+        """
+        raise InputError(f"{type(self).__name__} does not say what is trained", "docs/add_a_model.md: objectives")
 
     def validate(self, batch: Batch) -> dict[str, Tensor]:
         """Figures of a validation batch, by name; by default none: the loop then measures the losses."""

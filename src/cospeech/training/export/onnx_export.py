@@ -21,10 +21,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ...errors import InputError
+from ...errors import InputError, nearest
 from ...models.nn.export import ExportGraph, inference_copy
 from ...motion.rotations import Array
-from ...runtime.bundles.signature import Signature
+from ...runtime.bundles.signature import NETWORKS, Signature
 from ...runtime.network import open_session
 from .frame_graph import Dims, FrameGraph
 from .torch_shortcuts import shorten_exports
@@ -52,6 +52,7 @@ def export_graphs(graphs: Mapping[str, ExportGraph]) -> Exported:
     Raises:
         InputError: a network computes what no bundle may hold, or its graph differs from PyTorch.
     """
+    _check(graphs)
     exported = Exported({}, {}, {})
     for name, graph in graphs.items():
         exported.graphs[name], state = _export(name, graph, exported.weights)
@@ -62,6 +63,18 @@ def export_graphs(graphs: Mapping[str, ExportGraph]) -> Exported:
         )  # fmt: skip
         exported.signatures[name].check(name)
     return exported
+
+
+def _check(graphs: object) -> None:
+    """What a network exports is `ExportGraph` by names that players know.
+
+    Raises:
+        InputError: it is not.
+    """
+    if not isinstance(graphs, Mapping) or not all(isinstance(graph, ExportGraph) for graph in graphs.values()):
+        raise InputError("export_module() gives something else than ExportGraph by name", "docs/add_a_model.md: export_module")
+    if unknown := [name for name in graphs if name not in NETWORKS]:
+        raise InputError(f"export_module() gives {unknown[0]!r}", nearest(str(unknown[0]), NETWORKS))
 
 
 def _has_reach(graph: ExportGraph) -> bool:

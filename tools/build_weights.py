@@ -294,7 +294,7 @@ def build_face(chosen: argparse.Namespace, out: Path) -> None:
     report = train(recipe, store, run, resume=True)
     sized = run.with_name(f"{run.name}-sized")
     print(*calibrate(run, store, sized), sep=", ")
-    shape = {"which": "last", "smooth": 0, "style": FACE_STYLE}  # velocity was learnt: nothing is left to smooth
+    shape = {"which": "last", "style": FACE_STYLE}
     bundle_run(sized, out, **shape)
     if left:
         print(measure_faces(chosen.faces, out))

@@ -31,6 +31,7 @@ from cospeech.audio.features.reduce import reduce_audio
 from cospeech.corpora.store import Store
 from cospeech.motion.skeletons.arkit import ARKIT, ARKIT_INDEX
 from cospeech.training.checkpoint import load_run, read_tensors, write_tensors
+from cospeech.training.objective_optimiser import with_prefix
 
 MIDDLE = (RATIO[0] * RATIO[1]) ** 0.5  # [ours] of the tracked standard deviation is what a channel is brought to, .88
 ALONE = ("jawOpen",)
@@ -128,7 +129,7 @@ def stretch(takes: list[Takes], sides: list[int], aim: np.ndarray) -> tuple[floa
 
 
 def calibrate(run: Path, store: Path, out: Path) -> Iterator[str]:
-    """Write ``out``, a copy of a run with other last weights; tells g and t of the channels that were stretched."""
+    """Write ``out``, a copy of a run with its last weights, calibrated; tells g and t of the channels that were stretched."""
     (net, facts), told = load_run(run, "last"), list[str]()
     factor, floor = torch.ones(net.styles, net.pose), torch.zeros(net.styles, net.pose)
     for name, splits in play(run, Store(store)).items():
@@ -145,6 +146,8 @@ def calibrate(run: Path, store: Path, out: Path) -> Iterator[str]:
             tensors[f"{prefix}out.bias"] = factor.flatten() * bias + change.flatten()
     shutil.copytree(run, out, dirs_exist_ok=True)
     write_tensors(out / FILE, tensors, state)
+    average = with_prefix("model.", tensors) | with_prefix("ema.", tensors)
+    write_tensors(out / "best.safetensors", average, {"step": state["step"], "best": state["best"]})  # what a bundle is made of
     return iter(told)
 
 

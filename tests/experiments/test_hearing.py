@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from cospeech.audio.features.frames import AUDIO_NAMES
 from cospeech.cli.main import app
 from cospeech.corpora.store import Entry
 from cospeech.corpora.store_writer import Piece, write_store
-from cospeech.errors import InputError
+from cospeech.errors import CospeechWarning, InputError
 from cospeech.motion.poses.direction_vectors import DIRECTION_VECTORS
 
 torch = pytest.importorskip("torch")
@@ -77,4 +78,10 @@ def test_what_cannot_be_measured_is_said(run, tmp_path):
         measure_hearing(folder / "run", folder / "store", batches=1)
     with pytest.raises(InputError, match="not a run"):
         measure_hearing(tmp_path, folder / "store")
+    config = json.loads((folder / "run" / "config.json").read_text("utf-8"))
+    config["store"]["speakers"] = ["x", "y", "z"]
+    shutil.copytree(folder / "run", tmp_path / "run")
+    (tmp_path / "run" / "config.json").write_text(json.dumps(config))
+    with pytest.warns(CospeechWarning, match=r"'run' was trained on other speakers than this store has \(x, y, z\)"):
+        measure_hearing(tmp_path / "run", folder / "store", batches=2, rows=8)
     assert "no loss depends" in describe_hearing({"still": []})

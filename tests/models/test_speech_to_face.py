@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,7 @@ from cospeech.models.speech_to_face import CALM, SpeechToFace, SpeechToFaceConfi
 from cospeech.motion.poses.face import FACE, MIRROR  # noqa: E402
 from cospeech.motion.skeletons.arkit import ARKIT_INDEX  # noqa: E402
 from cospeech.runtime.sliding_window_decoder import live  # noqa: E402
+from cospeech.training.checkpoint import read_tensors, write_tensors  # noqa: E402
 from cospeech.training.recipe import SHIPPED, build, load_recipe  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -229,3 +232,28 @@ def test_in_pauses_there_is_silence_and_a_face_at_rest():
 def test_sizes_that_are_none_are_told(wrong):
     with pytest.raises(InputError):
         replace(SpeechToFaceConfig(), **wrong)
+
+
+def test_what_a_bundle_is_made_of_is_calibrated_too(tmp_path, monkeypatch):
+    spec = spec_from_file_location("calibrate_face", ROOT / "tools" / "calibrate_face.py")
+    tool = module_from_spec(spec)
+    monkeypatch.syspath_prepend(ROOT / "tools")
+    monkeypatch.setitem(sys.modules, "calibrate_face", tool)
+    spec.loader.exec_module(tool)
+    net = network()
+    (tmp_path / "run").mkdir()
+    state = {"step": 5, "best": {"name": "face", "value": 1.0, "step": 5}}
+    write_tensors(tmp_path / "run" / "last.safetensors", {f"model.{name}": t for name, t in net.state_dict().items()}, state)
+    write_tensors(tmp_path / "run" / "best.safetensors", net.state_dict(), state)
+    monkeypatch.setattr(tool, "load_run", lambda run, which: (net, {"store": {"speakers": ["anna", "bob"]}}))
+    monkeypatch.setattr(tool, "Store", lambda path: None)
+    monkeypatch.setattr(tool, "play", lambda run, store: {"bob": {}})
+    found = np.tile([1.0, 0.0], (len(ARKIT_INDEX), 1))
+    found[JAW] = 2.0, 0.01
+    monkeypatch.setattr(tool, "stretches", lambda splits: found)
+    assert list(tool.calibrate(tmp_path / "run", tmp_path / "store", tmp_path / "sized")) == ["bob jawOpen 2.00 0.010"]
+    last, best = (read_tensors(tmp_path / "sized" / f"{which}.safetensors")[0] for which in ("last", "best"))
+    assert best.keys() == net.state_dict().keys()
+    assert all(torch.equal(best[name], last[f"model.{name}"]) for name in best)
+    changed = torch.nonzero((best["out.weight"] != net.state_dict()["out.weight"]).flatten(1).any(1)).flatten().tolist()
+    assert changed == [net.pose + JAW]

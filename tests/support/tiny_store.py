@@ -24,8 +24,8 @@ def _piece(name: str, speaker: str, split: str, frames: int, seed: int) -> Piece
     return Piece(Entry(name, speaker, split, 0, frames, 0.0, tuple(values)), (), lambda: dict(values))
 
 
-def make_store(folder: Path, *, mirrored: bool = False, validation: bool = True) -> Path:
-    """Three speakers with much, some and little; a clip of each for validation."""
+def make_store(folder: Path, *, mirrored: bool = False, validation: bool = True, alone: bool = False) -> Path:
+    """Three speakers with much, some and little; a clip of each for validation. Or one clip ``alone``."""
     rows = [("ann", 300), ("bob", 120), ("cleo", 40)]
     pieces = [_piece(f"{name}-1", name, "train", frames, k) for k, (name, frames) in enumerate(rows)]
     pieces += [_piece(f"{name}-2", name, "train", 35, 10 + k) for k, (name, _) in enumerate(rows)]
@@ -34,6 +34,7 @@ def make_store(folder: Path, *, mirrored: bool = False, validation: bool = True)
     if validation:
         pieces += [_piece(f"{name}-3", name, "validation", 50, 30 + k) for k, (name, _) in enumerate(rows)]
     pieces += [_piece("ann-4", "ann", "test", 50, 40)]
+    pieces = pieces[:1] if alone else pieces
     names = {"pose": tuple("abcdef"), "audio": tuple("vwxyz")}
     write_store(folder, pieces, corpus="beat", pose="none", fps=15.0, names=names)
     return folder

@@ -365,6 +365,16 @@ def test_a_run_may_grow(store, tmp_path):
     assert all(torch.equal(first[name], second[name]) for name in first)
     again = run(plan(steps=30), store, tmp_path / "grown", resume=True)
     assert (again.resumed, again.step) == (30, 30)
+    kept = (tmp_path / "grown" / "config.json").read_bytes()
+    with pytest.raises(InputError, match=r"grown' has 30 steps already \(set more train\.steps\)"):
+        run(plan(steps=20), store, tmp_path / "grown", resume=True)
+    assert (tmp_path / "grown" / "config.json").read_bytes() == kept
+
+
+def test_a_store_of_which_nothing_is_left_to_train_on_is_told(tmp_path):
+    single = make_store(tmp_path / "single", alone=True)
+    with pytest.raises(InputError, match=r"data\.validation holds all clips out: leave it out"):
+        run(plan(steps=2, data={"validation": 0.05}), single, tmp_path / "run")
 
 
 def test_a_run_goes_on_as_it_began(store, tmp_path):

@@ -9,6 +9,7 @@ the loss has a gain. It needs no sampling. A network that does not hear has a ga
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
@@ -18,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..corpora.store import Store
-from ..errors import InputError
+from ..errors import CospeechWarning, InputError
 from ..metrics._scipy import scipy
 from ..motion.rotations import Array
 
@@ -100,9 +101,14 @@ def measure_hearing(
     heard = [name for name in HEARD if name in net.arrays]
     if not heard:
         raise InputError(f"{str(Path(folder).name)!r} takes no speech", f"a network with {' or '.join(HEARD)}")
+    opened = Store(store)
+    own_speakers = facts["store"]["speakers"]
+    if list(opened.speakers) != list(own_speakers):
+        text = f"{Path(folder).name!r} was trained on other speakers than this store has ({', '.join(own_speakers)[:80]})"
+        warnings.warn(f"{text}: the figures say little", CospeechWarning, stacklevel=2)
     recipe = read_recipe(facts["recipe"])
     recipe = replace(recipe, data=replace(recipe.data, validation=0.0)) if split == "test" else recipe
-    feed = open_set(recipe, Store(store), torch.device("cpu")).feed(net, split, False)
+    feed = open_set(recipe, opened, torch.device("cpu")).feed(net, split, False)
     own, other = [], []
     with torch.no_grad():
         for k in range(batches):

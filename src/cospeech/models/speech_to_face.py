@@ -151,6 +151,7 @@ class SpeechToFace(Windowed):
     Config = SpeechToFaceConfig
     config: SpeechToFaceConfig
     literal = True
+    smooth = 0  # velocity was learnt
     wants_quantiles = True
     pose_mean: Tensor
     pose_std: Tensor

@@ -167,7 +167,9 @@ def _check_store(data: Data, store: Store) -> None:
     for what, (wanted, has) in found.items():
         if wanted and wanted != has:
             problem = f"the recipe is for {what} {wanted!r}, the store {str(store.folder)!r} has {has!r}"
-            raise InputError(problem, f"`{_command_for(data, store)}` makes one that fits; or set data.{what}")
+            fits = f"`{_command_for(data, store)}` makes one that fits"
+            own = f"--set data.corpus={has} trains on this one" if what == "corpus" else ""
+            raise InputError(problem, f"{own}; {fits}" if own else f"{fits}; or set data.{what}")
 
 
 def _command_for(data: Data, store: Store) -> str:

@@ -94,6 +94,9 @@ class _Run:
         self.latest: dict[str, dict[str, dict[str, float]]] = {}
         if there and (folder / "last.safetensors").exists():
             self._restore()
+        if self.done > self.total:
+            done = self.done - self.model.preliminary_steps
+            raise InputError(f"{str(folder)!r} has {done} steps already", "set more train.steps")
         self.resumed = self.done
         if mean_values([self.done], team) != [self.done]:  # all have looked before one writes
             raise InputError(f"processes see different runs in {str(folder)!r}", "it must be the same folder for all machines")

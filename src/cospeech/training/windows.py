@@ -49,7 +49,7 @@ class Windows:
     ) -> None:
         self.store, self.frames, self.arrays, self.balanced = store, frames, tuple(arrays), balanced
         if unknown := [name for name in self.arrays if name not in store.arrays]:
-            raise InputError(f"the store has no {unknown[0]!r}", f"it has {', '.join(store.arrays)}")
+            raise InputError(f"the store has no {unknown[0]!r}", f"it has {', '.join(store.arrays)}{_say_source(unknown[0])}")
         needed = [name for name in self.arrays if name not in spare]
         numbers, self._offsets, self._counts = store.starts(frames, "train" if held_out else split, needed)
         names = [store.clips[k].name for k in numbers]
@@ -59,7 +59,8 @@ class Windows:
             chosen = {*bases[:: max(2, round(1 / held_out))]}
             good &= np.array([(name.split("|")[0] in chosen) == (split == "validation") for name in names])
         if not good.any():
-            raise InputError(f"no window of {frames} frames in the {split} split of {str(store.folder)!r}", NO_WINDOW)
+            hint = _ALL_HELD_OUT if held_out and split == "train" else NO_WINDOW
+            raise InputError(f"no window of {frames} frames in the {split} split of {str(store.folder)!r}", hint)
         place = {name: k for k, name in enumerate(store.speakers)}
         self.clips, self._offsets, self._counts = numbers[good], self._offsets[good], self._counts[good]
         self._speakers = np.array([place[store.clips[k].speaker] for k in self.clips])
@@ -94,3 +95,17 @@ class Windows:
         start = self._offsets[which] + drawn - (self._ends[which] - self._counts[which])
         found = {name: gather(self.store.arrays[name], start, self.frames) for name in self.arrays}
         return found | {"speaker": self._speakers[which], "clip": self.clips[which], "start": start}
+
+
+_ALL_HELD_OUT = "data.validation holds all clips out: leave it out, and set train.validate_every=0"
+_SOURCES = {
+    "face": "a face beside the motion, such as NAME.json or NAME.csv",
+    "word": "a transcript beside the sound, such as NAME.TextGrid or NAME.json",
+    "text": "a transcript beside the sound, such as NAME.TextGrid or NAME.json",
+    "emotion": "the layout of BEAT, whose file names tell emotions",
+}
+
+
+def _say_source(array: str) -> str:
+    """Where a store has an array from, for a hint."""
+    return f"; one recording at least needs {_SOURCES[array]}" if array in _SOURCES else ""

@@ -108,10 +108,9 @@ def prepare(
     rate = chosen.fps if fps is None else fps
     if not 1 <= rate <= 240:
         raise InputError(f"{rate} frames per second", "1 … 240")
-    if not all(0.5 <= s <= 2 for s in speeds) or not all(-12 <= p <= 12 for p in pitches):
-        raise InputError(
-            f"speeds {tuple(speeds)}, pitches {tuple(pitches)}", "speeds of 0.5 … 2, pitches of -12 … 12 semitones"
-        )
+    for what, values, low, high in (("a speed", speeds, 0.5, 2), ("a pitch", pitches, -12, 12)):
+        if wrong := [value for value in values if not low <= value <= high]:
+            raise InputError(f"{what} of {wrong[0]:g}", f"{low:g} … {high:g}{' semitones' if what == 'a pitch' else ''}")
     if jobs == 0 or jobs < -1:
         raise InputError(f"{jobs} jobs", "a positive number, or -1 for one per core")
     if scheduler is not None and backend != "dask":

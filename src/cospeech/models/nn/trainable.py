@@ -49,6 +49,8 @@ class Trainable(nn.Module):
     """Whether `set_statistics` is given ``pose_quantiles`` (S, Q, D) as well: quantiles of each speaker's poses, 0 … 1."""
     literal: bool = False
     """Whether each number that it makes is meant; else its motion is brought to the speakers' mean poses and deviations."""
+    smooth: int = 1
+    """Frames to either side over which a bundle averages its poses (binomial weights); 0 where it learnt to be smooth."""
 
     @classmethod
     def arrays_for(cls, config: Any) -> tuple[str, ...]:

@@ -176,9 +176,9 @@ def _manifest(data: bytes, shown: str, format: int) -> dict[str, Any]:
     if not isinstance(manifest, dict) or not isinstance(manifest.get("format"), int) or not fine:
         raise InputError(f"{shown!r} has a {MANIFEST} that cospeech did not write", _HINT)
     if manifest["format"] != format:
-        hints = {FORMAT: "it need not be converted"} if format < FORMAT else {}
+        if format < FORMAT == manifest["format"]:
+            raise InputError(f"{shown!r} is a bundle of today's format, {FORMAT}", "it need not be converted")
         hint = "update cospeech" if manifest["format"] > FORMAT else f"`cospeech bundle {shown} -o new.cospeech` converts it"
-        hint = hints.get(manifest["format"], hint)
         raise InputError(f"{shown!r} is a bundle of format {manifest['format']}, this version reads {format}", hint)
     hashes = manifest.get("members")
     if not isinstance(hashes, dict) or not all(isinstance(value, str) for value in hashes.values()):

@@ -39,7 +39,7 @@ def bundle_run(
     *,
     which: str = "best",
     small: bool = True,
-    smooth: int = 1,
+    smooth: int | None = None,
     card: str = "",
     style: str | None = None,
     rests: bool = False,
@@ -54,7 +54,7 @@ def bundle_run(
         which: "best" or "last" parameters; see `cospeech.training.checkpoint.load_run` for a run that has no best.
         small: keep weights in fewer bits: the large products of flows in 8, all weights of other networks in 16; manifest and
             card then say by how much that moves poses (``rounding``).
-        smooth: frames to either side over which poses are averaged (binomial weights).
+        smooth: frames to either side over which poses are averaged (binomial weights); what the network says, where not given.
         card: Markdown; what is known of the run, where not given.
         style: name of the speaker whose style is played where nobody says; where not given, the one that is heard in the voice,
             of a network that hears none the first.
@@ -71,6 +71,7 @@ def bundle_run(
     folder = Path(run)
     facts = read_facts(folder)
     model: Any = load_run(folder, which)[0]
+    smooth = model.smooth if smooth is None else smooth
     if progress is not None:
         progress(0, None, "exporting the networks")
     exported = export_model(model, facts["model"])

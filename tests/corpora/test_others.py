@@ -256,6 +256,37 @@ def test_folder(tmp_path):
     assert got["Ben/e"].motion is None
 
 
+def test_a_folder_may_tell_emotions_and_have_faces_of_live_link(tmp_path):
+    for name in ("a", "Ana/b", "Ana/loud/c", "Ana/loud/d", "Ben/e"):
+        sound(tmp_path / f"{name}.wav")
+        gesturing(30).save(tmp_path / f"{name}.bvh")
+    gesturing(30).save(tmp_path / "a.csv")
+    (tmp_path / "Ben" / "e.csv").write_text("time,note\n1,no face\n")
+    lines = ["Name,Emotion", "Ana, neutral", "Ana/loud,Anger", "Ana/loud/d,fear", "", "Ana/lost,anger"]
+    (tmp_path / "emotions.csv").write_text("\n".join(lines))
+    *clips, lost = folder.read(tmp_path)
+    told = {clip.name: clip.emotion for clip in clips}
+    assert told == {"a": None, "Ana/b": "neutral", "Ana/loud/c": "anger", "Ana/loud/d": "fear", "Ben/e": None}
+    assert lost == Dropped("Ana/lost", "emotions.csv names it, and there is no such recording")
+    assert clips[0].face.shape == (30, 52)
+    assert clips[-1].face is None
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("Ana,angry", "line 1: no emotion is called 'angry'"),
+        ("Ana", "line 1: 'Ana'"),
+        ("Ana,fear,loud", "line 1: 'Ana,fear,loud'"),
+    ],
+)
+def test_emotions_that_cannot_be_read_are_an_error(tmp_path, line, said):
+    sound(tmp_path / "Ana" / "a.wav")
+    (tmp_path / "emotions.csv").write_text(line)
+    with pytest.raises(InputError, match=said):
+        folder.read(tmp_path)
+
+
 def test_motion_without_a_sound_is_told(tmp_path):
     motion = gesturing(30)
     for name in ("a", "sub/alone", "sub/both", ".hidden/part"):

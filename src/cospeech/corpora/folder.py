@@ -1,7 +1,9 @@
 """Any folder of sound files, searched to the bottom: how users bring a style of their own.
 
 Beside ``talk.wav`` may lie its motion, ``talk.{bvh,glb,vrma,npz}``, its words, ``talk.{TextGrid,tsv,srt,vtt,json,txt}``, and
-its face, ``talk.json`` in BEAT's layout. The first folder below the given one names the speaker; without one the folder does.
+its face, ``talk.json`` in BEAT's layout or ``talk.csv`` of Live Link Face. The first folder below the given one names the
+speaker; without one the folder does. ``emotions.csv`` in the given folder may tell emotions: a recording, or a folder of them,
+and its emotion, in each line.
 """
 
 from __future__ import annotations
@@ -11,18 +13,23 @@ from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 
-from ..errors import InputError
+from ..audio.emotions import EMOTIONS
+from ..errors import InputError, nearest
 from ..export.registry import reads_body, suffixes
 from ..files import describe_os_error
 from .clip import Clip, Dropped
-from .reading import check_lengths, load_motion, load_sound, read_each, usable_folder
+from .reading import check_lengths, load_motion, load_sound, read_each, read_rows, usable_folder
 
-__all__ = ["SOUND", "VIDEO", "WORDS", "read", "sounds"]
+__all__ = ["EMOTIONS_FILE", "SOUND", "VIDEO", "WORDS", "read", "sounds"]
 
 SOUND = (".wav", ".flac", ".ogg", ".opus", ".mp3", ".aiff", ".aif", ".m4a", ".mp4", ".webm")
 VIDEO = (".mp4", ".webm")
 """Those of `SOUND` that may be a video; beside a sound of its name, one is no speech of its own."""
+_FACES = {".json": (b'"names"', b'"frames"'), ".csv": (b"Timecode", b"BlendShapeCount")}
+"""Suffix of a face → what stands in its beginning."""
 WORDS = (".textgrid", ".tsv", ".srt", ".vtt", ".json", ".txt")
+EMOTIONS_FILE = "emotions.csv"
+"""Beside the folders of the speakers."""
 _PEEK = 1 << 16  # bytes; ours: the names of a face file stand in its first 2 kB
 
 
@@ -33,12 +40,37 @@ def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
     counts. A second sound of one name is reported as dropped, and so is motion without a sound of its name.
 
     Raises:
-        InputError: no such folder, or no sound file in it.
+        InputError: no such folder, no sound file in it, or emotions that cannot be read.
     """
     root = usable_folder(raw, "a corpus")
     if next(sounds(root), None) is None:
         raise InputError(f"there is no sound file in {str(root)!r}", f"known: {' '.join(SOUND)}")
-    return _read(root)
+    return _read(root, _read_emotions(root / EMOTIONS_FILE))
+
+
+def _read_emotions(path: Path) -> dict[str, str]:
+    """Name of a recording or folder → its emotion; nothing where there is no such file.
+
+    Raises:
+        InputError: a line is no name and emotion, or there is no such emotion.
+    """
+    found: dict[str, str] = {}
+    for number, row in enumerate(read_rows(path) if path.exists() else (), 1):
+        if not any(map(str.strip, row)) or (number == 1 and [cell.strip().lower() for cell in row] == ["name", "emotion"]):
+            continue
+        if len(row) != 2:
+            raise InputError(f"{path.name}, line {number}: {','.join(row)[:60]!r}", "a name and an emotion: Ana/monday,anger")
+        name, emotion = row[0].strip().strip("/"), row[1].strip().lower()
+        if emotion not in EMOTIONS:
+            raise InputError(f"{path.name}, line {number}: no emotion is called {emotion!r:.40}", nearest(emotion, EMOTIONS))
+        found[name] = emotion
+    return found
+
+
+def _emotion_of(name: str, emotions: Mapping[str, str]) -> str | None:
+    """Of a recording: its own, or that of the nearest folder around it."""
+    places = name.split("/")
+    return next((emotions[key] for k in range(len(places), 0, -1) if (key := "/".join(places[:k])) in emotions), None)
 
 
 def sounds(root: Path) -> Iterator[tuple[str, Path]]:
@@ -75,8 +107,9 @@ def _groups(root: Path, failed: list[OSError]) -> Iterator[tuple[str, dict[str, 
             yield Path(place, stem).relative_to(root).as_posix(), files
 
 
-def _read(root: Path) -> Iterator[Clip | Dropped]:
+def _read(root: Path, emotions: Mapping[str, str]) -> Iterator[Clip | Dropped]:
     failed: list[OSError] = []
+    unused = {*emotions}
     for name, files in _groups(root, failed):
         if not (among := _sounds_among(files)):
             if (motion := _motion_among(files)) is not None and "/." not in f"/{name}":  # the parts of a store are hidden
@@ -87,14 +120,17 @@ def _read(root: Path) -> Iterator[Clip | Dropped]:
             yield Dropped(f"{name}{other.suffix}", f"{first.name!r} is the sound of this name already")
         parts = name.split("/")
         speaker = parts[0] if len(parts) > 1 else root.resolve().name or "speaker"
-        yield from read_each([name], lambda name, f=files, s=speaker, sound=first: _clip(name, s, sound, f))  # type: ignore[misc]
+        unused -= {"/".join(parts[:k]) for k in range(1, len(parts) + 1)}
+        feels = _emotion_of(name, emotions)
+        yield from read_each([name], lambda name, f=files, s=speaker, e=feels, at=first: _clip(name, s, at, f, e))  # type: ignore[misc]
+    yield from (Dropped(name, f"{EMOTIONS_FILE} names it, and there is no such recording") for name in sorted(unused))
     for error in failed:
         yield Dropped(os.path.relpath(str(error.filename), root), f"cannot list it: {describe_os_error(error)}")
 
 
-def _clip(name: str, speaker: str, sound: Path, files: dict[str, list[Path]]) -> Clip:
+def _clip(name: str, speaker: str, sound: Path, files: dict[str, list[Path]], emotion: str | None) -> Clip:
     path = _motion_among(files)
-    face = files[".json"][0] if ".json" in files and _is_face(files[".json"][0]) else None
+    face = next((files[suffix][0] for suffix in _FACES if suffix in files and _is_face(files[suffix][0])), None)
     words = next((files[s][0] for s in WORDS if s in files and files[s][0] != face), None)
     motion = None if path is None else load_motion(path)
     weights = None if face is None else load_motion(face)
@@ -108,13 +144,14 @@ def _clip(name: str, speaker: str, sound: Path, files: dict[str, list[Path]]) ->
         motion=motion,
         face=None if weights is None else weights.face,
         face_fps=None if weights is None else weights.fps,
+        emotion=emotion,
     )
 
 
 def _is_face(path: Path) -> bool:
-    """Whether a JSON holds face weights, not words."""
+    """Whether a file holds face weights, and not words or anything else."""
     from ..export.reading import open_file
 
     with open_file(path) as file:
         head = file.read(_PEEK)
-    return b'"names"' in head and b'"frames"' in head
+    return all(mark in head for mark in _FACES[path.suffix.lower()])

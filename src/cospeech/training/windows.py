@@ -99,10 +99,10 @@ class Windows:
 
 _ALL_HELD_OUT = "data.validation holds all clips out: leave it out, and set train.validate_every=0"
 _SOURCES = {
-    "face": "a face beside the motion, such as NAME.json or NAME.csv",
-    "word": "a transcript beside the sound, such as NAME.TextGrid or NAME.json",
-    "text": "a transcript beside the sound, such as NAME.TextGrid or NAME.json",
-    "emotion": "the layout of BEAT, whose file names tell emotions",
+    "face": "a face beside the sound (docs/corpora)",
+    "word": "words beside the sound (docs/transcripts.md)",
+    "text": "words beside the sound (docs/transcripts.md)",
+    "emotion": "an emotion: of a folder, emotions.csv tells it",
 }
 
 

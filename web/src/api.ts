@@ -8,8 +8,12 @@ import { Motion } from "./motion";
 
 export type PlanEdit = PlanEditRequest["edit"];
 
+/** Whether the server has dropped what was asked for, or was started again. */
+export const isGone = (error: unknown): boolean => error instanceof Problem && error.status === 404;
+
 export class Problem extends Error {
-  constructor(readonly problem: string, readonly hint = "") {
+  /** `status` is that of an answer which refused; 0: there was none. */
+  constructor(readonly problem: string, readonly hint = "", readonly status = 0) {
     super(hint ? `${problem} (${hint})` : problem);
   }
 }
@@ -24,7 +28,7 @@ async function ask(path: string, options: RequestInit = {}): Promise<Response> {
   }
   if (answer.ok) return answer;
   const said = (await answer.json().catch(() => ({}))) as Partial<StudioProblem>;
-  throw new Problem(said.problem ?? `the studio answered ${answer.status}`, said.hint ?? "");
+  throw new Problem(said.problem ?? `the studio answered ${answer.status}`, said.hint ?? "", answer.status);
 }
 
 async function askJson<T>(path: string, method = "GET", body?: unknown): Promise<T> {

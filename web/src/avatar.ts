@@ -36,6 +36,8 @@ function checkPacking(data: ArrayBuffer, name: string, packed: string[]): void {
 
 /** Read somebody's character; what cannot be used is a Problem. */
 export async function loadAvatar(data: ArrayBuffer, name: string, humanoid: Humanoid): Promise<Figure> {
+  const whole = data.byteLength < 12 ? Infinity : new DataView(data).getUint32(8, true); // glTF 2.0, 4.4.2
+  if (whole > data.byteLength) throw new Problem(`${name} is cut off: ${data.byteLength} bytes of ${whole}`, "copy or download it again");
   checkPacking(data, name, humanoid.packed);
   const loader = new GLTFLoader();
   loader.register((parser) => new VRMLoaderPlugin(parser));

@@ -1,6 +1,6 @@
 // The gestures on the time line: one button each, moved by the pointer or the keys.
 
-import { followPointer, make, readName } from "./dom";
+import { find, followPointer, make, readName } from "./dom";
 import type { Plan, PlannedGesture } from "./messages";
 import type { Store } from "./state";
 import type { Takes } from "./takes";
@@ -56,8 +56,13 @@ export class GestureTrack {
     if (this.dragging) return;
     if (plan !== this.shown || width !== this.width) {
       const focused = this.track.contains(document.activeElement) ? (document.activeElement as HTMLElement).dataset.id : null;
+      const place = [...this.track.children].findIndex((each) => (each as HTMLElement).dataset.id === focused);
       this.track.replaceChildren(...(plan?.gestures ?? []).map((gesture) => this.button(plan as Plan, gesture)));
-      if (focused) this.track.querySelector<HTMLElement>(`[data-id="${CSS.escape(focused)}"]`)?.focus();
+      if (focused) {
+        const same = this.track.querySelector<HTMLElement>(`[data-id="${CSS.escape(focused)}"]`);
+        const next = this.track.children[Math.min(place, this.track.children.length - 1)] as HTMLElement | undefined;
+        (same ?? next ?? find("add-gesture")).focus();
+      }
       this.shown = plan;
       this.width = width;
     }
@@ -90,7 +95,7 @@ export class GestureTrack {
 
   private press(event: KeyboardEvent, gesture: PlannedGesture): void {
     const sign = event.key === "ArrowLeft" ? -1 : event.key === "ArrowRight" ? 1 : 0;
-    if (sign) void this.move(gesture, gesture.stroke + sign * NUDGE);
+    if (sign) void this.move(gesture, sign * NUDGE);
     else if (event.key === "Delete" || event.key === "Backspace") void this.takes.edit({ kind: "remove", gesture: gesture.id });
     else if (event.key === "k" || event.key === "K") this.lock(gesture);
     else return;
@@ -98,9 +103,14 @@ export class GestureTrack {
     event.stopPropagation();
   }
 
-  private move(gesture: PlannedGesture, to: number): Promise<void> {
-    const time = Math.min(Math.max(to, 0), this.seconds);
-    return this.takes.edit({ kind: "move", gesture: gesture.id, to: Math.round(time * 1000) / 1000 });
+  /** Move a gesture by so many seconds from where it then is: keys come faster than the server answers. */
+  private move({ id }: PlannedGesture, by: number): Promise<void> {
+    return this.takes.edit((plan) => {
+      const found = plan.gestures?.find((each) => each.id === id);
+      if (found === undefined) return null;
+      const time = Math.min(Math.max(found.stroke + by, 0), this.seconds);
+      return { kind: "move", gesture: id, to: Math.round(time * 1000) / 1000 };
+    });
   }
 
   /** Lock the stretch of a gesture; if it is locked, unlock all: a plan knows no more. */
@@ -127,7 +137,7 @@ export class GestureTrack {
       const move = this.dragging && event.type === "pointerup";
       this.dragging = false;
       const settle = (): void => void button.style.removeProperty("transform");
-      if (move) void this.move(gesture, gesture.stroke + moved / perSecond).then(settle);
+      if (move) void this.move(gesture, moved / perSecond).then(settle);
       else settle();
     };
     followPointer(button, down, onMove, onUp);

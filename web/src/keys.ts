@@ -5,6 +5,8 @@ import type { Player } from "./player";
 import type { Store } from "./state";
 import type { Takes } from "./takes";
 
+const LIVE_KEYS = ["f", "?"];
+
 /** What keys do that is not done by a button of the page. */
 export interface KeyActions {
   store: Store;
@@ -18,6 +20,7 @@ export function listenToKeys(actions: KeyActions): void {
   window.addEventListener("keydown", (event) => {
     const target = event.target as HTMLElement;
     if (document.querySelector("dialog[open]") || event.altKey) return;
+    if (document.body.classList.contains("is-live") && !LIVE_KEYS.includes(event.key.toLowerCase())) return; // takes are not seen there
     if (event.ctrlKey || event.metaKey) {
       if (!isText(target) && undoes(event, actions.takes)) event.preventDefault();
       return;
@@ -36,7 +39,7 @@ function takesKey(element: HTMLElement, key: string): boolean {
   if (isText(element) || element.matches("select")) return true;
   if (element.matches("input[type=range]:not(#scrub)")) return /Arrow|Home|End|Page/.test(key);
   if (element.matches("[role=tab]") && /Arrow/.test(key)) return true;
-  return key === " " && element.matches("button, a, input, summary");
+  return key === " " && element.matches("button, a, input:not([type=range]), summary");
 }
 
 function undoes(event: KeyboardEvent, takes: Takes): boolean {

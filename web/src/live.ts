@@ -3,7 +3,7 @@
 import { socketOf } from "./api";
 import { fillSelect, find, make, modelRows, readName } from "./dom";
 import type { LiveStatus, StartLive } from "./messages";
-import { openMicrophone } from "./microphone";
+import { closeMicrophone, openMicrophone } from "./microphone";
 import { makePose, type Pose } from "./motion";
 import type { Store } from "./state";
 import { emotionRows } from "./panels/settings";
@@ -15,6 +15,7 @@ export class Live {
   private context: AudioContext | null = null;
   private microphone: MediaStream | null = null;
   readonly pose: Pose;
+  private attempts = 0;
   running = false;
   fresh = false;
   frames = 0;
@@ -54,14 +55,19 @@ export class Live {
 
   private async start(): Promise<void> {
     this.tell("");
+    const attempt = ++this.attempts;
     try {
-      this.microphone = await openMicrophone({ channelCount: 1, autoGainControl: true });
+      const microphone = await openMicrophone({ channelCount: 1, autoGainControl: true });
+      if (attempt !== this.attempts) return closeMicrophone(microphone); // stopped, or started again, while the browser asked
+      this.microphone = microphone;
       this.context = new AudioContext();
       await this.context.audioWorklet.addModule("./capture.js");
     } catch (error) {
+      if (attempt !== this.attempts) return;
       this.tell(error instanceof Error ? error.message : String(error));
       return this.stop();
     }
+    if (attempt !== this.attempts) return;
     const socket = socketOf("/api/live");
     socket.binaryType = "arraybuffer";
     socket.onopen = () => this.begin(socket);
@@ -121,7 +127,8 @@ export class Live {
     const { socket } = this;
     this.socket = null;
     socket?.close();
-    for (const track of this.microphone?.getTracks() ?? []) track.stop();
+    this.attempts++;
+    if (this.microphone !== null) closeMicrophone(this.microphone);
     void this.context?.close();
     this.microphone = this.context = null;
     this.setRunning(false);

@@ -32,7 +32,7 @@ async function openStudio(): Promise<void> {
   const live = new Live(store);
   const transport = new Transport(store, player);
   const edits = new EditPanel(store, takes, player);
-  const timeLine = new TimeLine(store, player, takes, (time) => edits.openDialog(time));
+  const timeLine = new TimeLine(store, player, takes, (time, gesture) => edits.openDialog(time, gesture));
   const shown = { time: -1, motions: "", tab: "make" };
   let crowd: Crowd | null = null;
 

@@ -14,3 +14,7 @@ export async function openMicrophone(audio: MediaTrackConstraints | true): Promi
     throw new Problem(`the microphone cannot be used: ${error instanceof Error ? error.message : String(error)}`, "allow it in the browser");
   }
 }
+
+export function closeMicrophone(microphone: MediaStream): void {
+  for (const track of microphone.getTracks()) track.stop();
+}

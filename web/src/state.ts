@@ -62,6 +62,11 @@ export function makeTake(seed: number): Take {
   };
 }
 
+/** Whether the server has the motion of a take with all of its edits. */
+export function isReady(take: Take): boolean {
+  return take.id !== null && take.progress === null && take.played === take.edited;
+}
+
 export class Store {
   private listeners: ((state: State) => void)[] = [];
 

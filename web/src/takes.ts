@@ -14,6 +14,7 @@ const PATIENCE = 250; // milliseconds from the last change of a setting to the r
 const LOST = "the connection to the studio is lost: it is tried again";
 
 interface Made { id: string; motion: Motion; plan: Plan | null; factor: number | null }
+type Edit = api.PlanEdit | ((plan: Plan) => api.PlanEdit | null);
 interface Step { settings: Settings; takes: { seed: number; edited: Plan | null }[]; chosen: number }
 
 export class Takes {
@@ -25,6 +26,7 @@ export class Takes {
   private lost: Step | null = null;
   private readonly saved = new WeakSet<Plan>();
   private timer = 0;
+  private edits: Promise<void> = Promise.resolve();
 
   constructor(private readonly store: Store) {
     api.followEvents((event) => this.hear(event), (connected) => this.onConnection(connected));
@@ -133,6 +135,13 @@ export class Takes {
     this.store.update();
   }
 
+  /** Make a take again that the server has dropped. */
+  remake(take: Take): void {
+    for (const [key, { id }] of this.made) if (id === take.id) this.made.delete(key);
+    Object.assign(take, { id: null, madeFrom: "" });
+    void this.make(take);
+  }
+
   private onConnection(connected: boolean): void {
     if (!connected) this.store.update({ problem: LOST });
     else if (this.store.state.problem === LOST) {
@@ -142,10 +151,15 @@ export class Takes {
     }
   }
 
-  /** Stop what is being made; what was shown before stays. */
+  /** Stop what is being made; what was shown before stays, and an edit that was not made is taken back. */
   cancel(take: Take): void {
     if (take.making !== null) api.forgetTake(take.making);
     Object.assign(take, { making: null, progress: null, madeFrom: "" });
+    const shown = [...this.made.values()].find(({ id }) => id === take.id);
+    if (shown !== undefined && take.played !== take.edited) {
+      this.remember();
+      Object.assign(take, { edited: take.played, plan: shown.plan });
+    }
     this.store.update({ notice: "cancelled" });
   }
 
@@ -212,13 +226,26 @@ export class Takes {
     this.store.update({ chosen: Math.min(chosen > index ? chosen - 1 : chosen, takes.length - 1), gesture: null });
   }
 
-  /** Edit the plan of the chosen take, show it at once, and ask for its motion. Several edits are one step of undo. */
-  async edit(...edits: api.PlanEdit[]): Promise<void> {
-    const { take, state } = this.store;
-    if (take.plan === null || state.speech === null) return;
+  /**
+   * Edit the plan of the chosen take, show it at once, and ask for its motion. Several edits are one step of undo. An edit may
+   * be a function of the plan, for what depends on the edits before it.
+   */
+  edit(...edits: Edit[]): Promise<void> {
+    const { take } = this.store;
+    this.edits = this.edits.then(() => this.editNow(take, edits)); // one after the other: each begins with the plan of the last
+    return this.edits;
+  }
+
+  private async editNow(take: Take, edits: Edit[]): Promise<void> {
+    const { speech, takes } = this.store.state;
+    if (take.plan === null || speech === null || !takes.includes(take)) return;
     try {
       let plan = take.plan;
-      for (const edit of edits) ({ plan } = await api.editPlan({ plan, speech: state.speech.speech, edit }));
+      for (const each of edits) {
+        const edit = typeof each === "function" ? each(plan) : each;
+        if (edit !== null) ({ plan } = await api.editPlan({ plan, speech: speech.speech, edit }));
+      }
+      if (plan === take.plan) return;
       this.remember();
       this.lost = null;
       Object.assign(take, { edited: plan, plan });

@@ -28,12 +28,15 @@ export class TimeLine {
 
   constructor(
     private readonly store: Store, private readonly player: Player, takes: Takes,
-    private readonly addAt: (time: number) => void,
+    private readonly askFor: (time: number, gesture: string | null) => void,
   ) {
     const gestures = find("gestures");
     this.track = new GestureTrack(gestures, store, takes);
     this.values = new ValueTracks(store, takes, (event, then) => this.select(event, then));
-    gestures.addEventListener("dblclick", (event) => this.addAt(this.timeAt(event.clientX)));
+    gestures.addEventListener("dblclick", (event) => {
+      const on = (event.target as HTMLElement).closest<HTMLElement>("[data-id]");
+      this.askFor(this.timeAt(event.clientX), on?.dataset.id ?? null);
+    });
     for (const lane of [this.wave, this.words]) lane.addEventListener("pointerdown", (event) => this.select(event));
     find("lock").addEventListener("click", () => {
       const gesture = this.store.take.plan?.gestures?.find((each) => each.id === this.store.state.gesture);
@@ -134,6 +137,6 @@ export class TimeLine {
     const x = (time / this.seconds) * this.lanes.clientWidth;
     this.head.style.transform = `translateX(${x}px)`;
     const { scrollLeft, clientWidth } = this.scroller;
-    if (this.player.playing && (x < scrollLeft || x > scrollLeft + clientWidth * 0.92)) this.scroller.scrollLeft = x - clientWidth * 0.1;
+    if (x < scrollLeft || x > scrollLeft + clientWidth * (this.player.playing ? 0.92 : 1)) this.scroller.scrollLeft = x - clientWidth * 0.1;
   }
 }

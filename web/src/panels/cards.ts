@@ -1,8 +1,8 @@
 // The takes under the characters: which is chosen, how far it is, what went wrong; and the downloads of the chosen one.
 
-import { fileOf, readFile } from "../api";
+import { fileOf, isGone, readFile } from "../api";
 import { fillSelect, find, make, saveFile, stemOf } from "../dom";
-import type { State, Store, Take } from "../state";
+import { isReady, type State, type Store, type Take } from "../state";
 import type { Takes } from "../takes";
 
 export class Cards {
@@ -28,7 +28,7 @@ export class Cards {
     find<HTMLButtonElement>("add-take").disabled = !this.takes.mayAdd || state.speech === null;
     find<HTMLButtonElement>("remove-take").disabled = state.takes.length < 2;
     const link = find<HTMLAnchorElement>("download");
-    const ready = this.store.take.id !== null;
+    const ready = isReady(this.store.take);
     link.setAttribute("aria-disabled", String(!ready));
     if (ready) link.href = fileOf(this.store.take.id ?? "", find<HTMLSelectElement>("format").value);
     else link.removeAttribute("href");
@@ -70,7 +70,7 @@ export class Cards {
   private async download(): Promise<void> {
     const { take, state } = this.store;
     const suffix = find<HTMLSelectElement>("format").value;
-    if (take.id === null || this.writing !== null) return;
+    if (take.id === null || !isReady(take) || this.writing !== null) return;
     const writing = this.follow(new AbortController());
     this.store.update({ notice: `writing ${suffix} …`, problem: "" });
     try {
@@ -78,6 +78,10 @@ export class Cards {
       this.store.update({ notice: "" });
     } catch (error) {
       if (writing.signal.aborted) this.store.update({ notice: "cancelled" });
+      else if (isGone(error)) {
+        this.takes.remake(take);
+        this.store.update({ notice: "the studio had dropped this take: it is made again; then download it" });
+      }
       else this.store.update({ notice: "", problem: error instanceof Error ? error.message : String(error) });
     } finally {
       this.follow(null);

@@ -1,5 +1,6 @@
 // Editing: the chosen gesture, the selected stretch, the dialog that adds a gesture.
 
+import type { PlanEdit } from "../api";
 import { fillSelect, find, formatTime, readName } from "../dom";
 import { isLocked } from "../gestures";
 import type { ModelRow, Plan } from "../messages";
@@ -13,6 +14,8 @@ const INTENSITIES = [0, 0.25, 0.5, 0.75, 1, 1.25, 1.5];
 
 export class EditPanel {
   private shownStyles = "";
+  /** The gesture that the dialog changes; null: it adds one. */
+  private changed: string | null = null;
 
   constructor(private readonly store: Store, private readonly takes: Takes, private readonly player: Player) {
     const { catalogue } = store.state;
@@ -20,9 +23,10 @@ export class EditPanel {
     fillSelect(find("stretch-emotion"), [KEEP, ...emotionRows(catalogue.emotions)], "");
     fillSelect(find("stretch-intensity"), [KEEP, ...INTENSITIES.map((each): [string, string] => [String(each), String(each)])], "");
     find("add-gesture").addEventListener("click", () => this.openDialog(player.time));
+    find("change-gesture").addEventListener("click", () => this.openDialog(player.time, store.state.gesture));
     find("remove-gesture").addEventListener("click", () => this.removeChosen());
     find("reseed").addEventListener("click", () => this.editStretch((start, end) => takes.edit({ kind: "reseed", start, end })));
-    find("lock-stretch").addEventListener("click", () => this.editStretch((start, end) => takes.edit({ kind: "lock", start, end })));
+    find("lock-stretch").addEventListener("click", () => this.lockStretch());
     this.onSet("stretch-style", (style) => ({ style }));
     this.onSet("stretch-emotion", (emotion) => ({ emotion }));
     this.onSet("stretch-intensity", (intensity) => ({ intensity: Number(intensity) }));
@@ -40,6 +44,17 @@ export class EditPanel {
     if (selection !== null) void edit(round(selection[0]), round(selection[1]));
   }
 
+  /** Lock the selected stretch; if a part of it is locked, unlock all: a plan knows no more. */
+  private lockStretch(): void {
+    if (this.touchesLock()) void this.takes.edit({ kind: "unlock" });
+    else this.editStretch((start, end) => this.takes.edit({ kind: "lock", start, end }));
+  }
+
+  private touchesLock(): boolean {
+    const { take, state: { selection } } = this.store;
+    return selection !== null && (take.plan?.locked ?? []).some(({ from, to }) => from < selection[1] && selection[0] < to);
+  }
+
   private onSet(id: string, values: (value: string) => { style?: string; emotion?: string; intensity?: number }): void {
     const select = find<HTMLSelectElement>(id);
     select.addEventListener("change", () => {
@@ -54,10 +69,23 @@ export class EditPanel {
     if (gesture !== null) void this.takes.edit({ kind: "remove", gesture }).then(() => this.store.update({ gesture: null }));
   }
 
-  openDialog(time: number): void {
-    if (!this.store.model.takes_gestures || this.store.take.plan === null) return;
+  /** Ask for a gesture that is added at a time, or for other values of one that is there. */
+  openDialog(at: number, gesture: string | null = null): void {
+    const { plan } = this.store.take;
+    if (!this.store.model.takes_gestures || plan === null) return;
     this.player.pause();
-    find<HTMLInputElement>("add-time").value = time.toFixed(2);
+    const old = plan.gestures?.find((each) => each.id === gesture);
+    this.changed = old?.id ?? null;
+    find("title-add").textContent = old ? "Change the gesture" : "Add a gesture";
+    find("add-done").textContent = old ? "Change" : "Add";
+    const time = old?.stroke ?? at;
+    const forms = find<HTMLSelectElement>("add-form");
+    if (old) forms.value = old.form;
+    if (old && forms.value !== old.form) forms.add(new Option(readName(old.form), old.form, false, true)); // one that nobody adds
+    find<HTMLSelectElement>("add-hands").value = old?.hands ?? "";
+    find<HTMLInputElement>("add-size").valueAsNumber = old?.size ?? 1;
+    const input = find<HTMLInputElement>("add-time");
+    Object.assign(input, { value: time.toFixed(2), max: this.player.seconds.toFixed(2) });
     this.showWords();
     find<HTMLDialogElement>("add-dialog").showModal();
   }
@@ -71,7 +99,20 @@ export class EditPanel {
     const hands = find<HTMLSelectElement>("add-hands").value as "left" | "right" | "both" | "";
     const at = find<HTMLInputElement>("add-time").valueAsNumber;
     const form = find<HTMLSelectElement>("add-form").value;
-    if (Number.isFinite(at)) void this.takes.edit({ kind: "add", form, at, ...(hands ? { hands } : {}) });
+    const size = find<HTMLInputElement>("add-size").valueAsNumber;
+    const values = { form, size, ...(hands ? { hands } : {}) };
+    const gesture = this.changed;
+    if (gesture === null) void this.takes.edit({ kind: "add", at, ...values });
+    else void this.takes.edit((plan) => this.changeOf(plan, gesture, { ...values, stroke: at }));
+  }
+
+  /** Only what is another: a form that is given again would lose its place and its hold. */
+  private changeOf(plan: Plan, gesture: string, values: Record<string, string | number>): PlanEdit | null {
+    const old = plan.gestures?.find((each) => each.id === gesture) as Record<string, unknown> | undefined;
+    const isOther = ([name, value]: [string, string | number]): boolean =>
+      typeof value === "number" ? Math.abs(value - ((old?.[name] as number | undefined) ?? 1)) > 0.006 : value !== old?.[name];
+    const others = Object.fromEntries(Object.entries(values).filter(isOther));
+    return old === undefined || !Object.keys(others).length ? null : { kind: "change", gesture, ...others };
   }
 
   private draw({ selection, gesture }: State): void {
@@ -81,10 +122,11 @@ export class EditPanel {
     find("gesture-tools").hidden = !edits;
     find("gestures").hidden = !model.takes_gestures;
     find("edit-hint").hidden = selection !== null || !edits;
-    find<HTMLButtonElement>("remove-gesture").disabled = chosen === undefined;
+    for (const id of ["change-gesture", "remove-gesture"]) find<HTMLButtonElement>(id).disabled = chosen === undefined;
     const lock = find<HTMLButtonElement>("lock");
     lock.disabled = chosen === undefined;
     lock.textContent = chosen && take.plan && isLocked(take.plan, chosen) ? "Unlock all" : "Lock";
+    find("lock-stretch").textContent = this.touchesLock() ? "Unlock all" : "Lock";
     find("stretch-tools").hidden = selection === null || take.plan === null;
     if (selection !== null) find("stretch-time").textContent = `${formatTime(selection[0])} – ${formatTime(selection[1])}`;
     const styles = stretchStyles(model, take.plan);

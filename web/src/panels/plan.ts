@@ -1,9 +1,9 @@
 // The plan as a file: downloading it, opening one, and asking before edits are lost.
 
-import { openPlan, readPlanFile } from "../api";
+import { isGone, openPlan, readPlanFile } from "../api";
 import { find, saveFile, stemOf } from "../dom";
 import type { Plan } from "../messages";
-import type { Store } from "../state";
+import { isReady, type Store } from "../state";
 import type { Takes } from "../takes";
 
 const MARK = "cospeech_plan"; // the entry that every plan has
@@ -33,7 +33,11 @@ export class PlanPanel {
     if (take.id === null) return;
     const { edited } = take;
     try {
-      saveFile(await readPlanFile(take.id), `${stemOf(state.speech?.name ?? "talk")}.plan.json`);
+      const file = await readPlanFile(take.id).catch((error: unknown) => {
+        if (!isGone(error)) throw error;
+        return new Blob([JSON.stringify(take.plan, null, 1)], { type: "application/json" }); // the page has it still
+      });
+      saveFile(file, `${stemOf(state.speech?.name ?? "talk")}.plan.json`);
       this.takes.markSaved(edited);
     } catch (error) {
       this.store.update({ problem: `the plan cannot be downloaded: ${error instanceof Error ? error.message : String(error)}` });
@@ -54,9 +58,7 @@ export class PlanPanel {
   }
 
   private draw(): void {
-    const { take } = this.store;
-    const ready = take.id !== null && take.plan !== null && take.progress === null && take.played === take.edited;
-    find<HTMLButtonElement>("save-plan").disabled = !ready;
+    find<HTMLButtonElement>("save-plan").disabled = !isReady(this.store.take) || this.store.take.plan === null;
     find("unsaved").hidden = !this.takes.hasUnsaved;
   }
 }

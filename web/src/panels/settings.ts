@@ -27,8 +27,11 @@ export class SettingsPanel {
     this.onSlide("temperature", (temperature) => takes.changeSettings({ temperature }));
     const seed = find<HTMLInputElement>("seed");
     seed.max = String(MOST_SEED);
-    seed.addEventListener("change", () => takes.changeSeed(Math.min(Math.max(Math.floor(seed.valueAsNumber || 0), 0), MOST_SEED)));
-    find("next-seed").addEventListener("click", () => takes.changeSeed(store.take.seed + 1));
+    seed.addEventListener("change", () => {
+      takes.changeSeed(Math.min(Math.max(Math.floor(seed.valueAsNumber || 0), 0), MOST_SEED));
+      seed.value = String(store.take.seed);
+    });
+    find("next-seed").addEventListener("click", () => takes.changeSeed(store.take.seed < MOST_SEED ? store.take.seed + 1 : 0));
     for (const part of PARTS) find(`part-${part}`).addEventListener("change", () => this.changeParts());
     this.listenToStyles();
     store.onChange((state) => this.draw(state));
@@ -72,7 +75,8 @@ export class SettingsPanel {
   async takeClip(file: File): Promise<void> {
     if (!this.store.model.takes_example) {
       const others = this.store.state.catalogue.models.filter((row) => row.takes_example).map((row) => row.name);
-      this.store.update({ problem: `the model ${this.store.model.name} takes no example of style (${others.join(", ") || "none"} does)` });
+      const some = others.length > 1 ? `${others.join(", ")} do` : `${others[0] ?? "none"} does`;
+      this.store.update({ problem: `the model ${this.store.model.name} takes no example of style (${some})` });
       return;
     }
     try {

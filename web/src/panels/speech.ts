@@ -3,7 +3,7 @@
 import * as api from "../api";
 import { find, formatTime } from "../dom";
 import type { UploadedSpeech } from "../messages";
-import { openMicrophone } from "../microphone";
+import { closeMicrophone, openMicrophone } from "../microphone";
 import type { Player } from "../player";
 import { isPlan } from "./plan";
 import type { State, Store } from "../state";
@@ -41,8 +41,7 @@ export class SpeechPanel {
     window.addEventListener("drop", (event) => {
       event.preventDefault();
       stage.classList.remove("over");
-      const file = event.dataTransfer?.files[0];
-      if (file) void this.sort(file);
+      void this.sortAll([...(event.dataTransfer?.files ?? [])]);
     });
     store.onChange((state) => this.draw(state));
   }
@@ -56,17 +55,28 @@ export class SpeechPanel {
     });
   }
 
+  /** The speech first: a transcript or a plan goes with it. */
+  private async sortAll(files: File[]): Promise<void> {
+    const isSpeech = (file: File): boolean => ![AVATAR, MOTION, TRANSCRIPT].some((kind) => kind.test(file.name));
+    for (const file of [...files.filter(isSpeech), ...files.filter((file) => !isSpeech(file))]) await this.sort(file);
+  }
+
   /** A file that was dropped: the name's end says what it is, and the text of a JSON file. */
   private async sort(file: File): Promise<void> {
     if (AVATAR.test(file.name)) this.others.avatar(file);
     else if (MOTION.test(file.name)) this.others.clip(file);
     else if (await isPlan(file)) this.others.plan(file);
-    else if (TRANSCRIPT.test(file.name)) void this.takeWords(file);
-    else void this.take(() => api.sendSpeech(file, file.name));
+    else if (TRANSCRIPT.test(file.name)) await this.takeWords(file);
+    else await this.take(() => api.sendSpeech(file, file.name));
   }
 
-  private async take(send: () => Promise<UploadedSpeech>): Promise<void> {
-    if (this.takes.hasUnsaved && !window.confirm("Your edits are in no file. Open another speech without them?")) return;
+  /** Whether the edits that are in no file may be lost. */
+  private mayReplace(): boolean {
+    return !this.takes.hasUnsaved || window.confirm("Your edits are in no file. Open another speech without them?");
+  }
+
+  private async take(send: () => Promise<UploadedSpeech>, asked = false): Promise<void> {
+    if (!asked && !this.mayReplace()) return;
     this.store.update({ problem: "", notice: "reading the speech …" });
     try {
       const speech = await send();
@@ -92,17 +102,18 @@ export class SpeechPanel {
 
   private async record(): Promise<void> {
     if (this.recorder !== null) return this.recorder.stop();
+    if (!this.mayReplace()) return; // asked before: a recording that is made is not thrown away
     try {
       const microphone = await openMicrophone(true);
       const recorder = new MediaRecorder(microphone);
       const pieces: Blob[] = [];
       recorder.ondataavailable = (event) => pieces.push(event.data);
       recorder.onstop = () => {
-        for (const track of microphone.getTracks()) track.stop();
+        closeMicrophone(microphone);
         this.recorder = null;
         this.showRecording(false);
         const suffix = recorder.mimeType.includes("mp4") ? "m4a" : recorder.mimeType.includes("ogg") ? "ogg" : "webm";
-        void this.take(() => api.sendSpeech(new Blob(pieces, { type: recorder.mimeType }), `recording.${suffix}`));
+        void this.take(() => api.sendSpeech(new Blob(pieces, { type: recorder.mimeType }), `recording.${suffix}`), true);
       };
       recorder.start();
       this.recorder = recorder;

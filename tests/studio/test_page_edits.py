@@ -1,0 +1,177 @@
+"""The studio when keys come fast, takes are gone, or another tab is open: nothing is lost, nothing happens unseen."""
+
+# ruff: noqa: F811  fixtures
+from __future__ import annotations
+
+from base64 import b64encode
+
+import pytest
+
+from tests.studio.test_page import DONE, address, chromium, page, talking, wav  # noqa: F401  fixtures
+from tests.support.browser import scrub, wait_until
+
+pytestmark = pytest.mark.slow
+PLAN = "cospeechStudio.takes[0].plan"
+COUNT = f"{PLAN}.gestures.length"
+
+
+def free_gesture(page) -> dict:
+    """One that can go half a second later without meeting another."""
+    gestures = page.evaluate(f"{PLAN}.gestures")
+    strokes = sorted(each["stroke"] for each in gestures)
+    for each in gestures:
+        after = [stroke for stroke in strokes if stroke > each["stroke"]]
+        if each["form"] != "superimposed-beat" and min(after, default=4.0) > each["stroke"] + 0.35:
+            return each
+    return pytest.skip("no gesture has room")
+
+
+def test_each_of_many_quick_keys_counts(talking):
+    gesture = free_gesture(talking)
+    stroke = f"{PLAN}.gestures.find(each => each.id === '{gesture['id']}').stroke"
+    talking.locator(f'[data-id="{gesture["id"]}"]').focus()
+    for _ in range(3):
+        talking.keyboard.press("ArrowRight")
+    wait_until(talking, f"Math.abs({stroke} - {gesture['stroke'] + 0.3}) < 0.02 && {DONE}")
+    talking.keyboard.press("Control+z")
+    wait_until(talking, f"Math.abs({stroke} - {gesture['stroke'] + 0.2}) < 0.02")
+
+
+def test_two_gestures_that_are_deleted_at_once_are_both_gone_and_the_focus_stays(talking):
+    before = talking.evaluate(COUNT)
+    names = talking.evaluate(f"{PLAN}.gestures.filter(each => each.form !== 'superimposed-beat').map(each => each.id)")
+    focused = "document.activeElement.matches('.gesture, #add-gesture')"
+    for name in (names[0], names[-1]):
+        talking.locator(f'[data-id="{name}"]').focus()
+        talking.keyboard.press("Delete")
+    gone = " && ".join(f"!{PLAN}.gestures.some(each => each.id === '{name}')" for name in (names[0], names[-1]))
+    wait_until(talking, f"{gone} && {DONE}")
+    assert talking.evaluate(COUNT) < before - 1
+    assert talking.evaluate(focused)
+
+
+def test_nothing_is_downloaded_before_an_edit_is_made(talking):
+    talking.route("**/api/takes", lambda route: None if route.request.method == "POST" else route.continue_())
+    talking.locator(".gesture:not(.beat)").first.focus()
+    talking.keyboard.press("Delete")
+    wait_until(talking, "cospeechStudio.takes[0].edited")
+    assert talking.get_attribute("#download", "aria-disabled") == "true"
+    talking.unroute("**/api/takes")
+
+
+def test_the_plan_of_a_take_that_the_studio_dropped_can_be_downloaded_and_the_take_is_made_again(talking):
+    talking.locator(".gesture:not(.beat)").first.focus()
+    talking.keyboard.press("Delete")
+    wait_until(talking, f"cospeechStudio.takes[0].edited && {DONE}")
+    old = talking.evaluate("cospeechStudio.takes[0].id")
+    lost = {"status": 404, "json": {"problem": "this take is no longer here", "hint": ""}}
+    for what in ("plan", "file?**"):
+        talking.route(f"**/api/takes/{old}/{what}", lambda route: route.fulfill(**lost))
+    with talking.expect_download() as saved:
+        talking.click("#save-plan")
+    assert '"cospeech_plan"' in saved.value.path().read_text("utf-8")
+    talking.click("#download")
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && cospeechStudio.takes[0].id !== null && {DONE}")
+    talking.select_option("#format", ".bvh")
+    with talking.expect_download() as saved:
+        talking.click("#download")
+    assert saved.value.path().read_bytes().startswith(b"HIERARCHY")
+
+
+def test_keys_of_takes_do_nothing_while_the_live_tab_is_open(talking):
+    talking.locator(".gesture:not(.beat)").first.click()
+    before = talking.evaluate(f"[{COUNT}, cospeechStudio.takes[0].seed]")
+    talking.click("#tab-live")
+    for key in ("Delete", "n", "Space"):
+        talking.evaluate("document.activeElement.blur()")
+        talking.keyboard.press(key)
+    talking.click("#tab-make")
+    assert talking.evaluate(f"[{COUNT}, cospeechStudio.takes[0].seed]") == before
+    assert not talking.evaluate("cospeechStudio.playing")
+
+
+def test_the_microphone_is_closed_if_the_tab_is_left_while_the_browser_asks(page):
+    page.evaluate(
+        """() => { const { mediaDevices } = navigator, ask = mediaDevices.getUserMedia.bind(mediaDevices);
+        window.streams = [];
+        mediaDevices.getUserMedia = async wanted => {
+          await new Promise(done => setTimeout(done, 400));
+          const stream = await ask(wanted);
+          window.streams.push(stream);
+          return stream; }; }"""
+    )
+    page.click("#tab-live")
+    page.click("#live-start")
+    page.click("#live-start")
+    page.click("#tab-make")
+    wait_until(page, "window.streams.length === 2")
+    wait_until(page, "window.streams.every(stream => stream.getTracks().every(track => track.readyState === 'ended'))")
+
+
+def test_a_locked_stretch_can_be_unlocked(talking):
+    wave = talking.locator("#wave").bounding_box()
+    talking.mouse.move(wave["x"] + 100, wave["y"] + 20)
+    talking.mouse.down()
+    talking.mouse.move(wave["x"] + 300, wave["y"] + 20)
+    talking.mouse.up()
+    wait_until(talking, "cospeechStudio.selection !== null")
+    talking.click("#lock-stretch")
+    wait_until(talking, f"{PLAN}.locked?.length === 1")
+    assert talking.inner_text("#lock-stretch") == "Unlock all"
+    talking.click("#lock-stretch")
+    wait_until(talking, f"!{PLAN}.locked?.length")
+    assert talking.inner_text("#lock-stretch") == "Lock"
+
+
+def test_space_plays_after_the_slider_was_used(talking):
+    scrub(talking, 1.0)
+    talking.locator("#scrub").focus()
+    talking.keyboard.press("Space")
+    wait_until(talking, "cospeechStudio.playing")
+
+
+def test_a_speech_and_its_transcript_may_be_dropped_together(page, wav, tmp_path):
+    files = {"talk.srt": b"1\n00:00:00,500 --> 00:00:01,000\nhuge\n", wav.name: wav.read_bytes()}
+    page.evaluate(
+        """files => { const moved = new DataTransfer();
+        for (const [name, bytes] of files)
+          moved.items.add(new File([Uint8Array.from(atob(bytes), c => c.charCodeAt(0))], name));
+        window.dispatchEvent(new DragEvent('drop', { dataTransfer: moved, cancelable: true })); }""",
+        [[name, b64encode(data).decode()] for name, data in files.items()],
+    )
+    wait_until(page, f"document.getElementById('words').textContent === 'huge' && {DONE}")
+
+
+def test_a_character_that_is_cut_off_is_refused(talking, shared):
+    whole = (shared / "data" / "avatars" / "avatar_mpfb_female_arkit52_viseme15.glb").read_bytes()
+    talking.set_input_files("#avatar-file", {"name": "half.glb", "mimeType": "model/gltf-binary", "buffer": whole[:400_000]})
+    wait_until(talking, "document.getElementById('problem').textContent.includes('half.glb is cut off')")
+
+
+def test_seeds_stay_in_their_range(talking):
+    for given, kept in (("-5", "0"), ("99999999999999", "2147483647")):
+        talking.fill("#seed", given)
+        talking.keyboard.press("Enter")
+        assert talking.input_value("#seed") == kept
+    talking.click("#next-seed")
+    wait_until(talking, "cospeechStudio.takes[0].seed === 0")
+
+
+def test_a_gesture_gets_another_form_hand_and_size(talking):
+    name = talking.evaluate(f"{PLAN}.gestures.find(each => each.form !== 'superimposed-beat').id")
+    talking.locator(f'[data-id="{name}"]').dblclick(position={"x": 4, "y": 4})
+    assert talking.inner_text("#title-add") == "Change the gesture"
+    stroke = talking.evaluate(f"{PLAN}.gestures.find(each => each.id === '{name}').stroke")
+    talking.select_option("#add-form", "big")
+    talking.select_option("#add-hands", "left")
+    talking.fill("#add-size", "1.5")
+    talking.click("#add-dialog button[value=add]")
+    mine = f"{PLAN}.gestures.find(each => each.id === '{name}')"
+    wait_until(talking, f"{mine}.form === 'big' && {mine}.hands === 'left' && {mine}.size === 1.5 && {DONE}")
+    assert talking.evaluate(f"{mine}.stroke") == stroke
+    talking.locator(f'[data-id="{name}"]').focus()
+    talking.keyboard.press("Enter")
+    talking.click("#change-gesture")
+    talking.click("#add-dialog button[value=add]")  # nothing else: no step of undo
+    talking.keyboard.press("Control+z")
+    wait_until(talking, f"{mine}.form !== 'big'")

@@ -9,7 +9,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = ROOT / "blender" / "cospeech"
 TARGET = ROOT / "dist" / "cospeech-blender.zip"
-FILES = ("__init__.py", "blender_manifest.toml", "bvh.py", "rig.py")
+FILES = ("__init__.py", "blender_manifest.toml", "bvh.py", "errors.py", "rig.py")
 
 
 def build(target: Path = TARGET) -> Path:

@@ -111,6 +111,8 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=6.0)
     parser.add_argument("--only", nargs="+", metavar="PAGE", help="write these pages alone: wrist_height")
     options = parser.parse_args()
+    if wrong := {*(options.only or ())} - {path.stem for path in PAGES.glob("*.md")}:
+        parser.error(f"there is no page docs/metrics/{min(wrong)}.md")
     spoken = speeches(options.folder, options.minutes)
     if len(spoken) < 4:
         parser.error(f"{len(spoken)} clips of {CLIP:g} s in {options.folder}: four are wanted, one of each style")
@@ -125,9 +127,11 @@ def main() -> None:
     for path in sorted(PAGES.glob("*.md")):
         names = [n for n, where in METRICS.items() if where.split(":")[0].endswith(f".{path.stem}")]
         text = path.read_text("utf-8")
+        if options.only and path.stem not in options.only:
+            continue
         if names and not BLOCK.search(text):
             print(f"left {path.name}: it has no lines <!-- measured --> and <!-- end -->")
-        if not names or not BLOCK.search(text) or (options.only and path.stem not in options.only):
+        if not names or not BLOCK.search(text):
             continue
         rows = {row: [(planar if n in POINTS else solid)._cell(row, n) for n in names] for row in solid.rows}
         faults = {n: (planar if n in POINTS else solid).faults.get(n, ()) for n in names}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 import shlex
 import shutil
 import subprocess
@@ -16,16 +17,13 @@ import numpy as np
 from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from .bvh import read_bvh, rig_to_bvh
+from .errors import CospeechError
 from .rig import Rig, key_shapes
 
 bl_info = {"name": "cospeech", "blender": (4, 4, 0), "category": "Animation", "version": (0, 1, 0)}
 
 EMOTIONS = ("auto", "neutral", "happiness", "anger", "sadness", "contempt", "surprise", "fear", "disgust")
 LONGEST = 3600  # seconds of work after which something must be wrong
-
-
-class CospeechError(Exception):
-    """What the user is told."""
 
 
 class CospeechPreferences(bpy.types.AddonPreferences):
@@ -42,8 +40,14 @@ class CospeechPreferences(bpy.types.AddonPreferences):
 
 def find_command(given: str) -> list[str]:
     """How to start cospeech: as given; or with Blender's own Python, if the wheel is installed there; or as on the PATH."""
+    given = given.strip()
+    if given and Path(given).expanduser().is_file():  # a path may hold blanks, and backslashes on Windows
+        return [str(Path(given).expanduser())]
     if given:
-        return shlex.split(given)
+        try:
+            return [part.strip('"') for part in shlex.split(given, posix=os.name != "nt")]
+        except ValueError as error:
+            raise CospeechError(f"the command {given!r} cannot be read: {error}") from None
     if importlib.util.find_spec("cospeech") is not None:
         return [sys.executable, "-m", "cospeech"]
     found = shutil.which("cospeech")
@@ -60,7 +64,8 @@ def run(command: list[str], *arguments: object) -> list[str]:
         raise CospeechError(f"{command[0]} cannot be run: {error}") from None
     if done.returncode:
         lines = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
-        raise CospeechError(lines[-1].removeprefix("error: ") if lines else f"cospeech failed: {done.stderr[-300:]}")
+        said = done.stderr[-300:].strip() or f"{command[0]} ended with {done.returncode} and said nothing"
+        raise CospeechError(lines[-1].removeprefix("error: ") if lines else f"cospeech failed: {said}")
     return [line.removeprefix("note: ") for line in done.stderr.splitlines() if line.startswith("note: ")]
 
 
@@ -71,18 +76,21 @@ def sound_strips(scene: bpy.types.Scene) -> list[bpy.types.Strip]:
     return sorted(strips, key=lambda strip: (strip.frame_start, strip.name))
 
 
-_ITEMS: list[tuple[str, str, str]] = []  # Blender keeps no copy of the texts of a menu
+def sequencer_scene(context: bpy.types.Context) -> bpy.types.Scene:
+    """Whose sequencer is shown: Blender 5 lets a workspace choose it."""
+    return getattr(context, "sequencer_scene", None) or context.scene
 
 
-def _strip_items(self: object, context: bpy.types.Context) -> list[tuple[str, str, str]]:
-    _ITEMS[:] = [(strip.name, strip.name, "") for strip in sound_strips(context.scene)] or [("", "(no sound strip)", "")]
-    return _ITEMS
+def _find_strips(self: object, context: bpy.types.Context, typed: str) -> list[str]:
+    return [strip.name for strip in sound_strips(sequencer_scene(context)) if typed.lower() in strip.name.lower()]
 
 
 class CospeechSettings(bpy.types.PropertyGroup):
     """What the panel shows."""
 
-    strip: EnumProperty(name="Sound", items=_strip_items)  # type: ignore[valid-type]
+    strip: StringProperty(  # type: ignore[valid-type]  # a menu would keep the number of a strip, which changes
+        name="Sound", description="A sound strip of the sequencer; empty: the first one", default="", search=_find_strips
+    )
     model: StringProperty(name="Model", default="rules")  # type: ignore[valid-type]
     style: StringProperty(name="Style", description="Empty: that of the model", default="")  # type: ignore[valid-type]
     emotion: EnumProperty(name="Emotion", items=[(name, name, "") for name in EMOTIONS])  # type: ignore[valid-type]
@@ -109,7 +117,7 @@ class CospeechGenerate(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return context.object is not None and context.object.type == "ARMATURE" and bool(sound_strips(context.scene))
+        return context.object is not None and context.object.type == "ARMATURE" and bool(sound_strips(sequencer_scene(context)))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
@@ -132,8 +140,10 @@ def make_action(context: bpy.types.Context, armature: bpy.types.Object, command:
         command: how to start cospeech; that of the preferences, if empty.
     """
     scene, settings = context.scene, context.scene.cospeech
-    strips = {strip.name: strip for strip in sound_strips(scene)}
-    strip = strips.get(settings.strip) or next(iter(strips.values()))
+    strips = {strip.name: strip for strip in sound_strips(sequencer_scene(context))}
+    if settings.strip and settings.strip not in strips:
+        raise CospeechError(f"there is no sound strip {settings.strip!r}: choose another one")
+    strip = strips[settings.strip] if settings.strip else next(iter(strips.values()))
     addon = context.preferences.addons.get(__package__)
     start = find_command(command or (addon.preferences.command if addon else ""))
     fps = scene.render.fps / scene.render.fps_base
@@ -153,18 +163,24 @@ def make_action(context: bpy.types.Context, armature: bpy.types.Object, command:
         if settings.transcript:
             options += ["--transcript", bpy.path.abspath(settings.transcript)]
         notes = run(start, "generate", sound, "-o", place / "motion.bvh", "-o", place / "face.json", *options)
+        if not (place / "face.json").is_file():
+            raise CospeechError(f"{start[0]} wrote no motion: is it cospeech?")
         motion, rest = (read_bvh((place / name).read_text("utf-8")) for name in ("motion.bvh", "rest.bvh"))
         face = json.loads((place / "face.json").read_text("utf-8"))
     action = bpy.data.actions.new(f"{Path(sound).stem} {settings.style or settings.model}")
     rig.key(motion, rest, action, strip.frame_start)
     weights = np.array([frame["weights"] for frame in face["frames"]])
     count = key_shapes(armature, face["names"], weights, action.name, strip.frame_start)
+    if rig.constrained:
+        notes.append(f"constraints of these bones may change the motion: {', '.join(rig.constrained)[:200]}")
     return f"{len(motion.rotations)} frames for {len(rig.names)} bones and {count} shape keys: {action.name}", notes
 
 
 def _sound_file(strip: bpy.types.Strip, place: Path) -> Path:
     """The file of a strip's sound; a packed one is written out."""
     sound = strip.sound
+    if sound is None:
+        raise CospeechError(f"the strip {strip.name!r} has no sound")
     if sound.packed_file is not None:
         path = place / f"sound{Path(sound.filepath).suffix or '.wav'}"
         path.write_bytes(sound.packed_file.data)

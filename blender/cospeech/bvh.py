@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 __all__ = ["Frames", "read_bvh", "rig_to_bvh"]
 
 CENTIMETRES = 100.0
+NEAR_FLOOR = 0.03  # of the height; ours: the tip of a bone that is nearer to the floor is a toe, which stands on it
 LEAST_COSINE = 0.5  # to the bone before; ours: fingers, toes and heads bend less than 60 degrees in a rest pose
 
 
@@ -54,6 +56,8 @@ def rig_to_bvh(names: list[str], parents: list[int], heads: np.ndarray, tails: n
             write(child, depth + 1)
         if not children[bone]:
             end = _tip(heads[bone] - heads[parent] if parent >= 0 else heads[bone], tails[bone] - heads[bone])
+            low = heads[bone][1] + end[1]
+            end = end - (0, low, 0) if abs(low) < NEAR_FLOOR * heads[:, 1].max() else end
             lines.extend([f"{pad}  End Site", f"{pad}  {{", f"{pad}    OFFSET {_row(end)}", f"{pad}  }}"])
         lines.append(f"{pad}}}")
 
@@ -75,7 +79,7 @@ def _row(values: np.ndarray) -> str:
 
 def read_bvh(text: str) -> Frames:
     """What a BVH file of ours holds."""
-    header, _, motion = text.partition("MOTION")
+    header, motion = re.split(r"^MOTION\s*$", text, maxsplit=1, flags=re.M)  # a bone may be called LOCOMOTION
     names, parents, channels, stack = list[str](), list[int](), list[list[str]](), list[int]()
     tokens, at = header.split(), 1
     while at < len(tokens):

@@ -6,14 +6,19 @@ import re
 
 import bpy
 import numpy as np
-from mathutils import Matrix
+from mathutils import Euler, Matrix, Quaternion
 
 from .bvh import Frames
+from .errors import CospeechError
 
 __all__ = ["Rig", "key_shapes"]
 
 TO_BVH = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 """From Blender's axes, Z up and facing −Y, to Y up and facing +Z."""
+
+
+EQUAL = 1e-6
+"""Of a location or a scale: less is none."""
 
 
 class Rig:
@@ -27,7 +32,7 @@ class Rig:
         self.armature = armature
         roots = [bone for bone in armature.data.bones if bone.parent is None]
         if not roots:
-            raise ValueError(f"{armature.name!r} has no bones")
+            raise CospeechError(f"{armature.name!r} has no bones")
         root = max(roots, key=lambda bone: len(bone.children_recursive))
         self.bones = [root, *root.children_recursive]
         place = {bone.name: k for k, bone in enumerate(self.bones)}
@@ -43,6 +48,13 @@ class Rig:
         """(J, 3) heads or tails in the world, metres, Y up."""
         found = [self.world @ getattr(bone, f"{which}_local") for bone in self.bones]
         return np.array(found) @ TO_BVH.T
+
+    @property
+    def constrained(self) -> list[str]:
+        """Bones with constraints that are at work."""
+        poses = self.armature.pose.bones
+        at_work = lambda bone: any(not each.mute and each.influence > 0 for each in poses[bone.name].constraints)  # noqa: E731
+        return [bone.name for bone in self.bones if at_work(bone)]
 
     def key(self, motion: Frames, rest: Frames, action: bpy.types.Action, first: float) -> None:
         """Write keys for all bones.
@@ -70,9 +82,12 @@ class Rig:
             quaternions = np.array([Matrix(turned).to_quaternion() for turned in local])
             flips = np.sign((quaternions[1:] * quaternions[:-1]).sum(-1))
             quaternions[1:] *= np.cumprod(np.where(flips < 0, -1.0, 1.0))[:, None]
-            self.armature.pose.bones[bone.name].rotation_mode = "QUATERNION"
+            pose = self.armature.pose.bones[bone.name]
             path = f'pose.bones["{bpy.utils.escape_identifier(bone.name)}"]'
-            _write(bag, f"{path}.rotation_quaternion", quaternions, first)
+            _write(bag, f"{path}.{_rotation_of(pose)}", _in_mode(pose, quaternions), first)
+            for name, usual in (("location", 0.0), ("scale", 1.0)):  # of a pose before, which would stay
+                if any(abs(value - usual) > EQUAL for value in getattr(pose, name)) and (k or name == "scale"):
+                    _write(bag, f"{path}.{name}", np.full((1, 3), usual), first)
         scale = self.world.median_scale
         moved = (motion.root - rest.root * (0, 1, 0)) @ into.T / scale @ rests[0]
         path = f'pose.bones["{bpy.utils.escape_identifier(self.bones[0].name)}"].location'
@@ -92,12 +107,15 @@ def key_shapes(armature: bpy.types.Object, names: list[str], weights: np.ndarray
     Returns:
         How many shape keys there were.
     """
-    count = 0
+    count, seen = 0, set[str]()
     for mesh in bpy.data.objects:
         worn = any(each.type == "ARMATURE" and each.object == armature for each in mesh.modifiers)
-        if mesh.type != "MESH" or mesh.data.shape_keys is None or not (worn or mesh.parent == armature):
+        if mesh.type != "MESH" or mesh.data.shape_keys is None or not (worn or _hangs_on(mesh, armature)):
             continue
         keys = mesh.data.shape_keys
+        if keys.name_full in seen:  # objects may share a mesh
+            continue
+        seen.add(keys.name_full)
         known = {each.name.lower(): each.name for each in keys.key_blocks}
         found = [(k, known[channel.lower()]) for k, channel in enumerate(names) if channel.lower() in known]
         if not found:
@@ -112,11 +130,43 @@ def key_shapes(armature: bpy.types.Object, names: list[str], weights: np.ndarray
 
 def _bag(action: bpy.types.Action, owner: bpy.types.ID) -> bpy.types.ActionChannelbag:
     """Where the curves of an action go that the owner plays (Blender 4.4 and later)."""
+    data = owner.animation_data or owner.animation_data_create()
+    if data.use_tweak_mode:
+        bpy.data.actions.remove(action)
+        raise CospeechError(f"an NLA strip of {owner.name!r} is being tweaked: leave tweak mode first (Tab)")
     slot = action.slots.new(id_type=owner.id_type, name=owner.name)
     strip = action.layers.new("Layer").strips.new(type="KEYFRAME")
-    data = owner.animation_data or owner.animation_data_create()
+    if data.action is not None:
+        data.action.use_fake_user = True  # a file that is saved would lose it
     data.action, data.action_slot = action, slot
+    data.action_influence, data.action_blend_type = 1.0, "REPLACE"
     return strip.channelbag(slot, ensure=True)
+
+
+def _hangs_on(mesh: bpy.types.Object, armature: bpy.types.Object) -> bool:
+    """Whether an object is a child of the armature, or of a child of it."""
+    above = mesh.parent
+    while above is not None and above != armature:
+        above = above.parent
+    return above is not None
+
+
+def _rotation_of(pose: bpy.types.PoseBone) -> str:
+    """The property that turns a bone; a bone keeps its mode, or actions of before would turn it no more."""
+    if pose.rotation_mode == "AXIS_ANGLE":
+        pose.rotation_mode = "QUATERNION"
+    return "rotation_quaternion" if pose.rotation_mode == "QUATERNION" else "rotation_euler"
+
+
+def _in_mode(pose: bpy.types.PoseBone, quaternions: np.ndarray) -> np.ndarray:
+    """(T, 4) rotations as the bone has them: the same, or (T, 3) angles without jumps by a turn."""
+    if pose.rotation_mode == "QUATERNION":
+        return quaternions
+    angles: list[Euler] = []
+    for each in quaternions:
+        before = angles[-1:]
+        angles.append(Quaternion(each).to_euler(pose.rotation_mode, *before))
+    return np.array(angles)
 
 
 def _write(bag: bpy.types.ActionChannelbag, path: str, values: np.ndarray, first: float) -> None:

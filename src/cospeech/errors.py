@@ -1,8 +1,13 @@
 """The errors that users are meant to see: what is wrong, with the value, and how to mend it."""
 
 from collections.abc import Iterable
+from importlib import import_module
+from typing import Any
 
-__all__ = ["CospeechError", "CospeechWarning", "InputError", "InternalError", "describe_extra", "guess", "nearest", "say_count"]
+__all__ = [
+    "CospeechError", "CospeechWarning", "InputError", "InternalError", "describe_extra", "find_attribute", "guess", "nearest",
+    "say_count",
+]  # fmt: skip
 
 _LONGEST = 2000  # characters; ours: above what lists of all known names take
 
@@ -50,6 +55,23 @@ def describe_extra(name: str) -> str:
     "in a clone: pip install -e '.[train]'"
     """
     return f"in a clone: pip install -e '.[{name}]'"  # cospeech is on no index; editable, so that `make studio` reaches it
+
+
+def find_attribute(module: str, name: str, problem: str, hint: str) -> Any:
+    """What a module of somebody else's has under a name. An error inside the module stays as it is: it tells file and line.
+
+    Raises:
+        InputError: there is no such module, or nothing of that name in it.
+    """
+    try:
+        found = import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name is None or not f"{module}.".startswith(f"{error.name}."):
+            raise
+        raise InputError(f"{problem}: {error}", hint) from None
+    if not hasattr(found, name):
+        raise InputError(f"{problem}: {module} has no {name!r}", hint)
+    return getattr(found, name)
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import sys
+import zipfile
 from types import ModuleType
 
 import numpy as np
@@ -86,7 +88,7 @@ def test_needs_and_arguments_of_a_metric():
 
 
 def test_a_mean_says_which_value_is_no_number():
-    with pytest.raises(InputError, match="the value of 2 of 3 clips is no number, first of the one at 1"):
+    with pytest.raises(InputError, match="2 of 3 values are no numbers; the first is that of clip 2"):
         mean_score([1.0, np.nan, np.inf])
 
 
@@ -94,7 +96,7 @@ def test_rows_of_metrics_that_lead_nowhere(own, monkeypatch):
     own.plain = lambda generated, reference, tools: Score(0.0)
     for row, said in (
         ("no_such_module:x", "No module named 'no_such_module'"),
-        ("own_parts:x", "no attribute 'x'"),
+        ("own_parts:x", "own_parts has no 'x'"),
         ("own_parts:plain", "is a function"),
     ):
         monkeypatch.setitem(METRICS, "mine", row)
@@ -129,6 +131,10 @@ def test_one_damaged_recording_does_not_end_the_reading():
     assert (first.name, last.name) == ("a", "c")
     assert lost == Dropped("b", "KeyError: 'joints'")
 
+    for error in (csv.Error, EOFError, zipfile.BadZipFile):
+        (lost,) = read_each("a", lambda name, error=error: (_ for _ in ()).throw(error("x")))
+        assert isinstance(lost, Dropped)
+
     def broken(name):
         return name.joints
 
@@ -141,7 +147,7 @@ def test_one_damaged_recording_does_not_end_the_reading():
     [
         (lambda raw: iter(["one"]), "yields str"),
         (lambda raw: None, "gives NoneType"),
-        (None, "cannot be read: .* no attribute 'read'"),
+        (None, "cannot be read: own_parts has no 'read'"),
     ],
     ids=["text", "nothing", "no reader"],
 )

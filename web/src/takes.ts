@@ -27,6 +27,8 @@ export class Takes {
   private readonly saved = new WeakSet<Plan>();
   private timer = 0;
   private edits: Promise<void> = Promise.resolve();
+  /** Of a take whose edits have no motion yet: the plan with them, and what there was before. */
+  private readonly unmade = new Map<Take, { edited: Plan; before: Pick<Take, "edited" | "plan"> }>();
 
   constructor(private readonly store: Store) {
     api.followEvents((event) => this.hear(event), (connected) => this.onConnection(connected));
@@ -126,6 +128,7 @@ export class Takes {
 
   private show(take: Take, { id, motion, plan, factor }: Made): void {
     Object.assign(take, { id, motion, plan, factor, played: take.edited, making: null, progress: null, problem: "" });
+    this.unmade.delete(take);
     this.store.update();
   }
 
@@ -155,11 +158,12 @@ export class Takes {
   cancel(take: Take): void {
     if (take.making !== null) api.forgetTake(take.making);
     Object.assign(take, { making: null, progress: null, madeFrom: "" });
-    const shown = [...this.made.values()].find(({ id }) => id === take.id);
-    if (shown !== undefined && take.played !== take.edited) {
+    const unmade = this.unmade.get(take);
+    if (unmade !== undefined && unmade.edited === take.edited) {
       this.remember();
-      Object.assign(take, { edited: take.played, plan: shown.plan });
+      Object.assign(take, unmade.before);
     }
+    this.unmade.delete(take);
     this.store.update({ notice: "cancelled" });
   }
 
@@ -239,6 +243,7 @@ export class Takes {
   private async editNow(take: Take, edits: Edit[]): Promise<void> {
     const { speech, takes } = this.store.state;
     if (take.plan === null || speech === null || !takes.includes(take)) return;
+    const before = { edited: take.edited, plan: take.plan };
     try {
       let plan = take.plan;
       for (const each of edits) {
@@ -246,8 +251,11 @@ export class Takes {
         if (edit !== null) ({ plan } = await api.editPlan({ plan, speech: speech.speech, edit }));
       }
       if (plan === take.plan) return;
+      if (take.edited !== before.edited || this.store.state.speech !== speech) return; // something else was played meanwhile
       this.remember();
       this.lost = null;
+      const known = this.unmade.get(take);
+      this.unmade.set(take, { edited: plan, before: known !== undefined && known.edited === take.edited ? known.before : before });
       Object.assign(take, { edited: plan, plan });
       this.store.update({ problem: "", notice: "" });
       await this.make(take);
@@ -325,14 +333,23 @@ export class Takes {
     return this.future.length > 0;
   }
 
+  /** Undo, after the edits that are on their way. */
   undo(): void {
+    this.edits = this.edits.then(() => this.undoNow());
+  }
+
+  redo(): void {
+    this.edits = this.edits.then(() => this.redoNow());
+  }
+
+  private undoNow(): void {
     const step = this.past.pop();
     if (step === undefined) return;
     this.future.push(this.step());
     this.restore(step);
   }
 
-  redo(): void {
+  private redoNow(): void {
     const step = this.future.pop();
     if (step === undefined) return;
     this.past.push(this.step());

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from inspect import getdoc
 from itertools import groupby
 
-from ..errors import InputError, nearest
+from ..errors import CospeechWarning, InputError, nearest
 
 __all__ = ["CATALOGUES", "catalogue", "catalogue_text"]
 
@@ -52,7 +53,11 @@ def _styles() -> list[Row]:
     weights = {path.stem: path for path in sorted(SHIPPED.glob(f"*{BUNDLE}"))}
     weights |= {name: path for name in ENTRIES if name not in weights and (path := find_bundle(name)) is not None}
     for model, path in weights.items():
-        names = read_bundle(path).fact("styles", list)
+        try:
+            names = read_bundle(path).fact("styles", list)
+        except InputError as error:  # of a package: it harms no other
+            warnings.warn(f"the styles of {model!r} cannot be read: {error}", CospeechWarning, stacklevel=2)
+            continue
         about = dict.fromkeys(names, "a speaker of its training data") | {VOICE: "the speaker that it estimates from the voice"}
         rows += [{"name": name, "what": about[name], "model": model} for name in names]
     return rows

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
+import struct
+import zipfile
+import zlib
 from collections.abc import Callable, Iterable, Iterator
 from os import PathLike
 from pathlib import Path
@@ -30,6 +33,8 @@ __all__ = [
     "words_alone",
 ]
 
+_DAMAGE = (ArithmeticError, EOFError, LookupError, ValueError, csv.Error, struct.error, zipfile.BadZipFile, zlib.error)
+"""What readers of JSON, CSV, NumPy's and other files raise for a damaged one."""
 _APART = 2.0  # ours: motion and speech of one take differ by seconds, never by this factor
 _FAR = 100.0  # metres; ours: farther than any studio for motion capture is wide
 _MARGIN = 5.0  # seconds; ours: of which short takes may differ anyway
@@ -79,7 +84,7 @@ def read_each(names: Iterable[str], read: Callable[[str], Clip | Dropped]) -> It
             item = Dropped(name, str(error))
         except OSError as error:  # taken away meanwhile, or a disk that fails
             item = Dropped(name, f"cannot read {error.filename or name!r}: {describe_os_error(error)}")
-        except (ArithmeticError, LookupError, ValueError) as error:  # what JSON, CSV and NumPy make of a damaged file
+        except _DAMAGE as error:
             item = Dropped(name, f"{type(error).__name__}: {error}")
         yield item
 

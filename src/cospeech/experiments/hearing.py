@@ -104,8 +104,9 @@ def measure_hearing(
     opened = Store(store)
     own_speakers = facts["store"]["speakers"]
     if list(opened.speakers) != list(own_speakers):
-        text = f"{Path(folder).name!r} was trained on other speakers than this store has ({', '.join(own_speakers)[:80]})"
-        warnings.warn(f"{text}: the figures say little", CospeechWarning, stacklevel=2)
+        theirs, ours = (", ".join(names[:8]) + (" …" if len(names) > 8 else "") for names in (own_speakers, opened.speakers))
+        text = f"{Path(folder).name!r} was trained with the speakers {theirs}; this store has {ours}: the figures say little"
+        warnings.warn(text, CospeechWarning, stacklevel=2)
     recipe = read_recipe(facts["recipe"])
     recipe = replace(recipe, data=replace(recipe.data, validation=0.0)) if split == "test" else recipe
     feed = open_set(recipe, opened, torch.device("cpu")).feed(net, split, False)

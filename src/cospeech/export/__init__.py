@@ -78,18 +78,23 @@ class Writer(AbstractContextManager["Writer"], ABC):
         self.frames += len(motion)
 
     def __exit__(self, kind, error, trace) -> None:  # type: ignore[no-untyped-def]
+        closed = False
         if kind is None:
             try:
                 if not self.frames:
                     raise InputError(f"no motion to write to {str(self.path)!r}", "it has no frames")
                 self._finish()
+                self._discard()
+                closed = True
                 if self._temporary.is_file() and not self._temporary.stat().st_size:
                     raise InputError(f"nothing was written to {str(self.path)!r}", "_begin is given the path to write to")
             except BaseException as failure:
-                self._discard()
+                if not closed:
+                    self._discard()
                 self._atomic.__exit__(type(failure), failure, failure.__traceback__)
                 raise
-        self._discard()
+        if not closed:
+            self._discard()
         # a raised error passes through; contextmanager's __exit__ re-raises it itself, hence the comparison
         try:
             self._atomic.__exit__(kind, error, trace)

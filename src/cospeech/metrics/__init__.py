@@ -56,17 +56,12 @@ def load_metric(name: str) -> Metric:
     Raises:
         InputError: there is none of that name, or what is registered is no metric.
     """
-    from importlib import import_module
-
-    from ..errors import InputError, nearest
+    from ..errors import InputError, find_attribute, nearest
 
     if name not in METRICS:
         raise InputError(f"no metric is called {name!r}", nearest(name, METRICS))
     module, _, attribute = METRICS[name].partition(":")
-    try:
-        found = getattr(import_module(module), attribute)
-    except (ImportError, AttributeError) as error:
-        raise InputError(f"the metric {name!r} cannot be used: {error}", f"METRICS says {METRICS[name]!r}") from error
+    found = find_attribute(module, attribute, f"the metric {name!r} cannot be used", f"METRICS says {METRICS[name]!r}")
     if not isinstance(found, Metric):
         raise InputError(f"the metric {name!r} is a {type(found).__name__}", "put @metric(…, better=…) before the function")
     return found

@@ -41,7 +41,7 @@ def mean_score(values: Sequence[float], weights: Sequence[float] | None = None, 
     w = np.ones(len(x)) if weights is None else np.asarray(weights, np.float64)
     lost = np.flatnonzero(~np.isfinite(x))
     if len(lost):
-        raise InputError(f"the value of {len(lost)} of {say_count(len(x), 'clip')} is no number, first of the one at {lost[0]}")
+        raise InputError(f"{len(lost)} of {len(x)} values are no numbers; the first is that of clip {lost[0] + 1}")
     if not len(x) or not w.sum() > 0:
         raise InputError(f"a mean over {say_count(len(x), 'clip')}", "at least one clip that is long enough")
     value = float(x @ w / w.sum())

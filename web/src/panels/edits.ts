@@ -80,8 +80,13 @@ export class EditPanel {
     find("add-done").textContent = old ? "Change" : "Add";
     const time = old?.stroke ?? at;
     const forms = find<HTMLSelectElement>("add-form");
-    if (old) forms.value = old.form;
-    if (old && forms.value !== old.form) forms.add(new Option(readName(old.form), old.form, false, true)); // one that nobody adds
+    forms.querySelector("option.own")?.remove();
+    forms.value = old?.form ?? "beat";
+    if (old && forms.value !== old.form) { // one that nobody adds
+      const own = new Option(readName(old.form), old.form, false, true);
+      own.className = "own";
+      forms.add(own);
+    }
     find<HTMLSelectElement>("add-hands").value = old?.hands ?? "";
     find<HTMLInputElement>("add-size").valueAsNumber = old?.size ?? 1;
     const input = find<HTMLInputElement>("add-time");

@@ -1,7 +1,7 @@
 // The panel of the speech: dropping, choosing, recording, the example, a transcript.
 
 import * as api from "../api";
-import { find, formatTime } from "../dom";
+import { find, formatTime, saveFile } from "../dom";
 import type { UploadedSpeech } from "../messages";
 import { closeMicrophone, openMicrophone } from "../microphone";
 import type { Player } from "../player";
@@ -22,6 +22,7 @@ export interface Receivers {
 
 export class SpeechPanel {
   private recorder: MediaRecorder | null = null;
+  private asking = false; // for the microphone
 
   constructor(
     private readonly store: Store, private readonly takes: Takes, private readonly player: Player, private readonly others: Receivers,
@@ -58,16 +59,19 @@ export class SpeechPanel {
   /** The speech first: a transcript or a plan goes with it. */
   private async sortAll(files: File[]): Promise<void> {
     const isSpeech = (file: File): boolean => ![AVATAR, MOTION, TRANSCRIPT].some((kind) => kind.test(file.name));
-    for (const file of [...files.filter(isSpeech), ...files.filter((file) => !isSpeech(file))]) await this.sort(file);
+    for (const file of [...files.filter(isSpeech), ...files.filter((file) => !isSpeech(file))]) {
+      if (!(await this.sort(file))) return; // the rest belongs to a speech that is not open
+    }
   }
 
   /** A file that was dropped: the name's end says what it is, and the text of a JSON file. */
-  private async sort(file: File): Promise<void> {
+  private async sort(file: File): Promise<boolean> {
     if (AVATAR.test(file.name)) this.others.avatar(file);
     else if (MOTION.test(file.name)) this.others.clip(file);
     else if (await isPlan(file)) this.others.plan(file);
     else if (TRANSCRIPT.test(file.name)) await this.takeWords(file);
-    else await this.take(() => api.sendSpeech(file, file.name));
+    else return this.take(() => api.sendSpeech(file, file.name));
+    return true;
   }
 
   /** Whether the edits that are in no file may be lost. */
@@ -75,16 +79,19 @@ export class SpeechPanel {
     return !this.takes.hasUnsaved || window.confirm("Your edits are in no file. Open another speech without them?");
   }
 
-  private async take(send: () => Promise<UploadedSpeech>, asked = false): Promise<void> {
-    if (!asked && !this.mayReplace()) return;
+  /** Open a speech; whether that was done. */
+  private async take(send: () => Promise<UploadedSpeech>, asked = false): Promise<boolean> {
+    if (!asked && !this.mayReplace()) return false;
     this.store.update({ problem: "", notice: "reading the speech …" });
     try {
       const speech = await send();
       this.player.pause();
       this.player.open(api.soundOf(speech.speech));
       this.takes.openSpeech(speech);
+      return true;
     } catch (error) {
       this.store.update({ problem: error instanceof Error ? error.message : String(error), notice: "" });
+      return false;
     }
   }
 
@@ -102,7 +109,8 @@ export class SpeechPanel {
 
   private async record(): Promise<void> {
     if (this.recorder !== null) return this.recorder.stop();
-    if (!this.mayReplace()) return; // asked before: a recording that is made is not thrown away
+    if (this.asking) return;
+    this.asking = true;
     try {
       const microphone = await openMicrophone(true);
       const recorder = new MediaRecorder(microphone);
@@ -113,13 +121,17 @@ export class SpeechPanel {
         this.recorder = null;
         this.showRecording(false);
         const suffix = recorder.mimeType.includes("mp4") ? "m4a" : recorder.mimeType.includes("ogg") ? "ogg" : "webm";
-        void this.take(() => api.sendSpeech(new Blob(pieces, { type: recorder.mimeType }), `recording.${suffix}`), true);
+        const sound = new Blob(pieces, { type: recorder.mimeType });
+        if (this.mayReplace()) void this.take(() => api.sendSpeech(sound, `recording.${suffix}`), true);
+        else saveFile(sound, `recording.${suffix}`); // it is not thrown away
       };
       recorder.start();
       this.recorder = recorder;
       this.showRecording(true);
     } catch (error) {
       this.store.update({ problem: error instanceof Error ? error.message : String(error) });
+    } finally {
+      this.asking = false;
     }
   }
 

@@ -14,14 +14,13 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
-from importlib import import_module
 from itertools import count
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...audio.features.waveform import WAVEFORM_NAMES
-from ...errors import CospeechError, InputError, describe_extra, nearest
+from ...errors import CospeechError, InputError, describe_extra, find_attribute, nearest
 from ...files import atomic, describe_os_error
 from ...motion.poses import POSES, find_pose
 from ...motion.skeletons.arkit import ARKIT
@@ -136,10 +135,9 @@ def _find_reader(corpus: str) -> Callable[[str | PathLike[str]], Iterator[Clip |
         InputError: its module is not there, or has none.
     """
     module = CORPORA[corpus].module
-    try:
-        read: Callable[[str | PathLike[str]], Iterator[Clip | Dropped]] = import_module(module).read
-    except (ImportError, AttributeError) as error:
-        raise InputError(f"the corpus {corpus!r} cannot be read: {error}", f"its row says that {module} has read") from error
+    read: Callable[[str | PathLike[str]], Iterator[Clip | Dropped]] = find_attribute(
+        module, "read", f"the corpus {corpus!r} cannot be read", f"its row says that {module} has read"
+    )
     return read
 
 

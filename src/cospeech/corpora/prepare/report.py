@@ -90,7 +90,7 @@ class PrepareReport:
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on what the store lacks for training and evaluation; none where it lacks nothing."""
-        uses = _USES if self.clips > 1 else _USES | {"validation": "train with --set train.validate_every=0"}
+        uses = _USES if self.clips > 3 else _USES | {"validation": "train with --set train.validate_every=0"}
         return tuple(f"no clip is in the {name} split: {use}" for name, use in uses.items() if not self.splits.get(name))
 
     def summary(self) -> str:

@@ -18,7 +18,7 @@ from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from .bvh import read_bvh, rig_to_bvh
 from .errors import CospeechError
-from .rig import Rig, key_shapes
+from .rig import Rig, check_tweaks, key_shapes
 
 bl_info = {"name": "cospeech", "blender": (4, 4, 0), "category": "Animation", "version": (0, 1, 0)}
 
@@ -140,6 +140,7 @@ def make_action(context: bpy.types.Context, armature: bpy.types.Object, command:
         command: how to start cospeech; that of the preferences, if empty.
     """
     scene, settings = context.scene, context.scene.cospeech
+    check_tweaks(armature)
     strips = {strip.name: strip for strip in sound_strips(sequencer_scene(context))}
     if settings.strip and settings.strip not in strips:
         raise CospeechError(f"there is no sound strip {settings.strip!r}: choose another one")
@@ -168,9 +169,9 @@ def make_action(context: bpy.types.Context, armature: bpy.types.Object, command:
         motion, rest = (read_bvh((place / name).read_text("utf-8")) for name in ("motion.bvh", "rest.bvh"))
         face = json.loads((place / "face.json").read_text("utf-8"))
     action = bpy.data.actions.new(f"{Path(sound).stem} {settings.style or settings.model}")
-    rig.key(motion, rest, action, strip.frame_start)
     weights = np.array([frame["weights"] for frame in face["frames"]])
-    count = key_shapes(armature, face["names"], weights, action.name, strip.frame_start)
+    count, looks = key_shapes(armature, face["names"], weights, action.name, strip.frame_start)
+    rig.key(motion, rest, action, strip.frame_start, looks=looks)
     if rig.constrained:
         notes.append(f"constraints of these bones may change the motion: {', '.join(rig.constrained)[:200]}")
     return f"{len(motion.rotations)} frames for {len(rig.names)} bones and {count} shape keys: {action.name}", notes

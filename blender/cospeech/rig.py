@@ -11,12 +11,16 @@ from mathutils import Euler, Matrix, Quaternion
 from .bvh import Frames
 from .errors import CospeechError
 
-__all__ = ["Rig", "key_shapes"]
+__all__ = ["Rig", "check_tweaks", "key_shapes"]
 
 TO_BVH = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 """From Blender's axes, Z up and facing −Y, to Y up and facing +Z."""
 
 
+EYE = re.compile(r"eye(?!.*(lid|brow|lash))", re.I)
+"""The name of a bone of an eye [ours]."""
+LOOKS = "eyelook"
+"""Begin of the names of shapes that turn eyes, in small letters."""
 EQUAL = 1e-6
 """Of a location or a scale: less is none."""
 
@@ -56,7 +60,7 @@ class Rig:
         at_work = lambda bone: any(not each.mute and each.influence > 0 for each in poses[bone.name].constraints)  # noqa: E731
         return [bone.name for bone in self.bones if at_work(bone)]
 
-    def key(self, motion: Frames, rest: Frames, action: bpy.types.Action, first: float) -> None:
+    def key(self, motion: Frames, rest: Frames, action: bpy.types.Action, first: float, *, looks: bool = False) -> None:
         """Write keys for all bones.
 
         Args:
@@ -64,6 +68,7 @@ class Rig:
             rest: one frame: those of the rest pose from the same T-pose.
             action: gets the keys.
             first: frame of the first key.
+            looks: shape keys turn the eyes, so that their bones rest.
         """
         turn = np.array(self.world.to_3x3().normalized())
         into = turn.T @ TO_BVH.T  # from the axes of the BVH to those of the armature
@@ -79,6 +84,7 @@ class Rig:
             above = posed[:, parent] if parent >= 0 else rests[:1]
             between = (rests[parent].T if parent >= 0 else rests[0].T) @ (rests[k] if parent >= 0 else rests[0])
             local = between.T @ np.swapaxes(above, -1, -2) @ posed[:, k]
+            local = np.broadcast_to(np.eye(3), local.shape) if looks and EYE.search(bone.name) else local
             quaternions = np.array([Matrix(turned).to_quaternion() for turned in local])
             flips = np.sign((quaternions[1:] * quaternions[:-1]).sum(-1))
             quaternions[1:] *= np.cumprod(np.where(flips < 0, -1.0, 1.0))[:, None]
@@ -94,7 +100,17 @@ class Rig:
         _write(bag, path, moved, first)
 
 
-def key_shapes(armature: bpy.types.Object, names: list[str], weights: np.ndarray, name: str, first: float) -> int:
+def check_tweaks(owner: bpy.types.ID) -> None:
+    """Blender gives nobody another action while a strip is tweaked.
+
+    Raises:
+        CospeechError: one is.
+    """
+    if owner.animation_data is not None and owner.animation_data.use_tweak_mode:
+        raise CospeechError(f"an NLA strip of {owner.name!r} is being tweaked: leave tweak mode first (Tab)")
+
+
+def key_shapes(armature: bpy.types.Object, names: list[str], weights: np.ndarray, name: str, first: float) -> tuple[int, bool]:
     """Write keys for the shape keys of the armature's meshes that have these names, in upper or lower case.
 
     Args:
@@ -105,9 +121,9 @@ def key_shapes(armature: bpy.types.Object, names: list[str], weights: np.ndarray
         first: frame of the first key.
 
     Returns:
-        How many shape keys there were.
+        How many shape keys there were, and whether some of them turn the eyes.
     """
-    count, seen = 0, set[str]()
+    count, looks, seen = 0, False, set[str]()
     for mesh in bpy.data.objects:
         worn = any(each.type == "ARMATURE" and each.object == armature for each in mesh.modifiers)
         if mesh.type != "MESH" or mesh.data.shape_keys is None or not (worn or _hangs_on(mesh, armature)):
@@ -116,6 +132,7 @@ def key_shapes(armature: bpy.types.Object, names: list[str], weights: np.ndarray
         if keys.name_full in seen:  # objects may share a mesh
             continue
         seen.add(keys.name_full)
+        check_tweaks(keys)
         known = {each.name.lower(): each.name for each in keys.key_blocks}
         found = [(k, known[channel.lower()]) for k, channel in enumerate(names) if channel.lower() in known]
         if not found:
@@ -125,15 +142,13 @@ def key_shapes(armature: bpy.types.Object, names: list[str], weights: np.ndarray
         for k, key in found:
             _write(bag, f'key_blocks["{bpy.utils.escape_identifier(key)}"].value', weights[:, k : k + 1], first)
         count += len(found)
-    return count
+        looks = looks or any(key.lower().startswith(LOOKS) for _, key in found)
+    return count, looks
 
 
 def _bag(action: bpy.types.Action, owner: bpy.types.ID) -> bpy.types.ActionChannelbag:
     """Where the curves of an action go that the owner plays (Blender 4.4 and later)."""
     data = owner.animation_data or owner.animation_data_create()
-    if data.use_tweak_mode:
-        bpy.data.actions.remove(action)
-        raise CospeechError(f"an NLA strip of {owner.name!r} is being tweaked: leave tweak mode first (Tab)")
     slot = action.slots.new(id_type=owner.id_type, name=owner.name)
     strip = action.layers.new("Layer").strips.new(type="KEYFRAME")
     if data.action is not None:
@@ -184,10 +199,10 @@ def _depth(bone: bpy.types.Bone) -> int:
 
 
 def _plain_names(names: list[str]) -> list[str]:
-    """Names as BVH files take them: without blanks, each once."""
+    """Names as BVH files take them: without blanks and braces, each once."""
     plain: list[str] = []
     for name in names:
-        word = re.sub(r"\s+", "_", name)
+        word = re.sub(r"[\s{}]+", "_", name)
         while word in plain:
             word += "_"
         plain.append(word)

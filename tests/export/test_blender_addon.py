@@ -76,7 +76,7 @@ def test_our_mannequin_moves_as_our_forward_kinematics_says(mannequin):
         heads = {name: np.array(place) for name, place in mannequin["heads"][str(frame)].items()}
         for name in joints.keys() & heads.keys():
             assert heads[name] - heads["hips"] == pytest.approx(joints[name] - joints["hips"], abs=0.004), (frame, name)
-        assert heads["hips"] == pytest.approx(joints["hips"], abs=0.02)
+        assert heads["hips"] == pytest.approx(joints["hips"], abs=0.002)
 
 
 @pytest.mark.slow

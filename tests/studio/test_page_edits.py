@@ -7,7 +7,7 @@ from base64 import b64encode
 
 import pytest
 
-from tests.studio.test_page import DONE, address, chromium, page, talking, wav  # noqa: F401  fixtures
+from tests.studio.test_page import DONE, address, chromium, drag, page, talking, wav  # noqa: F401  fixtures
 from tests.support.browser import scrub, wait_until
 
 pytestmark = pytest.mark.slow
@@ -110,10 +110,7 @@ def test_the_microphone_is_closed_if_the_tab_is_left_while_the_browser_asks(page
 
 def test_a_locked_stretch_can_be_unlocked(talking):
     wave = talking.locator("#wave").bounding_box()
-    talking.mouse.move(wave["x"] + 100, wave["y"] + 20)
-    talking.mouse.down()
-    talking.mouse.move(wave["x"] + 300, wave["y"] + 20)
-    talking.mouse.up()
+    drag(talking, (wave["x"] + 100, wave["y"] + 20), (wave["x"] + 300, wave["y"] + 20))
     wait_until(talking, "cospeechStudio.selection !== null")
     talking.click("#lock-stretch")
     wait_until(talking, f"{PLAN}.locked?.length === 1")

@@ -26,6 +26,17 @@ def free_gesture(page) -> dict:
     return pytest.skip("no gesture has room")
 
 
+def drop_all(page, files: dict[str, bytes]) -> None:
+    """Drop files of these names on the page, at once."""
+    page.evaluate(
+        """files => { const moved = new DataTransfer();
+        for (const [name, bytes] of files)
+          moved.items.add(new File([Uint8Array.from(atob(bytes), c => c.charCodeAt(0))], name));
+        window.dispatchEvent(new DragEvent('drop', { dataTransfer: moved, cancelable: true })); }""",
+        [[name, b64encode(data).decode()] for name, data in files.items()],
+    )
+
+
 def test_each_of_many_quick_keys_counts(talking):
     gesture = free_gesture(talking)
     stroke = f"{PLAN}.gestures.find(each => each.id === '{gesture['id']}').stroke"
@@ -129,13 +140,7 @@ def test_space_plays_after_the_slider_was_used(talking):
 
 def test_a_speech_and_its_transcript_may_be_dropped_together(page, wav, tmp_path):
     files = {"talk.srt": b"1\n00:00:00,500 --> 00:00:01,000\nhuge\n", wav.name: wav.read_bytes()}
-    page.evaluate(
-        """files => { const moved = new DataTransfer();
-        for (const [name, bytes] of files)
-          moved.items.add(new File([Uint8Array.from(atob(bytes), c => c.charCodeAt(0))], name));
-        window.dispatchEvent(new DragEvent('drop', { dataTransfer: moved, cancelable: true })); }""",
-        [[name, b64encode(data).decode()] for name, data in files.items()],
-    )
+    drop_all(page, files)
     wait_until(page, f"document.getElementById('words').textContent === 'huge' && {DONE}")
 
 
@@ -172,3 +177,26 @@ def test_a_gesture_gets_another_form_hand_and_size(talking):
     talking.click("#add-dialog button[value=add]")  # nothing else: no step of undo
     talking.keyboard.press("Control+z")
     wait_until(talking, f"{mine}.form !== 'big'")
+
+
+def test_an_edit_that_is_cancelled_is_taken_back(talking):
+    before = talking.evaluate(COUNT)
+    talking.route("**/api/takes", lambda route: None if route.request.method == "POST" else route.continue_())
+    talking.locator(".gesture:not(.beat)").first.focus()
+    talking.keyboard.press("Delete")
+    wait_until(talking, f"{COUNT} < {before}")
+    talking.locator('#cards button:has-text("Cancel")').click()
+    wait_until(talking, f"{COUNT} === {before} && !cospeechStudio.takes[0].edited")
+    assert talking.get_attribute("#download", "aria-disabled") == "false"
+
+
+def test_a_transcript_does_not_go_to_another_speech_than_that_beside_it(talking, wav):
+    talking.locator(".gesture:not(.beat)").first.focus()
+    talking.keyboard.press("Delete")
+    wait_until(talking, f"cospeechStudio.takes[0].edited && {DONE}")
+    words, asked = talking.inner_text("#words"), []
+    talking.on("dialog", lambda dialog: (asked.append(dialog.message), dialog.dismiss()))
+    drop_all(talking, {"other.srt": b"1\n00:00:00,500 --> 00:00:01,000\nhuge\n", "other.wav": wav.read_bytes()})
+    talking.wait_for_timeout(1000)
+    assert "Open another speech without them?" in asked[0]
+    assert talking.inner_text("#words") == words

@@ -200,3 +200,28 @@ def test_a_transcript_does_not_go_to_another_speech_than_that_beside_it(talking,
     talking.wait_for_timeout(1000)
     assert "Open another speech without them?" in asked[0]
     assert talking.inner_text("#words") == words
+
+
+def test_a_transcript_under_edits_is_told(talking, tmp_path):
+    talking.locator(".gesture:not(.beat)").first.focus()
+    talking.keyboard.press("Delete")
+    wait_until(talking, f"cospeechStudio.takes[0].edited && {DONE}")
+    drop_all(talking, {"words.srt": b"1\n00:00:00,500 --> 00:00:01,000\nhuge\n"})
+    wait_until(talking, "document.getElementById('notice').textContent.startsWith('takes with edits keep their gestures')")
+
+
+def test_a_link_in_the_address_bar_of_an_open_page_is_followed(page):
+    page.evaluate("location.hash = '#controls'")  # as the link for keyboards does: the page stays
+    with page.expect_event("load"):
+        page.evaluate("setTimeout(() => { location.hash = '#style=lively&seeds=5,6' }, 50)")
+    wait_until(page, "document.documentElement.dataset.ready === 'true' && cospeechStudio.takes.length === 2")
+    assert page.input_value("#style") == "lively"
+
+
+def test_eight_takes_fit_a_phone(talking):
+    for _ in range(7):
+        talking.click("#add-take")
+    wait_until(talking, f"cospeechStudio.takes.length === 8 && {DONE}", 60)
+    talking.set_viewport_size({"width": 390, "height": 780})
+    cut = "[...document.querySelectorAll('.card')].filter(card => card.scrollWidth > card.clientWidth + 1).length"
+    wait_until(talking, f"{cut} === 0")

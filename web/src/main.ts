@@ -90,6 +90,9 @@ async function openStudio(): Promise<void> {
       void crowd?.setCount(store.state.takes.length);
     }
   });
+  window.addEventListener("hashchange", () => {
+    if (location.hash.includes("=")) location.reload(); // another link was put into the address bar; "#controls" is a place of the page
+  });
   listenToKeys({ store, takes, player, play: () => transport.toggle(), removeGesture: () => edits.removeChosen() });
   publishReadOuts({ store, player, live, stage, crowd: () => crowd, shownTime: () => shown.time });
   store.onChange((state) => drawState(state, takes));

@@ -266,6 +266,10 @@ export class Takes {
 
   // ------------------------------------------------------------------------------------------ plans in files
 
+  get hasEdits(): boolean {
+    return this.store.state.takes.some(({ edited }) => edited !== null);
+  }
+
   /** Whether a take has edits that are in no file. */
   get hasUnsaved(): boolean {
     return this.store.state.takes.some(({ edited }) => edited !== null && !this.saved.has(edited));

@@ -102,6 +102,7 @@ export class SpeechPanel {
       const { words } = await api.sendTranscript(speech.speech, file);
       this.store.update({ speech: { ...speech, words }, problem: "" });
       this.takes.renew();
+      if (this.takes.hasEdits) this.store.update({ notice: "takes with edits keep their gestures: the new words plan none there" });
     } catch (error) {
       this.store.update({ problem: error instanceof Error ? error.message : String(error) });
     }

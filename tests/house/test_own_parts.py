@@ -19,7 +19,7 @@ from cospeech.export import FORMATS, Format, Writer
 from cospeech.metrics import METRICS, Sample, Score, load_metric
 from cospeech.metrics.interval import mean_score
 from cospeech.metrics.metric import metric
-from cospeech.models import ModelEntry
+from cospeech.models import ENTRIES, ModelEntry
 
 
 @pytest.fixture
@@ -211,6 +211,21 @@ def test_a_reader_of_a_format_that_gives_no_motion(own, monkeypatch, tmp_path):
     (tmp_path / "a.mine").write_text("x")
     with pytest.raises(InputError, match=r"own_parts.load gives ndarray"):
         cospeech.Motion.load(tmp_path / "a.mine")
+
+
+def test_models_without_a_network_that_break_the_rules(own, monkeypatch):
+    class Deaf:
+        pass
+
+    class Part:
+        def __init__(self, mouth):
+            self.styles = ()
+
+    own.Deaf, own.Part = Deaf, Part
+    for name, said in (("Deaf", "cannot be made: .*its class takes mouth="), ("Part", "has no default_style, for_files, ")):
+        monkeypatch.setitem(ENTRIES.ours, "mine", ModelEntry(f"own_parts:{name}", "mine", trains=False))
+        with pytest.raises(InputError, match=said):
+            cospeech.load("mine")
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from inspect import signature
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -215,8 +216,23 @@ def load(name: str | PathLike[str] = DEFAULT) -> Model:
     from ..runtime.mouth import open_default_mouth
 
     module, _, attribute = MODELS[name].partition(":")
-    model: Model = ENTRIES.find_code(name, module, attribute)(mouth=open_default_mouth)
+    code = ENTRIES.find_code(name, module, attribute)
+    try:
+        signature(code).bind(mouth=open_default_mouth)
+    except TypeError as error:
+        raise InputError(
+            f"the model {name!r} cannot be made: {error}", "its class takes mouth= (docs/add_a_model.md)"
+        ) from None
+    model: Model = code(mouth=open_default_mouth)
+    if lacking := [member for member in _MEMBERS if not hasattr(model, member)]:
+        raise InputError(f"the model {name!r} has no {', '.join(lacking)}", "cospeech.models.Model says what a model has")
     return model
+
+
+_MEMBERS = (
+    "default_style", "for_files", "generate", "latency", "look_ahead", "makes", "session", "stream", "styles", "takes_at_once",
+)  # fmt: skip
+"""Of `Model`."""
 
 
 def _open(path: Path) -> Any:

@@ -224,15 +224,7 @@ def load(name: str | PathLike[str] = DEFAULT) -> Model:
             f"the model {name!r} cannot be made: {error}", "its class takes mouth= (docs/add_a_model.md)"
         ) from None
     model: Model = code(mouth=open_default_mouth)
-    if lacking := [member for member in _MEMBERS if not hasattr(model, member)]:
-        raise InputError(f"the model {name!r} has no {', '.join(lacking)}", "cospeech.models.Model says what a model has")
     return model
-
-
-_MEMBERS = (
-    "default_style", "for_files", "generate", "latency", "look_ahead", "makes", "session", "stream", "styles", "takes_at_once",
-)  # fmt: skip
-"""Of `Model`."""
 
 
 def _open(path: Path) -> Any:

@@ -216,7 +216,7 @@ def test_a_reader_of_a_format_that_gives_no_motion(own, monkeypatch, tmp_path):
 def test_a_model_without_a_network_that_takes_no_mouth_is_told(own, monkeypatch):
     own.Deaf = type("Deaf", (), {})
     monkeypatch.setitem(ENTRIES.ours, "mine", ModelEntry("own_parts:Deaf", "mine", trains=False))
-    with pytest.raises(InputError, match="'mine' cannot be made: .*its class takes mouth="):
+    with pytest.raises(InputError, match=r"'mine' cannot be made: .*its class takes mouth="):
         cospeech.load("mine")
 
 

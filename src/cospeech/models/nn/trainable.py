@@ -79,7 +79,7 @@ class Trainable(nn.Module):
         Raises:
             InputError: there are no settings, or they have no ``frames``.
         """
-        frames = getattr(self.__dict__.get("config"), "frames", None)
+        frames = getattr(getattr(self, "config", None), "frames", None)
         if frames is None:
             hint = "self.config = config in __init__, and a field frames in Config; or a property window"
             raise InputError(f"{type(self).__name__} does not say how long a training window is", hint)

@@ -225,3 +225,13 @@ def test_eight_takes_fit_a_phone(talking):
     talking.set_viewport_size({"width": 390, "height": 780})
     cut = "[...document.querySelectorAll('.card')].filter(card => card.scrollWidth > card.clientWidth + 1).length"
     wait_until(talking, f"{cut} === 0")
+
+
+def test_keys_that_move_a_slider_are_one_step_of_undo(talking):
+    talking.locator("#intensity").focus()
+    for _ in range(4):
+        talking.keyboard.press("ArrowRight")
+    wait_until(talking, "cospeechStudio.settings.intensity > 1.1")
+    talking.locator("#view").focus()
+    talking.keyboard.press("Control+z")
+    wait_until(talking, "cospeechStudio.settings.intensity === 1")

@@ -11,6 +11,7 @@ const KEPT = 24; // results that undo and redo find again without asking [ours: 
 const NUMBERS = ["intensity", "temperature"] as const; // of a plan: its gestures stay where one of them changes
 const OUTSIDE = ["fps", "parts"]; // settings that no plan holds: an edited plan is played with others
 const PATIENCE = 250; // milliseconds from the last change of a setting to the request [ours: a slider sends one request]
+const TOGETHER = 800; // milliseconds within which changes of one setting are one step of undo [ours: keys that are held repeat faster]
 const LOST = "the connection to the studio is lost: it is tried again";
 
 interface Made { id: string; motion: Motion; plan: Plan | null; factor: number | null }
@@ -26,6 +27,7 @@ export class Takes {
   private lost: Step | null = null;
   private readonly saved = new WeakSet<Plan>();
   private timer = 0;
+  private setting = { names: "", at: 0 }; // that was changed last, and when
   private edits: Promise<void> = Promise.resolve();
   /** Of a take whose edits have no motion yet: the plan with them, and what there was before. */
   private readonly unmade = new Map<Take, { edited: Plan; before: Pick<Take, "edited" | "plan"> }>();
@@ -174,7 +176,7 @@ export class Takes {
    * parts. Any other setting makes another plan: the edits give way until `bringBack`.
    */
   changeSettings(change: Partial<Settings>): void {
-    const step = this.remember();
+    const step = this.rememberSetting(Object.keys(change).join());
     const { takes, settings } = this.store.state;
     const numbers = Object.fromEntries(NUMBERS.filter((name) => name in change).map((name) => [name, change[name]]));
     const stays = Object.keys(change).every((name) => name in numbers || OUTSIDE.includes(name));
@@ -303,7 +305,17 @@ export class Takes {
     return { settings, takes: takes.map(({ seed, edited }) => ({ seed, edited })), chosen };
   }
 
+  /** One step for the changes of one setting that follow each other quickly: a slider that keys move. */
+  private rememberSetting(names: string): Step {
+    const { names: last, at } = this.setting;
+    const before = this.past.at(-1);
+    const step = names === last && performance.now() - at < TOGETHER && before ? before : this.remember();
+    this.setting = { names, at: performance.now() };
+    return step;
+  }
+
   private remember(): Step {
+    this.setting = { names: "", at: 0 };
     const step = this.step();
     this.past.push(step);
     if (this.past.length > 100 && this.past.shift() === this.lost) this.lost = null;
@@ -349,6 +361,7 @@ export class Takes {
   private undoNow(): void {
     const step = this.past.pop();
     if (step === undefined) return;
+    this.setting = { names: "", at: 0 };
     this.future.push(this.step());
     this.restore(step);
   }

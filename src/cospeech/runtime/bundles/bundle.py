@@ -177,7 +177,7 @@ def _manifest(data: bytes, shown: str, format: int) -> dict[str, Any]:
         raise InputError(f"{shown!r} has a {MANIFEST} that cospeech did not write", _HINT)
     if manifest["format"] != format:
         if format < FORMAT == manifest["format"]:
-            raise InputError(f"{shown!r} is a bundle of today's format, {FORMAT}", "it need not be converted")
+            raise InputError(f"{shown!r} is a bundle of format {FORMAT}, which is today's", "it need not be converted")
         hint = "update cospeech" if manifest["format"] > FORMAT else f"`cospeech bundle {shown} -o new.cospeech` converts it"
         raise InputError(f"{shown!r} is a bundle of format {manifest['format']}, this version reads {format}", hint)
     hashes = manifest.get("members")

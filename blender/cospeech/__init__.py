@@ -172,8 +172,8 @@ def make_action(context: bpy.types.Context, armature: bpy.types.Object, command:
     weights = np.array([frame["weights"] for frame in face["frames"]])
     count, looks = key_shapes(armature, face["names"], weights, action.name, strip.frame_start)
     rig.key(motion, rest, action, strip.frame_start, looks=looks)
-    if rig.constrained:
-        notes.append(f"constraints of these bones may change the motion: {', '.join(rig.constrained)[:200]}")
+    if constrained := rig.constrained:
+        notes.append(f"constraints of these bones may change the motion: {', '.join(constrained)[:200]}")
     return f"{len(motion.rotations)} frames for {len(rig.names)} bones and {count} shape keys: {action.name}", notes
 
 

@@ -56,9 +56,8 @@ class Rig:
     @property
     def constrained(self) -> list[str]:
         """Bones with constraints that are at work."""
-        poses = self.armature.pose.bones
-        at_work = lambda bone: any(not each.mute and each.influence > 0 for each in poses[bone.name].constraints)  # noqa: E731
-        return [bone.name for bone in self.bones if at_work(bone)]
+        poses = (self.armature.pose.bones[bone.name] for bone in self.bones)
+        return [pose.name for pose in poses if any(not each.mute and each.influence > 0 for each in pose.constraints)]
 
     def key(self, motion: Frames, rest: Frames, action: bpy.types.Action, first: float, *, looks: bool = False) -> None:
         """Write keys for all bones.

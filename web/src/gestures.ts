@@ -1,5 +1,6 @@
 // The gestures on the time line: one button each, moved by the pointer or the keys.
 
+import type { PlanEdit } from "./api";
 import { find, followPointer, make, readName } from "./dom";
 import type { Plan, PlannedGesture } from "./messages";
 import type { Store } from "./state";
@@ -9,7 +10,7 @@ const LEAD = 0.5; // seconds before the stroke that are drawn where a plan does 
 const NUDGE = 0.1; // seconds that an arrow key moves a gesture [ours: three frames]
 const BEAT = "superimposed-beat";
 
-interface Span { from: number; to: number }
+export interface Span { from: number; to: number }
 
 /** From the start of a gesture to the end of its hold. */
 export function spanOf(gesture: PlannedGesture): Span {
@@ -30,8 +31,17 @@ const sides = (gesture: PlannedGesture): string => gesture.hands ?? "both";
 
 /** Whether a part of a gesture lies in a stretch that is locked. */
 export function isLocked(plan: Plan, gesture: PlannedGesture): boolean {
-  const { from, to } = shownSpanOf(gesture, plan.gestures ?? []);
+  return touchesLock(plan, shownSpanOf(gesture, plan.gestures ?? []));
+}
+
+/** Whether a part of a stretch is locked. */
+export function touchesLock(plan: Plan, { from, to }: Span): boolean {
   return (plan.locked ?? []).some((stretch) => stretch.from < to && from < stretch.to);
+}
+
+/** The edit that locks a stretch; if a part of it is locked, the one that unlocks all: a plan knows no more. */
+export function lockOrUnlock(plan: Plan, { from, to }: Span): PlanEdit {
+  return touchesLock(plan, { from, to }) ? { kind: "unlock" } : { kind: "lock", start: from, end: to };
 }
 
 function describe(gesture: PlannedGesture, locked: boolean): string {
@@ -113,15 +123,10 @@ export class GestureTrack {
     });
   }
 
-  /** Lock the stretch of a gesture; if it is locked, unlock all: a plan knows no more. */
+  /** Lock the stretch of a gesture, or unlock it. */
   lock(gesture: PlannedGesture): void {
     const plan = this.store.take.plan;
-    if (plan === null) return;
-    if (isLocked(plan, gesture)) void this.takes.edit({ kind: "unlock" });
-    else {
-      const { from, to } = shownSpanOf(gesture, plan.gestures ?? []);
-      void this.takes.edit({ kind: "lock", start: from, end: to });
-    }
+    if (plan !== null) void this.takes.edit(lockOrUnlock(plan, shownSpanOf(gesture, plan.gestures ?? [])));
   }
 
   private drag(down: PointerEvent, gesture: PlannedGesture, button: HTMLElement): void {

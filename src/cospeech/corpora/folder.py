@@ -67,12 +67,6 @@ def _read_emotions(path: Path) -> dict[str, str]:
     return found
 
 
-def _emotion_of(name: str, emotions: Mapping[str, str]) -> str | None:
-    """Of a recording: its own, or that of the nearest folder around it."""
-    places = name.split("/")
-    return next((emotions[key] for k in range(len(places), 0, -1) if (key := "/".join(places[:k])) in emotions), None)
-
-
 def sounds(root: Path) -> Iterator[tuple[str, Path]]:
     """Name and file of every sound, in the order of `read`; two sounds may have one name. Nothing is opened."""
     for name, files in _groups(root, []):
@@ -120,8 +114,9 @@ def _read(root: Path, emotions: Mapping[str, str]) -> Iterator[Clip | Dropped]:
             yield Dropped(f"{name}{other.suffix}", f"{first.name!r} is the sound of this name already")
         parts = name.split("/")
         speaker = parts[0] if len(parts) > 1 else root.resolve().name or "speaker"
-        unused -= {"/".join(parts[:k]) for k in range(1, len(parts) + 1)}
-        feels = _emotion_of(name, emotions)
+        places = ["/".join(parts[:k]) for k in range(len(parts), 0, -1)]  # the recording, and the folders around it
+        unused -= {*places}
+        feels = next((emotions[place] for place in places if place in emotions), None)
         yield from read_each([name], lambda name, f=files, s=speaker, e=feels, at=first: _clip(name, s, at, f, e))  # type: ignore[misc]
     yield from (Dropped(name, f"{EMOTIONS_FILE} names it, and there is no such recording") for name in sorted(unused))
     for error in failed:

@@ -78,29 +78,25 @@ class Writer(AbstractContextManager["Writer"], ABC):
         self.frames += len(motion)
 
     def __exit__(self, kind, error, trace) -> None:  # type: ignore[no-untyped-def]
-        closed = False
-        if kind is None:
+        failure: BaseException | None = error
+        if failure is None:
             try:
                 if not self.frames:
                     raise InputError(f"no motion to write to {str(self.path)!r}", "it has no frames")
                 self._finish()
-                self._discard()
-                closed = True
-                if self._temporary.is_file() and not self._temporary.stat().st_size:
-                    raise InputError(f"nothing was written to {str(self.path)!r}", "_begin is given the path to write to")
-            except BaseException as failure:
-                if not closed:
-                    self._discard()
-                self._atomic.__exit__(type(failure), failure, failure.__traceback__)
-                raise
-        if not closed:
-            self._discard()
+            except BaseException as raised:
+                failure = raised
+        self._discard()
+        if failure is None and self._temporary.is_file() and not self._temporary.stat().st_size:
+            failure = InputError(f"nothing was written to {str(self.path)!r}", "_begin is given the path to write to")
         # a raised error passes through; contextmanager's __exit__ re-raises it itself, hence the comparison
         try:
-            self._atomic.__exit__(kind, error, trace)
-        except BaseException as failure:
-            if failure is not error:
+            self._atomic.__exit__(None if failure is None else type(failure), failure, getattr(failure, "__traceback__", None))
+        except BaseException as raised:
+            if raised is not failure:
                 raise
+        if failure is not error and failure is not None:
+            raise failure
 
 
 def open_writer(path: str | PathLike[str], *, skeleton: Skeleton, fps: float, **options: object) -> Writer:

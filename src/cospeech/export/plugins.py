@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -18,7 +18,7 @@ from ..errors import CospeechWarning, InputError
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-__all__ = ["USED", "Registry"]
+__all__ = ["USED", "Registry", "check_row"]
 
 Row = TypeVar("Row")
 USED: list[str] = []
@@ -109,6 +109,26 @@ class Registry(Mapping[str, Row], Generic[Row]):
         if text not in self._told:
             self._told.add(text)
             warnings.warn(text, CospeechWarning, stacklevel=4)
+
+
+def check_row(row: object, texts: Iterable[str], choices: Mapping[str, Iterable[str]]) -> None:
+    """Whether a row has what lists of rows take for granted.
+
+    Args:
+        row: an instance of a dataclass of rows.
+        texts: fields that are text.
+        choices: field that is a tuple → what it may hold.
+
+    Raises:
+        InputError: it has not.
+    """
+    what = f"of a {type(row).__name__} is"
+    for name in texts:
+        if not isinstance(value := getattr(row, name), str):
+            raise InputError(f"{name} {what} {value!r:.60}", "it is text")
+    for name, known in choices.items():
+        if not isinstance(value := getattr(row, name), tuple) or not {*value} <= {*known}:
+            raise InputError(f"{name} {what} {value!r:.60}", f"a tuple of some of {', '.join(known)}")
 
 
 def _describe(entry: EntryPoint) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..motion.parts import PARTS
-from .plugins import Registry
+from .plugins import Registry, check_row
 
 __all__ = ["FORMATS", "Format", "check_parts", "format_of", "reads_body", "suffixes"]
 
@@ -46,11 +46,9 @@ class Format:
     """A module that an extra installs."""
 
     def __post_init__(self) -> None:
-        for name in ("module", "what", "opens", "sound", "needs"):
-            if not isinstance(getattr(self, name), str):
-                raise InputError(f"{name} of a Format is {getattr(self, name)!r:.60}", "it is text")
-        if not isinstance(self.holds, tuple) or not self.holds or not {*self.holds} <= {*PARTS}:
-            raise InputError(f"holds of a Format is {self.holds!r:.60}", f"a tuple of some of {', '.join(PARTS)}")
+        check_row(self, ("module", "what", "opens", "sound", "needs"), {"holds": PARTS})
+        if not self.holds:
+            raise InputError("holds of a Format is ()", f"a tuple of some of {', '.join(PARTS)}")
 
 
 _OURS = {

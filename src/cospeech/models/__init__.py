@@ -208,10 +208,11 @@ def load(name: str | PathLike[str] = DEFAULT) -> Model:
     if ENTRIES[name].trains:
         path = find_bundle(name)
         if path is None:
-            named = ENTRIES[name].weights
-            lost = f": its row names {named!r}, which is no file" if named else ""
-            hint = "train it (docs/training.md), and name the run or its bundle"
-            raise InputError(f"no weights of {name!r} ship{lost}", "the path must be whole" if named else hint)
+            if named := ENTRIES[name].weights:
+                raise InputError(
+                    f"no weights of {name!r} ship: its row names {named!r}, which is no file", "the path must be whole"
+                )
+            raise InputError(f"no weights of {name!r} ship", "train it (docs/training.md), and name the run or its bundle")
         return _open(path)
     from ..runtime.mouth import open_default_mouth
 

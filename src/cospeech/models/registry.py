@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-from ..errors import InputError
-from ..export.plugins import Registry
+from ..export.plugins import Registry, check_row
 
 __all__ = ["ENTRIES", "MODELS", "NETWORKS", "ModelEntry"]
 
@@ -37,11 +36,7 @@ class ModelEntry:
     """Path of the bundle with its weights, of another package; ours lie in `cospeech.models.SHIPPED`."""
 
     def __post_init__(self) -> None:
-        for name in ("where", "what", "paper", "weights"):
-            if not isinstance(getattr(self, name), str):
-                raise InputError(f"{name} of a ModelEntry is {getattr(self, name)!r:.60}", "it is text")
-        if not isinstance(self.needs, tuple) or not {*self.needs} <= {*_ALL}:
-            raise InputError(f"needs of a ModelEntry is {self.needs!r:.60}", f"a tuple of some of {', '.join(_ALL)}")
+        check_row(self, ("where", "what", "paper", "weights"), {"needs": _ALL})
 
 
 _OURS = {

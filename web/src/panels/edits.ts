@@ -2,7 +2,7 @@
 
 import type { PlanEdit } from "../api";
 import { fillSelect, find, formatTime, readName } from "../dom";
-import { isLocked } from "../gestures";
+import { isLocked, lockOrUnlock, touchesLock } from "../gestures";
 import type { ModelRow, Plan } from "../messages";
 import type { Player } from "../player";
 import type { State, Store } from "../state";
@@ -44,15 +44,9 @@ export class EditPanel {
     if (selection !== null) void edit(round(selection[0]), round(selection[1]));
   }
 
-  /** Lock the selected stretch; if a part of it is locked, unlock all: a plan knows no more. */
   private lockStretch(): void {
-    if (this.touchesLock()) void this.takes.edit({ kind: "unlock" });
-    else this.editStretch((start, end) => this.takes.edit({ kind: "lock", start, end }));
-  }
-
-  private touchesLock(): boolean {
-    const { take, state: { selection } } = this.store;
-    return selection !== null && (take.plan?.locked ?? []).some(({ from, to }) => from < selection[1] && selection[0] < to);
+    const { plan } = this.store.take;
+    if (plan !== null) this.editStretch((from, to) => this.takes.edit(lockOrUnlock(plan, { from, to })));
   }
 
   private onSet(id: string, values: (value: string) => { style?: string; emotion?: string; intensity?: number }): void {
@@ -131,7 +125,8 @@ export class EditPanel {
     const lock = find<HTMLButtonElement>("lock");
     lock.disabled = chosen === undefined;
     lock.textContent = chosen && take.plan && isLocked(take.plan, chosen) ? "Unlock all" : "Lock";
-    find("lock-stretch").textContent = this.touchesLock() ? "Unlock all" : "Lock";
+    const locked = selection !== null && take.plan !== null && touchesLock(take.plan, { from: selection[0], to: selection[1] });
+    find("lock-stretch").textContent = locked ? "Unlock all" : "Lock";
     find("stretch-tools").hidden = selection === null || take.plan === null;
     if (selection !== null) find("stretch-time").textContent = `${formatTime(selection[0])} – ${formatTime(selection[1])}`;
     const styles = stretchStyles(model, take.plan);

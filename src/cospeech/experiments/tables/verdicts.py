@@ -22,6 +22,7 @@ from ...metrics import METRICS, load_metric
 from ...metrics._scipy import scipy
 from ...metrics.controls import CONTROLS
 from ...metrics.holm import correct
+from .controls import ORACLE
 from .paper_tables import COSTS, HEARING, LIKELIHOOD, Cells, Claim
 
 __all__ = [
@@ -34,7 +35,6 @@ LEVEL = 0.05
 LEAST_SEEDS = 5  # ours: with 3, an effect of two standard deviations is found in 9 % of cases
 LEAST_LIFT = 0.25  # ours: of the recordings' beat lift; a system below it hardly follows the speech
 LIFT = "beat_align"
-ORACLE = "oracle"  # begin of the name of a control row (`controls.ORACLE`), and of those of parts of a corpus
 
 
 class Difference(NamedTuple):
@@ -117,9 +117,11 @@ class Evidence:
     def values_of_controls(self, row: str, metric: str) -> Mapping[str, float]:
         """Name of a control row → its value: over the clips of this row where those are fewer than all, else over all."""
         own: Mapping[str, float] | None = self.rows[row][0].get(metric, {}).get("controls")
-        return own or {
-            name: cells[metric]["value"] for name, cells in self.controls.items() if "value" in cells.get(metric, {})
-        }
+        return own or self.values_over_all(metric)
+
+    def values_over_all(self, metric: str) -> dict[str, float]:
+        """Name of a control row → its value over all clips, where it has one."""
+        return {name: cells[metric]["value"] for name, cells in self.controls.items() if "value" in cells.get(metric, {})}
 
 
 def _rivals(metric: str, controls: Mapping[str, Cells]) -> list[str]:
@@ -138,13 +140,15 @@ def _rivals(metric: str, controls: Mapping[str, Cells]) -> list[str]:
 
 def below_controls(metric: str, higher: bool, row: str, evidence: Evidence) -> str | None:
     """The control row that a row does not beat by a metric; None: it beats all."""
+    return _unbeaten(evidence.mean(row, metric), metric, higher, evidence.values_of_controls(row, metric), evidence)
+
+
+def _unbeaten(value: float, metric: str, higher: bool, values: Mapping[str, float], evidence: Evidence) -> str | None:
+    """The best control row, of those with these values, if ``value`` is not better; else None."""
     sign = 1 if higher else -1
-    values = evidence.values_of_controls(row, metric)
     found = [name for name in _rivals(metric, evidence.controls) if name in values]
     best = max(found, key=lambda name: sign * values[name], default=None)
-    if best is None or sign * evidence.mean(row, metric) > sign * values[best]:
-        return None
-    return best
+    return None if best is None or sign * value > sign * values[best] else best
 
 
 def below(claims: Sequence[Claim], evidence: Evidence) -> dict[str, dict[str, str]]:
@@ -174,23 +178,19 @@ def _lack_headroom(metric: str, evidence: Evidence) -> str | None:
 def _weak_oracle(metric: str, evidence: Evidence) -> str | None:
     """The control row that an oracle does not beat, and both values; None: it beats all, or there is no oracle."""
     better = load_metric(metric).about.better if metric in METRICS else ""
-    known = {name: cells[metric]["value"] for name, cells in evidence.controls.items() if "value" in cells.get(metric, {})}
+    known = evidence.values_over_all(metric)
     oracle = next((name for name in known if name.startswith(ORACLE)), None)
     if oracle is None or better not in ("higher", "lower"):
         return None
-    sign = 1 if better == "higher" else -1
-    rivals = [name for name in _rivals(metric, evidence.controls) if name in known]
-    best = max(rivals, key=lambda name: sign * known[name], default=None)
-    if best is None or sign * known[oracle] > sign * known[best]:
-        return None
-    return f"the oracle ({known[oracle]:.3g}) is not better than {best} ({known[best]:.3g})"
+    best = _unbeaten(known[oracle], metric, better == "higher", known, evidence)
+    return None if best is None else f"the oracle ({known[oracle]:.3g}) is not better than {best} ({known[best]:.3g})"
 
 
 def headroom(evidence: Evidence) -> dict[str, str]:
     """Metric → by how much the recordings, and an oracle, are from the best control row; or why the metric tells nothing."""
     found = {}
     for metric in evidence.heads:
-        known = {name: cells[metric]["value"] for name, cells in evidence.controls.items() if "value" in cells.get(metric, {})}
+        known = evidence.values_over_all(metric)
         best = [name for name in known if name.startswith((CONTROLS[0], ORACLE))]
         why = _lack_headroom(metric, evidence)
         if why is None and best:

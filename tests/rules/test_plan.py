@@ -219,6 +219,15 @@ def test_another_seed_for_a_stretch_has_smooth_borders_and_leaves_the_rest():
     assert speed[0] < 1.5 * speed[1]
 
 
+def test_a_stretch_without_its_seed_is_planned_with_that_of_the_plan():
+    edited = plan().reseed(5, 7.5, seed=9).clear(0, 12, ["seed"])
+    assert [(each.start, each.end, each.seed, each.open) for each in edited.stretches] == [(5, 7.5, None, True)]
+    motion, sown = play(edited), play(plan().reseed(5, 7.5, seed=9))
+    time, wrist = np.arange(len(motion)) / FPS, np.abs(wrists(motion) - wrists(sown)).max((1, 2))
+    assert wrist[(time > 5) & (time < 8)].max() > 0.05, "its gestures are not those of the old seed"
+    assert moved(motion)[time < 3.9].max() < 1e-6
+
+
 @pytest.mark.parametrize("values", [{"style": "lively"}, {"intensity": 0.2}, {"emotion": "anger"}])
 def test_a_stretch_has_its_own_style_intensity_and_emotion(values):
     edited = play(plan().set(4, 8, **values))
@@ -277,6 +286,9 @@ def test_a_stretch_has_the_values_of_the_plan_again():
     assert edited.lock(2, 4).clear(0, 9, ["emotion"]).stretches[0].emotion == "anger"
     anew = plan().reseed(2, 4, seed=9)
     assert anew.clear(0, 9) == anew, "a seed is no value: the stretch stays open"
+    cleared = anew.lock(3, 4).clear(0, 9, ["seed"]).stretches
+    assert [(each.start, each.end, each.seed, each.open) for each in cleared] == [(2, 3, None, True), (3, 4, 9, True)]
+    assert edited.clear(0, 9, ["seed"]) == edited
     with pytest.raises(InputError, match="no value 'moods' to clear"):
         edited.clear(0, 9, ["moods"])
     with pytest.raises(InputError, match="not after"):

@@ -235,3 +235,26 @@ def test_keys_that_move_a_slider_are_one_step_of_undo(talking):
     talking.locator("#view").focus()
     talking.keyboard.press("Control+z")
     wait_until(talking, "cospeechStudio.settings.intensity === 1")
+
+
+def test_keys_select_a_stretch_and_take_its_seed_off(talking):
+    """No pointer: I and O begin and end it where the time is."""
+    scrub(talking, 1.0)
+    talking.locator("#view").focus()
+    talking.keyboard.press("i")
+    wait_until(talking, "Math.abs(cospeechStudio.selection?.[0] - 1) < 0.05")
+    scrub(talking, 2.5)
+    talking.locator("#view").focus()
+    talking.keyboard.press("o")
+    wait_until(
+        talking, "Math.abs(cospeechStudio.selection[0] - 1) < 0.05 && Math.abs(cospeechStudio.selection[1] - 2.5) < 0.05"
+    )
+    talking.click("#reseed")
+    wait_until(talking, f"{PLAN}.stretches?.[0]?.seed === 1 && {DONE}")
+    talking.locator("#stretches button").focus()
+    talking.keyboard.press("Delete")
+    wait_until(talking, f"{PLAN}.stretches.every(each => each.seed == null) && {DONE}")
+    scrub(talking, 0.5)
+    talking.locator("#view").focus()
+    talking.keyboard.press("o")
+    wait_until(talking, "cospeechStudio.selection[0] === 0 && Math.abs(cospeechStudio.selection[1] - 0.5) < 0.05")

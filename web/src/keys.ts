@@ -6,6 +6,7 @@ import type { Store } from "./state";
 import type { Takes } from "./takes";
 
 const LIVE_KEYS = ["f", "?"];
+const LEAST = 0.1; // seconds of the shortest stretch that is selected [ours: as by the pointer]
 
 /** What keys do that is not done by a button of the page. */
 export interface KeyActions {
@@ -50,6 +51,14 @@ function undoes(event: KeyboardEvent, takes: Takes): boolean {
   return true;
 }
 
+/** Begin or end the selected stretch at a time. */
+function select(store: Store, seconds: number, part: { from?: number; to?: number }): void {
+  const [first, last] = store.state.selection ?? [0, seconds];
+  const from = part.from ?? (first > part.to! - LEAST ? 0 : first);
+  const to = part.to ?? (last < part.from! + LEAST ? seconds : last);
+  if (store.state.speech !== null && to - from >= LEAST) store.update({ selection: [from, to] });
+}
+
 function answer(event: KeyboardEvent, { store, takes, player, play, removeGesture }: KeyActions): boolean {
   const { state } = store;
   const step = event.shiftKey ? 1 : 1 / (store.take.motion?.fps ?? 30);
@@ -61,6 +70,8 @@ function answer(event: KeyboardEvent, { store, takes, player, play, removeGestur
     End: () => player.seek(player.seconds),
     Delete: removeGesture,
     Backspace: removeGesture,
+    i: () => select(store, player.seconds, { from: player.time }),
+    o: () => select(store, player.seconds, { to: player.time }),
     l: () => find("loop").click(),
     k: () => find("lock").click(),
     f: () => find("frame").click(),

@@ -69,7 +69,7 @@ export interface ClearStretch {
   start: number;
   end: number;
   kind: "clear";
-  names: ("style" | "emotion" | "intensity")[];
+  names: ("style" | "emotion" | "intensity" | "seed")[];
 }
 
 /** The manner of a clip that was uploaded. */

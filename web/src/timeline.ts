@@ -22,6 +22,7 @@ export class TimeLine {
   private readonly stretches = find("stretches");
   private readonly track: GestureTrack;
   private readonly values: ValueTracks;
+  private readonly takes: Takes;
   private shownWords: HeardWord[] | null = null;
   private shownWave = "";
   private moved = -1;
@@ -32,6 +33,7 @@ export class TimeLine {
   ) {
     const gestures = find("gestures");
     this.track = new GestureTrack(gestures, store, takes);
+    this.takes = takes;
     this.values = new ValueTracks(store, takes, (event, then) => this.select(event, then));
     gestures.addEventListener("dblclick", (event) => {
       const on = (event.target as HTMLElement).closest<HTMLElement>("[data-id]");
@@ -97,6 +99,7 @@ export class TimeLine {
     const plan = this.store.take.plan;
     const sown = (plan?.stretches ?? []).filter((stretch) => stretch.seed != null);
     const own = sown.map((stretch) => this.stretch(stretch, `seed ${stretch.seed}`, "own"));
+    own.forEach((button, k) => this.dropSeedOf(sown[k]!, button));
     const locked = (plan?.locked ?? []).map((stretch) => this.stretch(stretch, "locked", "locked"));
     this.stretches.replaceChildren(...own, ...locked);
     this.stretches.hidden = !own.length && !locked.length;
@@ -110,6 +113,17 @@ export class TimeLine {
     }, text);
     this.place(button, stretch.from, stretch.to);
     return button;
+  }
+
+  /** Delete on a stretch with a seed of its own: that of the take again. */
+  private dropSeedOf({ from, to }: Stretch, button: HTMLElement): void {
+    button.title = "Delete takes the seed off";
+    button.addEventListener("keydown", (event) => {
+      if (event.key !== "Delete" && event.key !== "Backspace") return;
+      event.preventDefault();
+      event.stopPropagation();
+      void this.takes.edit({ kind: "clear", start: from, end: to, names: ["seed"] });
+    });
   }
 
   /** A click goes to a time; a drag selects a stretch, and what is to come then does. */

@@ -282,23 +282,29 @@ class Plan(PlanData):
         )
 
     def clear(self, start: float, end: float, names: Iterable[str] = VALUES) -> Plan:
-        """The plan's own values again for a stretch, except where it is locked. Its seed and its gestures stay.
+        """The plan's own values again for a stretch, except where it is locked.
 
         Args:
             start, end: seconds.
-            names: of values: style, emotion, intensity.
+            names: of values: style, emotion, intensity; or seed: what had a seed of its own is planned anew with the plan's.
 
         Raises:
             InputError: no stretch of time, all of it is locked, or no such value.
         """
         asked = tuple(names)
         for name in asked:
-            if name not in VALUES:
-                raise InputError(f"a stretch has no value {name[:40]!r} to clear", nearest(name[:40], VALUES))
-        stretches = list(self.stretches)
-        for low, high in self._free_parts(start, end, {}):
+            if name not in (*VALUES, "seed"):
+                raise InputError(f"a stretch has no value {name[:40]!r} to clear", nearest(name[:40], (*VALUES, "seed")))
+        free = self._free_parts(start, end, {})
+        plan, stretches = self, list(self.stretches)
+        if "seed" in asked:
+            own = [(each.start, each.end) for each in stretches if each.seed is not None]
+            for low, high in cut_out(free, cut_out([(start, end)], own)):
+                plan = plan.set(low, high, seed=None, open=True)
+            stretches = list(plan.stretches)
+        for low, high in free:
             stretches = lay_over(stretches, low, high, dict.fromkeys(asked))
-        return self._with_fields(stretches=[each.model_dump() for each in stretches if not each.is_empty])
+        return plan._with_fields(stretches=[each.model_dump() for each in stretches if not each.is_empty])
 
     def lock(self, start: float, end: float) -> Plan:
         """Edits of gestures from ``start`` to ``end`` seconds are refused, and `reseed` leaves them.

@@ -320,7 +320,7 @@ class ClearStretch(_StretchOfTime):
     """`cospeech.Plan.clear`: the values of the plan again."""
 
     kind: Literal["clear"]
-    names: Annotated[list[Literal["style", "emotion", "intensity"]], Field(min_length=1, max_length=3)]
+    names: Annotated[list[Literal["style", "emotion", "intensity", "seed"]], Field(min_length=1, max_length=4)]
 
 
 class LockStretch(_StretchOfTime):

@@ -297,6 +297,13 @@ def test_a_stretch_has_the_values_of_the_plan_again():
         edited.lock(2, 4).clear(2.5, 3)
 
 
+def test_a_plan_that_is_made_by_hand_says_what_is_wrong():
+    with pytest.raises(InputError, match=r"^seed: -1 is too small \(from 0 on\)$"):
+        Plan(seed=-1)
+    with pytest.raises(InputError, match=r"^sead: is no field of a plan"):
+        Plan(sead=3)
+
+
 def test_locked_stretches_stay():
     locked = plan().lock(4, 6)
     inside = next(each for each in plan().gestures if 4 <= each.stroke < 6)

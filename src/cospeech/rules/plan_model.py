@@ -215,7 +215,11 @@ def _check_emotion(emotion: str) -> str:
 
 
 class PlanData(_Part):
-    """The fields of a plan; `cospeech.rules.plan_edits.Plan` has its edits."""
+    """The fields of a plan; `cospeech.rules.plan_edits.Plan` has its edits.
+
+    Raises:
+        InputError: a field is wrong; the message names it.
+    """
 
     cospeech_plan: Literal[1] = 1
     seconds: Moment | None = None
@@ -235,6 +239,12 @@ class PlanData(_Part):
     stretches: tuple[Stretch, ...] = ()
     locked: tuple[Stretch, ...] = ()
     """Stretches in which edits are refused."""
+
+    def __init__(self, /, **fields: Any) -> None:
+        try:
+            super().__init__(**fields)
+        except ValidationError as error:
+            raise _describe_error(error) from None
 
     @field_validator("emotion")
     @classmethod
@@ -356,14 +366,13 @@ def parse_plan(kind: type[T], data: Any, name: str) -> T:
     if data["cospeech_plan"] != VERSION or isinstance(data["cospeech_plan"], bool):
         raise InputError(f"{name}: cospeech_plan is {data['cospeech_plan']!r:.40}", f"this version reads {VERSION}")
     try:
-        return kind.model_validate(data)
-    except ValidationError as error:
-        problem, hint = _describe(error)
-        raise InputError(f"{name}: {problem}" if name else problem, hint) from None
+        return kind(**data)
+    except InputError as error:
+        raise InputError(f"{name}: {error.problem}" if name else error.problem, error.hint) from None
 
 
-def _describe(error: ValidationError) -> tuple[str, str]:
-    """The first thing that is wrong, in our words, and a hint."""
+def _describe_error(error: ValidationError) -> InputError:
+    """The first thing that is wrong, in our words, with a hint."""
     found = error.errors(include_url=False)
     first = next((each for each in found if "str" not in each["loc"]), found[0])  # of a track, not that it is no name
     where = ""
@@ -380,4 +389,4 @@ def _describe(error: ValidationError) -> tuple[str, str]:
     else:
         problem, hint = f"{value} is of another kind", _KINDS.get(kind.split("_")[0], "see docs/guides/plan.md")
     own_path = not where or problem.startswith(("gestures[", "gaze[", "emotion[", "stretches[", "words["))
-    return (problem if own_path else f"{where}: {problem}"), hint
+    return InputError(problem if own_path else f"{where}: {problem}", hint)

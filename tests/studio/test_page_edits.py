@@ -258,3 +258,12 @@ def test_keys_select_a_stretch_and_take_its_seed_off(talking):
     talking.locator("#view").focus()
     talking.keyboard.press("o")
     wait_until(talking, "cospeechStudio.selection[0] === 0 && Math.abs(cospeechStudio.selection[1] - 0.5) < 0.05")
+
+
+def test_all_tools_are_seen_in_a_low_window(talking):
+    talking.set_viewport_size({"width": 1280, "height": 620})
+    scrub(talking, 1.0)
+    talking.locator("#view").focus()
+    talking.keyboard.press("i")
+    wait_until(talking, "document.getElementById('stretch-tools').getBoundingClientRect().height > 0")
+    wait_until(talking, "document.getElementById('edits').getBoundingClientRect().bottom <= 620")

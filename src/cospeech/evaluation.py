@@ -6,6 +6,7 @@ print(table.to_text())
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
@@ -18,7 +19,7 @@ import numpy as np
 from .corpora.clip import Clip
 from .corpora.motion_files import load_motions
 from .corpora.samples import POSE_STATISTICS, load_stored_clips, sample_of
-from .errors import InputError, describe_extra, nearest, say_count
+from .errors import CospeechWarning, InputError, describe_extra, nearest, say_count
 from .metrics import METRICS, FeatureNet, Metric, Sample, Score, Tools, load_metric
 from .metrics.controls import CONTROLS, control_rows, faults_of_order
 from .metrics.table import DEFAULT, Table
@@ -26,12 +27,13 @@ from .models import MODELS, Model, load, plays
 from .motion.keypoints import resample_points
 from .motion.motion import Motion
 from .motion.points import Points
-from .motion.poses import keypoints2d
+from .motion.poses import find_pose, keypoints2d
 from .motion.poses.direction_vectors import DIRECTION_VECTORS
 from .motion.rotations import Array
 
 __all__ = ["evaluate", "evaluate_clips", "evaluate_store", "feature_tools", "play"]
 
+LONGER = 0.5  # seconds; ours: so much longer than the recording a motion may be before it is told
 PADDED = 2  # frames; ours: so many may be missing at the end of a motion (frame rates that do not divide)
 Body = Motion | Points | Clip
 Motions = Mapping[str, Body | Sequence[Body]] | Sequence[Body] | str | PathLike[str]
@@ -263,10 +265,19 @@ def _fit(body: Motion | Points, clip: Clip) -> Clip:
             "give a Motion; cospeech.motion.poses.lift.lift makes one of key points",
         )
     motion = body if body.skeleton == clip.motion.skeleton else body.retarget(clip.motion.skeleton)
-    motion = motion.resample(clip.motion.fps)
+    motion = _keep_as(motion.resample(clip.motion.fps), clip)
     frames = _rows(len(motion), len(clip.motion), clip.motion.fps, clip.name)
     face = None if motion.face is None else motion.face[frames]
     return replace(clip, motion=replace(motion, rotations=motion.rotations[frames], root=motion.root[frames], face=face))
+
+
+def _keep_as(motion: Motion, clip: Clip) -> Motion:
+    """The motion as the clip's store would keep it: what its representation leaves out, such as legs, counts for no row."""
+    pose = None if clip.pose is None else find_pose(clip.pose)
+    if pose is None or pose.source != "motion" or (pose.name == "face" and motion.face is None):
+        return motion
+    kept: Motion = pose.decode(pose.encode(motion), motion.fps)
+    return replace(kept, face=motion.face)
 
 
 def _fit_points(body: Motion | Points, true: Points, clip: Clip) -> Clip:
@@ -298,10 +309,25 @@ def _rows(made: int, wanted: int, fps: float, name: str) -> Array:
     return np.minimum(np.arange(wanted), made - 1)
 
 
+def _note_longer(motions: Mapping[str, Body | Sequence[Body]], reference: Sequence[Clip]) -> None:
+    """Say which motions go on after their recording: that is what a wrong frame rate and another take look like."""
+    longer = []
+    for clip in reference:
+        takes = motions[clip.name]
+        seconds = max((take.duration for take in ([takes] if isinstance(takes, Body) else takes)), default=0.0)
+        if seconds > clip.duration + LONGER and "@" not in clip.name:  # a part's motion may be that of the whole recording
+            longer.append(f"{clip.name!r}: {seconds:.1f} s, recorded {clip.duration:.1f} s")
+    if longer:
+        what = f"{len(longer)} of {say_count(len(reference), 'clip')} have motion that goes on after the recording"
+        hint = "what comes after it does not count. Are frame rate and take right?"
+        warnings.warn(f"{what} ({longer[0]}): {hint}", CospeechWarning, stacklevel=3)
+
+
 def _system(motions: Motions, reference: Sequence[Clip], seed_frames: int, track: bool) -> list[Sample]:
     names = [clip.name for clip in reference]
     if isinstance(motions, str | PathLike):
-        motions = load_motions(motions, names)
+        bodies = (clip.motion if clip.motion is not None else clip.points for clip in reference)
+        motions = load_motions(motions, names, next((body.fps for body in bodies if body is not None), None))
     if not isinstance(motions, Mapping):
         if len(motions) != len(reference):
             raise InputError(f"{len(motions)} motions for {say_count(len(reference), 'clip')}", "one for each, in their order")
@@ -309,6 +335,7 @@ def _system(motions: Motions, reference: Sequence[Clip], seed_frames: int, track
     unknown = sorted(set(motions) - set(names))
     if unknown or set(names) - set(motions):
         raise InputError(f"motions and clips do not match: {(unknown or sorted(set(names) - set(motions)))[0]!r}")
+    _note_longer(motions, reference)
     samples = []
     for clip in reference:
         takes = motions[clip.name]

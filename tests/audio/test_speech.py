@@ -367,7 +367,7 @@ def wav(tmp_path: Path) -> Path:
 HEADER = r"""
 import json, os, signal, struct, sys, time
 def send(kind, data): sys.stdout.buffer.write(kind + struct.pack("<I", len(data)) + data); sys.stdout.buffer.flush()
-header = json.dumps({"rate": 16000, "channels": 1, "frames": 9, "announced": -1}).encode()
+header = json.dumps({"rate": 16000, "channels": 1, "frames": 9, "lead": 0}).encode()
 """
 
 

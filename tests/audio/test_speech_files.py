@@ -5,9 +5,11 @@ from __future__ import annotations
 import gzip
 import io
 import os
+import re
 import struct
 from collections.abc import Callable
 from contextlib import nullcontext
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -290,7 +292,10 @@ LONG = np.tile(TONE, 10) + np.random.default_rng(0).standard_normal(10 * RATE).a
 )
 def test_a_file_cut_off_gives_what_it_holds(tmp_path, kind, subtype):
     whole = encoded(LONG, kind=kind, subtype=subtype)
-    speech = Speech.load(holding(whole[: len(whole) * 2 // 3])(tmp_path))
+    with (
+        nullcontext() if kind == "OGG" else pytest.warns(CospeechWarning, match="cut short")
+    ):  # Ogg tells its length at its end
+        speech = Speech.load(holding(whole[: len(whole) * 2 // 3])(tmp_path))
     assert 5 < speech.seconds < 7
     if kind in ("FLAC", "AIFF"):
         np.testing.assert_allclose(speech.samples, LONG[: len(speech)], atol=1e-4)
@@ -335,6 +340,45 @@ def test_a_wav_that_is_cut_short_says_how_much_is_there(tmp_path, before, bits):
         speech = Speech.load(path)
     assert [str(each.message) for each in told] == [f"{path.name!r} is cut short: its header says 6 s, and 1.5 s are there"]
     assert speech.seconds == 1.5
+
+
+@pytest.mark.parametrize(("name", "subtype"), [("a.flac", "PCM_16"), ("a.mp3", "MPEG_LAYER_III"), ("a.aiff", "PCM_16")])
+def test_other_sounds_that_are_cut_short_say_how_much_is_there(tmp_path, name, subtype):
+    samples = np.random.default_rng(0).normal(0, 0.1, 8 * RATE)
+    soundfile.write(tmp_path / name, samples, RATE, subtype)
+    assert abs(Speech.load(tmp_path / name).seconds - 8) < 0.1
+    data = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(data[: len(data) // 2])
+    with pytest.warns(CospeechWarning) as told:
+        speech = Speech.load(tmp_path / name)
+    assert len(told) == 1
+    assert re.fullmatch(
+        rf"'{name}' is cut short: its header says (8|8\.0\d*) s, and [34]\.\d+ s are there", str(told[0].message)
+    )
+    assert 3 < speech.seconds < 5
+
+
+def test_sound_that_begins_after_the_picture_is_timed_to_the_picture(tmp_path):
+    path = tmp_path / "late.mp4"
+    with av.open(str(path), "w") as film:
+        pictures, sound = film.add_stream("mpeg4", rate=25), film.add_stream("aac", rate=48_000, layout="mono")
+        pictures.width = pictures.height = 64
+        for k in range(50):
+            frame = av.VideoFrame.from_ndarray(np.zeros((64, 64, 3), np.uint8), "rgb24")
+            frame.pts, frame.time_base = k, Fraction(1, 25)
+            film.mux(pictures.encode(frame))
+        for k in range(70):
+            frame = av.AudioFrame.from_ndarray(np.full((1, 1024), 0.25, np.float32), "fltp", "mono")
+            frame.sample_rate, frame.pts, frame.time_base = 48_000, 24_000 + 1024 * k, Fraction(1, 48_000)
+            film.mux(sound.encode(frame))
+        film.mux(pictures.encode(None))
+        film.mux(sound.encode(None))
+    with pytest.warns(CospeechWarning, match=r"'late.mp4': its sound begins 0\.48 s after its picture"):
+        source = open_speech(path)
+    samples = np.concatenate(list(source.blocks()))
+    assert len(np.concatenate(list(source.blocks()))) == len(samples)  # and it is told once
+    begins = np.flatnonzero(np.abs(samples) > 0.1)[0] / RATE
+    assert begins == pytest.approx(0.5, abs=0.06)
 
 
 def test_a_cut_wav_that_is_read_twice_is_told_once(tmp_path):

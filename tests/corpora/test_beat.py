@@ -205,7 +205,9 @@ def test_the_split_is_the_papers():
     expected = {
         "2_scott_0_8_8": "test", "2_scott_0_9_9": "train", "4_lawrence_0_57_57": "validation", "6_carla_0_65_65": "test",
         "8_catherine_0_118_118": "validation", "2_scott_1_1_1": "test", "2_scott_1_12_12": "validation",
-        "2_scott_1_2_2": "train", "2_scott_0_103_110": None, "1_wayne_0_1_1": None, "2_scott_2_1_1": None,
+        "2_scott_1_2_2": "train", "2_scott_0_103_110": "test", "2_scott_0_7_9": "test", "2_scott_0_56_57": "validation",
+        "1_wayne_0_1_1": "test", "1_wayne_0_9_9": "train", "2_scott_2_1_1": "test", "2_scott_3_2_2": "train",
+        "2_scott_0_118_119": None, "2_scott_1_13_13": None,
     }  # fmt: skip
     assert {name: take_of(name).split for name in expected} == expected
 
@@ -232,6 +234,20 @@ def test_the_emotion_is_in_the_id():
         take_of("scott_1")
 
 
+def test_every_speaker_keeps_the_split_of_a_clip(tmp_path):
+    """Also the fifth and the sixth, whom the papers' split leaves out."""
+    motion = clip(frames=2).motion
+    clips = [
+        clip(f"{speaker}{split}", speaker=speaker, emotion="neutral", split=split, motion=motion, speech=None, semantics=None)
+        for speaker in "abcdef"
+        for split in ("train", "validation", "test")
+    ]
+    names = beat.write(clips, tmp_path)
+    assert len({name.split("_")[0] for name in names}) == 6
+    got, _ = sort_out(beat.read(tmp_path), names)
+    assert [got[name].split for name in names] == [each.split for each in clips]
+
+
 def test_names_are_given_by_emotion_and_split(tmp_path):
     short = {"motion": clip(frames=2).motion, "speech": None, "semantics": None}
     clips = [
@@ -245,7 +261,7 @@ def test_names_are_given_by_emotion_and_split(tmp_path):
     names = ["2_scott_0_1_1", "2_scott_0_2_2", "2_scott_0_110_110", "4_anamaria_0_9_9", "30_katya_0_5_5"]
     assert beat.write(clips, tmp_path) == names
     got, _ = sort_out(beat.read(tmp_path), names)
-    assert [got[n].split for n in names] == ["test", "test", "validation", "train", None]
+    assert [got[n].split for n in names] == ["test", "test", "validation", "train", "test"]
     assert got["4_anamaria_0_9_9"].speaker == "anamaria"
     with pytest.raises(InputError, match="no id is left for fear"):
         beat.write([clips[2]] * 2, tmp_path)

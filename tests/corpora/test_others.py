@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ import soundfile
 from cospeech.corpora import CORPORA, Clip, Dropped, Semantic, beat2, folder, zeroeggs
 from cospeech.corpora.beat.annotations import semantic_text
 from cospeech.corpora.layout import textgrid, write_bvh
-from cospeech.errors import InputError
+from cospeech.corpora.prepare.pieces import split_of
+from cospeech.errors import CospeechWarning, InputError
 from tests.support.corpus_files import UNUSABLE, WORDS, damaged, same_turns, sort_out, tone, unusable
 from tests.support.motions import gesturing
 
@@ -69,7 +71,7 @@ def test_beat2(beat2_raw):
     assert one.semantics == (Semantic(0, 0.5, 0.8, "08_metaphoric_l", "big"),)
     assert one.extra["betas"].shape == (300,)
     assert np.allclose(one.extra["expressions"][7], np.linspace(0, 1, 100), atol=1e-6)
-    assert (two.emotion, two.split, two.extra["additional"], two.speech, two.semantics) == ("anger", None, True, None, None)
+    assert (two.emotion, two.split, two.extra["additional"], two.speech, two.semantics) == ("anger", "train", True, None, None)
     assert isinstance(gone, Dropped)
     assert gone.reason.startswith("'3_solomon_0_1_1.npz' is not there")
     again = [item.name for item in beat2.read(beat2_raw / "beat_english_v2.0.0")]
@@ -90,10 +92,20 @@ def test_beat2(beat2_raw):
 )
 def test_beat2_damage_is_told(tmp_path, changes, told):
     (tmp_path / "smplxflame_30").mkdir()
+    (tmp_path / "train_test_split.csv").write_text("id,type\n")
     smplx(tmp_path / "smplxflame_30" / "2_scott_0_1_1.npz", **changes)
     (item,) = beat2.read(tmp_path)
     assert isinstance(item, Dropped)
     assert told in item.reason
+
+
+def test_beat2_without_its_list_and_with_other_shapes(tmp_path):
+    """Betas that nothing uses lose no take; a missing list is told, because every split is another one."""
+    (tmp_path / "smplxflame_30").mkdir()
+    smplx(tmp_path / "smplxflame_30" / "2_scott_0_1_1.npz", betas=np.zeros(16))
+    with pytest.warns(CospeechWarning, match=r"'train_test_split.csv' is not in .*: its takes are split by their names"):
+        (item,) = beat2.read(tmp_path)
+    assert (item.split, "betas" in item.extra) == (None, False)
 
 
 @pytest.mark.parametrize("text", ["", "id\na\n", "id,type\na,b\n", "id,type\n2_scott_0_1_1\n", "\0", "id,type\n\xff"])
@@ -105,6 +117,7 @@ def test_beat2_split_list_that_makes_no_sense(beat2_raw, tmp_path, text):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:'train_test_split.csv' is not in")
 def test_beat2_damaged_files_are_drops_or_sound(beat2_raw, tmp_path):
     rng = np.random.default_rng(5)
     source = beat2_raw / "beat_english_v2.0.0"
@@ -168,7 +181,18 @@ def test_zeroeggs(eggs):
     assert [item.name for item in zeroeggs.read(eggs / "clean")] == sorted(got)
 
 
+def test_zeroeggs_without_its_list_keeps_the_forms_of_a_recording_together(eggs, tmp_path):
+    shutil.copytree(eggs / "clean", tmp_path / "eggs" / "clean")
+    with pytest.warns(CospeechWarning, match=r"'info.csv' is not beside .*: its takes are split by their names"):
+        got = {item.name: item for item in zeroeggs.read(tmp_path / "eggs")}
+    forms = [got[f"001_Neutral_0{form}"] for form in ("_x_1_0", "_mirror_x_1_0")]
+    for k in range(40):
+        assert len({split_of(replace(form, extra={"take": f"{k:03d}_Neutral_0"})) for form in forms}) == 1
+    assert {form.split for form in forms} == {None}
+
+
 def test_zeroeggs_gaps_and_other_files(tmp_path):
+    (tmp_path / "info.csv").write_text("anim_bvh,validation\n")
     egg(tmp_path / "walk.bvh", 2)
     egg(tmp_path / "002_Sad_0_x_1_0.bvh", 2, fps=30)
     sound(tmp_path / "003_Old_0_x_1_0.wav")
@@ -186,6 +210,7 @@ def test_zeroeggs_list_that_makes_no_sense(eggs, tmp_path, text):
         zeroeggs.read(tmp_path / "z")
 
 
+@pytest.mark.filterwarnings("ignore:'info.csv' is not beside")
 @pytest.mark.slow
 def test_zeroeggs_damaged_files_are_drops_or_sound(tmp_path):
     rng = np.random.default_rng(6)

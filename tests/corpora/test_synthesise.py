@@ -349,7 +349,7 @@ def test_no_speech_of_validation_or_test_is_in_training(layout, readers, quick, 
     monkeypatch.setattr("cospeech.corpora.synthetic.recordings", read)
     monkeypatch.setattr("cospeech.corpora.synthetic.say", say)
     monkeypatch.setattr("cospeech.corpora.synthetic.find_voices", lambda seed: [voices.Voice("flite", "slt", 1.0)] * 3)
-    synthesise(tmp_path / "raw", layout, speech=tmp_path, hours=0.25, speakers=2, act=False)
+    synthesise(tmp_path / "raw", layout, speech=tmp_path, hours=0.25, speakers=6, act=False)
     heard = {split: (set(), set()) for split in ("train", "validation", "test")}
     for clip in quick:
         samples, texts = heard[clip.split]

@@ -20,7 +20,7 @@ from cospeech.corpora.motion_files import load_motions
 from cospeech.corpora.prepare import prepare
 from cospeech.corpora.samples import POSE_STATISTICS, load_stored_clips, sample_of, track_of
 from cospeech.corpora.ted import read as ted
-from cospeech.errors import InputError
+from cospeech.errors import CospeechWarning, InputError
 from cospeech.evaluation import LAYOUTS, evaluate_clips, evaluate_store
 from cospeech.metrics import METRICS, Sample, Score, Tools, load_metric
 from cospeech.metrics.controls import CONTROLS, UNSURE, WRONG, control_rows, faults_of_order
@@ -453,6 +453,38 @@ def test_the_ground_truth_of_a_store_is_perfect_and_heard_where_the_sound_is(cor
     assert found.cells["itself"]["fgd"].value < 1e-6
     assert found.cells["white noise"]["fgd"].value > 10
     assert load_metric("beat_align")([sample_of(clip) for clip in clips]).value > 0
+
+
+@pytest.mark.slow
+def test_files_of_the_corpus_are_perfect_on_its_store(corpus, tmp_path):
+    """The store leaves out hips and legs: what moves there counts for no row."""
+    for number, path in enumerate(sorted((corpus / "raw").rglob("*.bvh"))):
+        shutil.copy(path, tmp_path / path.name)
+        hips = Motion.load(path).rotations[:, 0]
+        assert number > 1 or quat_angle(hips, hips[:1]).max() > 0.02
+    clips = load_stored_clips(corpus / "store", split=None)
+    found = evaluate_clips({"files": str(tmp_path)}, clips, metrics=("pck", "mae", "l1_div"))
+    assert found.cells["files"]["pck"].value == 1
+    assert found.cells["files"]["mae"].value < 1e-5
+    assert found.cells["files"]["l1_div"].value == pytest.approx(found.cells["ground truth"]["l1_div"].value, rel=1e-4)
+
+
+def test_motion_that_goes_on_after_the_recording_is_told(tmp_path):
+    clip = clips()[0]
+    slow = replace(clip.motion, fps=FPS / 4)
+    with pytest.warns(CospeechWarning, match=r"1 of 1 clip.*'clip0': 36.0 s, recorded 9.0 s.*Are frame rate and take right"):
+        evaluate_clips({"slow": [slow]}, [clip], metrics=("pck",))
+
+
+def test_a_part_of_a_recording_is_cut_from_the_motion_of_the_whole(tmp_path):
+    whole = clips()[0].motion
+    whole.save(tmp_path / "take.npz")
+    part = replace(clips()[0], name="take@40", motion=whole[40:100])
+    found = evaluate_clips({"files": str(tmp_path)}, [part], metrics=("pck", "mae"))
+    assert found.cells["files"]["pck"].value == 1
+    assert found.cells["files"]["mae"].value < 1e-5
+    whole[20:80].save(tmp_path / "take@40.npz")
+    assert evaluate_clips({"files": str(tmp_path)}, [part], metrics=("mae",)).cells["files"]["mae"].value > 1e-3
 
 
 @pytest.mark.slow

@@ -133,6 +133,8 @@ def test_l1_div_of_beat_is_a_sum_of_degrees():
     from cospeech.motion.rotations import euler_to_quat
 
     assert load_metric("l1_div_beat")([Sample("a", FPS, rotations=euler_to_quat(angles))]).value == pytest.approx(10)
+    turn = np.radians(np.linspace(170, 190, 21))[:, None, None] * [1, 0, 0]
+    assert load_metric("l1_div_beat")([Sample("a", FPS, rotations=euler_to_quat(turn))]).value == pytest.approx(110 / 21)
 
 
 def test_multimodality_compares_takes_of_one_speech_only():

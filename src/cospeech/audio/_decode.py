@@ -3,10 +3,11 @@
 `cospeech.audio.worker` starts it for `cospeech.audio.decoding`; nothing else of the package is imported. A request ``P`` is the
 path of a file. Messages that answer it:
 
-    H  JSON {"rate", "channels", "frames",     frames is what the library expects, -1 where it does not know; announced is
-             "announced"}                      what a WAV that was cut short says that it has, -1 where nothing is missing
+    H  JSON {"rate", "channels", "frames",     frames is what the library expects, -1 where it does not know; lead is how many
+             "lead"}                           of them are silence, because the sound begins after the picture
     B  float32 samples, channels interleaved
-    E  JSON {"frames"}                         the end: frames that really came
+    E  JSON {"frames", "announced"}            the end: frames that really came; announced is what a file that was cut short
+                                               says that it has, -1 where nothing is missing
     X  JSON {"problem", "hint", "ours",        it failed; `ours` where the file is not to blame; `detail` is what the library
              "detail"}                         that decodes says of it, for `--debug`
 
@@ -17,6 +18,7 @@ PyAV, with the demuxer fixed by the first bytes: FFmpeg's own probing would also
 from __future__ import annotations
 
 import os
+from typing import Literal
 
 from cospeech.audio.worker import FileRefused, requests, send, send_json
 
@@ -24,6 +26,11 @@ __all__ = ["serve"]
 
 BLOCK_SAMPLES = 1 << 17  # ours: samples per message over all channels (512 KiB)
 STEP_FRAMES = 2048  # ours: frames per read; at most so many are lost before a damaged place
+CUT = 0.05  # seconds; ours: as of a hole
+MP3_HEAD = 1 << 17  # bytes in which an MP3 says how long it is; ours: behind tags with a small picture, too
+MOST_FRAMES = 1 << 48  # ours: more stands for a length that the file does not tell
+AV_SECOND = 1_000_000  # FFmpeg's AV_TIME_BASE: in such parts of a second it tells when a film begins
+LATEST = 3600.0  # seconds; ours: a sound that begins later is damage
 HOLE = 0.05  # seconds; ours: below two frames of motion nobody sees that speech and motion part
 
 # First bytes → FFmpeg's name for the demuxer. Offset 4 for ISO media ("....ftyp").
@@ -45,6 +52,10 @@ CONTAINERS = (
 # A WAV whose length was not known when its header was written announces 0 bytes, or nearly 2 or 4 GiB: FFmpeg in a pipe
 # 0xFFFFFFFF, SoX 0x7FFFF000, arecord 0x80000000 (their sources).
 UNKNOWN_SIZE = 0x7FFF0000
+CHUNKS: dict[tuple[bytes, bytes], tuple[Literal["little", "big"], bytes]] = {
+    (b"RIFF", b"WAVE"): ("little", b"data"), (b"FORM", b"AIFF"): ("big", b"SSND"), (b"FORM", b"AIFC"): ("big", b"SSND"),
+}  # fmt: skip
+"""First bytes of formats of chunks → the order of their bytes, and the chunk of the samples."""
 MOST_CHUNKS = 64  # ours: chunks of a WAV before its samples
 
 
@@ -52,8 +63,8 @@ def demuxer(head: bytes) -> str | None:
     return next((name for at, magic, name in CONTAINERS if head[at : at + len(magic)] == magic), None)
 
 
-def decode(path: bytes) -> int:
-    """Send the header and blocks of one file; how many frames came."""
+def decode(path: bytes) -> tuple[int, int]:
+    """Send the header and blocks of one file; how many frames came, and how many it announces if these are more, else -1."""
     import soundfile
 
     class Straight(soundfile.SoundFile):
@@ -65,7 +76,7 @@ def decode(path: bytes) -> int:
     # Opened by number, so that libsndfile has no name whose suffix it could believe.
     with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0)), "rb") as file:
         head = file.read(16)
-        announced = find_overstatement(file) if head[:4] == b"RIFF" and head[8:12] == b"WAVE" else 1.0
+        announced = find_overstatement(file, head)
         file.seek(0)
         container = demuxer(head)
         try:
@@ -76,30 +87,41 @@ def decode(path: bytes) -> int:
                 return decode_container(file, container)
             raise FileRefused("not a sound file that can be read", "WAV, FLAC, OGG, MP3 and AIFF can", detail=error) from None
         with sound:
-            return decode_sound(sound, file, announced)
+            frames = decode_sound(sound, file)
+            said = sound.frames * (announced if announced > 1 else tells_length(sound, file))
+            return frames, round(said) if CUT * sound.samplerate < said - frames < MOST_FRAMES else -1
 
 
-def find_overstatement(file) -> float:  # type: ignore[no-untyped-def]
-    """How many times the samples that are there a WAV says that it has; 1 where all are there, or where nobody can tell."""
+def tells_length(sound, file) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a compressed file says how long it is; of other MP3 it is guessed, from what is there."""
+    file.seek(0)
+    start = file.read(MP3_HEAD)
+    return sound.format == "FLAC" or (sound.format == "MP3" and (b"Xing" in start or b"Info" in start))
+
+
+def find_overstatement(file, head: bytes) -> float:  # type: ignore[no-untyped-def]
+    """How many times the samples that are there a WAV or AIFF says that it has; 1 where all are there, or nobody can tell."""
+    if (head[:4], head[8:12]) not in CHUNKS:
+        return 1.0
+    order, name = CHUNKS[head[:4], head[8:12]]
     at, end = 12, os.fstat(file.fileno()).st_size
     for _ in range(MOST_CHUNKS):
         file.seek(at)
         chunk = file.read(8)
         if len(chunk) < 8:
             break
-        size = int.from_bytes(chunk[4:], "little")
-        if chunk[:4] == b"data":
+        size = int.from_bytes(chunk[4:], order)
+        if chunk[:4] == name:
             there = end - at - 8
             return size / there if 0 < there < size < UNKNOWN_SIZE else 1.0
         at += 8 + size + size % 2
     return 1.0
 
 
-def decode_sound(sound, file, announced: float) -> int:  # type: ignore[no-untyped-def]  # soundfile is imported where it is needed
+def decode_sound(sound, file) -> int:  # type: ignore[no-untyped-def]  # soundfile is imported where it is needed
     """Whole messages, read in small steps: an error costs the step in which it happens."""
     channels, frames = sound.channels, 0
-    said = round(sound.frames * announced) if (announced - 1) * sound.frames > HOLE * sound.samplerate else -1
-    send_json(b"H", rate=sound.samplerate, channels=channels, frames=min(sound.frames, 1 << 62), announced=said)
+    send_json(b"H", rate=sound.samplerate, channels=channels, frames=min(sound.frames, 1 << 62), lead=0)
     steps = max(1, BLOCK_SAMPLES // (channels * STEP_FRAMES))
     buffer = memoryview(bytearray(steps * STEP_FRAMES * channels * 4))
     while True:
@@ -139,8 +161,8 @@ def fill(sound, file, buffer: memoryview, before: int) -> tuple[int, bool]:  # t
     return filled, True
 
 
-def decode_container(file, container: str) -> int:  # type: ignore[no-untyped-def]
-    """MP4, WebM and the like through PyAV; the first audio stream, from its first sample."""
+def decode_container(file, container: str) -> tuple[int, int]:  # type: ignore[no-untyped-def]
+    """MP4, WebM and the like through PyAV; the first audio stream, with silence until it begins."""
     try:
         import av
     except ImportError:
@@ -155,24 +177,37 @@ def decode_container(file, container: str) -> int:  # type: ignore[no-untyped-de
             stream = media.streams.audio[0]
             stream.codec_context.thread_count = 1
             rate, channels = stream.codec_context.sample_rate, stream.codec_context.channels
-            claim = -1 if stream.duration is None else round(float(stream.duration * stream.time_base) * rate)
-            send_json(b"H", rate=rate, channels=channels, frames=claim, announced=-1)
+            lead = find_lead(media, stream)
+            claim = -1 if stream.duration is None else round(float(stream.duration * stream.time_base) * rate) + lead
+            send_json(b"H", rate=rate, channels=channels, frames=claim, lead=lead)
+            for start in range(0, lead, BLOCK_SAMPLES // channels):
+                send(b"B", bytes(min(BLOCK_SAMPLES // channels, lead - start) * channels * 4))
+            frames += lead
             packed = av.AudioResampler(format="flt", layout=stream.codec_context.layout, rate=rate)
             for frame in media.decode(stream):
                 for piece in packed.resample(frame):
                     frames += piece.samples
                     send(b"B", memoryview(piece.planes[0])[: piece.samples * channels * 4])
-            return frames
+            return frames, -1
     except av.FFmpegError as error:
         problem = f"damaged at {frames / rate:.1f} s" if frames else f"not a {container} file that can be read"
         raise FileRefused(problem, "re-save it from its source, or save it as WAV", detail=error) from None
+
+
+def find_lead(media, stream) -> int:  # type: ignore[no-untyped-def]
+    """Samples by which the sound of a film begins after the film."""
+    if stream.start_time is None or media.start_time is None or not media.streams.video:
+        return 0
+    late = float(stream.start_time * stream.time_base) - media.start_time / AV_SECOND
+    return round(late * stream.codec_context.sample_rate) if HOLE < late < LATEST else 0
 
 
 def serve() -> None:
     """Decode the files that are asked for."""
     for _, path in requests():
         try:
-            send_json(b"E", frames=decode(path))
+            frames, announced = decode(path)
+            send_json(b"E", frames=frames, announced=announced)
         except Exception as error:  # whatever a damaged file brings a library to raise
             send_json(b"X", **refusal(error).message)
 

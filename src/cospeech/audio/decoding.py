@@ -26,7 +26,7 @@ from .worker import TooLong, Worker, WorkerEnded, worker_command
 
 __all__ = ["SoundDecoder"]
 
-_HEADER = ("rate", "channels", "frames", "announced")
+_HEADER = ("rate", "channels", "frames", "lead")
 
 
 def _command() -> list[str]:
@@ -34,12 +34,16 @@ def _command() -> list[str]:
 
 
 class SoundDecoder:
-    """One decoder process at work on one file; see `_decode.py` for what it sends."""
+    """One decoder process at work on one file; see `_decode.py` for what it sends.
 
-    def __init__(self, path: Path, name: str) -> None:
-        self.name, self._timeout = name, OPEN_TIMEOUT
-        self.announced: int | None = None
-        """Frames that a file which was cut short says that it has; known with its `header`."""
+    Args:
+        path: of the file.
+        name: how messages call it.
+        notes: whether it is told that a file is cut short, or its sound late; not where it is read again.
+    """
+
+    def __init__(self, path: Path, name: str, notes: bool = True) -> None:
+        self.name, self._timeout, self._notes = name, OPEN_TIMEOUT, notes
         self._worker = Worker(_command())
         self._worker.request(b"P", os.fsencode(path), last=True)
 
@@ -51,7 +55,7 @@ class SoundDecoder:
         self._timeout = BLOCK_TIMEOUT
         values = self._json(payload)
         try:
-            rate, channels, claim, announced = (int(values[key]) for key in _HEADER)  # type: ignore[call-overload]
+            rate, channels, claim, lead = (int(values[key]) for key in _HEADER)  # type: ignore[call-overload]
         except (KeyError, TypeError, ValueError):
             raise self._make_error("sent a header that makes no sense") from None
         if not SOUND_RATES[0] <= rate <= SOUND_RATES[1]:
@@ -60,7 +64,10 @@ class SoundDecoder:
             )
         if not 1 <= channels <= CHANNELS:
             raise InputError(f"{self.name!r} has {channels} channels", f"1 … {CHANNELS} can be read")
-        self._width, self._rate, self.announced = 4 * channels, rate, announced if announced > 0 else None
+        self._width, self._rate = 4 * channels, rate
+        if self._notes and lead > 0:
+            late = f"{self.name!r}: its sound begins {lead / rate:.2f} s after its picture"
+            warnings.warn(f"{late}; times are those of the picture", CospeechWarning, stacklevel=2)
         return rate, channels, claim
 
     def blocks(self) -> Iterator[bytes]:
@@ -69,10 +76,12 @@ class SoundDecoder:
         while True:
             kind, payload = self._message()
             if kind == b"E":
-                if self._json(payload).get("frames") != frames:
+                end = self._json(payload)
+                if end.get("frames") != frames:
                     raise self._make_error("lost samples on the way")
-                if self.announced is not None and frames:
-                    said, there = self.announced / self._rate, frames / self._rate
+                announced = end.get("announced")
+                if self._notes and frames and isinstance(announced, int) and announced > frames:
+                    said, there = announced / self._rate, frames / self._rate
                     problem = f"{self.name!r} is cut short: its header says {said:.4g} s, and {there:.4g} s are there"
                     warnings.warn(problem, CospeechWarning, stacklevel=2)
                 return

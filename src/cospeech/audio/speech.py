@@ -278,9 +278,8 @@ class SpeechSource:
         """
         if not self._fresh:
             self._decoder.close()
-            self._decoder = SoundDecoder(self.path, self.name)
+            self._decoder = SoundDecoder(self.path, self.name, notes=False)  # it was told
             self._decoder.header()
-            self._decoder.announced = None  # it was told
         self._fresh, decoder = False, self._decoder
         try:
             yield from self._resample(self._mono(decoder))

@@ -6,13 +6,14 @@ emotion files; the emotion is that of the take's id, which the data set's own lo
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import CospeechWarning, InputError
 from ..export.npz_arrays import open_arrays
 from ..export.reading import open_file
 from ..motion.rotations import Array
@@ -23,7 +24,8 @@ from .reading import check_lengths, files_of, load_motion, load_sound, read_each
 __all__ = ["FPS", "read", "read_split"]
 
 FPS = 30.0
-_SPLITS = {"train": "train", "val": "validation", "test": "test", "additional": None}
+_SPLITS = {"train": "train", "val": "validation", "test": "test", "additional": "train"}  # as EMAGE's code trains on the latter
+_LIST = "train_test_split.csv"
 
 
 def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
@@ -34,7 +36,8 @@ def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
 
     Returns:
         Clips on skeleton ``smplx`` (the face is an opening jaw, see `cospeech.export.npz`). ``extra`` has ``betas (300,)`` and
-        ``expressions (T, 100)`` where the file has them, and ``"additional": True`` for takes of the list's type of that name.
+        ``expressions (T, 100)`` where the file has them, and ``"additional": True`` for takes of the list's type of that name,
+        which are for training.
 
     Raises:
         InputError: no such folder, no ``smplxflame_30`` in it, or a damaged ``train_test_split.csv``.
@@ -43,7 +46,11 @@ def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
     places = [p for p in (root, *sorted(p for p in root.iterdir() if p.is_dir())) if (p / "smplxflame_30").is_dir()]
     if not places:
         raise InputError(f"there is no folder 'smplxflame_30' in {str(root)!r}", "name BEAT2 or beat_english_v2.0.0")
-    splits = [read_split(place / "train_test_split.csv") for place in places]
+    splits = [read_split(place / _LIST) for place in places]
+    for place in places:
+        if not (place / _LIST).exists():
+            note = f"{_LIST!r} is not in {str(place)!r}: its takes are split by their names, not as in the papers"
+            warnings.warn(note, CospeechWarning, stacklevel=2)
     return (item for place, split in zip(places, splits, strict=True) for item in _read(place, split))
 
 
@@ -106,6 +113,8 @@ def _shape_and_expressions(path: Path, frames: int) -> dict[str, Array]:
     with open_file(path) as file, open_arrays(file, repr(path.name)) as arrays:
         for key, shape in (("betas", (300,)), ("expressions", (frames, 100))):
             if key not in arrays:
+                continue
+            if key == "betas" and arrays.shape(key) != shape:  # nothing here uses them: no reason to lose a take
                 continue
             if arrays.shape(key) != shape:
                 raise InputError(f"{key!r} of {path.name!r} is of shape {arrays.shape(key)}", f"{shape} is due")

@@ -47,6 +47,7 @@ class Clip:
         split: one of `SPLITS`, where the corpus fixes it.
         start: seconds from the beginning of the original recording.
         extra: what only this corpus has (video ids, precomputed features), by name.
+        pose: representation that the motion or the key points were decoded from, where a store kept them.
 
     Raises:
         InputError: a name that is no text, or a split that there is not.
@@ -65,6 +66,7 @@ class Clip:
     split: str | None = None
     start: float = 0.0
     extra: dict[str, object] = field(default_factory=dict)
+    pose: str | None = None
 
     def __post_init__(self) -> None:
         for what in ("name", "speaker", "corpus"):

@@ -19,11 +19,19 @@ _SHOWN = 3  # names in a message
 _Takes = dict[int, Path]
 
 
-def load_motions(folder: str | PathLike[str], names: Sequence[str]) -> dict[str, list[Motion]]:
+def load_motions(folder: str | PathLike[str], names: Sequence[str], fps: float | None = None) -> dict[str, list[Motion]]:
     """Motions of a folder by clip name: ``NAME.bvh`` or ``NAME.npz``, and further takes as ``NAME.2.bvh`` and so on.
 
     A clip called ``me/LJ001`` is ``me/LJ001.bvh`` in the folder or in folders below it; or ``LJ001.bvh``, where no other clip
     or file is called so. The other way round, ``me/LJ001.bvh`` may hold a clip called ``LJ001``.
+
+    Stores call a part of a recording ``LJ001@50``: it begins with frame 50 at ``fps``. Where there is no file of that name, it
+    is cut from ``LJ001.bvh``, up to the end.
+
+    Args:
+        folder: of the files.
+        names: of the clips.
+        fps: frames per second of the store that the clips are of.
 
     Raises:
         InputError: the folder does not exist, a clip has no file or more than one, or one cannot be read.
@@ -34,10 +42,25 @@ def load_motions(folder: str | PathLike[str], names: Sequence[str]) -> dict[str,
     files = _files(place, names)
     if not files:
         raise InputError(f"no motion is in the folder {str(folder)!r}", f"{' or '.join(SUFFIXES)} files, named as the clips")
-    by_end, names_by_end = _by_end(files), _by_end(names)
-    found = {name: _match(name, by_end[_end(name)], names_by_end[_end(name)]) for name in names}
+    whole = {name: _split_part(name) for name in names} if fps is not None else {}
+    by_end, names_by_end = _by_end(files), _by_end({*names, *(base for base, _ in whole.values())})
+
+    def match(name: str) -> list[str]:
+        return _match(name, by_end[_end(name)], names_by_end[_end(name)])
+
+    found = {name: match(name) for name in names}
+    starts = {name: whole[name][1] for name in whole if not found[name]}
+    found |= {name: match(whole[name][0]) for name in starts}
     _check_complete(str(folder), found, files)
-    return {name: [Motion.load(path) for _, path in sorted(files[matches[0]].items())] for name, matches in found.items()}
+    loaded = {name: [Motion.load(path) for _, path in sorted(files[matches[0]].items())] for name, matches in found.items()}
+    cut = {name: [take.resample(fps)[starts[name] :] for take in loaded[name]] for name in starts} if fps is not None else {}
+    return loaded | cut
+
+
+def _split_part(name: str) -> tuple[str, int]:
+    """The recording that a clip of a store is a part of, and the frame with which the part begins."""
+    base, _, first = name.rpartition("@")
+    return (base, int(first)) if base and first.isdecimal() else (name, 0)
 
 
 def _files(place: Path, names: Sequence[str]) -> dict[str, _Takes]:

@@ -171,6 +171,7 @@ def load_stored_clips(
                 semantics=semantics,
                 split=entry.split,
                 start=entry.start,
+                pose=store.pose,
                 **kind,
             )
         )

@@ -7,11 +7,12 @@ takes are for validation. The style is ``extra["style"]``: the label of how she 
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
 
-from ..errors import InputError
+from ..errors import CospeechWarning, InputError
 from .clip import Clip, Dropped
 from .reading import check_lengths, files_of, load_motion, load_sound, read_each, read_rows, usable_folder
 
@@ -44,6 +45,9 @@ def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
     lists = (folder / name for folder in (place, root, root.parent) for name in _LISTS)
     info = next((path for path in lists if path.is_file()), None)
     split = {} if info is None else read_info(info)
+    if info is None:
+        note = f"'info.csv' is not beside {str(place)!r}: its takes are split by their names, not as in the paper"
+        warnings.warn(note, CospeechWarning, stacklevel=2)
 
     def one(name: str) -> Clip:
         match = _NAME.fullmatch(name)

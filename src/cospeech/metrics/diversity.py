@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import InputError
-from ..motion.rotations import Array, quat_to_euler
+from ..motion.rotations import Array, continuous_euler, quat_to_euler
 from .interval import bootstrap, mean_score
 from .metric import metric
 from .sample import Sample, Score, Tools, pose_vectors, select_vectors
@@ -103,10 +103,13 @@ def l1_div(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tool
 
 @metric("rotations", better="higher", unit="° summed over coordinates")
 def l1_div_beat(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
-    """L1div of BEAT: Σ |angle − clip mean| over all Euler angles per frame, degrees; grows with the number of joints."""
+    """L1div of BEAT: Σ |angle − clip mean| over all Euler angles per frame, degrees; grows with the number of joints.
+
+    Angles run on beyond ±180°, as in BEAT's files: a jump by a turn is no motion.
+    """
     values = []
     for sample in generated:
         assert sample.rotations is not None
-        angles = np.degrees(quat_to_euler(sample.rotations, "XYZ")).reshape(len(sample.rotations), -1)
+        angles = np.degrees(continuous_euler(quat_to_euler(sample.rotations, "XYZ"))).reshape(len(sample.rotations), -1)
         values.append(float(np.abs(angles - angles.mean(0)).sum() / len(angles)))
     return mean_score(values, [len(sample) for sample in generated], seed=tools.seed)

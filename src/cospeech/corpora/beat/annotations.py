@@ -29,7 +29,7 @@ _KINDS = (
 _TAKE = re.compile(r"(\d{1,3})_([A-Za-z0-9]+)_(\d)_(\d{1,3})_(\d{1,3})")
 
 FOUR_SPEAKERS = (2, 4, 6, 8)
-"""Whose takes the papers' split divides."""
+"""Whose takes the papers' split divides; those of others are divided alike."""
 
 
 def _ids(speech: str, conversation: str) -> set[tuple[int, int]]:
@@ -41,7 +41,7 @@ def _ids(speech: str, conversation: str) -> set[tuple[int, int]]:
     return {(0, k) for k in spread(speech)} | {(1, k) for k in spread(conversation)}
 
 
-SPLIT = {  # (recording, id) of CaMN's and CoG's four-speaker split
+SPLIT = {  # (recording, id) of CaMN's and CoG's four-speaker split, the first that a take touches counts
     "test": _ids("1-8 65 73 81 87 95 103 111", "1"),
     "validation": _ids("57-64 72 80 86 94 102 110 118", "12"),
     "train": _ids("9-56 66-71 74-79 82-85 88-93 96-101 104-109 112-117", "2-11"),
@@ -67,11 +67,15 @@ class Take(NamedTuple):
 
     @property
     def split(self) -> str | None:
-        """Of the four speakers; None for the others, and for a take that spans texts of several splits."""
-        if self.number not in FOUR_SPEAKERS:
+        """That of the papers' four speakers, and the same of all others [ours]: who reads a text of the test is in the test.
+
+        So are the speeches and conversations of other languages. A take of several texts is in the test if one of them is; None
+        where an id is outside of the plan.
+        """
+        ids = {(self.recording % 2, k) for k in range(self.first, self.last + 1)}
+        if not ids or not ids <= set().union(*SPLIT.values()):
             return None
-        ids = {(self.recording, k) for k in range(self.first, self.last + 1)}
-        return next((name for name, members in SPLIT.items() if ids and ids <= members), None)
+        return next(name for name, members in SPLIT.items() if ids & members)
 
 
 def take_of(name: str) -> Take:

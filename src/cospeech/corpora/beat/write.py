@@ -143,7 +143,7 @@ class _Names:
             raise InputError(f"BEAT has no emotion {emotion!r}", f"known: {', '.join(EMOTIONS)}")
         wanted = SPLIT[clip.split or "train"]
         for k in range(_FIRST[emotion], _LAST[emotion] + 1):
-            if (number, 0, k) not in self.used and (number not in FOUR_SPEAKERS or (0, k) in wanted):
+            if (number, 0, k) not in self.used and (0, k) in wanted:
                 return Take(number, speaker, 0, k, k)
         raise InputError(
             f"no id is left for {emotion} takes of {clip.speaker!r}", "BEAT has 64 neutral ones and 6 to 8 of each other"

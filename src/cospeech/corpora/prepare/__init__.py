@@ -28,6 +28,7 @@ from .. import CORPORA
 from ..attributes import speaker_attributes
 from ..augment import faster, mirror_clip, shift_pitch
 from ..clip import Clip, Dropped
+from ..shared_speech import measure_shared_speech
 from ..store import Store
 from ..store_files import FORMAT
 from ..store_writer import write_store
@@ -361,9 +362,11 @@ def _assemble(
         splits[piece.entry.split] = splits.get(piece.entry.split, 0.0) + seconds
         speakers[piece.entry.speaker] = speakers.get(piece.entry.speaker, 0.0) + seconds
     origins = Counter(origin for _, meta, origin in made if meta["why"] is None)
+    store = Store(target)
     report = PrepareReport(
         plan.corpus, plan.pose, plan.fps, origins["read"], origins["augmented"], sum(splits.values()), splits, speakers,
-        reasons, tuple(dropped), origins["derived"], speaker_attributes(Store(target), find_pose(plan.pose).decode), cut,
+        reasons, tuple(dropped), origins["derived"], speaker_attributes(store, find_pose(plan.pose).decode), cut,
+        measure_shared_speech(store),
     )  # fmt: skip
     with atomic(target / "report.json") as temporary:
         temporary.write_text(json.dumps(asdict(report), indent=1, ensure_ascii=False), "utf-8", newline="\n")

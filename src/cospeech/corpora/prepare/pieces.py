@@ -98,10 +98,13 @@ def select_extra(clip: Clip) -> dict[str, object]:
 
 
 def split_of(clip: Clip) -> str:
-    """The corpus's own split; where it has none, 80, 10, 10 in 100 by a hash of the name (ours)."""
+    """The corpus's own split; where it has none, 80, 10, 10 in 100 by a hash of the recording's name (ours).
+
+    Clips of one recording, faster or mirrored say, are in one split: ``extra["take"]`` names it.
+    """
     if clip.split is not None:
         return clip.split
-    draw = hashlib.blake2b(clip.name.encode(), digest_size=4).digest()
+    draw = hashlib.blake2b(str(clip.extra.get("take", clip.name)).encode(), digest_size=4).digest()
     share = int.from_bytes(draw, "big") / 2**32
     return "train" if share < 0.8 else "validation" if share < 0.9 else "test"
 

@@ -12,13 +12,14 @@ from typing import Any
 
 from ...errors import CospeechWarning
 from ..attributes import Attributes
+from ..shared_speech import MOST_SHARED
 
 __all__ = ["PrepareReport", "describe_reasons", "join_notes"]
 
 _USES = {
     "train": "nothing can be trained on this store",
     "validation": "train with --set data.validation=0.05, or with --set train.validate_every=0",
-    "test": "evaluate with --split all, or with the name of another split",
+    "test": "--split all, or another split, evaluates on clips that are for training: what was trained on them scores too well",
 }
 """Split → what its absence means."""
 _OWN = re.compile(r"'[^']*'|\d+(?:\.\d+)?")  # what differs between the same reason of two recordings: names and numbers
@@ -86,12 +87,20 @@ class PrepareReport:
     """Speaker → how they gesture, measured; see `cospeech.corpora.attributes`."""
     cut: dict[str, float]
     """Reason → seconds of motion or sound that are left out because the other ends half a second earlier, or more."""
+    shared: dict[str, float]
+    """Split → share of its speech that is also said in training; see `cospeech.corpora.shared_speech`."""
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on what the store lacks for training and evaluation; none where it lacks nothing."""
         uses = _USES if self.clips > 3 else _USES | {"validation": "train with --set train.validate_every=0"}
-        return tuple(f"no clip is in the {name} split: {use}" for name, use in uses.items() if not self.splits.get(name))
+        lacks = [f"no clip is in the {name} split: {use}" for name, use in uses.items() if not self.splits.get(name)]
+        known = [
+            f"{100 * share:.0f} % of the speech of the {name} split is also said in training: new speech would be harder"
+            for name, share in self.shared.items()
+            if share > MOST_SHARED
+        ]
+        return (*lacks, *known)
 
     def summary(self) -> str:
         """One line."""

@@ -7,6 +7,7 @@ speech recognition writes them. One speaker. Recording_008 is the papers' test r
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
@@ -19,7 +20,7 @@ from ...errors import InputError
 from ...motion.skeletons.trinity import FULL_BODY, UPPER_BODY
 from ..clip import Clip, Dropped
 from ..reading import check_lengths, files_of, load_motion, load_sound, number, read_each, read_text, usable_folder
-from .write import TEST, write
+from .write import TEST, TEST_FOLDER, write
 
 __all__ = ["FPS", "TEST", "read", "read_words", "write"]
 
@@ -59,7 +60,7 @@ def _read(place: Path) -> Iterator[Clip | Dropped]:
         return {} if folder is None else files_of(folder, suffix)
 
     motions, sounds, words = files("motion", ".bvh"), files("audio", ".wav"), files("words", ".json")
-    test = place.name.lower() == "test_data"
+    test = place.name.lower() == TEST_FOLDER.lower()
 
     def one(name: str) -> Clip:
         if name not in motions:
@@ -78,10 +79,16 @@ def _read(place: Path) -> Iterator[Clip | Dropped]:
             else:
                 speech = Speech(speech.samples, speech.rate, said, name=speech.name, duration=speech.duration)
         check_lengths(name, motion, speech)
-        split = "test" if test or name in TEST else "train"
+        split = "test" if test or _number_of(name) in map(_number_of, TEST) else "train"
         return Clip(name=name, speaker="trinity", corpus="trinity", speech=speech, motion=motion, split=split, extra=extra)
 
     return read_each(sorted({*motions, *sounds, *words}), one)
+
+
+def _number_of(name: str) -> int | None:
+    """The number at the end of a recording's name: the original release calls it NaturalTalking_008, others Recording_8."""
+    digits = re.search(r"\d+$", name)
+    return None if digits is None else int(digits[0])
 
 
 def read_words(path: Path) -> list[Entry]:

@@ -13,10 +13,13 @@ from ...files import all_or_none, describe_os_error
 from ..clip import Clip, Dropped
 from ..layout import on_rate, write_bvh
 
-__all__ = ["TEST", "write"]
+__all__ = ["TEST", "TEST_FOLDER", "write"]
 
 TEST = ("Recording_008",)
 """Held out by MoGlow's code and by the stylised flow (its section 4)."""
+
+TEST_FOLDER = "Test_data"
+"""Folder of GENEA 2020 whose recordings are all of the test split; ours of that split, but the first, are there too."""
 
 _FPS, _RATE = 60.0, 44_100
 
@@ -25,8 +28,9 @@ def write(clips: Iterable[Clip | Dropped], raw: str | PathLike[str]) -> list[str
     """Write clips as recordings under ``raw``; drops are passed over.
 
     Motion is retargeted to Trinity's skeleton (one that is Trinity's already keeps its offsets) at 60 fps, speech is brought
-    to 44.1 kHz, 16 bits. Names of Trinity's kind are kept; others become Recording_001 … in order, those of the test split
-    Recording_008 first. There is no place for speakers, faces, emotions and semantic scores in this layout.
+    to 44.1 kHz, 16 bits. Names of Trinity's kind are kept; others become Recording_001 … in order, the first of the test split
+    Recording_008; the others of that split lie in ``Test_data``. There is no place for speakers, faces, emotions and semantic
+    scores in this layout.
 
     Returns:
         The names of the recordings, in order.
@@ -46,7 +50,7 @@ def write(clips: Iterable[Clip | Dropped], raw: str | PathLike[str]) -> list[str
             raise InputError(f"two clips are called {name!r}", "names are unique within a corpus")
         used.add(name)
         try:
-            _write(clip, Path(raw), name)
+            _write(clip, Path(raw, TEST_FOLDER) if clip.split == "test" and name not in TEST else Path(raw), name)
         except OSError as error:
             raise InputError(f"cannot write {name!r} to {str(raw)!r}: {describe_os_error(error)}") from None
         written.append(name)

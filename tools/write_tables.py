@@ -39,7 +39,7 @@ def judge_again(table: dict[str, Any]) -> dict[str, Any]:
         name: {metric: {"value": cell["mean"]} for metric, cell in cells.items() if "mean" in cell}
         for name, cells in table["controls"].items()
     }
-    evidence = Evidence(rows, controls, table["columns"], table["faults"])
+    evidence = Evidence(rows, controls, table["columns"], table["faults"], table.get("leak", ""))
     return {"note": part.note, "verdicts": judge(part.claims, evidence), "below": below(part.claims, evidence)}
 
 

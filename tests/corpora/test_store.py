@@ -115,10 +115,17 @@ def test_windows_that_cannot_be(folder):
             store.starts(*arguments)
     with pytest.raises(InputError, match=r"of 41 .*: its longest clip has 40 "):  # the one of 90 has no face
         store.starts(41, "train", ["pose", "face"])
-    with pytest.raises(InputError, match=r"validation split of .*: it has no clip with pose, face "):
+    with pytest.raises(InputError, match=r"validation split of .*: it has no clips .*data.validation=0.05"):
         store.starts(8, "validation", ["pose", "face"])
     with pytest.raises(InputError, match="outside"):
         gather(np.zeros((10, 2)), np.array([5]), 6)
+
+
+def test_what_no_clip_of_a_split_has_is_named_alone(tmp_path):
+    parts = [piece("one", 40, face=True), piece("four", 55, face=False)]  # four: the test split
+    write_store(tmp_path / "faceless", parts, corpus="beat", pose="none", fps=15.0, names=NAMES)
+    with pytest.raises(InputError, match=r"test split of .*: it has no clip with face \(prepare it again .* have face;"):
+        Store(tmp_path / "faceless").starts(8, "test", ["pose", "audio", "word", "face"])
 
 
 def test_the_same_pieces_give_the_same_bytes(folder, pieces, tmp_path):

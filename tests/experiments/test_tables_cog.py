@@ -280,6 +280,12 @@ def test_costs_are_differences_to_all_inputs():
 # the way as a whole -------------------------------------------------------------------------------------------------------
 
 
+def test_a_wrong_recipe_is_told_with_each_known_one_once(table_runs):
+    with pytest.raises(InputError, match="recipe 'camn_beat'") as caught:
+        make_table("cog-2", replace(table_runs, overrides=("camn_beat:train.steps=3",)), tell=quiet)
+    assert str(caught.value).count("chain_of_generation_beat") == 1
+
+
 @pytest.mark.parametrize("name", ["cog-1", "cog-2", "cog-4"])
 def test_a_table_from_nothing(table_runs, name, tmp_path):
     table = make_table(name, table_runs, seeds=(0,), tell=quiet)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
@@ -151,6 +152,14 @@ def test_costs_of_missing_inputs_have_the_headroom_of_their_metric():
         known = {name: {metric: {"value": value} for metric, value in row.items()} for name, row in controls.items()}
         (told,) = judge([claim], Evidence(rows, known, heads, {}))
         assert told["verdict"] == expected
+
+
+def test_a_test_whose_speech_is_in_training_decides_nothing():
+    rows = {"ours": cells("fgd", [1.0, 1.1, 0.9, 1.0, 1.05]), "theirs": cells("fgd", [5.0, 5.2, 4.9, 5.1, 5.0])}
+    known = evidence(rows)
+    assert judge([CLAIM], known)[0]["verdict"] == HOLDS
+    (told,) = judge([CLAIM], replace(known, leak="84 % of the speech of the test split is also said in training"))
+    assert (told["verdict"], told["because"][:12]) == (NOT_ASSAYED, "84 % of the ")
 
 
 def test_many_claims_make_each_harder():

@@ -50,6 +50,10 @@ def test_the_latex_is_a_tabular_that_says_what_the_text_says():
     assert all(line in TABLE.to_text().splitlines() for line in comments)
 
 
+def test_a_row_without_a_score_is_named_with_the_reason():
+    assert TABLE.to_text().splitlines()[-1] == "– pck_2d of my_flow & co: needs points"
+
+
 def test_a_printed_table_is_its_text():
     assert str(TABLE) == TABLE.to_text()
 

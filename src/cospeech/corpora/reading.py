@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import io
 import struct
@@ -33,6 +34,7 @@ __all__ = [
     "words_alone",
 ]
 
+_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _DAMAGE = (ArithmeticError, EOFError, LookupError, ValueError, csv.Error, struct.error, zipfile.BadZipFile, zlib.error)
 """What readers of JSON, CSV, NumPy's and other files raise for a damaged one."""
 _APART = 2.0  # ours: motion and speech of one take differ by seconds, never by this factor
@@ -90,18 +92,20 @@ def read_each(names: Iterable[str], read: Callable[[str], Clip | Dropped]) -> It
 
 
 def read_text(path: Path) -> str:
-    """The UTF-8 text of a small regular file.
+    """The text of a small regular file in UTF-8, or in UTF-16 with a byte order mark ("Unicode" on Windows).
 
     Raises:
         InputError: empty, too large, not text.
     """
     data = read_regular(path, "a file of annotations", CORPUS_TEXT_BYTES)
+    encoding, name = ("utf-16", "UTF-16") if data.startswith(_MARKS) else ("utf-8-sig", "UTF-8")
     try:
-        text = data.decode("utf-8-sig")
+        text = data.decode(encoding)
     except UnicodeDecodeError as error:
-        raise InputError(f"{path.name!r} is not UTF-8 text: byte 0x{data[error.start]:02x} at {error.start}") from None
+        byte = f"byte 0x{data[error.start]:02x} at {error.start}"
+        raise InputError(f"{path.name!r} is not {name} text: {byte}", "save it as UTF-8") from None
     if "\0" in text:
-        raise InputError(f"{path.name!r} holds NUL characters at {text.index(chr(0))}", "is it damaged?")
+        raise InputError(f"{path.name!r} holds NUL characters at {text.index(chr(0))}", "is it damaged? Save it as UTF-8 text")
     return text
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from .store import Store
 
-__all__ = ["MOST_SHARED", "measure_shared_speech"]
+__all__ = ["describe_shared_speech", "measure_shared_speech"]
 
 RUN = 8  # words in a row; ours: so many in one order are the same text, and no common phrase
 MOST_SHARED = 0.05
@@ -28,6 +28,19 @@ def measure_shared_speech(store: Store) -> dict[str, float]:
             runs.setdefault(entry.split, set()).update(_find_runs(store.clip(entry)))
     train = runs.pop("train", set())
     return {split: len(found & train) / len(found) for split, found in runs.items() if found}
+
+
+def describe_shared_speech(shared: Mapping[str, float]) -> list[str]:
+    """A sentence on each split of which too much is also said in training.
+
+    >>> describe_shared_speech({"validation": 0.01, "test": 0.841})
+    ['84 % of the speech of the test split is also said in training']
+    """
+    return [
+        f"{100 * share:.0f} % of the speech of the {split} split is also said in training"
+        for split, share in shared.items()
+        if share > MOST_SHARED
+    ]
 
 
 def _find_runs(arrays: Mapping[str, np.ndarray]) -> _Runs:

@@ -121,11 +121,21 @@ class Store:
         chosen = [(k, clip.offset, clip.frames - frames + 1) for k, clip in own if clip.frames >= frames]
         if frames < 1 or not chosen:
             longest = max((clip.frames for _, clip in own), default=0)
-            has = f"its longest clip has {longest}" if own else f"it has no clip with {', '.join(arrays)}"
+            has, hint = (f"its longest clip has {longest}", NO_WINDOW) if own else self._find_lacking(split, arrays)
             where = f"{split or 'whole'} split of {str(self.folder)!r}"
-            raise InputError(f"no window of {frames} frames in the {where}: {has}", NO_WINDOW)
+            raise InputError(f"no window of {frames} frames in the {where}: {has}", hint)
         numbers, offsets, counts = np.array(chosen, np.int64).T
         return numbers, offsets, counts
+
+    def _find_lacking(self, split: str | None, arrays: Sequence[str]) -> tuple[str, str]:
+        """Which of the arrays no clip of a split has, and what helps; for a split in which no clip has them all."""
+        clips = [clip for clip in self.clips if split in (None, clip.split)]
+        if not clips:
+            return "it has no clips", NO_WINDOW
+        lacking = [name for name in arrays if not any(name in clip.has for clip in clips)]
+        what = ", ".join(lacking or [name for name in arrays if not all(name in clip.has for clip in clips)])
+        hint = f"prepare it again from recordings that have {what}; docs/corpora says which files"
+        return f"it has no clip with {what}{'' if lacking else ' together'}", hint
 
     def windows(
         self,

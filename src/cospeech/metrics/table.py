@@ -144,14 +144,20 @@ class Table:
             return "–"
         return f"{score.value:.3g}{_spread(score)}"
 
-    def _reasons(self) -> dict[str, list[str]]:
-        """Why a metric has no score in any row → metrics."""
-        found: dict[str, list[str]] = {}
+    def _reasons(self) -> list[str]:
+        """Why there are no scores: of a metric without any, once; else of each row that lacks one."""
+        found: dict[tuple[str, tuple[str, ...]], list[str]] = {}
         for name in self.columns:
-            told = [self.why.get(row, {}).get(name, "") for row in self.rows if self.cells[row].get(name) is None]
-            if len(told) == len(self.rows) and (why := next(filter(None, told), "")):
-                found.setdefault(why.removeprefix(f"{name} "), []).append(name)
-        return found
+            lacking = [row for row in self.rows if self.cells[row].get(name) is None]
+            told: dict[str, list[str]] = {}
+            for row in lacking:
+                if why := self.why.get(row, {}).get(name, "").removeprefix(f"{name} "):
+                    told.setdefault(why, []).append(row)
+            if len(lacking) == len(self.rows):
+                told = {why: [] for why in [*told][:1]}
+            for why, rows in told.items():
+                found.setdefault((why, tuple(rows)), []).append(name)
+        return [f"– {', '.join(names)}{' of ' if rows else ''}{', '.join(rows)}: {why}" for (why, rows), names in found.items()]
 
     def to_text(self, *, width: int = 120) -> str:
         """Aligned columns, in blocks that fit into ``width`` characters; the faults of metrics below."""
@@ -188,4 +194,4 @@ class Table:
             rate = f"holds the true value in some {COVERAGE[self.clips]} of 100 cases, not in 95"
             lines.append(f"note: ± is too narrow with so few clips: an interval over {say_count(self.clips, 'clip')} {rate}")
         lines += [f"{_mark(found)} {name}: {'; '.join(found)}" for name, found in self.faults.items() if found]
-        return lines + [f"– {', '.join(names)}: {why}" for why, names in self._reasons().items()]
+        return lines + self._reasons()

@@ -12,7 +12,7 @@ from typing import Any
 
 from ...errors import CospeechWarning
 from ..attributes import Attributes
-from ..shared_speech import MOST_SHARED
+from ..shared_speech import describe_shared_speech
 
 __all__ = ["PrepareReport", "describe_reasons", "join_notes"]
 
@@ -95,12 +95,7 @@ class PrepareReport:
         """Sentences on what the store lacks for training and evaluation; none where it lacks nothing."""
         uses = _USES if self.clips > 3 else _USES | {"validation": "train with --set train.validate_every=0"}
         lacks = [f"no clip is in the {name} split: {use}" for name, use in uses.items() if not self.splits.get(name)]
-        known = [
-            f"{100 * share:.0f} % of the speech of the {name} split is also said in training: new speech would be harder"
-            for name, share in self.shared.items()
-            if share > MOST_SHARED
-        ]
-        return (*lacks, *known)
+        return (*lacks, *(f"{known}: new speech would be harder" for known in describe_shared_speech(self.shared)))
 
     def summary(self) -> str:
         """One line."""

@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import say_count
 from ...metrics import Tools
 from ...motion.rotations import Array
 from ..figures.lines import Lines, Series, draw_lines
 from .cog_windows import GIVEN, CogWindows
 from .controls import ORACLE, faults_of, oracle_key
 from .figures import choose_excerpt, draw_poses
-from .paper_tables import COSTS, Cells, PaperTable, Pictures, TableSplit, TableSystem
+from .paper_tables import COSTS, Cells, PaperTable, Pictures, TableSplit, TableSystem, replace_minus
 from .runs import PlayableRun, Runs
 from .scores import cache_result, score_columns
 
@@ -64,7 +65,8 @@ class Chains:
     @property
     def windows(self) -> str:
         """How many, of how many clips."""
-        return f"{len(self.data)} test windows of 34 frames, 4 of them given, joined to {len(self.data.entries)} clips"
+        windows, clips = say_count(len(self.data), "test window"), say_count(len(self.data.entries), "clip")
+        return f"{windows} of 34 frames, 4 of them given, joined to {clips}"
 
     def _cache(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
         own = ("cog", self.runs.fingerprint, self.columns, self.features, self.data.raw is not None)
@@ -118,13 +120,8 @@ class Chains:
         for row in self.part.rows:
             if table["rows"][row.name].get("cells"):
                 poses, _ = self._generate(self._player(row, table["seeds"][0]), row.lacks)
-                made[_plain(row.name)] = poses[k][GIVEN : GIVEN + frames]
+                made[replace_minus(row.name)] = poses[k][GIVEN : GIVEN + frames]
         return draw_poses(made, self.data, entry, GIVEN)
-
-
-def _plain(text: str) -> str:
-    """With a minus that the letters of pictures have."""
-    return text.replace("−", "-")
 
 
 def cost_cells(cells: Cells, whole: Cells) -> Cells:
@@ -168,7 +165,9 @@ class Lacking(Chains):
             for system, names in systems.items():
                 cells = [table["rows"][name]["cells"][metric] for name in names]
                 known = [
-                    (_plain(name.partition(": ")[2]), cell) for name, cell in zip(names, cells, strict=True) if "mean" in cell
+                    (replace_minus(name.partition(": ")[2]), cell)
+                    for name, cell in zip(names, cells, strict=True)
+                    if "mean" in cell
                 ]
                 halves = np.array([cell["half"] or 0.0 for _, cell in known])
                 series.append(Series(system, [name for name, _ in known], np.array([c["mean"] for _, c in known]), halves))

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import say_count
 from ...metrics import Tools
 from .controls import ORACLE, faults_of, oracle_key
 from .excerpts import AFTER, BEFORE, Excerpts
@@ -36,7 +37,8 @@ class _Flows:
     def windows(self) -> str:
         """How many, of how many frames."""
         count, total = len(self.excerpts), self.excerpts.total
-        return f"{count}{f' of {total}' if total > count else ''} test windows of {self.excerpts.protocol.made} frames"
+        some = f"{count} of " if total > count else ""
+        return f"{some}{say_count(total, 'test window')} of {self.excerpts.protocol.made} frames"
 
     def _cache(self, name: str, key: Sequence[object], work: Callable[[], Any]) -> Any:
         own = (

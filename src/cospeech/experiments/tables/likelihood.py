@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, say_count
 from ...metrics.interval import mean_score
 from ...motion.rotations import Array
 from ...training.batch_loader import standard_pose
@@ -85,4 +85,6 @@ def _over_clips(values: Array, excerpts: Excerpts) -> dict[str, Any]:
     """The mean of (N, F) values. Whole clips are drawn, not windows: windows of a clip overlap."""
     _, place, counts = np.unique(excerpts.clips, return_inverse=True, return_counts=True)
     means = np.bincount(place, values.mean(1)) / counts
-    return as_cell(mean_score([*means], [*counts], note=f"{len(counts)} clips, {len(values)} windows"))
+    return as_cell(
+        mean_score([*means], [*counts], note=f"{say_count(len(counts), 'clip')}, {say_count(len(values), 'window')}")
+    )

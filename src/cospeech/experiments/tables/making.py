@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
+from hashlib import blake2b
 from itertools import count
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from ...audio.features.reduce import preparation_option
+from ...corpora.shared_speech import describe_shared_speech, measure_shared_speech
 from ...corpora.store import Store
-from ...errors import InputError, nearest
-from ...files import atomic, check_destination
+from ...errors import CospeechWarning, InputError, nearest, say_count
+from ...files import atomic, check_destination, describe_os_error
 from ...training.audio_source import with_audio
 from .cog import COG
-from .controls import check_oracle
+from .controls import check_oracle, oracle_key
 from .figures import write_picture
 from .flow import FLOW
 from .mix import MIX
-from .paper_tables import Bench, Cells, PaperTable, TableSplit, TableSystem
+from .paper_tables import Bench, Cells, PaperTable, TableSplit, TableSystem, replace_minus
 from .report import summary, to_markdown
 from .runs import SHARED, Runs, make_folder
 from .verdicts import Evidence, below, headroom, judge
@@ -77,15 +80,17 @@ def _row(
 
 
 def choose_rows(rows: Sequence[TableSystem], only: Sequence[str]) -> set[str]:
-    """Names of the rows that are made: those that hold one of the texts, or all.
+    """Names of the rows that are made: those that hold one of the texts, or all. A hyphen stands for a minus, too.
 
     Raises:
         InputError: a text that no row holds.
     """
-    for text in only:
-        if not any(text in row.name for row in rows):
-            raise InputError(f"no row of the table is called {text!r}", nearest(text, [row.name for row in rows]))
-    return {row.name for row in rows if not only or any(text in row.name for text in only)}
+    names = {row.name: replace_minus(row.name) for row in rows}
+    texts = [replace_minus(text) for text in only]
+    for text, given in zip(texts, only, strict=True):
+        if not any(text in name for name in names.values()):
+            raise InputError(f"no row of the table is called {given!r}", nearest(given, names))
+    return {row for row, name in names.items() if not texts or any(text in name for text in texts)}
 
 
 def _check_changes(runs: Runs, rows: Sequence[TableSystem], chosen: Collection[str]) -> None:
@@ -96,7 +101,7 @@ def _check_changes(runs: Runs, rows: Sequence[TableSystem], chosen: Collection[s
     """
     there = [row for row in rows if row.recipe and (Path(runs.recipes) / f"{row.recipe}.toml").is_file()]
     shared = [path.stem for path in Path(runs.recipes).glob(f"*_{runs.store.corpus}.toml") if path.stem.startswith(SHARED)]
-    known = [row.recipe for row in there if row.recipe] + shared
+    known = [*dict.fromkeys(row.recipe for row in there if row.recipe), *shared]
     for text in runs.overrides:
         recipe, colon, _ = text.partition("=")[0].rpartition(":")
         if colon and recipe not in known:
@@ -119,10 +124,20 @@ def _head(runs: Runs, bench: Bench, seeds: Sequence[int], only: Sequence[str]) -
     what = f"{runs.about}, " if runs.about else ""
     hours = sum(clip.frames for clip in store.clips if clip.split == "train") / store.fps / 3600
     features = f"; features: {bench.features}" if bench.features else ""
+    speakers, with_seeds = say_count(len(store.speakers), "speaker"), "seed" if len(seeds) == 1 else "seeds"
     return (
-        f"Corpus: {what}store of {store.corpus!r} layout, {store.pose} at {store.fps:g} fps, {len(store.speakers)} speakers, "
-        f"{hours:.2f} h for training; {scale}{more}; {bench.windows}; seeds {', '.join(map(str, seeds))}{features}"
+        f"Corpus: {what}store of {store.corpus!r} layout, {store.pose} at {store.fps:g} fps, {speakers}, {hours:.2f} h for "
+        f"training; {scale}{more}; {bench.windows}; {with_seeds} {', '.join(map(str, seeds))}{features}"
     )
+
+
+def _describe_origin(runs: Runs, bench: Bench, rows: Sequence[TableSystem], raw: str | PathLike[str] | None) -> dict[str, Any]:
+    """What tells a table from all others of its name, but for the seeds: its store, the rows that are made, and how."""
+    return {
+        "store": runs.fingerprint,
+        "rows": {row.name: runs.folder_of(row.recipe, 0, row.overrides).name for row in rows if row.recipe},
+        "settings": [*runs.overrides, bench.features, *(["--raw"] if raw is not None else []), *oracle_key(runs.oracle)],
+    }
 
 
 def make_table(
@@ -171,11 +186,13 @@ def make_table(
         else:
             rows[row.name] = {"recipe": row.recipe, "published": dict(row.published)}
     faults = bench.faults(controls)
-    evidence = Evidence({name: cells for name, cells in scores.items() if cells}, controls, paper_table.columns, faults)
+    leak = "; ".join(describe_shared_speech({"test": measure_shared_speech(runs.store).get("test", 0.0)}))
+    evidence = Evidence({name: cells for name, cells in scores.items() if cells}, controls, paper_table.columns, faults, leak)
     return {
         "table": name, "title": f"{name}: {paper_table.title} ({runs.store.corpus})", "columns": dict(paper_table.columns),
         "head": _head(runs, bench, seeds, only), "corpus": runs.store.corpus, "pose": runs.store.pose,
-        "small": runs.small, "seeds": list(seeds), "note": part.note, "rows": rows,
+        "small": runs.small, "seeds": list(seeds), "note": part.note, "rows": rows, "leak": leak,
+        "origin": _describe_origin(runs, bench, [row for row in part.rows if "cells" in rows[row.name]], raw),
         "controls": {row: {metric: summary([cells], metric, draws=False) for metric in paper_table.columns}
             for row, cells in controls.items()},
         "faults": faults, "headroom": {} if trained else headroom(evidence), "below": below(part.claims, evidence),
@@ -207,11 +224,61 @@ def draw_table(
     write_picture(paper_table.bench(paper_table, part, runs, raw).picture(table), path)
 
 
+def _find_differences(path: Path, table: Mapping[str, Any]) -> list[str]:
+    """What the table of a file has, in words, that one which takes its name lacks; nothing where it has all of it."""
+    own = table["origin"]
+    try:
+        told = json.loads(path.read_text("utf-8"))
+        old = told["origin"]
+        if old["store"] != own["store"]:
+            return ["another store"]
+        differences = {
+            "other rows or recipes": not old["rows"].items() <= own["rows"].items(),
+            "other seeds": not {*told["seeds"]} <= {*table["seeds"]},
+            "other settings": old["settings"] != own["settings"],
+        }
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):  # no table, or one of an older version
+        return ["an unknown store"]
+    return [word for word, differs in differences.items() if differs]
+
+
+def _keep_other(table: Mapping[str, Any], paths: Sequence[Path]) -> None:
+    """Give files of another table, whose names a table takes, other names; and a note says which.
+
+    Raises:
+        InputError: they cannot be renamed.
+    """
+    path = paths[0]
+    if not path.is_file() or not (differences := _find_differences(path, table)):
+        return
+    try:
+        digest = blake2b(path.read_bytes(), digest_size=4).hexdigest()  # ours: short, and some ten tables share a name
+        for old in filter(Path.is_file, paths):
+            old.replace(old.with_name(f"{old.stem}-kept-{digest}{old.suffix}"))
+    except OSError as error:
+        hint = "move it elsewhere, or name another folder with --runs"
+        raise InputError(f"{str(path)!r} holds another table and cannot be renamed: {describe_os_error(error)}", hint) from None
+    kept = f"{path.stem}-kept-{digest}{path.suffix}"
+    what = f"{str(path)!r} held a table of {' and '.join(differences)}"
+    warnings.warn(f"{what}; it is kept as {kept!r}", CospeechWarning, stacklevel=3)
+
+
 def write_table(table: Mapping[str, Any], folder: str | PathLike[str]) -> tuple[Path, Path]:
-    """``TABLE-CORPUS.json`` and ``.md`` in a folder, and which they are; of the small scale ``TABLE-CORPUS-small``."""
-    stem = Path(folder) / f"{table['table']}-{table['pose']}{'-small' if table['small'] else ''}"
+    """``TABLE-POSE.json`` and ``.md`` in a folder, and which they are.
+
+    Of the small scale, the name goes on with ``-small``; where not all rows are made, with ``-part``. Files of that name that
+    hold another table (of another store, or with rows, seeds or settings that this one lacks) are renamed to ``…-kept-DIGEST``,
+    and a note says so.
+
+    Raises:
+        InputError: the folder cannot be made, or files of another table cannot be renamed.
+    """
+    part = any(row["recipe"] and not row.keys() & {"cells", "missing"} for row in table["rows"].values())
+    scale, share = "-small" if table["small"] else "", "-part" if part else ""
+    stem = Path(folder) / f"{table['table']}-{table['pose']}{scale}{share}"
     make_folder(stem.parent)
     paths = (stem.with_suffix(".json"), stem.with_suffix(".md"))
+    _keep_other(table, paths)
     for path, text in zip(paths, (json.dumps(table, indent=1, ensure_ascii=False) + "\n", to_markdown(table)), strict=True):
         with atomic(path) as temporary:
             temporary.write_text(text, "utf-8")

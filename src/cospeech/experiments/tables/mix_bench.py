@@ -13,6 +13,7 @@ import numpy as np
 
 from ...corpora.attributes import attributes_of, body_of
 from ...corpora.clip import Clip
+from ...errors import say_count
 from ...metrics import Tools
 from ...metrics.controls import CONTROLS, control_rows
 from ...motion.rotations import Array
@@ -61,7 +62,7 @@ class _Windowed:
     @property
     def windows(self) -> str:
         """How many, of how many frames."""
-        return f"{len(self.data)} test windows of 64 frames, one after another"
+        return f"{say_count(len(self.data), 'test window')} of 64 frames, one after another"
 
     def _cache(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
         own = (type(self).__name__, self.runs.fingerprint, self.columns, self.data.raw is not None, self.features)

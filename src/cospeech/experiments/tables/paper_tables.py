@@ -14,7 +14,10 @@ from ...corpora.store import Store
 if TYPE_CHECKING:
     from .runs import Runs
 
-__all__ = ["COSTS", "HEARING", "LIKELIHOOD", "Bench", "Cells", "Claim", "PaperTable", "Pictures", "TableSplit", "TableSystem"]
+__all__ = [
+    "COSTS", "HEARING", "LIKELIHOOD", "Bench", "Cells", "Claim", "PaperTable", "Pictures", "TableSplit", "TableSystem",
+    "replace_minus",
+]  # fmt: skip
 
 Pictures = NDArray[np.uint8]
 Cells = dict[str, dict[str, Any]]
@@ -97,6 +100,15 @@ class TableSplit:
     def fits(self, store: Store) -> bool:
         """Whether it can be made on a store."""
         return store.corpus == self.corpus and {*self.speakers} <= {*store.speakers}
+
+
+def replace_minus(name: str) -> str:
+    """The name of a row with the minus that a keyboard has, and the letters of pictures, in place of U+2212.
+
+    >>> replace_minus("−face")
+    '-face'
+    """
+    return name.replace("−", "-")
 
 
 class Bench(Protocol):

@@ -244,9 +244,8 @@ class Runs:
         for text in self.overrides:
             recipe, colon, _ = text.partition("=")[0].rpartition(":")
             if colon and not (Path(self.recipes) / f"{recipe}.toml").is_file():
-                raise InputError(
-                    f"{text!r} is of no recipe", nearest(recipe, [path.stem for path in Path(self.recipes).glob("*.toml")])
-                )
+                known = sorted(path.stem for path in Path(self.recipes).glob("*.toml"))
+                raise InputError(f"{text!r} is of no recipe", nearest(recipe, known))
             if recipe == name or (not recipe and not name.startswith(SHARED)):
                 yield text.removeprefix(f"{recipe}:")
 

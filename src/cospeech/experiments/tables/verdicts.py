@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...errors import say_count
 from ...metrics import METRICS, load_metric
 from ...metrics._scipy import scipy
 from ...metrics.controls import CONTROLS
@@ -103,12 +104,14 @@ class Evidence:
         controls: name of a control row → its cells.
         heads: metric → head of its column.
         faults: metric → what it puts in the wrong order among the control rows.
+        leak: why the test tells nothing of new speech; nothing where it does.
     """
 
     rows: Mapping[str, Sequence[Cells]]
     controls: Mapping[str, Cells]
     heads: Mapping[str, str]
     faults: Mapping[str, Sequence[str]]
+    leak: str = ""
 
     def mean(self, row: str, metric: str) -> float:
         """Of a row over its seeds."""
@@ -221,8 +224,8 @@ def _deaf(row: str, evidence: Evidence) -> str | None:
 
 def _gate(claim: Claim, evidence: Evidence) -> str | None:
     """Why the systems of a claim are no fair test of it; None: they are."""
-    told = _lack_headroom(claim.metric, evidence)
-    if told is not None:
+    told = evidence.leak or _lack_headroom(claim.metric, evidence)
+    if told:
         return told
     rows = [_whole(row, claim.metric, evidence) for row in (claim.better, claim.worse)]
     for row in rows if claim.metric not in COSTS else ():
@@ -292,7 +295,7 @@ def judge(claims: Sequence[Claim], evidence: Evidence) -> list[dict[str, Any]]:
         if why is not None:
             told |= {"verdict": NOT_ASSAYED, "because": why}
         elif len(pair[0]) < LEAST_SEEDS:
-            told |= {"verdict": UNDECIDED, "because": f"{len(pair[0])} seeds; a verdict takes {LEAST_SEEDS}"}
+            told |= {"verdict": UNDECIDED, "because": f"{say_count(len(pair[0]), 'seed')}; a verdict takes {LEAST_SEEDS}"}
         else:
             difference = compare(*pair)
             tested.append((claim, told, difference, *_chances(claim, difference)))

@@ -39,10 +39,12 @@ __all__ = [
     "parse_json", "parse_toml", "read_regular", "regular_file", "scratch", "sweep", "workplace",
 ]  # fmt: skip
 
+_SOUND_FILE = "a sound file"
 PREFIX = ".cospeech-"
 _MAY_WRITE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 _FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS)
 ABANDONED = 86_400.0  # seconds without a write; ours: a day, where no lock tells, and for folders of other machines
+_STANDARD_INPUT = ("/dev/stdin", "/dev/fd/0", "/proc/self/fd/0")  # what systems call it; a decoder of ours has another one
 _ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+:/", re.IGNORECASE)  # https://; a path has lost a slash; C:/ is a drive
 _LOCK, _MARK = "lock", b"cospeech "  # the file, and what it begins with; then comes the name of the machine
 _swept: set[Path] = set()  # folders that this process has looked through: once each, they may be large
@@ -56,7 +58,7 @@ def describe_os_error(error: OSError) -> str:
 # opening --------------------------------------------------------------------------------------------------------------
 
 
-def regular_file(path: str | PathLike[str], what: str = "a sound file") -> Path:
+def regular_file(path: str | PathLike[str], what: str = _SOUND_FILE) -> Path:
     """The path, made absolute, if a regular file with something in it is there.
 
     Args:
@@ -67,6 +69,8 @@ def regular_file(path: str | PathLike[str], what: str = "a sound file") -> Path:
         InputError: missing, a folder, a pipe or a device, empty, or it may not be read.
     """
     name = os.fsdecode(path)
+    if name in _STANDARD_INPUT and what == _SOUND_FILE:
+        raise InputError(f"cannot read {name!r}: it is standard input", "name it -, as in `cospeech generate - -o talk.bvh`")
     try:
         about = Path(name).stat()
     except (OSError, ValueError) as error:
@@ -222,11 +226,23 @@ def atomic(path: str | PathLike[str]) -> Iterator[Path]:
     with ExitStack() as stack:
         temporary = _workplace(stack, target.parent, path) / f"0{Path(path).suffix[-20:]}"
         temporary.touch()
-        yield temporary
+        try:
+            yield temporary
+        except OSError as error:
+            if error.filename == str(temporary) or (error.filename is None and _is_stuck(temporary)):
+                error.filename = os.fsdecode(path)
+            raise
         mask = os.umask(0)
         os.umask(mask)
         temporary.chmod(0o666 & ~mask)
         temporary.replace(target)
+
+
+def _is_stuck(path: Path) -> bool:
+    """Whether a file can take no more: an error of writing to an open file does not say which file it was."""
+    with suppress(OSError), path.open("ab") as file:
+        return file.write(bytes(1 << 16)) == 0
+    return True
 
 
 @contextmanager
@@ -252,7 +268,11 @@ def all_or_none(targets: Iterable[Path]) -> Iterator[Callable[[Path], Path]]:
             destination = destinations[target] = _destination(target)
             if destination.parent not in folders:
                 folders[destination.parent] = _workplace(stack, destination.parent, target)
-        yield place
+        try:
+            yield place
+        except OSError as error:
+            error.filename = next((str(t) for t, path in staged.items() if str(path) == error.filename), error.filename)
+            raise
         for target, path in staged.items():
             path.replace(destinations[target])
 

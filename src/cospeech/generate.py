@@ -143,8 +143,8 @@ def generate_files(
         if counts != {wanted}:
             raise RuntimeError(f"{model} made {sorted(counts)} frames of {seconds} s, {wanted} were due")
         result = Report(
-            model=model, speech_seconds=seconds, frames=wanted, fps=options.fps, seed=options.seed, takes=takes,
-            realtime_factor=(time.perf_counter() - began) / (seconds * takes), emotion=performance.emotion,
+            model=model, speech=source.name, speech_seconds=seconds, frames=wanted, fps=options.fps, seed=options.seed,
+            takes=takes, realtime_factor=(time.perf_counter() - began) / (seconds * takes), emotion=performance.emotion,
             played=performance.expression, arousal=performance.arousal, speaker=performance.speaker, version=__version__,
             style=_style_text(asked) or loaded.default_style, style_mixture=performance.style_mixture,
             outputs=[str(path) for path in names])  # fmt: skip

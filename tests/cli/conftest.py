@@ -9,7 +9,8 @@ import pytest
 
 @pytest.fixture(autouse=True)
 def _own_signals():
-    """The command line handles SIGTERM; the next test shall not."""
-    before = signal.getsignal(signal.SIGTERM)
+    """The command line handles signals; the next test shall not."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     yield
-    signal.signal(signal.SIGTERM, before)
+    for number, handler in before.items():
+        signal.signal(number, handler)

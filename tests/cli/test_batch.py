@@ -6,11 +6,13 @@ import json
 import os
 import pty
 import re
+import shutil
 import subprocess
 import sys
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 import soundfile
 
@@ -111,8 +113,10 @@ BAD = [
     ("generate talk.wav rec/me/a.wav -o out/{name}.xyz", "known suffixes"),
     ("generate talk.wav rec/me/a.wav -o {name}.bvh -o ./{name}.bvh", "overwrite"),
     ("generate talk.wav rec/me/a.wav -o out/ --report nowhere/r.json", "folder exist"),
+    ("generate rec/me rec/you -o out/", "(name the folder above them, 'rec': names then begin with the folders below it"),
     ("generate empty -o out/", "no sound file is in the folder 'empty'"),
     ("generate talk.wav - -o out/", "standard input"),
+    ("generate /dev/stdin -o x.bvh", "cannot read '/dev/stdin': it is standard input (name it -, as in `cospeech generate - "),
     ("generate talk.wav -o talk.wav/", "talk.wav"),
     ("generate talk.wav -o x.bvh --parts face", "'x.bvh' would not move"),
     ("generate talk.wav -o x.csv --parts body,hands", "'x.csv' would not move"),
@@ -303,6 +307,34 @@ def test_a_pattern_that_the_shell_left_is_looked_up(cli, place):
     assert "no file is called 'rec/*.mp3'" in err
 
 
+def test_a_pattern_is_looked_up_in_all_its_parts(cli, place):
+    Path("[old] rec").symlink_to("rec")
+    Path("rec/none").mkdir()
+    both, every = ["me/a", "you/a"], ["me/a", "me/b", "you/a"]
+    for pattern, names in (("rec/*/a.wav", both), ("rec/**/a.*", both), ("rec/*", every), ("[old] rec/*/?.wav", every)):
+        assert cli("generate", pattern, "-o", "out/{name}.bvh", "-q", "--parts", "body") == (0, "", "")
+        assert files("out") == [f"{name}.bvh" for name in names]
+        shutil.rmtree("out")
+
+
+def test_a_speech_that_is_given_twice_is_made_once(cli, place):
+    given = ["talk.wav", "./talk.wav", "rec", "rec/me/a.wav", Path("talk.wav").absolute()]
+    code, out, err = cli("generate", *given, "-o", "out/{name}.bvh")
+    assert (code, err, out.startswith("4 speeches: ")) == (0, "", True)
+    assert files("out") == ["me/a.bvh", "me/b.bvh", "talk.bvh", "you/a.bvh"]
+
+
+def test_all_clashes_of_names_are_told(cli, place):
+    for k in range(5):
+        for name in ("x", "y"):
+            Path(name).mkdir(exist_ok=True)
+            Path(f"{name}/{k}.wav").write_bytes(b"RIFF")  # never opened
+    code, _, err = cli("generate", "x", "y", "-o", "out/")
+    told = [f"'x/{k}.wav' and 'y/{k}.wav' are both called '{k}'" for k in range(3)]
+    assert (code, err.partition(" (")[0]) == (2, f"error: {'; '.join(told)}; and 2 more")
+    assert "name the folder above them, '.'" in err
+
+
 def test_two_sounds_of_one_name_in_a_folder_are_refused(cli, place):
     soundfile.write("rec/me/a.flac", *soundfile.read("rec/me/a.wav"))
     for given in ("rec/me", "rec/me/*"):
@@ -322,6 +354,11 @@ def test_plans_of_several_speeches(cli, place):
     code, _, err = cli("generate", "rec/me", "-o", "out/", "--plan", "a.json")
     assert code == 2
     assert "one plan 'a.json' for several speeches" in err
+
+
+def test_folders_of_plans_are_made(cli, place):
+    assert cli("generate", "rec/me", "-o", "out/", "--plan-out", "plans/new/{name}.json", "-q") == (0, "", "")
+    assert files("plans") == ["new/a.json", "new/b.json"]
 
 
 def test_edits_of_the_command_line(cli, place):
@@ -368,12 +405,39 @@ def test_a_video_beside_a_sound_of_its_name_is_no_second_speech(cli, place):
     for name in ("rec/me/a.mp4", "rec/me/b.webm"):  # never opened
         Path(name).write_bytes(b"\0\0\0\x20ftypisom")
     code, _, err = cli("generate", "rec/me", "-o", "out/{name}.bvh", "-q")
-    assert (code, err) == (0, "note: left out, because a sound of the same name is beside it: rec/me/a.mp4, rec/me/b.webm\n")
+    assert (code, err) == (0, "note: left out: rec/me/a.mp4, rec/me/b.webm (a sound of the same name is beside it)\n")
     assert files("out") == ["a.bvh", "b.bvh"]
     Path("rec/me/a.flac").write_bytes(b"fLaC")
     code, _, err = cli("generate", "rec/me", "-o", "two/", "-q")
     assert code == 2
     assert "'rec/me/a.wav' and 'rec/me/a.flac' are both called 'a'" in err
+
+
+@pytest.mark.parametrize(
+    "line", ["rec/you -o rec/you/{name}.mp4", "rec -o rec/{name}.mp4", "rec/you -o out/ --plan-out rec/you/a.mp4"]
+)
+def test_a_video_that_is_left_out_is_not_written_over(cli, place, line):
+    Path("rec/you/a.mp4").write_bytes(b"my take")
+    code, out, err = cli("generate", *line.split())
+    assert (code, out) == (2, "")
+    assert "error: 'rec/you/a.mp4' would overwrite what is read" in err
+    assert Path("rec/you/a.mp4").read_bytes() == b"my take"
+
+
+def test_what_is_hidden_is_no_speech_and_what_is_left_out_is_told(cli, place):
+    for name in (".cospeech-0f/0.wav", ".git/b.wav", "c.mts", "d.MOV", "e.aac", "f.caf"):
+        Path("rec/you", name).parent.mkdir(exist_ok=True)
+        Path("rec/you", name).write_bytes(b"no sound")
+    Path("rec/you/link").symlink_to(place / "rec" / "me")
+    code, _, err = cli("generate", "rec/you", "-o", "out/{name}.bvh", "-q")
+    notes = sorted(line for line in err.splitlines() if line.startswith("note: "))
+    assert notes == [
+        "note: left out: rec/you/c.mts (media of this kind cannot be read; save it as WAV)",
+        "note: left out: rec/you/link (a link to a folder; links are not followed)",
+    ]
+    assert code == 2
+    assert [name in err for name in ("rec/you/d.MOV", "rec/you/e.aac", "rec/you/f.caf", "3 of 4 speeches")] == [True] * 4
+    assert files("out") == ["a.bvh"]
 
 
 def test_a_note_of_a_file_that_is_read_twice_comes_once(cli, place):
@@ -382,3 +446,18 @@ def test_a_note_of_a_file_that_is_read_twice_comes_once(cli, place):
     code, _, err = cli("generate", "cut.wav", "-o", "a.bvh", "-o", "a.gif", "--gesture", "huge@0.3", "-q")
     assert code == 0
     assert err.count("note: 'cut.wav' is cut short: its header says 1 s, and 0.49") == 1
+
+
+@pytest.mark.parametrize("jobs", [(), ("--jobs", "2")])
+def test_notes_and_the_report_tell_which_speech_they_mean(place, cli, tmp_path, jobs):
+    shutil.rmtree("rec")
+    for folder in ("a", "b"):
+        (tmp_path / "rec" / folder).mkdir(parents=True)
+        soundfile.write(tmp_path / "rec" / folder / "line1.wav", np.zeros(8000), 16_000)
+    code, _, told = cli("generate", "rec", "-o", "out/{name}.npz", "--report", "report.json", "-q", *jobs)
+    assert code == 0
+    assert [line for line in told.splitlines() if "silent" in line] == [
+        f"note: rec/{folder}/line1.wav is silent; mouth and hands rest throughout" for folder in ("a", "b")
+    ]
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert [each["speech"] for each in report["speeches"]] == ["rec/a/line1.wav", "rec/b/line1.wav"]

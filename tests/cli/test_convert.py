@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -178,6 +179,21 @@ def test_several_motions_are_converted_one_by_one(cli, place):
     assert sorted(each.name for each in (place / "from a folder").iterdir()) == ["one.npz", "two.npz"]
 
 
+def test_a_folder_of_motions_is_searched_to_the_bottom_and_one_of_each_name_taken(cli, place):
+    (place / "out/a").mkdir(parents=True)
+    (place / "out/.cospeech-0f").mkdir()
+    for name in ("talk.bvh", "talk.glb", "a/line.bvh", ".cospeech-0f/0.bvh"):
+        (place / "out" / name).write_bytes((place / f"talk{name[-4:]}").read_bytes())
+    code, _, err = cli("convert", "out", "made/{name}.vrma", "-q")
+    assert (code, sorted(each.as_posix() for each in Path("made").rglob("*.*"))) == (0, ["made/a/line.vrma", "made/talk.vrma"])
+    assert "note: left out: out/talk.bvh (of files of one name the first is taken: .glb .fbx .vrma .npz .bvh)" in err
+    assert load("made/talk.vrma").face is not None
+    before = (place / "out/talk.bvh").read_bytes()
+    code, _, err = cli("convert", "out", "out/{name}.bvh")
+    assert (code, "'out/talk.bvh' would overwrite what is read" in err) == (2, True)
+    assert (place / "out/talk.bvh").read_bytes() == before
+
+
 def test_what_is_wrong_with_one_motion_keeps_none_of_the_others_back(cli, place):
     (place / "broken.bvh").write_text("HIERARCHY")
     code, _, err = cli("convert", "broken.bvh", "talk.bvh", "made/{name}.npz")
@@ -195,6 +211,7 @@ def test_what_is_wrong_with_one_motion_keeps_none_of_the_others_back(cli, place)
         (("talk.bvh", "other.glb", "made"), "no format in 'made' for 2 motions ('made/{name}.glb' writes one for each)"),
         (("talk.bvh", "talk.glb", "out/{name}.npz"), "'talk.bvh' and 'talk.glb' are both called 'talk'"),
         (("talk.bvh", "other.glb", "{name}.bvh"), "'talk.bvh' would overwrite what is read"),
+        (("*/*.npz", "out/{name}.npz"), "no file is called '*/*.npz'"),
         (("talk.bvh", "other.glb", "out/{name}.x"), "cannot tell the format of"),
         (("nothing*.bvh", "out/{name}.npz"), "no file is called 'nothing*.bvh'"),
         (("empty", "out/{name}.npz"), "no motion file is in the folder 'empty'"),

@@ -137,7 +137,38 @@ def test_output_that_cannot_be_written_is_one_line(unbuffered):
     with open("/dev/full", "wb") as full:  # noqa: PTH123  a device
         done = subprocess.run([*COSPEECH, "list", "styles"], stdout=full, stderr=subprocess.PIPE, env=environment)
     assert done.returncode == 1
-    assert done.stderr == b"error: No space left on device (is there room on the disk, and in memory?)\n"
+    said = b"error: cannot write standard output: No space left on device (the files that were made before are complete)\n"
+    assert done.stderr == said
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_of_which_a_library_makes_an_error_ends_the_program(cli, monkeypatch, number, code):
+    def fail(what):
+        try:
+            signal.raise_signal(number)
+        except BaseException as error:
+            raise ImportError("initialization failed") from error  # as pybind11 does
+
+    monkeypatch.setattr("cospeech.cli.catalogue.catalogue_text", fail)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # the tests may run where Ctrl-C is ignored: behind an &
+    assert cli("list", "models") == (code, "", "interrupted\n" if code == 130 else "")
+
+
+def test_an_error_of_the_system_names_the_file(cli, monkeypatch):
+    def fail(what):
+        raise OSError(27, "File too large", "stores/pose.npy")
+
+    monkeypatch.setattr("cospeech.cli.catalogue.catalogue_text", fail)
+    code, _, err = cli("list", "models")
+    assert (code, err) == (1, "error: 'stores/pose.npy': File too large (is there room on the disk, and in memory?)\n")
+
+
+def test_whoever_stops_prepare_is_told_how_to_go_on(cli, monkeypatch):
+    def stop(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("cospeech.corpora.prepare.prepare", stop)
+    assert cli("prepare", "folder", "x", "y") == (130, "", "run the same command again to go on\ninterrupted\n")
 
 
 def test_runs_where_the_terminal_speaks_ascii(tmp_path):
@@ -159,7 +190,7 @@ def test_full_disk(tmp_path):
         command = [*COSPEECH, "generate", str(EXAMPLE), "-o", f"a{suffix}"]
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, preexec_fn=little_room)
         assert (done.returncode, done.stdout) == (1, ""), suffix
-        assert done.stderr.startswith("error: File too large"), suffix
+        assert done.stderr.startswith(f"error: 'a{suffix}': File too large"), suffix
         assert done.stderr.count("\n") == 1
         assert list(tmp_path.iterdir()) == []
 

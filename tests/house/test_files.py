@@ -176,3 +176,15 @@ def test_the_hint_fits_the_folder(tmp_path, monkeypatch, number, there, hint):
     with pytest.raises(InputError) as caught, atomic(folder / "a.bvh"):
         raise AssertionError
     assert str(caught.value) == f"cannot write {str(folder / 'a.bvh')!r}: {os.strerror(number)}{hint}"
+
+
+def test_an_error_of_writing_names_the_file_and_no_other(tmp_path):
+    named = []
+    for names_it in (True, False):  # else another file could not be written: this one can
+        with pytest.raises(OSError, match="No space") as caught, atomic(tmp_path / "a.bvh") as temporary:
+            raise OSError(errno.ENOSPC, "No space left on device", *[str(temporary)] * names_it)
+        named.append(caught.value.filename)
+    target = tmp_path / "b.bvh"
+    with pytest.raises(OSError, match="No space") as caught, all_or_none([target]) as place, atomic(place(target)) as temporary:
+        raise OSError(errno.ENOSPC, "No space left on device", str(temporary))
+    assert [*named, caught.value.filename] == [str(tmp_path / "a.bvh"), None, str(target)]

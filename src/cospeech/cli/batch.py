@@ -8,8 +8,8 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager, nullcontext
-from dataclasses import fields
+from contextlib import contextmanager
+from dataclasses import fields, replace
 from multiprocessing import get_context
 from os import PathLike
 from pathlib import Path
@@ -17,15 +17,15 @@ from typing import Any, NamedTuple
 
 from ..errors import CospeechError, CospeechWarning, InputError, InternalError
 from ..export import FORMATS
-from ..export.checks import check_files
-from ..files import atomic, make_folders, regular_file, scratch, workplace
+from ..export.checks import check_apart, check_files
+from ..files import atomic, check_destination, make_folders, regular_file, scratch, workplace
 from ..generate import check_request, generate_files, take_path
 from ..limits import PIPED_BYTES
 from ..models import DEFAULT, PARTS, Model, load
 from ..rules.options import GenerationOptions, check_range
 from ..runtime.report import Failure, Report, Reports
 from ..runtime.styles.style import example_files
-from .several import NAME, match_pattern
+from .several import NAME, FoundFiles, LeftOut, find_files
 
 __all__ = ["STANDARD_INPUT", "generate_speeches"]
 
@@ -74,8 +74,9 @@ def generate_speeches(
     """Generate motion for several sound files, each by itself; what is wrong with one does not keep back the others.
 
     Args:
-        speeches: sound files; folders, of which every sound file is taken, those in folders below too, but no video beside a
-            sound of its name; patterns of files, with ``*`` or ``?``; or ``"-"`` alone, for the bytes of one on standard input.
+        speeches: sound files; folders, of which every sound file is taken, those in folders below too, but nothing hidden and
+            no video beside a sound of its name; patterns of files and folders, with ``*``, ``?``, ``[`` or ``**``; or ``"-"``
+            alone, for the bytes of one on standard input.
         outputs: what to write of each: a file, with ``{name}`` in it where there are several speeches; or a folder, named with
             a slash at its end or there already, for a .bvh and a .glb. Where not given: these two, in the working folder; no
             file that is there is written over then.
@@ -90,13 +91,15 @@ def generate_speeches(
         InputError: something given cannot be used; nothing has been written. Of a single speech, what is wrong with it, too.
     """
     check_range("jobs", jobs, _MOST_JOBS)
-    with _find_files(speeches) as found:
+    with _find_speeches(speeches) as (found, left_out):
         loaded = load(model)
         options = {"parts": PARTS, **options}
         shown = {*options["parts"]} & {*loaded.makes}
         work = [_job(name, path, outputs, options, shown, several=len(found) > 1) for name, path in found.items()]
         if not outputs:
             _check_new(work, options)
+        if left_out:
+            _check_left_out(work, options, report, left_out)
         if len(work) == 1:
             tell = None if progress is None else lambda done, total: progress(done, total, "")
             return Reports(
@@ -105,12 +108,14 @@ def generate_speeches(
         _check(work, options, report)
         asked = {key: value for key, value in options.items() if key in _OF_MODELS and NAME not in str(value)}
         check_request(loaded, **asked)
-        with nullcontext() if report is None else atomic(report) as path:  # it is told now where that cannot be written
-            if jobs == 1:
-                result = _each(work, options, model, loaded, progress)
-            else:
-                result = _each_in_parallel(work, options, model, progress, jobs)
-            if path is not None:
+        if report is not None:
+            check_destination(report)
+        if jobs == 1:
+            result = _each(work, options, model, loaded, progress)
+        else:
+            result = _each_in_parallel(work, options, model, progress, jobs)
+        if report is not None:
+            with atomic(report) as path:
                 path.write_text(result.to_json(), "utf-8")
         return result
 
@@ -122,7 +127,7 @@ def _each(jobs: list[_Job], options: Mapping[str, Any], model: str, loaded: Mode
         word = f"{number} of {len(jobs)}: {job.name}"
         tell = None if progress is None else lambda done, total, word=word: progress(done, total, word)  # type: ignore[misc]
         try:
-            made.append(_generate(job, options, model=model, loaded=loaded, progress=tell))
+            made.append(_generate_one(job, options, model=model, loaded=loaded, progress=tell))
         except CospeechError as error:
             failed.append(Failure(speech=str(job.speech), error=str(error), ours=isinstance(error, InternalError)))
     return Reports(speeches=made, failed=failed)
@@ -192,10 +197,32 @@ def _generate_alone(job: _Job, options: dict[str, Any], model: str) -> tuple[Rep
         warnings.simplefilter("always", CospeechWarning)
         try:
             _check_stop()
-            found: Report | Failure = _generate(job, options, model=model, progress=_check_stop)
+            found: Report | Failure = _generate_one(job, options, model=model, progress=_check_stop)
         except CospeechError as error:
             found = Failure(speech=str(job.speech), error=str(error), ours=isinstance(error, InternalError))
     return found, [str(warning.message) for warning in told if issubclass(warning.category, CospeechWarning)]
+
+
+@contextmanager
+def _tell_paths(speech: Path) -> Iterator[None]:
+    """Notes that name a speech tell its path: many folders have a ``line1.wav``."""
+    with warnings.catch_warnings():
+        usual = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *where: Any) -> None:
+            text = str(message)
+            if issubclass(category, CospeechWarning) and str(speech) not in text:
+                message = category(text.replace(speech.name, str(speech), 1))
+            usual(message, category, *where)
+
+        warnings.showwarning = show  # type: ignore[assignment]
+        yield
+
+
+def _generate_one(job: _Job, options: Mapping[str, Any], **more: Any) -> Report:
+    """One of several speeches."""
+    with _tell_paths(job.speech):
+        return replace(_generate(job, options, **more), speech=str(job.speech))
 
 
 def _generate(job: _Job, options: Mapping[str, Any], **more: Any) -> Report:
@@ -204,47 +231,38 @@ def _generate(job: _Job, options: Mapping[str, Any], **more: Any) -> Report:
 
 
 @contextmanager
-def _find_files(given: Sequence[str | PathLike[str]]) -> Iterator[dict[str, Path]]:
-    """Yield name → sound file, in order.
+def _find_speeches(given: Sequence[str | PathLike[str]]) -> Iterator[FoundFiles]:
+    """Yield what `find_files` finds, or standard input.
 
     Raises:
-        InputError: two have the same name, a folder holds none, or standard input is not alone, closed or too large.
+        InputError: as of `find_files`, or standard input is not alone, closed or too large.
     """
     if [os.fspath(speech) for speech in given] == [STANDARD_INPUT]:
         with _read_standard_input() as path:
-            yield {path.name: path}
+            yield FoundFiles({path.name: path}, {})
         return
-    found: dict[str, Path] = {}
     for speech in given:
         if os.fspath(speech) == STANDARD_INPUT:
             raise InputError("standard input (-) is named together with other speeches", "name it alone")
         if "://" in os.fspath(speech):  # of an address, a `Path` would lose a slash
             regular_file(speech)
-        for name, path in _files(Path(speech)):
-            if name in found:
-                both = f"{str(found[name])!r} and {str(path)!r}"
-                raise InputError(f"{both} are both called {name!r}", "name one of them, or rename it")
-            found[name] = path
-    yield found
+    from ..corpora.folder import SOUND
+
+    yield find_files(map(Path, given), _list_sounds, "sound", SOUND)
 
 
-def _files(path: Path) -> list[tuple[str, Path]]:
-    """A file and its name without suffix; of a folder the sound files in it, by their paths below it."""
-    if (matches := match_pattern(path)) is not None:  # the shell has not looked the pattern up
-        return [(each.stem, each) for each in matches]
-    if not path.is_dir():
-        return [(path.stem, path)]
-    from ..corpora.folder import SOUND, VIDEO, sounds
+def _list_sounds(folder: Path, left_out: LeftOut) -> list[tuple[str, Path]]:
+    """Sound files of a folder, but no video beside a sound of its name."""
+    from ..corpora.clip import Dropped
+    from ..corpora.folder import VIDEO, sounds
 
-    found = list(sounds(path))
-    if not found:
-        raise InputError(f"no sound file is in the folder {str(path)!r}", f"known: {' '.join(SOUND)}")
+    dropped: list[Dropped] = []
+    found = list(sounds(folder, dropped))
     heard = {name for name, each in found if each.suffix.lower() not in VIDEO}
-    videos = dict.fromkeys(each for name, each in found if name in heard and each.suffix.lower() in VIDEO)  # a set in order
-    if videos:
-        shown = ", ".join(str(each) for each in list(videos)[:3]) + (f" and {len(videos) - 3} more" if len(videos) > 3 else "")
-        warnings.warn(f"left out, because a sound of the same name is beside it: {shown}", CospeechWarning, stacklevel=2)
-    return [(name, each) for name, each in found if each not in videos]
+    videos = [each for name, each in found if name in heard and each.suffix.lower() in VIDEO]
+    left_out |= dict.fromkeys(videos, "a sound of the same name is beside it")
+    left_out |= {folder / item.name: item.reason for item in dropped}
+    return [(name, each) for name, each in found if each not in left_out]
 
 
 @contextmanager
@@ -305,6 +323,8 @@ def _job(name: str, speech: Path, given: Sequence[str], options: Mapping[str, An
             hint = f"one for each, with {NAME} in it: {_OF_ONE_SPEECH[key]}"
             raise InputError(f"one {key} {str(options[key])!r} for several speeches", hint)
     put_in = {key: str(options[key]).replace(NAME, name) for key in _WITH_NAME if NAME in str(options.get(key))}
+    if "plan_out" in put_in:
+        folders.add(Path(put_in["plan_out"]).parent)
     return _Job(speech, name, outputs, folders, put_in)
 
 
@@ -316,6 +336,16 @@ def _check_new(jobs: list[_Job], options: Mapping[str, Any]) -> None:
         are = f" and {len(there) - 1} more are" if len(there) > 1 else " is"
         hint = f"-o {there[0]} writes over it" if len(there) == 1 else "-o ./ writes over them"
         raise InputError(f"{str(there[0])!r}{are} there already", f"{hint}; -o out/ writes to another folder")
+
+
+def _check_left_out(
+    jobs: list[_Job], options: Mapping[str, Any], report: str | PathLike[str] | None, left_out: LeftOut
+) -> None:
+    """Nothing is written over a file that was left out beside the speeches: it may be the recording of one of them."""
+    takes = int(options.get("takes", 1))
+    plans = [job.own.get("plan_out", options.get("plan_out")) for job in jobs]
+    others = [Path(path) for path in (*plans, report) if path is not None]
+    check_apart([*(path for job in jobs for path in _takes(job, takes)), *others], [*left_out])
 
 
 def _takes(job: _Job, takes: int) -> list[Path]:

@@ -150,12 +150,16 @@ def _add_prepare(app: typer.Typer) -> None:
             hint = f"it is called --derive-speaker now: --derive-speaker {twin[0]}"  # old name
             raise InputError("there is no option --twin", hint)  # old name
 
-        with show_progress("preparing", quiet) as tell:
-            report = make(
-                corpus, raw, store, pose=pose, fps=fps, filters=filters, mirror=mirror, speeds=speed or (), pitches=pitch or (),
-                derived_speakers=derivation or (), jobs=jobs, backend=backend, scheduler=scheduler, wav2vec=wav2vec,
-                waveform=waveform, overwrite=overwrite, progress=tell,
-            )  # fmt: skip
+        try:
+            with show_progress("preparing", quiet) as tell:
+                report = make(
+                    corpus, raw, store, pose=pose, fps=fps, filters=filters, mirror=mirror, speeds=speed or (),
+                    pitches=pitch or (), derived_speakers=derivation or (), jobs=jobs, backend=backend, scheduler=scheduler,
+                    wav2vec=wav2vec, waveform=waveform, overwrite=overwrite, progress=tell,
+                )  # fmt: skip
+        except (KeyboardInterrupt, SystemExit):  # SystemExit: SIGTERM
+            typer.echo("run the same command again to go on", err=True)
+            raise
         if not quiet:
             typer.echo(f"{store}  {report.summary()}")
             for reason, seconds in sorted((report.reasons | report.cut).items(), key=lambda row: -row[1]):

@@ -87,7 +87,10 @@ Small = Annotated[bool, Option("--small", help="With --table: narrow networks an
 Change = Annotated[
     list[str] | None,
     Option(
-        "--set", metavar="[RECIPE:]KEY=VALUE", help="With --table: change a key in the recipe of every row, or of one recipe."
+        "--set",
+        metavar="[RECIPE:]KEY=VALUE",
+        help="With --table: change a key in the recipe of every row, or of one recipe. Networks that rows share, such as "
+        "fgd_beat, change by name only.",
     ),
 ]
 Threads = Annotated[

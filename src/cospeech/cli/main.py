@@ -5,7 +5,6 @@ Light on purpose: every command imports what it needs when it runs, so that ``co
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 import warnings
@@ -61,6 +60,7 @@ from .options import (  # fmt: skip
 )
 from .plan_options import AddGesture, Keep, Lock, MoveGesture, PlanFile, PlanOut, RemoveGesture, Reseed, SetStretch
 from .progress import show_progress
+from .standard_streams import ready_streams
 
 if TYPE_CHECKING:
     from ..runtime.report import Report, Reports
@@ -258,51 +258,34 @@ def _usage_error(error: typer.TyperException) -> InputError:
     return InputError(what[:1].lower() + what[1:].rstrip("."), hint[:1].lower() + hint[1:])
 
 
-def _stop(signum: int, frame: object) -> NoReturn:
-    raise SystemExit(128 + signum)
+def _note_signals() -> list[int]:
+    """Have signals end the program as Ctrl-C does: what is half-written is removed. The numbers of those that come.
 
-
-def _ready_streams() -> None:
-    """Standard streams that take whatever is said.
-
-    What the shell has closed becomes the null device: a file of ours would get its number else, and a library's complaints.
+    Whoever is at work may make any other error of what a handler raises: a library that is being imported, for one.
     """
-    for name in ("stdin", "stdout", "stderr"):
-        if getattr(sys, name) is None:
-            null = open(os.devnull, "r" if name == "stdin" else "w", encoding="utf-8")  # noqa: SIM115, PTH123  # open to the end
-            setattr(sys, name, null)
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")  # a terminal that cannot show a character does not end the program
+    came: list[int] = []
+
+    def stop(number: int, frame: object) -> NoReturn:
+        came.append(number)
+        raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
+
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):  # SIGHUP: the terminal was closed
+        number = getattr(signal, name, None)  # Windows has no SIGHUP
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as nohup asks for
+            signal.signal(number, stop)
+    return came
 
 
 def main() -> None:
     """Run the command line; exit codes: 0 done, 1 our failure, 2 something given cannot be used, 130 interrupted."""
-    _ready_streams()
-    for name in ("SIGTERM", "SIGHUP"):  # as Ctrl-C: what is half-written is removed; SIGHUP: the terminal was closed
-        number = getattr(signal, name, None)  # Windows has no SIGHUP
-        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as nohup asks for
-            signal.signal(number, _stop)
+    ready_streams()
+    came = _note_signals()
     try:
         with _noting():
             code = app(prog_name="cospeech", standalone_mode=False)
         sys.stdout.flush()  # what cannot be written is told here
-    except KeyboardInterrupt:  # before or after the command itself, of which Typer makes a code
-        code = INTERRUPTED
-    except (CospeechError, typer.TyperException) as problem:
-        error = problem if isinstance(problem, CospeechError) else _usage_error(problem)
-        code = _say(error, 1 if isinstance(error, InternalError) else 2)
-    except (BrokenPipeError, SystemExit) as ended:
-        if not isinstance(ended, BrokenPipeError) and not isinstance(ended.__context__, BrokenPipeError):
-            raise
-        code = 0  # the reader of our output has left, as `head` does; Typer makes an exit with 1 of it
-    except OSError as problem:  # a full disk, say
-        code = _say(InternalError(problem.strerror or str(problem), "is there room on the disk, and in memory?"), 1)
-    except Exception as problem:
-        from .unexpected import explain
-
-        error = explain(problem, next(iter(sys.argv[1:]), ""))
-        code = _say(error, 1 if isinstance(error, InternalError) else 2)
+    except (Exception, KeyboardInterrupt, SystemExit) as problem:  # of Ctrl-C in the command itself, Typer makes a code
+        code = 128 + came[0] if came else _tell(problem)
     if code == INTERRUPTED:
         print("interrupted", file=sys.stderr)
     try:
@@ -310,6 +293,31 @@ def main() -> None:
     except OSError:
         sys.stdout = None  # type: ignore[assignment]  # it is not tried again at exit
     sys.exit(code)
+
+
+def _tell(problem: BaseException) -> int:
+    """Say what is wrong, if anything is; the exit code.
+
+    Raises:
+        SystemExit: it is the problem, and whoever raised it has told why.
+    """
+    if isinstance(problem, KeyboardInterrupt):
+        return INTERRUPTED
+    exits = isinstance(problem, SystemExit)
+    if isinstance(problem.__context__ if exits else problem, BrokenPipeError):
+        return 0  # the reader of our output has left, as `head` does; Typer makes an exit with 1 of it
+    if exits:
+        raise problem
+    if isinstance(problem, CospeechError):
+        error = problem
+    elif isinstance(problem, typer.TyperException):
+        error = _usage_error(problem)
+    else:
+        from .unexpected import explain
+
+        assert isinstance(problem, Exception)
+        error = explain(problem, next(iter(sys.argv[1:]), ""))
+    return _say(error, 1 if isinstance(error, InternalError) else 2)
 
 
 @contextmanager

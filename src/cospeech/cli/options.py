@@ -70,15 +70,17 @@ Audio = Annotated[
     list[str],
     Argument(
         metavar="SPEECH",
-        help="Sound files (WAV, FLAC, OGG, MP3, AIFF; with the extra `av` also M4A, WebM and video), "
-        "folders of sound files, patterns ('talks/*.wav'), or - for standard input.",
+        help="Sound files (WAV, FLAC, OGG, MP3, AIFF; with the extra `av` also M4A, AAC, WebM and video, such as MP4 and MOV), "
+        "folders of sound files, patterns ('talks/*.wav', 'talks/**/*.wav'), or - for standard input. In a folder, those in "
+        "folders below count too; {name} then has these folders in it.",
     ),
 ]
 Motions = Annotated[
     list[Path],
     Argument(
         metavar="MOTION",
-        help=f"Motion file to read: {' '.join(_READABLE)}. Or several, folders of them, or patterns ('takes/*.bvh').",
+        help=f"Motion file to read: {' '.join(_READABLE)}. Or several, folders of them, or patterns ('takes/*.bvh'). "
+        "In a folder, those in folders below count too; of files of one name, one is taken, with its face where it has one.",
     ),
 ]
 Output = Annotated[

@@ -1,7 +1,8 @@
-"""What the command line says of an error that nobody raised on purpose: whose code it comes from, or that memory ran out."""
+"""What the command line says of an error that nobody raised on purpose: whose code it comes from, or what ran out."""
 
 from __future__ import annotations
 
+import os
 import sysconfig
 import traceback
 from importlib.metadata import entry_points
@@ -10,6 +11,7 @@ from types import CodeType
 
 from ..errors import CospeechError, InputError, InternalError
 from ..export.plugins import USED
+from .standard_streams import STANDARD_OUTPUT
 
 __all__ = ["explain"]
 
@@ -29,6 +31,8 @@ def explain(error: Exception, command: str) -> CospeechError:
     Returns:
         An `InputError` for an error in a file of the user's, such as a model of their own; else an `InternalError`.
     """
+    if isinstance(error, OSError):
+        return _explain_os_error(error)
     what = f"{type(error).__name__}: {error}".removesuffix(": ")
     if _is_memory(error):
         hint = "a smaller train.batch needs less" if command == "train" else "close other programs, or give shorter pieces"
@@ -37,6 +41,15 @@ def explain(error: Exception, command: str) -> CospeechError:
         return InputError(f"{place}: {what}", "the error comes from this file, not from cospeech; --debug shows the whole way")
     whose = f"this is a bug of ours, or of {' or '.join(USED)}" if USED else "this is a bug of ours"
     return InternalError(what, f"{whose}; --debug shows where")
+
+
+def _explain_os_error(error: OSError) -> InternalError:
+    """The error that is told where the system refuses something: of a full disk, say."""
+    reason, name = error.strerror or str(error), error.filename
+    if name == STANDARD_OUTPUT:
+        return InternalError(f"cannot write {name}: {reason}", "the files that were made before are complete")
+    where = f"{os.fsdecode(name)!r}: " if isinstance(name, str | bytes) else ""  # writing to an open file tells no name
+    return InternalError(f"{where}{reason}", "is there room on the disk, and in memory?")
 
 
 def _is_memory(error: Exception) -> bool:

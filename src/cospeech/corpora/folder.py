@@ -20,11 +20,17 @@ from ..files import describe_os_error
 from .clip import Clip, Dropped
 from .reading import check_lengths, load_motion, load_sound, read_each, read_rows, usable_folder
 
-__all__ = ["EMOTIONS_FILE", "SOUND", "VIDEO", "WORDS", "read", "sounds"]
+__all__ = ["EMOTIONS_FILE", "SOUND", "VIDEO", "WORDS", "group_files", "read", "sounds"]
 
-SOUND = (".wav", ".flac", ".ogg", ".opus", ".mp3", ".aiff", ".aif", ".m4a", ".mp4", ".webm")
-VIDEO = (".mp4", ".webm")
+VIDEO = (".mp4", ".m4v", ".mov", ".webm", ".mkv", ".avi", ".3gp", ".wmv", ".flv", ".ogv")
 """Those of `SOUND` that may be a video; beside a sound of its name, one is no speech of its own."""
+SOUND = (
+    ".wav", ".flac", ".ogg", ".oga", ".opus", ".mp3", ".aiff", ".aif", ".aifc", ".caf", ".w64", ".au", ".m4a", ".m4b", ".aac",
+    ".mka", ".amr", ".wma", ".wv", ".ape", *VIDEO,
+)  # fmt: skip
+"""[ours: suffixes that recorders, phones and cameras give to what `cospeech.audio._decode` opens; sound without loss first]"""
+_OTHER_MEDIA = (".mpg", ".mpeg", ".mts", ".m2ts", ".vob", ".ac3", ".dts")
+"""[ours: what cameras and discs have, and the decoder does not open; they are told of, so that nobody misses them]"""
 _FACES = {".json": (b'"names"', b'"frames"'), ".csv": (b"Timecode", b"BlendShapeCount")}
 """Suffix of a face → what stands in its beginning."""
 WORDS = (".textgrid", ".tsv", ".srt", ".vtt", ".json", ".txt")
@@ -37,14 +43,17 @@ def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
     """Clips in order of path, one at a time; the name is the path below the folder, without suffix.
 
     Where several files could be a clip's sound, motion or words, the first suffix of `SOUND`, of the formats, of `WORDS`
-    counts. A second sound of one name is reported as dropped, and so is motion without a sound of its name.
+    counts. A second sound of one name is reported as dropped, and so is motion without a sound of its name, a link to a
+    folder, and media that cannot be read. Hidden files and folders are passed over.
 
     Raises:
         InputError: no such folder, no sound file in it, or emotions that cannot be read.
     """
     root = usable_folder(raw, "a corpus")
-    if next(sounds(root), None) is None:
-        raise InputError(f"there is no sound file in {str(root)!r}", f"known: {' '.join(SOUND)}")
+    left_out: list[Dropped] = []
+    if next(sounds(root, left_out), None) is None:
+        hint = f"{left_out[0].name}: {left_out[0].reason}" if left_out else f"known: {' '.join(SOUND)}"
+        raise InputError(f"there is no sound file in {str(root)!r}", hint)
     return _read(root, _read_emotions(root / EMOTIONS_FILE))
 
 
@@ -67,10 +76,22 @@ def _read_emotions(path: Path) -> dict[str, str]:
     return found
 
 
-def sounds(root: Path) -> Iterator[tuple[str, Path]]:
-    """Name and file of every sound, in the order of `read`; two sounds may have one name. Nothing is opened."""
-    for name, files in _groups(root, []):
+def sounds(root: Path, left_out: list[Dropped]) -> Iterator[tuple[str, Path]]:
+    """Name and file of every sound, in the order of `read`; two sounds may have one name. Nothing is opened.
+
+    Args:
+        root: the folder.
+        left_out: media that cannot be read are added to it, and what `group_files` adds.
+    """
+    for name, files in group_files(root, left_out):
+        left_out += _other_media(name, files)
         yield from ((name, path) for path in _sounds_among(files))
+
+
+def _other_media(name: str, files: Mapping[str, Sequence[Path]]) -> list[Dropped]:
+    """Of one name, the media that cannot be read."""
+    others = [path for suffix in _OTHER_MEDIA for path in files.get(suffix, ())]
+    return [Dropped(f"{name}{path.suffix}", "media of this kind cannot be read; save it as WAV") for path in others]
 
 
 def _sounds_among(files: dict[str, list[Path]]) -> list[Path]:
@@ -83,15 +104,23 @@ def _motion_among(files: Mapping[str, Sequence[Path]]) -> Path | None:
     return next((files[suffix][0] for suffix in suffixes(reads_body) if suffix in files), None)
 
 
-def _groups(root: Path, failed: list[OSError]) -> Iterator[tuple[str, dict[str, list[Path]]]]:
-    """Name → its files by suffix, folder by folder; links to folders are not followed.
+def group_files(root: Path, left_out: list[Dropped]) -> Iterator[tuple[str, dict[str, list[Path]]]]:
+    """Name → its files by suffix, folder by folder. Hidden files and folders are passed over; links to folders not followed.
 
     A suffix has several files where they differ in small and capital letters: ``a.wav`` and ``a.WAV``.
 
-    Folders that cannot be listed are added to ``failed``.
+    Args:
+        root: the folder.
+        left_out: links to folders are added to it, and folders that cannot be listed.
     """
-    for place, folders, names in os.walk(root, onerror=failed.append):
-        folders.sort()
+
+    def note(error: OSError) -> None:
+        left_out.append(Dropped(os.path.relpath(str(error.filename), root), f"cannot list it: {describe_os_error(error)}"))
+
+    for place, folders, names in os.walk(root, onerror=note):
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        links = [path for name in folders if (path := Path(place, name)).is_symlink()]
+        left_out += [Dropped(path.relative_to(root).as_posix(), "a link to a folder; links are not followed") for path in links]
         groups: dict[str, dict[str, list[Path]]] = {}
         for name in sorted(names):
             path = Path(place, name)
@@ -102,11 +131,12 @@ def _groups(root: Path, failed: list[OSError]) -> Iterator[tuple[str, dict[str, 
 
 
 def _read(root: Path, emotions: Mapping[str, str]) -> Iterator[Clip | Dropped]:
-    failed: list[OSError] = []
+    left_out: list[Dropped] = []
     unused = {*emotions}
-    for name, files in _groups(root, failed):
+    for name, files in group_files(root, left_out):
+        yield from _other_media(name, files)
         if not (among := _sounds_among(files)):
-            if (motion := _motion_among(files)) is not None and "/." not in f"/{name}":  # the parts of a store are hidden
+            if (motion := _motion_among(files)) is not None:
                 yield Dropped(f"{name}{motion.suffix}", "no sound of this name is beside it")
             continue
         first, *others = among
@@ -119,8 +149,7 @@ def _read(root: Path, emotions: Mapping[str, str]) -> Iterator[Clip | Dropped]:
         feels = next((emotions[place] for place in places if place in emotions), None)
         yield from read_each([name], lambda name, f=files, s=speaker, e=feels, at=first: _clip(name, s, at, f, e))  # type: ignore[misc]
     yield from (Dropped(name, f"{EMOTIONS_FILE} names it, and there is no such recording") for name in sorted(unused))
-    for error in failed:
-        yield Dropped(os.path.relpath(str(error.filename), root), f"cannot list it: {describe_os_error(error)}")
+    yield from left_out
 
 
 def _clip(name: str, speaker: str, sound: Path, files: dict[str, list[Path]], emotion: str | None) -> Clip:

@@ -11,8 +11,9 @@ from .store import Store
 __all__ = ["describe_shared_speech", "measure_shared_speech"]
 
 RUN = 8  # words in a row; ours: so many in one order are the same text, and no common phrase
-MOST_SHARED = 0.05
-"""Share above which figures of a split count for nothing. [ours] By chance, hardly any run of eight words is said twice."""
+MOST_SHARED = 0.15
+"""Share above which figures of a split count for nothing. [ours] Turns of phrase in our sentences make up to .09 where no
+sentence is said twice. Where half of eight speakers were split by chance, it was .6."""
 
 _Runs = set[tuple[int, ...]]
 
@@ -33,7 +34,7 @@ def measure_shared_speech(store: Store) -> dict[str, float]:
 def describe_shared_speech(shared: Mapping[str, float]) -> list[str]:
     """A sentence on each split of which too much is also said in training.
 
-    >>> describe_shared_speech({"validation": 0.01, "test": 0.841})
+    >>> describe_shared_speech({"validation": 0.09, "test": 0.841})
     ['84 % of the speech of the test split is also said in training']
     """
     return [

@@ -20,6 +20,8 @@ class Report(_Facts):
 
     model: str
     """Registry name of the model."""
+    speech: str = ""
+    """Name of the sound file; of several speeches its path."""
     speech_seconds: float
     """Length of the speech, with its tail of silence."""
     frames: int

@@ -70,7 +70,7 @@ def test_generate_writes_what_is_asked_for(cli, place):
     assert math.isclose(sum(report["emotion"].values()), 1, abs_tol=1e-6)
     assert report["style_mixture"] is None
     assert set(report) == {
-        "model", "speech_seconds", "frames", "fps", "seed", "takes", "realtime_factor", "emotion", "style", "outputs",
+        "model", "speech", "speech_seconds", "frames", "fps", "seed", "takes", "realtime_factor", "emotion", "style", "outputs",
         "style_mixture", "speaker", "version", "played", "arousal",
     }  # fmt: skip
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from .corpora.clip import Clip
-from .corpora.motion_files import load_motions
+from .corpora.motion_files import RecordingPart, load_motions
 from .corpora.samples import POSE_STATISTICS, load_stored_clips, sample_of
 from .errors import CospeechWarning, InputError, describe_extra, nearest, say_count
 from .metrics import METRICS, FeatureNet, Metric, Sample, Score, Tools, load_metric
@@ -33,7 +33,7 @@ from .motion.rotations import Array
 
 __all__ = ["evaluate", "evaluate_clips", "evaluate_store", "feature_tools", "play"]
 
-LONGER = 0.5  # seconds; ours: so much longer than the recording a motion may be before it is told
+_LONGER = 0.5  # seconds; ours: so much longer than the recording a motion may be before it is told
 PADDED = 2  # frames; ours: so many may be missing at the end of a motion (frame rates that do not divide)
 Body = Motion | Points | Clip
 Motions = Mapping[str, Body | Sequence[Body]] | Sequence[Body] | str | PathLike[str]
@@ -265,10 +265,11 @@ def _fit(body: Motion | Points, clip: Clip) -> Clip:
             "give a Motion; cospeech.motion.poses.lift.lift makes one of key points",
         )
     motion = body if body.skeleton == clip.motion.skeleton else body.retarget(clip.motion.skeleton)
-    motion = _keep_as(motion.resample(clip.motion.fps), clip)
+    motion = motion.resample(clip.motion.fps)
     frames = _rows(len(motion), len(clip.motion), clip.motion.fps, clip.name)
     face = None if motion.face is None else motion.face[frames]
-    return replace(clip, motion=replace(motion, rotations=motion.rotations[frames], root=motion.root[frames], face=face))
+    motion = replace(motion, rotations=motion.rotations[frames], root=motion.root[frames], face=face)
+    return replace(clip, motion=_keep_as(motion, clip))
 
 
 def _keep_as(motion: Motion, clip: Clip) -> Motion:
@@ -315,7 +316,7 @@ def _note_longer(motions: Mapping[str, Body | Sequence[Body]], reference: Sequen
     for clip in reference:
         takes = motions[clip.name]
         seconds = max((take.duration for take in ([takes] if isinstance(takes, Body) else takes)), default=0.0)
-        if seconds > clip.duration + LONGER and "@" not in clip.name:  # a part's motion may be that of the whole recording
+        if seconds > clip.duration + _LONGER:
             longer.append(f"{clip.name!r}: {seconds:.1f} s, recorded {clip.duration:.1f} s")
     if longer:
         what = f"{len(longer)} of {say_count(len(reference), 'clip')} have motion that goes on after the recording"
@@ -323,11 +324,25 @@ def _note_longer(motions: Mapping[str, Body | Sequence[Body]], reference: Sequen
         warnings.warn(f"{what} ({longer[0]}): {hint}", CospeechWarning, stacklevel=3)
 
 
+def _load(folder: str | PathLike[str], reference: Sequence[Clip]) -> dict[str, list[Motion]]:
+    """The motions of a folder, those of parts of recordings cut from the whole where they have no file of their own."""
+    parts, fps = dict[str, RecordingPart](), 30.0
+    for clip in reference:
+        body = clip.motion if clip.motion is not None else clip.points
+        recording, _, first = clip.name.rpartition("@")
+        if body is None or clip.pose is None or not recording or not first.isdecimal():
+            continue
+        fps = body.fps
+        # readers, too, may put an @ into a name: a part begins with the frame that it is named by
+        if clip.points is not None or abs(clip.start * fps - int(first)) < 1:
+            parts[clip.name] = RecordingPart(recording, int(first), len(body))
+    return load_motions(folder, [clip.name for clip in reference], parts, fps)
+
+
 def _system(motions: Motions, reference: Sequence[Clip], seed_frames: int, track: bool) -> list[Sample]:
     names = [clip.name for clip in reference]
     if isinstance(motions, str | PathLike):
-        bodies = (clip.motion if clip.motion is not None else clip.points for clip in reference)
-        motions = load_motions(motions, names, next((body.fps for body in bodies if body is not None), None))
+        motions = _load(motions, reference)
     if not isinstance(motions, Mapping):
         if len(motions) != len(reference):
             raise InputError(f"{len(motions)} motions for {say_count(len(reference), 'clip')}", "one for each, in their order")

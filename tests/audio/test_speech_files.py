@@ -358,6 +358,18 @@ def test_other_sounds_that_are_cut_short_say_how_much_is_there(tmp_path, name, s
     assert 3 < speech.seconds < 5
 
 
+def test_an_mp3_that_does_not_tell_its_length_is_whole(tmp_path):
+    """Loud first, so that the rate of its first frame says that it is short; and a tag says "Info:", which no frame does."""
+    file, samples = io.BytesIO(), np.append(np.random.default_rng(0).normal(0, 0.2, 5 * RATE), np.zeros(5 * RATE))
+    soundfile.write(file, samples, RATE, format="MP3", bitrate_mode="VARIABLE", compression_level=0.5)
+    data = file.getvalue()
+    tells = data.index(b"Xing")
+    data = data[: data.rindex(b"\xff\xf3", 0, tells)] + data[data.index(b"\xff\xf3", tells) :]  # without that frame
+    tag = b"TXXX" + struct.pack(">I", 20) + b"\0\0\0Info: made by us\0\0\0"
+    path = holding(b"ID3\x04\0\0\0\0\0" + bytes([len(tag)]) + tag + data, "a.mp3")(tmp_path)
+    assert Speech.load(path).seconds == pytest.approx(10, abs=0.2)
+
+
 def test_sound_that_begins_after_the_picture_is_timed_to_the_picture(tmp_path):
     path = tmp_path / "late.mp4"
     with av.open(str(path), "w") as film:

@@ -317,6 +317,18 @@ def test_a_pattern_is_looked_up_in_all_its_parts(cli, place):
         shutil.rmtree("out")
 
 
+def test_patterns_take_no_file_twice_and_lead_nowhere_else(cli, place):
+    shutil.copy("rec/me/a.wav", "rec/me/a.mp4")  # left out of a folder
+    assert cli("generate", "rec/**", "-o", "out/{name}.npz", "-q")[0] == 0
+    assert sorted(path.relative_to("out").as_posix() for path in Path("out").rglob("*.npz")) == [
+        "me/a.npz", "me/b.npz", "you/a.npz",
+    ]  # fmt: skip
+    code, _, told = cli("generate", "rec/*/../../t*.wav", "-o", "out/{name}.npz")
+    assert (code, "'..' behind a sign of the pattern" in told) == (2, True)
+    Path("empty/one").mkdir(parents=True)
+    assert "hold no such file" in cli("generate", "empty/*", "-o", "out/{name}.npz")[2]
+
+
 def test_a_speech_that_is_given_twice_is_made_once(cli, place):
     given = ["talk.wav", "./talk.wav", "rec", "rec/me/a.wav", Path("talk.wav").absolute()]
     code, out, err = cli("generate", *given, "-o", "out/{name}.bvh")

@@ -205,11 +205,14 @@ def test_the_split_is_the_papers():
     expected = {
         "2_scott_0_8_8": "test", "2_scott_0_9_9": "train", "4_lawrence_0_57_57": "validation", "6_carla_0_65_65": "test",
         "8_catherine_0_118_118": "validation", "2_scott_1_1_1": "test", "2_scott_1_12_12": "validation",
-        "2_scott_1_2_2": "train", "2_scott_0_103_110": "test", "2_scott_0_7_9": "test", "2_scott_0_56_57": "validation",
+        "2_scott_1_2_2": "train", "2_scott_0_2_8": "test", "2_scott_0_9_56": "train",
         "1_wayne_0_1_1": "test", "1_wayne_0_9_9": "train", "2_scott_2_1_1": "test", "2_scott_3_2_2": "train",
         "2_scott_0_118_119": None, "2_scott_1_13_13": None,
     }  # fmt: skip
     assert {name: take_of(name).split for name in expected} == expected
+    for name in ("2_scott_0_103_110", "2_scott_0_7_9", "7_ana_2_56_57"):
+        with pytest.raises(InputError, match=r"its texts \d+ to \d+ are of the .* and the .* split"):
+            take_of(name).split  # noqa: B018
 
 
 def test_the_emotion_is_in_the_id():

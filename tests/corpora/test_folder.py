@@ -24,7 +24,7 @@ def put(root: Path, *names: str) -> None:
 
 def test_media_that_can_be_read_are_sounds_and_others_are_told(tmp_path):
     names = ["a.mov", "b.MKV", "c.m4v", "d.avi", "e.aac", "f.caf", "g.wma", "h.3gp"]
-    put(tmp_path, *names, "i.mts", "notes.txt")
+    put(tmp_path, *names, "i.mts", "a.mts", "notes.txt")  # of a there is a sound
     left_out: list[Dropped] = []
     assert [path.name for _, path in folder.sounds(tmp_path, left_out)] == names
     reason = "media of this kind cannot be read; save it as WAV"

@@ -103,9 +103,9 @@ def test_beat2_without_its_list_and_with_other_shapes(tmp_path):
     """Betas that nothing uses lose no take; a missing list is told, because every split is another one."""
     (tmp_path / "smplxflame_30").mkdir()
     smplx(tmp_path / "smplxflame_30" / "2_scott_0_1_1.npz", betas=np.zeros(16))
-    with pytest.warns(CospeechWarning, match=r"'train_test_split.csv' is not in .*: its takes are split by their names"):
+    with pytest.warns(CospeechWarning, match=r"'train_test_split.csv' is not in .*: its takes have the split of BEAT"):
         (item,) = beat2.read(tmp_path)
-    assert (item.split, "betas" in item.extra) == (None, False)
+    assert (item.split, "betas" in item.extra) == ("test", False)
 
 
 @pytest.mark.parametrize("text", ["", "id\na\n", "id,type\na,b\n", "id,type\n2_scott_0_1_1\n", "\0", "id,type\n\xff"])
@@ -183,7 +183,7 @@ def test_zeroeggs(eggs):
 
 def test_zeroeggs_without_its_list_keeps_the_forms_of_a_recording_together(eggs, tmp_path):
     shutil.copytree(eggs / "clean", tmp_path / "eggs" / "clean")
-    with pytest.warns(CospeechWarning, match=r"'info.csv' is not beside .*: its takes are split by their names"):
+    with pytest.warns(CospeechWarning, match=r"'info.csv' is not beside .*: its takes have no split"):
         got = {item.name: item for item in zeroeggs.read(tmp_path / "eggs")}
     forms = [got[f"001_Neutral_0{form}"] for form in ("_x_1_0", "_mirror_x_1_0")]
     for k in range(40):

@@ -89,7 +89,13 @@ def test_the_papers_joints():
 
 
 def test_recording_008_is_for_tests_whatever_it_is_called(raw, tmp_path):
-    names = {"Recording_008": "test", "NaturalTalking_08": "test", "recording_8": "test", "Recording_018": "train"}
+    names = {
+        "Recording_008": "test",
+        "NaturalTalking_08": "test",
+        "recording_8": "test",
+        "Recording_018": "train",
+        "Session2_008": "train",
+    }
     (tmp_path / "Motion").mkdir()
     for name in names:
         shutil.copy(raw / "Motion" / "Recording_001.bvh", tmp_path / "Motion" / f"{name}.bvh")
@@ -114,6 +120,8 @@ def test_names_are_given(tmp_path):
     assert names == [f"Recording_{k:03d}" for k in numbers]
     got, _ = sort_out(trinity.read(tmp_path), names)
     assert sorted(n for n in got if got[n].split == "test") == ["Recording_004", "Recording_008"]
+    (name,) = trinity.write([clip("Recording_8", split="train", **short)], tmp_path / "other")
+    assert (name, next(trinity.read(tmp_path / "other")).split) == ("Recording_001", "train")
     with pytest.raises(InputError, match="two clips"):
         trinity.write([clip("Recording_001", **short)] * 2, tmp_path)
     with pytest.raises(InputError, match="no motion"):

@@ -476,15 +476,27 @@ def test_motion_that_goes_on_after_the_recording_is_told(tmp_path):
         evaluate_clips({"slow": [slow]}, [clip], metrics=("pck",))
 
 
-def test_a_part_of_a_recording_is_cut_from_the_motion_of_the_whole(tmp_path):
+def test_a_part_of_a_recording_is_cut_from_the_motion_of_the_whole(tmp_path, monkeypatch):
     whole = clips()[0].motion
-    whole.save(tmp_path / "take.npz")
-    part = replace(clips()[0], name="take@40", motion=whole[40:100])
-    found = evaluate_clips({"files": str(tmp_path)}, [part], metrics=("pck", "mae"))
-    assert found.cells["files"]["pck"].value == 1
-    assert found.cells["files"]["mae"].value < 1e-5
-    whole[20:80].save(tmp_path / "take@40.npz")
-    assert evaluate_clips({"files": str(tmp_path)}, [part], metrics=("mae",)).cells["files"]["mae"].value > 1e-3
+    whole.save(tmp_path / "take.1.npz")  # as a name, not as the first take
+    parts = [
+        replace(clips()[0], name=f"take.1@{first}", motion=whole[first : first + 30], start=first / FPS, pose="rot6d-humanoid")
+        for first in (0, 40, 80)
+    ]
+    loads, load = [], Motion.load
+    monkeypatch.setattr("cospeech.corpora.motion_files.Motion.load", lambda path: loads.append(path) or load(path))
+    found = evaluate_clips({"files": str(tmp_path)}, parts, metrics=("mae",))
+    assert found.cells["files"]["mae"].value < 0.05  # the representation of the store has no hips, and moves nothing else
+    assert len(loads) == 1, "a recording is read once, however many parts it has"
+    other = replace(parts[1], start=10.0)  # a name with an @, which a reader gave
+    with pytest.raises(InputError, match="no motion for 1 of 1 clips"):
+        evaluate_clips({"files": str(tmp_path)}, [other], metrics=("mae",))
+    late = replace(parts[1], name="take.1@500", start=500 / FPS)
+    with pytest.raises(InputError, match="has 0 frames"):
+        evaluate_clips({"files": str(tmp_path)}, [late], metrics=("mae",))
+    near = found.cells["files"]["mae"].value
+    whole[20:50].save(tmp_path / "take.1@40.npz")
+    assert evaluate_clips({"files": str(tmp_path)}, parts[1:2], metrics=("mae",)).cells["files"]["mae"].value > 2 * near
 
 
 @pytest.mark.slow

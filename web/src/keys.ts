@@ -4,9 +4,9 @@ import { find } from "./dom";
 import type { Player } from "./player";
 import type { Store } from "./state";
 import type { Takes } from "./takes";
+import { LEAST_STRETCH } from "./timeline";
 
 const LIVE_KEYS = ["f", "?"];
-const LEAST = 0.1; // seconds of the shortest stretch that is selected [ours: as by the pointer]
 
 /** What keys do that is not done by a button of the page. */
 export interface KeyActions {
@@ -54,9 +54,9 @@ function undoes(event: KeyboardEvent, takes: Takes): boolean {
 /** Begin or end the selected stretch at a time. */
 function select(store: Store, seconds: number, part: { from?: number; to?: number }): void {
   const [first, last] = store.state.selection ?? [0, seconds];
-  const from = part.from ?? (first > part.to! - LEAST ? 0 : first);
-  const to = part.to ?? (last < part.from! + LEAST ? seconds : last);
-  if (store.state.speech !== null && to - from >= LEAST) store.update({ selection: [from, to] });
+  const from = part.from ?? (first > part.to! - LEAST_STRETCH ? 0 : first);
+  const to = part.to ?? (last < part.from! + LEAST_STRETCH ? seconds : last);
+  if (store.state.speech !== null && to - from >= LEAST_STRETCH) store.update({ selection: [from, to] });
 }
 
 function answer(event: KeyboardEvent, { store, takes, player, play, removeGesture }: KeyActions): boolean {

@@ -10,7 +10,7 @@ import { ValueTracks } from "./tracks";
 import { drawWaveform } from "./waveform";
 
 const LEAST_WIDTH = 64; // pixels of a second; a longer speech scrolls [ours: short words can be read]
-const LEAST_STRETCH = 0.1; // seconds; a shorter drag is a click [ours]
+export const LEAST_STRETCH = 0.1; // seconds; a shorter drag is a click [ours]
 
 export class TimeLine {
   private readonly lanes = find("lanes");

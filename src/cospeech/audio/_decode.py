@@ -18,6 +18,7 @@ PyAV, with the demuxer fixed by the first bytes: FFmpeg's own probing would also
 from __future__ import annotations
 
 import os
+from importlib.util import find_spec
 from typing import Literal
 
 from cospeech.audio.worker import FileRefused, requests, send, send_json
@@ -26,8 +27,7 @@ __all__ = ["serve"]
 
 BLOCK_SAMPLES = 1 << 17  # ours: samples per message over all channels (512 KiB)
 STEP_FRAMES = 2048  # ours: frames per read; at most so many are lost before a damaged place
-CUT = 0.05  # seconds; ours: as of a hole
-MP3_HEAD = 1 << 17  # bytes in which an MP3 says how long it is; ours: behind tags with a small picture, too
+MP3_FRAME = 64  # bytes of the first frame of an MP3 in which it says how long it is; the format: at most 42
 MOST_FRAMES = 1 << 48  # ours: more stands for a length that the file does not tell
 AV_SECOND = 1_000_000  # FFmpeg's AV_TIME_BASE: in such parts of a second it tells when a film begins
 LATEST = 3600.0  # seconds; ours: a sound that begins later is damage
@@ -76,7 +76,7 @@ def decode(path: bytes) -> tuple[int, int]:
     # Opened by number, so that libsndfile has no name whose suffix it could believe.
     with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0)), "rb") as file:
         head = file.read(16)
-        announced = find_overstatement(file, head)
+        factor, known = find_overstatement(file, head), has_length(file)
         file.seek(0)
         container = demuxer(head)
         try:
@@ -87,16 +87,26 @@ def decode(path: bytes) -> tuple[int, int]:
                 return decode_container(file, container)
             raise FileRefused("not a sound file that can be read", "WAV, FLAC, OGG, MP3 and AIFF can", detail=error) from None
         with sound:
+            # libsndfile ends such a file where it guesses the end, from the rate of its first frame
+            if sound.format == "MP3" and not known and find_spec("av"):
+                file.seek(0)
+                return decode_container(file, "mp3")
             frames = decode_sound(sound, file)
-            said = sound.frames * (announced if announced > 1 else tells_length(sound, file))
-            return frames, round(said) if CUT * sound.samplerate < said - frames < MOST_FRAMES else -1
+            said = sound.frames * (factor if factor > 1 else known)
+            return frames, round(said) if HOLE * sound.samplerate < said - frames < MOST_FRAMES else -1
 
 
-def tells_length(sound, file) -> bool:  # type: ignore[no-untyped-def]
-    """Whether a compressed file says how long it is; of other MP3 it is guessed, from what is there."""
+def has_length(file) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a FLAC or an MP3 says how long it is; of other MP3 it is guessed."""
     file.seek(0)
-    start = file.read(MP3_HEAD)
-    return sound.format == "FLAC" or (sound.format == "MP3" and (b"Xing" in start or b"Info" in start))
+    head = file.read(10)
+    if head[:3] == b"ID3":  # a tag before the sound, whose size has seven bits in each byte
+        size = sum(byte << shift for byte, shift in zip(head[6:10], (21, 14, 7, 0), strict=True))
+        file.seek(10 + size)
+    else:
+        file.seek(0)
+    start = file.read(MP3_FRAME)
+    return head[:4] == b"fLaC" or (start[:1] == b"\xff" and (b"Xing" in start or b"Info" in start))
 
 
 def find_overstatement(file, head: bytes) -> float:  # type: ignore[no-untyped-def]
@@ -169,7 +179,7 @@ def decode_container(file, container: str) -> tuple[int, int]:  # type: ignore[n
         raise FileRefused(
             f"{container} media need FFmpeg's decoders", "in a clone: pip install -e '.[av]'; or save it as WAV"
         ) from None
-    frames = 0
+    frames = lead = 0
     try:
         with av.open(file, format=container, mode="r") as media:
             if not media.streams.audio:
@@ -190,7 +200,7 @@ def decode_container(file, container: str) -> tuple[int, int]:  # type: ignore[n
                     send(b"B", memoryview(piece.planes[0])[: piece.samples * channels * 4])
             return frames, -1
     except av.FFmpegError as error:
-        problem = f"damaged at {frames / rate:.1f} s" if frames else f"not a {container} file that can be read"
+        problem = f"damaged at {frames / rate:.1f} s" if frames > lead else f"not a {container} file that can be read"
         raise FileRefused(problem, "re-save it from its source, or save it as WAV", detail=error) from None
 
 

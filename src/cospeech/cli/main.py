@@ -285,7 +285,9 @@ def main() -> None:
             code = app(prog_name="cospeech", standalone_mode=False)
         sys.stdout.flush()  # what cannot be written is told here
     except (Exception, KeyboardInterrupt, SystemExit) as problem:  # of Ctrl-C in the command itself, Typer makes a code
-        code = 128 + came[0] if came else _tell(problem)
+        if not came or isinstance(problem, CospeechError):  # after a signal, libraries may fail in any other way
+            code = _tell(problem)
+        code = 128 + came[0] if came else code
     if code == INTERRUPTED:
         print("interrupted", file=sys.stderr)
     try:

@@ -103,15 +103,17 @@ def _list_files(path: Path, list_folder: ListFolder, left_out: LeftOut) -> list[
     if path.exists() or not any(sign in str(path) for sign in _SIGNS):
         return [(path.stem, path)]
     root = next(folder for folder in path.parents if folder.is_dir())  # what is there may have such signs in its name
-    found: list[tuple[str, Path]] = []
-    for text in sorted(glob(str(path.relative_to(root)), root_dir=root, recursive=True)):  # noqa: PTH207  # as shells: nothing hidden
-        match = root / text
-        if match.is_dir():
-            found += [(Path(text, name).as_posix(), each) for name, each in list_folder(match, left_out)]
-        elif match.is_file():
-            found.append((Path(text).with_suffix("").as_posix(), match))
+    below = path.relative_to(root)
+    if ".." in below.parts:  # names of files would lead out of the folder that is written to
+        raise InputError(f"'..' behind a sign of the pattern {str(path)!r}", "name the folder from its beginning")
+    matches = [Path(text) for text in sorted(glob(str(below), root_dir=root, recursive=True))]  # noqa: PTH207  # as shells
+    folders = [match for match in matches if (root / match).is_dir()]
+    found = [(Path(each, name).as_posix(), file) for each in folders for name, file in list_folder(root / each, left_out)]
+    alone = [match for match in matches if (root / match).is_file() and not {*match.parents} & {*folders}]
+    found += [(match.with_suffix("").as_posix(), root / match) for match in alone]
     if not found:
-        raise InputError(f"no file is called {str(path)!r}", "is the pattern right?")
+        what = f"the folders {str(path)!r} hold no such file" if folders else f"no file is called {str(path)!r}"
+        raise InputError(what, "is the pattern right?")
     return found
 
 

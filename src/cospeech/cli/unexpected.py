@@ -47,7 +47,7 @@ def _explain_os_error(error: OSError) -> InternalError:
     """The error that is told where the system refuses something: of a full disk, say."""
     reason, name = error.strerror or str(error), error.filename
     if name == STANDARD_OUTPUT:
-        return InternalError(f"cannot write {name}: {reason}", "the files that were made before are complete")
+        return InternalError(f"cannot write {name}: {reason}", "files that were made before are complete")
     where = f"{os.fsdecode(name)!r}: " if isinstance(name, str | bytes) else ""  # writing to an open file tells no name
     return InternalError(f"{where}{reason}", "is there room on the disk, and in memory?")
 

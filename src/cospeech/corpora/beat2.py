@@ -49,7 +49,7 @@ def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
     splits = [read_split(place / _LIST) for place in places]
     for place in places:
         if not (place / _LIST).exists():
-            note = f"{_LIST!r} is not in {str(place)!r}: its takes are split by their names, not as in the papers"
+            note = f"{_LIST!r} is not in {str(place)!r}: its takes have the split of BEAT, by their ids, and not that of BEAT2"
             warnings.warn(note, CospeechWarning, stacklevel=2)
     return (item for place, split in zip(places, splits, strict=True) for item in _read(place, split))
 
@@ -100,7 +100,7 @@ def _read(place: Path, split: dict[str, str]) -> Iterator[Clip | Dropped]:
             motion=motion,
             emotion=take.emotion,
             semantics=annotated,
-            split=None if kind is None else _SPLITS[kind],
+            split=_SPLITS[kind] if kind is not None else None if split else take.split,
             extra={"speaker_number": take.number, **extra, **alone, **({"additional": True} if kind == "additional" else {})},
         )
 

@@ -28,7 +28,7 @@ SOUND = (
     ".wav", ".flac", ".ogg", ".oga", ".opus", ".mp3", ".aiff", ".aif", ".aifc", ".caf", ".w64", ".au", ".m4a", ".m4b", ".aac",
     ".mka", ".amr", ".wma", ".wv", ".ape", *VIDEO,
 )  # fmt: skip
-"""[ours: suffixes that recorders, phones and cameras give to what `cospeech.audio._decode` opens; sound without loss first]"""
+"""[ours: suffixes that recorders, phones and cameras give to what `cospeech.audio._decode` opens]"""
 _OTHER_MEDIA = (".mpg", ".mpeg", ".mts", ".m2ts", ".vob", ".ac3", ".dts")
 """[ours: what cameras and discs have, and the decoder does not open; they are told of, so that nobody misses them]"""
 _FACES = {".json": (b'"names"', b'"frames"'), ".csv": (b"Timecode", b"BlendShapeCount")}
@@ -76,25 +76,28 @@ def _read_emotions(path: Path) -> dict[str, str]:
     return found
 
 
-def sounds(root: Path, left_out: list[Dropped]) -> Iterator[tuple[str, Path]]:
+def sounds(root: Path, left_out: list[Dropped] | None = None) -> Iterator[tuple[str, Path]]:
     """Name and file of every sound, in the order of `read`; two sounds may have one name. Nothing is opened.
 
     Args:
         root: the folder.
         left_out: media that cannot be read are added to it, and what `group_files` adds.
     """
+    left_out = [] if left_out is None else left_out
     for name, files in group_files(root, left_out):
         left_out += _other_media(name, files)
         yield from ((name, path) for path in _sounds_among(files))
 
 
 def _other_media(name: str, files: Mapping[str, Sequence[Path]]) -> list[Dropped]:
-    """Of one name, the media that cannot be read."""
+    """Of one name that has no sound, the media that cannot be read."""
+    if _sounds_among(files):
+        return []
     others = [path for suffix in _OTHER_MEDIA for path in files.get(suffix, ())]
     return [Dropped(f"{name}{path.suffix}", "media of this kind cannot be read; save it as WAV") for path in others]
 
 
-def _sounds_among(files: dict[str, list[Path]]) -> list[Path]:
+def _sounds_among(files: Mapping[str, Sequence[Path]]) -> list[Path]:
     """The sounds of one name, in the order of `SOUND`."""
     return [path for suffix in SOUND for path in files.get(suffix, ())]
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from os import PathLike
 from pathlib import Path
+from typing import NamedTuple
 
 from ..errors import InputError
 from ..motion.motion import Motion
 
-__all__ = ["SUFFIXES", "load_motions"]
+__all__ = ["SUFFIXES", "RecordingPart", "load_motions"]
 
 SUFFIXES = (".bvh", ".npz")
 """Of files that are looked for; where both are there for one take of a clip, the first counts."""
@@ -19,48 +21,57 @@ _SHOWN = 3  # names in a message
 _Takes = dict[int, Path]
 
 
-def load_motions(folder: str | PathLike[str], names: Sequence[str], fps: float | None = None) -> dict[str, list[Motion]]:
+class RecordingPart(NamedTuple):
+    """What a store calls ``LJ001@50``: a recording, the frame with which the part begins, and how many frames it has."""
+
+    recording: str
+    start: int
+    frames: int
+
+
+def load_motions(
+    folder: str | PathLike[str], names: Sequence[str], parts: Mapping[str, RecordingPart] | None = None, fps: float = 30.0
+) -> dict[str, list[Motion]]:
     """Motions of a folder by clip name: ``NAME.bvh`` or ``NAME.npz``, and further takes as ``NAME.2.bvh`` and so on.
 
     A clip called ``me/LJ001`` is ``me/LJ001.bvh`` in the folder or in folders below it; or ``LJ001.bvh``, where no other clip
     or file is called so. The other way round, ``me/LJ001.bvh`` may hold a clip called ``LJ001``.
 
-    Stores call a part of a recording ``LJ001@50``: it begins with frame 50 at ``fps``. Where there is no file of that name, it
-    is cut from ``LJ001.bvh``, up to the end.
-
     Args:
         folder: of the files.
         names: of the clips.
-        fps: frames per second of the store that the clips are of.
+        parts: clips that are parts of recordings; where one has no file of its own, it is cut from that of the recording.
+        fps: frames per second of the parts.
 
     Raises:
         InputError: the folder does not exist, a clip has no file or more than one, or one cannot be read.
     """
-    place = Path(folder)
+    place, parts = Path(folder), parts or {}
     if not place.is_dir():
         raise InputError(f"there is no folder {str(folder)!r}", "name the folder of a system's motions")
-    files = _files(place, names)
+    every = {*names, *(part.recording for part in parts.values())}
+    files = _files(place, sorted(every))
     if not files:
         raise InputError(f"no motion is in the folder {str(folder)!r}", f"{' or '.join(SUFFIXES)} files, named as the clips")
-    whole = {name: _split_part(name) for name in names} if fps is not None else {}
-    by_end, names_by_end = _by_end(files), _by_end({*names, *(base for base, _ in whole.values())})
+    by_end, names_by_end = _by_end(files), _by_end(every)
 
     def match(name: str) -> list[str]:
         return _match(name, by_end[_end(name)], names_by_end[_end(name)])
 
     found = {name: match(name) for name in names}
-    starts = {name: whole[name][1] for name in whole if not found[name]}
-    found |= {name: match(whole[name][0]) for name in starts}
+    whole = {name: parts[name] for name in names if name in parts and not found[name]}
+    found |= {name: match(part.recording) for name, part in whole.items()}
     _check_complete(str(folder), found, files)
-    loaded = {name: [Motion.load(path) for _, path in sorted(files[matches[0]].items())] for name, matches in found.items()}
-    cut = {name: [take.resample(fps)[starts[name] :] for take in loaded[name]] for name in starts} if fps is not None else {}
-    return loaded | cut
+    at_rate = cache(lambda path: Motion.load(path).resample(fps))  # one recording has many parts
 
+    def load(name: str) -> list[Motion]:
+        takes = [path for _, path in sorted(files[found[name][0]].items())]
+        if name not in whole:
+            return [Motion.load(path) for path in takes]
+        _, start, frames = whole[name]
+        return [at_rate(path)[start : start + frames] for path in takes]
 
-def _split_part(name: str) -> tuple[str, int]:
-    """The recording that a clip of a store is a part of, and the frame with which the part begins."""
-    base, _, first = name.rpartition("@")
-    return (base, int(first)) if base and first.isdecimal() else (name, 0)
+    return {name: load(name) for name in names}
 
 
 def _files(place: Path, names: Sequence[str]) -> dict[str, _Takes]:

@@ -10,8 +10,8 @@ from .store import Store
 
 __all__ = ["describe_shared_speech", "measure_shared_speech"]
 
-RUN = 8  # words in a row; ours: so many in one order are the same text, and no common phrase
-MOST_SHARED = 0.15
+_RUN = 8  # words in a row; ours: so many in one order are the same text, and no common phrase
+_MOST_SHARED = 0.15
 """Share above which figures of a split count for nothing. [ours] Turns of phrase in our sentences make up to .09 where no
 sentence is said twice. Where half of eight speakers were split by chance, it was .6."""
 
@@ -40,7 +40,7 @@ def describe_shared_speech(shared: Mapping[str, float]) -> list[str]:
     return [
         f"{100 * share:.0f} % of the speech of the {split} split is also said in training"
         for split, share in shared.items()
-        if share > MOST_SHARED
+        if share > _MOST_SHARED
     ]
 
 
@@ -49,4 +49,4 @@ def _find_runs(arrays: Mapping[str, np.ndarray]) -> _Runs:
     numbers = np.asarray(arrays["word"])
     starts = np.flatnonzero(np.diff(numbers, prepend=0))
     said = [int(number) for number in numbers[starts] if number > 0]
-    return {tuple(said[k : k + RUN]) for k in range(len(said) - RUN + 1)}
+    return {tuple(said[k : k + _RUN]) for k in range(len(said) - _RUN + 1)}

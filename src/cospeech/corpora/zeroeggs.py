@@ -46,7 +46,7 @@ def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
     info = next((path for path in lists if path.is_file()), None)
     split = {} if info is None else read_info(info)
     if info is None:
-        note = f"'info.csv' is not beside {str(place)!r}: its takes are split by their names, not as in the paper"
+        note = f"'info.csv' is not beside {str(place)!r}: its takes have no split, and prepare draws one by their names"
         warnings.warn(note, CospeechWarning, stacklevel=2)
 
     def one(name: str) -> Clip:

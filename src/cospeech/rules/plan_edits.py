@@ -106,10 +106,8 @@ class Plan(PlanData):
         """
         if options.style is not None and not isinstance(options.style, str):
             raise InputError("a style that is no text cannot be a part of a plan", "give it by name: calm:0.7,lively:0.3")
-        return cls.model_validate({
-            "style": options.style, "emotion": _emotion_data(options.emotion), "seed": options.seed,
-            "intensity": options.intensity, "temperature": options.temperature,
-        })  # fmt: skip
+        given: dict[str, Any] = {"style": options.style, "emotion": _emotion_data(options.emotion), "seed": options.seed}
+        return cls(**given, intensity=options.intensity, temperature=options.temperature)
 
     def options(self) -> dict[str, Any]:
         """The options of `GenerationOptions` that the plan has."""

@@ -93,7 +93,7 @@ class Jobs:
         ``by_example`` says whether the style is the path of a clip.
         """
         began, place, loaded = time.perf_counter(), Path(folder), self._load(model)
-        asked = GenerationOptions(**options, plan=None if plan is None else Plan.model_validate(plan))
+        asked = GenerationOptions(**options, plan=None if plan is None else Plan(**plan))
         made = [part for part in asked.parts if part in loaded.makes]
         if not made:
             raise InputError(f"{model} makes no {' and no '.join(asked.parts)}", f"it makes {' and '.join(loaded.makes)}")

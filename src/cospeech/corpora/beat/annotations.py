@@ -41,7 +41,7 @@ def _ids(speech: str, conversation: str) -> set[tuple[int, int]]:
     return {(0, k) for k in spread(speech)} | {(1, k) for k in spread(conversation)}
 
 
-SPLIT = {  # (recording, id) of CaMN's and CoG's four-speaker split, the first that a take touches counts
+SPLIT = {  # (recording, id) of CaMN's and CoG's four-speaker split
     "test": _ids("1-8 65 73 81 87 95 103 111", "1"),
     "validation": _ids("57-64 72 80 86 94 102 110 118", "12"),
     "train": _ids("9-56 66-71 74-79 82-85 88-93 96-101 104-109 112-117", "2-11"),
@@ -67,15 +67,19 @@ class Take(NamedTuple):
 
     @property
     def split(self) -> str | None:
-        """That of the papers' four speakers, and the same of all others [ours]: who reads a text of the test is in the test.
+        """That of the papers' four speakers, and of all others and other languages the same [ours]: they read the same texts.
 
-        So are the speeches and conversations of other languages. A take of several texts is in the test if one of them is; None
-        where an id is outside of the plan.
+        None where an id is outside of the plan.
+
+        Raises:
+            InputError: its texts are in several splits.
         """
         ids = {(self.recording % 2, k) for k in range(self.first, self.last + 1)}
-        if not ids or not ids <= set().union(*SPLIT.values()):
-            return None
-        return next(name for name, members in SPLIT.items() if ids & members)
+        found = [name for name, members in SPLIT.items() if ids & members]
+        if len(found) > 1:
+            problem = f"its texts {self.first} to {self.last} are of the {' and the '.join(found)} split"
+            raise InputError(problem, "cut it at the border, so that no text of the test is in training")
+        return found[0] if found and ids <= SPLIT[found[0]] else None
 
 
 def take_of(name: str) -> Take:

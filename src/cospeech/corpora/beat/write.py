@@ -145,6 +145,6 @@ class _Names:
         for k in range(_FIRST[emotion], _LAST[emotion] + 1):
             if (number, 0, k) not in self.used and (0, k) in wanted:
                 return Take(number, speaker, 0, k, k)
-        raise InputError(
-            f"no id is left for {emotion} takes of {clip.speaker!r}", "BEAT has 64 neutral ones and 6 to 8 of each other"
-        )
+        places = sum(_FIRST[emotion] <= k <= _LAST[emotion] for recording, k in wanted if recording == 0)
+        problem = f"no id is left for {emotion} takes of {clip.speaker!r} in the {clip.split or 'train'} split"
+        raise InputError(problem, f"BEAT has {places}")

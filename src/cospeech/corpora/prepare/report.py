@@ -19,7 +19,7 @@ __all__ = ["PrepareReport", "describe_reasons", "join_notes"]
 _USES = {
     "train": "nothing can be trained on this store",
     "validation": "train with --set data.validation=0.05, or with --set train.validate_every=0",
-    "test": "--split all, or another split, evaluates on clips that are for training: what was trained on them scores too well",
+    "test": "evaluate with --split all, or another split; what was trained on those clips scores too well",
 }
 """Split → what its absence means."""
 _OWN = re.compile(r"'[^']*'|\d+(?:\.\d+)?")  # what differs between the same reason of two recordings: names and numbers

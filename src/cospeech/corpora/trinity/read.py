@@ -7,7 +7,6 @@ speech recognition writes them. One speaker. Recording_008 is the papers' test r
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
@@ -20,7 +19,7 @@ from ...errors import InputError
 from ...motion.skeletons.trinity import FULL_BODY, UPPER_BODY
 from ..clip import Clip, Dropped
 from ..reading import check_lengths, files_of, load_motion, load_sound, number, read_each, read_text, usable_folder
-from .write import TEST, TEST_FOLDER, write
+from .write import TEST, TEST_FOLDER, is_of_test, write
 
 __all__ = ["FPS", "TEST", "read", "read_words", "write"]
 
@@ -79,16 +78,10 @@ def _read(place: Path) -> Iterator[Clip | Dropped]:
             else:
                 speech = Speech(speech.samples, speech.rate, said, name=speech.name, duration=speech.duration)
         check_lengths(name, motion, speech)
-        split = "test" if test or _number_of(name) in map(_number_of, TEST) else "train"
+        split = "test" if test or is_of_test(name) else "train"
         return Clip(name=name, speaker="trinity", corpus="trinity", speech=speech, motion=motion, split=split, extra=extra)
 
     return read_each(sorted({*motions, *sounds, *words}), one)
-
-
-def _number_of(name: str) -> int | None:
-    """The number at the end of a recording's name: the original release calls it NaturalTalking_008, others Recording_8."""
-    digits = re.search(r"\d+$", name)
-    return None if digits is None else int(digits[0])
 
 
 def read_words(path: Path) -> list[Entry]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
@@ -13,11 +14,12 @@ from ...files import all_or_none, describe_os_error
 from ..clip import Clip, Dropped
 from ..layout import on_rate, write_bvh
 
-__all__ = ["TEST", "TEST_FOLDER", "write"]
+__all__ = ["TEST", "TEST_FOLDER", "is_of_test", "write"]
 
 TEST = ("Recording_008",)
 """Held out by MoGlow's code and by the stylised flow (its section 4)."""
 
+_TEST = re.compile(r"(?:recording|naturaltalking)_0*8", re.IGNORECASE)
 TEST_FOLDER = "Test_data"
 """Folder of GENEA 2020 whose recordings are all of the test split; ours of that split, but the first, are there too."""
 
@@ -45,16 +47,22 @@ def write(clips: Iterable[Clip | Dropped], raw: str | PathLike[str]) -> list[str
             continue
         if clip.motion is None or not len(clip.motion):
             raise InputError(f"{clip.name!r} has no motion", "Trinity's layout needs joint rotations")
-        name = clip.name if clip.name.startswith("Recording_") else _free(used, clip.split)
+        own = clip.name.startswith("Recording_") and not (is_of_test(clip.name) and clip.split not in (None, "test"))
+        name = clip.name if own else _free(used, clip.split)
         if name in used:
             raise InputError(f"two clips are called {name!r}", "names are unique within a corpus")
         used.add(name)
         try:
-            _write(clip, Path(raw, TEST_FOLDER) if clip.split == "test" and name not in TEST else Path(raw), name)
+            _write(clip, Path(raw, TEST_FOLDER) if clip.split == "test" and not is_of_test(name) else Path(raw), name)
         except OSError as error:
             raise InputError(f"cannot write {name!r} to {str(raw)!r}: {describe_os_error(error)}") from None
         written.append(name)
     return written
+
+
+def is_of_test(name: str) -> bool:
+    """Whether a recording is the papers' test: Recording_008, which the original release calls NaturalTalking_008."""
+    return _TEST.fullmatch(name) is not None
 
 
 def _free(used: set[str], split: str | None) -> str:

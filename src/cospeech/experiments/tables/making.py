@@ -249,11 +249,12 @@ def _keep_other(table: Mapping[str, Any], paths: Sequence[Path]) -> None:
         InputError: they cannot be renamed.
     """
     path = paths[0]
-    if not path.is_file() or not (differences := _find_differences(path, table)):
+    there = [each for each in paths if each.is_file()]
+    if not there or not (differences := _find_differences(path, table)):
         return
     try:
-        digest = blake2b(path.read_bytes(), digest_size=4).hexdigest()  # ours: short, and some ten tables share a name
-        for old in filter(Path.is_file, paths):
+        digest = blake2b(there[0].read_bytes(), digest_size=4).hexdigest()  # ours: short, and some ten tables share a name
+        for old in reversed(there):  # the JSON last: as long as it is there, the table is found
             old.replace(old.with_name(f"{old.stem}-kept-{digest}{old.suffix}"))
     except OSError as error:
         hint = "move it elsewhere, or name another folder with --runs"

@@ -7,6 +7,7 @@ import io
 import os
 import re
 import struct
+import sys
 from collections.abc import Callable
 from contextlib import nullcontext
 from fractions import Fraction
@@ -18,7 +19,9 @@ import pytest
 import soundfile
 
 from cospeech import InputError, Speech
+from cospeech.audio import _decode
 from cospeech.audio.speech import open_speech
+from cospeech.audio.worker import FileRefused
 from cospeech.errors import CospeechWarning
 
 RATE = 16_000
@@ -358,7 +361,7 @@ def test_other_sounds_that_are_cut_short_say_how_much_is_there(tmp_path, name, s
     assert 3 < speech.seconds < 5
 
 
-def test_an_mp3_that_does_not_tell_its_length_is_whole(tmp_path):
+def test_an_mp3_that_does_not_tell_its_length_is_whole_or_refused(tmp_path, monkeypatch):
     """Loud first, so that the rate of its first frame says that it is short; and a tag says "Info:", which no frame does."""
     file, samples = io.BytesIO(), np.append(np.random.default_rng(0).normal(0, 0.2, 5 * RATE), np.zeros(5 * RATE))
     soundfile.write(file, samples, RATE, format="MP3", bitrate_mode="VARIABLE", compression_level=0.5)
@@ -368,6 +371,9 @@ def test_an_mp3_that_does_not_tell_its_length_is_whole(tmp_path):
     tag = b"TXXX" + struct.pack(">I", 20) + b"\0\0\0Info: made by us\0\0\0"
     path = holding(b"ID3\x04\0\0\0\0\0" + bytes([len(tag)]) + tag + data, "a.mp3")(tmp_path)
     assert Speech.load(path).seconds == pytest.approx(10, abs=0.2)
+    monkeypatch.setitem(sys.modules, "av", None)  # as if it were not installed
+    with pytest.raises(FileRefused, match="MP3 that do not say how long they are need FFmpeg's decoders"):
+        _decode.decode(os.fsencode(path))
 
 
 def test_sound_that_begins_after_the_picture_is_timed_to_the_picture(tmp_path):

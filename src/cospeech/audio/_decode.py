@@ -18,7 +18,6 @@ PyAV, with the demuxer fixed by the first bytes: FFmpeg's own probing would also
 from __future__ import annotations
 
 import os
-from importlib.util import find_spec
 from typing import Literal
 
 from cospeech.audio.worker import FileRefused, requests, send, send_json
@@ -87,8 +86,7 @@ def decode(path: bytes) -> tuple[int, int]:
                 return decode_container(file, container)
             raise FileRefused("not a sound file that can be read", "WAV, FLAC, OGG, MP3 and AIFF can", detail=error) from None
         with sound:
-            # libsndfile ends such a file where it guesses the end, from the rate of its first frame
-            if sound.format == "MP3" and not known and find_spec("av"):
+            if sound.format == "MP3" and not known:  # libsndfile guesses its end, and often in its midst
                 file.seek(0)
                 return decode_container(file, "mp3")
             frames = decode_sound(sound, file)
@@ -176,9 +174,8 @@ def decode_container(file, container: str) -> tuple[int, int]:  # type: ignore[n
     try:
         import av
     except ImportError:
-        raise FileRefused(
-            f"{container} media need FFmpeg's decoders", "in a clone: pip install -e '.[av]'; or save it as WAV"
-        ) from None
+        what = "MP3 that do not say how long they are" if container == "mp3" else f"{container} media"
+        raise FileRefused(f"{what} need FFmpeg's decoders", "in a clone: pip install -e '.[av]'; or save it as WAV") from None
     frames = lead = 0
     try:
         with av.open(file, format=container, mode="r") as media:

@@ -137,7 +137,7 @@ def test_output_that_cannot_be_written_is_one_line(unbuffered):
     with open("/dev/full", "wb") as full:  # noqa: PTH123  a device
         done = subprocess.run([*COSPEECH, "list", "styles"], stdout=full, stderr=subprocess.PIPE, env=environment)
     assert done.returncode == 1
-    said = b"error: cannot write standard output: No space left on device (the files that were made before are complete)\n"
+    said = b"error: cannot write standard output: No space left on device (files that were made before are complete)\n"
     assert done.stderr == said
 
 

@@ -1,10 +1,9 @@
-"""The store: what is written is read, windows stay within clips, damage is refused, and it is fast."""
+"""The store: what is written is read, windows stay within clips, and damage is refused."""
 
 from __future__ import annotations
 
 import json
 import shutil
-import time
 from pathlib import Path
 
 import numpy as np
@@ -205,23 +204,3 @@ def test_an_index_cannot_name_files_elsewhere(folder, tmp_path):
     index = json.loads((spoilt / "index.json").read_text())
     (spoilt / "index.json").write_text(json.dumps(index | {"arrays": index["arrays"] | {"../../secret": [3]}}))
     assert "../../secret" not in Store(spoilt).arrays
-
-
-@pytest.mark.slow
-def test_windows_are_fast(tmp_path):
-    """The benchmark has the full size; here a tenth, and a bound that a busy machine keeps."""
-
-    def load() -> dict[str, np.ndarray]:
-        return {"pose": np.ones((100_000, 210), np.float32)}
-
-    one = Piece(Entry("clip", "s", "train", 0, 100_000, 0.0, ("pose",)), (), load)
-    names = {"pose": tuple(map(str, range(210)))}
-    write_store(tmp_path / "s", [one], corpus="folder", pose="none", fps=15.0, names=names)
-    batches = Store(tmp_path / "s").windows(64, batch=128, arrays=("pose",))
-    best = 0.0
-    for _ in range(5):
-        begun = time.perf_counter()
-        for _ in range(20):
-            next(batches)
-        best = max(best, 20 * 128 / (time.perf_counter() - begun))
-    assert best > 30_000

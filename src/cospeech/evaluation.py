@@ -310,12 +310,11 @@ def _rows(made: int, wanted: int, fps: float, name: str) -> Array:
     return np.minimum(np.arange(wanted), made - 1)
 
 
-def _note_longer(motions: Mapping[str, Body | Sequence[Body]], reference: Sequence[Clip]) -> None:
+def _note_longer(takes: Mapping[str, Sequence[Body]], reference: Sequence[Clip]) -> None:
     """Say which motions go on after their recording: that is what a wrong frame rate and another take look like."""
     longer = []
     for clip in reference:
-        takes = motions[clip.name]
-        seconds = max((take.duration for take in ([takes] if isinstance(takes, Body) else takes)), default=0.0)
+        seconds = max((take.duration for take in takes[clip.name]), default=0.0)
         if seconds > clip.duration + _LONGER:
             longer.append(f"{clip.name!r}: {seconds:.1f} s, recorded {clip.duration:.1f} s")
     if longer:
@@ -350,11 +349,11 @@ def _system(motions: Motions, reference: Sequence[Clip], seed_frames: int, track
     unknown = sorted(set(motions) - set(names))
     if unknown or set(names) - set(motions):
         raise InputError(f"motions and clips do not match: {(unknown or sorted(set(names) - set(motions)))[0]!r}")
-    _note_longer(motions, reference)
+    takes = {name: [made] if isinstance(made, Body) else made for name, made in motions.items()}
+    _note_longer(takes, reference)
     samples = []
     for clip in reference:
-        takes = motions[clip.name]
-        for number, take in enumerate([takes] if isinstance(takes, Body) else takes, 1):
+        for number, take in enumerate(takes[clip.name], 1):
             made = take if isinstance(take, Clip) else _fit(take, clip)
             made = replace(made, name=f"{clip.name}.{number}", speech=clip.speech, semantics=clip.semantics)
             samples.append(sample_of(made, condition=clip.name, seed_frames=seed_frames, track=track))

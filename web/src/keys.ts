@@ -2,9 +2,8 @@
 
 import { find } from "./dom";
 import type { Player } from "./player";
-import type { Store } from "./state";
+import { LEAST_STRETCH, type Store } from "./state";
 import type { Takes } from "./takes";
-import { LEAST_STRETCH } from "./timeline";
 
 const LIVE_KEYS = ["f", "?"];
 

@@ -40,6 +40,8 @@ export interface Take {
   problem: string;
 }
 
+export const LEAST_STRETCH = 0.1; // seconds that are selected, or that a value holds, at the least [ours]
+
 export interface State {
   catalogue: Catalogue;
   speech: UploadedSpeech | null;

@@ -4,13 +4,12 @@ import { find, followPointer, formatTime, make } from "./dom";
 import { GestureTrack } from "./gestures";
 import type { HeardWord, Stretch } from "./messages";
 import type { Player } from "./player";
-import type { Store } from "./state";
+import { LEAST_STRETCH, type Store } from "./state";
 import type { Takes } from "./takes";
 import { ValueTracks } from "./tracks";
 import { drawWaveform } from "./waveform";
 
 const LEAST_WIDTH = 64; // pixels of a second; a longer speech scrolls [ours: short words can be read]
-export const LEAST_STRETCH = 0.1; // seconds; a shorter drag is a click [ours]
 
 export class TimeLine {
   private readonly lanes = find("lanes");
@@ -22,18 +21,16 @@ export class TimeLine {
   private readonly stretches = find("stretches");
   private readonly track: GestureTrack;
   private readonly values: ValueTracks;
-  private readonly takes: Takes;
   private shownWords: HeardWord[] | null = null;
   private shownWave = "";
   private moved = -1;
 
   constructor(
-    private readonly store: Store, private readonly player: Player, takes: Takes,
+    private readonly store: Store, private readonly player: Player, private readonly takes: Takes,
     private readonly askFor: (time: number, gesture: string | null) => void,
   ) {
     const gestures = find("gestures");
     this.track = new GestureTrack(gestures, store, takes);
-    this.takes = takes;
     this.values = new ValueTracks(store, takes, (event, then) => this.select(event, then));
     gestures.addEventListener("dblclick", (event) => {
       const on = (event.target as HTMLElement).closest<HTMLElement>("[data-id]");
@@ -136,7 +133,7 @@ export class TimeLine {
     const onMove = (event: PointerEvent): void => {
       const to = this.timeAt(event.clientX);
       const selection: [number, number] = [Math.min(from, to), Math.max(from, to)];
-      this.store.update({ selection: selection[1] - selection[0] < LEAST_STRETCH ? null : selection });
+      this.store.update({ selection: selection[1] - selection[0] < LEAST_STRETCH ? null : selection }); // a shorter drag is a click
     };
     const onUp = (): void => {
       if (this.store.state.selection !== null) then?.();

@@ -3,13 +3,12 @@
 import type { PlanEdit } from "./api";
 import { find, followPointer, formatTime, make, readName } from "./dom";
 import type { Plan } from "./messages";
-import type { Store } from "./state";
+import { LEAST_STRETCH, type Store } from "./state";
 import type { Takes } from "./takes";
 
 const VALUES = ["style", "emotion", "intensity"] as const;
 type Value = (typeof VALUES)[number];
 const NUDGE = 0.1; // seconds that an arrow key moves a segment or its end [ours: as of gestures]
-const LEAST = 0.1; // seconds of the shortest segment [ours: as of a selection]
 const EDGE = 7; // pixels at the end of a segment that change its length [ours]
 
 interface Segment { from: number; to: number; text: string }
@@ -110,8 +109,8 @@ export class ValueTracks {
 
   /** The segment with its first or last border elsewhere. */
   private stretch(segment: Segment, byFrom: number, byTo: number): Segment {
-    const from = Math.min(Math.max(segment.from + byFrom, 0), segment.to - LEAST);
-    const to = Math.max(Math.min(segment.to + byTo, this.seconds), segment.from + LEAST);
+    const from = Math.min(Math.max(segment.from + byFrom, 0), segment.to - LEAST_STRETCH);
+    const to = Math.max(Math.min(segment.to + byTo, this.seconds), segment.from + LEAST_STRETCH);
     return byFrom ? { ...segment, from } : { ...segment, to };
   }
 

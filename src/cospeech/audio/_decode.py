@@ -97,12 +97,10 @@ def decode(path: bytes) -> tuple[int, int]:
 def has_length(file) -> bool:  # type: ignore[no-untyped-def]
     """Whether a FLAC or an MP3 says how long it is; of other MP3 it is guessed."""
     file.seek(0)
-    head = file.read(10)
+    head, at = file.read(10), 0
     if head[:3] == b"ID3":  # a tag before the sound, whose size has seven bits in each byte
-        size = sum(byte << shift for byte, shift in zip(head[6:10], (21, 14, 7, 0), strict=True))
-        file.seek(10 + size)
-    else:
-        file.seek(0)
+        at = 10 + sum(byte << shift for byte, shift in zip(head[6:10], (21, 14, 7, 0), strict=True))
+    file.seek(at)
     start = file.read(MP3_FRAME)
     return head[:4] == b"fLaC" or (start[:1] == b"\xff" and (b"Xing" in start or b"Info" in start))
 

@@ -208,7 +208,6 @@ def describe_failures(failed: Sequence[tuple[str, str, bool]], every: str, hint:
         every: how many files there were, in words.
         hint: of the error.
     """
-    told = [f"{path}: {error}" for path, error, _ in failed[:_SHOWN]]
-    told += [f"and {len(failed) - _SHOWN} more"] if len(failed) > _SHOWN else []
+    told = _show_some([f"{path}: {error}" for path, error, _ in failed], "; ")
     kind = InternalError if all(ours for _, _, ours in failed) else InputError
-    return kind(f"{len(failed)} of {every} failed: {'; '.join(told)}", hint)
+    return kind(f"{len(failed)} of {every} failed: {told}", hint)

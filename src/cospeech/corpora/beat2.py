@@ -92,6 +92,7 @@ def _read(place: Path, split: dict[str, str]) -> Iterator[Clip | Dropped]:
         speech = load_sound(sounds.get(name), words.get(name))
         check_lengths(name, motion, speech)
         kind = split.get(name)
+        own = _SPLITS.get(kind or "") if split else take.split
         return Clip(
             name=name,
             speaker=take.speaker,
@@ -100,7 +101,7 @@ def _read(place: Path, split: dict[str, str]) -> Iterator[Clip | Dropped]:
             motion=motion,
             emotion=take.emotion,
             semantics=annotated,
-            split=_SPLITS[kind] if kind is not None else None if split else take.split,
+            split=own,
             extra={"speaker_number": take.number, **extra, **alone, **({"additional": True} if kind == "additional" else {})},
         )
 
@@ -114,9 +115,9 @@ def _shape_and_expressions(path: Path, frames: int) -> dict[str, Array]:
         for key, shape in (("betas", (300,)), ("expressions", (frames, 100))):
             if key not in arrays:
                 continue
-            if key == "betas" and arrays.shape(key) != shape:  # nothing here uses them: no reason to lose a take
-                continue
             if arrays.shape(key) != shape:
+                if key == "betas":  # nothing here uses them: no reason to lose a take
+                    continue
                 raise InputError(f"{key!r} of {path.name!r} is of shape {arrays.shape(key)}", f"{shape} is due")
             values = arrays.read(key)
             if values.dtype.kind != "f" or not np.isfinite(values).all():

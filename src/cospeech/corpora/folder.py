@@ -85,14 +85,13 @@ def sounds(root: Path, left_out: list[Dropped] | None = None) -> Iterator[tuple[
     """
     left_out = [] if left_out is None else left_out
     for name, files in group_files(root, left_out):
-        left_out += _other_media(name, files)
-        yield from ((name, path) for path in _sounds_among(files))
+        among = _sounds_among(files)
+        left_out += [] if among else _other_media(name, files)
+        yield from ((name, path) for path in among)
 
 
 def _other_media(name: str, files: Mapping[str, Sequence[Path]]) -> list[Dropped]:
-    """Of one name that has no sound, the media that cannot be read."""
-    if _sounds_among(files):
-        return []
+    """Of one name, the media that cannot be read."""
     others = [path for suffix in _OTHER_MEDIA for path in files.get(suffix, ())]
     return [Dropped(f"{name}{path.suffix}", "media of this kind cannot be read; save it as WAV") for path in others]
 
@@ -137,8 +136,8 @@ def _read(root: Path, emotions: Mapping[str, str]) -> Iterator[Clip | Dropped]:
     left_out: list[Dropped] = []
     unused = {*emotions}
     for name, files in group_files(root, left_out):
-        yield from _other_media(name, files)
         if not (among := _sounds_among(files)):
+            yield from _other_media(name, files)
             if (motion := _motion_among(files)) is not None:
                 yield Dropped(f"{name}{motion.suffix}", "no sound of this name is beside it")
             continue

@@ -14,7 +14,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import InputError
-from ..motion.rotations import Array, continuous_euler, quat_to_euler
+from ..motion.poses.euler import to_angles
+from ..motion.rotations import Array
 from ._scipy import scipy
 from .beat_lift import accents, lift_of_times, wrist_peaks
 from .interval import mean_score
@@ -148,7 +149,7 @@ def beat_align_beat(generated: Sequence[Sample], reference: Sequence[Sample], to
         samples = samples[round(BEAT_FROM * rate) : round(BEAT_TO * rate)]
         frames = slice(round(BEAT_FROM * sample.fps), round(BEAT_TO * sample.fps) + 1)  # one more, for the last velocity
         joint = next((sample.names.index(name) for name in RING if name in sample.names), sample.rotations.shape[1] - 1)
-        angles = np.degrees(continuous_euler(quat_to_euler(sample.rotations[frames, joint], "XYZ")))
+        angles = to_angles(sample.rotations[frames, joint])
         if len(samples) < rate or len(angles) < sample.fps:
             continue
         motion = _minima(np.linalg.norm(np.diff(angles, axis=0), axis=1), BEAT_ORDER) / sample.fps

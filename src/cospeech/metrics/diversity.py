@@ -11,7 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import InputError
-from ..motion.rotations import Array, continuous_euler, quat_to_euler
+from ..motion.poses.euler import to_angles
+from ..motion.rotations import Array
 from .interval import bootstrap, mean_score
 from .metric import metric
 from .sample import Sample, Score, Tools, pose_vectors, select_vectors
@@ -110,6 +111,6 @@ def l1_div_beat(generated: Sequence[Sample], reference: Sequence[Sample], tools:
     values = []
     for sample in generated:
         assert sample.rotations is not None
-        angles = np.degrees(continuous_euler(quat_to_euler(sample.rotations, "XYZ"))).reshape(len(sample.rotations), -1)
+        angles = to_angles(sample.rotations).reshape(len(sample.rotations), -1)
         values.append(float(np.abs(angles - angles.mean(0)).sum() / len(angles)))
     return mean_score(values, [len(sample) for sample in generated], seed=tools.seed)

@@ -436,6 +436,15 @@ def test_a_video_that_is_left_out_is_not_written_over(cli, place, line):
     assert Path("rec/you/a.mp4").read_bytes() == b"my take"
 
 
+@pytest.mark.slow
+def test_a_film_of_ours_beside_its_sound_is_made_anew(cli, place):
+    pytest.importorskip("av", reason="films need PyAV")
+    for _ in range(2):
+        code, _, err = cli("generate", "rec/you", "-o", "rec/you/{name}.mp4", "-q")
+        assert (code, err) == (0, "")
+    assert files("rec/you") == ["a.mp4", "a.wav", "notes.txt"]
+
+
 def test_what_is_hidden_is_no_speech_and_what_is_left_out_is_told(cli, place):
     for name in (".cospeech-0f/0.wav", ".git/b.wav", "c.mts", "d.MOV", "e.aac", "f.caf"):
         Path("rec/you", name).parent.mkdir(exist_ok=True)

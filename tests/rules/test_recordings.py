@@ -23,15 +23,20 @@ def recordings(shared: Path) -> list[Path]:
     return sorted(p for p in (shared / "data" / "speech").rglob("*") if p.suffix in SUFFIXES)
 
 
-def test_exact_length_the_same_bytes_of_a_seed_and_other_motion_of_another_on_every_recording(shared):
+def test_every_recording_gives_motion_of_its_exact_length(shared):
     files = recordings(shared)
-    hands = [humanoid().index["leftHand"], humanoid().index["rightHand"]]
     assert len(files) > 40
     for path in files:
         info = soundfile.info(path)
+        assert len(RuleBasedModel().generate(Speech.load(path), seed=7)) == ceil(info.frames * 30 / info.samplerate), path.name
+
+
+def test_a_seed_gives_the_same_bytes_and_another_seed_other_motion(shared):
+    """Of every fourth recording: each takes three performances."""
+    hands = [humanoid().index["leftHand"], humanoid().index["rightHand"]]
+    for path in recordings(shared)[::4]:
         speech = Speech.load(path)
         first, second, other = (RuleBasedModel().generate(speech, seed=seed) for seed in (7, 7, 8))
-        assert len(first) == ceil(info.frames * 30 / info.samplerate), path.name
         assert first.rotations.tobytes() == second.rotations.tobytes(), path.name
         assert first.face.tobytes() == second.face.tobytes(), path.name
         apart = first.positions()[:, hands] - other.positions()[:, hands]

@@ -252,17 +252,18 @@ def _find_speeches(given: Sequence[str | PathLike[str]]) -> Iterator[FoundFiles]
 
 
 def _list_sounds(folder: Path, left_out: LeftOut) -> list[tuple[str, Path]]:
-    """Sound files of a folder, but no video beside a sound of its name."""
+    """Sound files of a folder, but no video beside a sound of its name: it may be the recording, or a film that we made."""
     from ..corpora.clip import Dropped
     from ..corpora.folder import VIDEO, sounds
+    from ..export.mp4 import is_own_film
 
     dropped: list[Dropped] = []
     found = list(sounds(folder, dropped))
     heard = {name for name, each in found if each.suffix.lower() not in VIDEO}
     videos = [each for name, each in found if name in heard and each.suffix.lower() in VIDEO]
-    left_out |= dict.fromkeys(videos, "a sound of the same name is beside it")
+    left_out |= dict.fromkeys((each for each in videos if not is_own_film(each)), "a sound of the same name is beside it")
     left_out |= {folder / item.name: item.reason for item in dropped}
-    return [(name, each) for name, each in found if each not in left_out]
+    return [(name, each) for name, each in found if each not in {*videos, *left_out}]
 
 
 @contextmanager

@@ -22,7 +22,7 @@ from ..motion.skeleton import Skeleton
 from .render.patch import Patch
 from .video_writer import MovingWriter
 
-__all__ = ["Writer"]
+__all__ = ["Writer", "is_own_film"]
 
 _SIZE = (720, 720)  # ours: square shows arms spread wide and a face of 100 pixels, and suits phones and slides alike
 _MOST_RATE = 60.0  # pictures per second; screens show no more
@@ -36,6 +36,7 @@ _THREADS = 1  # of the encoder; a second one takes a third more processor time. 
 # coarse search, whole blocks and one size of transform: of a figure before a backdrop the file is a third larger and looks the
 # same, in less than half the time
 _X264 = "scenecut=0:b-adapt=0:rc-lookahead=0:weightp=0:ref=1:me=dia:subme=1:partitions=none:trellis=0:8x8dct=0"
+_MADE_BY = ("comment", "cospeech")  # of the file's metadata
 _ENCODERS = {
     "libx264": {"crf": "21", "preset": "veryfast", "tune": "animation", "mbtree": "0", "x264-params": _X264},
     "libopenh264": {"b": "2500000"},
@@ -84,6 +85,7 @@ class Writer(MovingWriter):
             self._sound = self._speech.blocks()
         # the name of the temporary file ends as the path's does, in upper case perhaps: hence the format by name
         self._container = self._av.open(str(temporary), "w", format="mp4", options=_CONTAINER)
+        self._container.metadata.update([_MADE_BY])
         self._video = self._add_video()
         self._bare = [plane.copy() for plane in self._planes_of(self._blank)]
         self._voice: Any = None
@@ -161,6 +163,18 @@ def _views(frame: Any) -> list[np.ndarray]:
     """The planes of a picture of PyAV, (height, width) each, in its own memory."""
     rows = ((np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size), plane) for plane in frame.planes)
     return [whole[: plane.height, : plane.width] for whole, plane in rows]
+
+
+def is_own_film(path: Path) -> bool:
+    """Whether a file is a video that we wrote; False where PyAV is not installed."""
+    try:
+        import av
+
+        with av.open(str(path)) as film:
+            key, name = _MADE_BY
+            return bool(film.metadata.get(key) == name)
+    except (ImportError, OSError, ValueError):  # those of FFmpeg are among the last two
+        return False
 
 
 def _pyav() -> ModuleType:

@@ -71,9 +71,9 @@ def main() -> int:
                 take_part(page, trials, [opinions(plan, trial, draw, chosen.planted) for trial in trials])
                 context.close()
                 print(f"\rrater {number + 1} of {chosen.raters}", end="", file=sys.stderr, flush=True)
-        text, findings, votes = report_study(study)
+        text, findings = report_study(study)
         minutes = (time.monotonic() - began) / 60
-    print(f"\n{text}\n\n{len(findings.counted.kept)} raters, {len(votes)} votes, {minutes:.1f} min in the page")
+    print(f"\n{text}\n\n{len(findings.counted.kept)} raters, {minutes:.1f} min in the page")
     found = all(findings.chances[question.name, "a", other] < LEAST for question in plan.questions for other in "bc")
     alike = all(findings.chances[question.name, "b", "c"] > MOST for question in plan.questions)
     print(f"the planted effect is {'found' if found else 'NOT found'}; b and c are {'alike' if alike else 'NOT alike'}")

@@ -53,12 +53,13 @@ def study(tmp_path):
 def test_raters_find_the_planted_effect_and_no_other(study):
     plan = load_plan(study)
     with serving(study) as port:
-        for number in range(12):
+        for number in range(16):
             hasty, pages = number == 5, 4 if number == 7 else None
             rate(port, plan, number, clicks if hasty else rates, careless=hasty, pages=pages)
-    text, findings, votes = report_study(study)
-    assert [len(names) for names in findings.counted[:3]] == [10, 1, 1]
-    assert len(votes) == 10 * 3 * 8 * 4
+    text, findings = report_study(study)
+    assert [len(names) for names in findings.counted[:3]] == [14, 1, 1]
+    assert {tuple(counts.values()) for counts in findings.answers.values()} == {(14 * 8,) * 3}
+    assert findings.coverage == (14 * 3, 14 * 3)
     for question in plan.questions:
         assert findings.chances[question.name, "a", "b"] < 0.05
         assert findings.chances[question.name, "a", "c"] < 0.05
@@ -66,7 +67,7 @@ def test_raters_find_the_planted_effect_and_no_other(study):
         assert findings.means[question.name]["a"].mean - findings.means[question.name]["b"].mean == pytest.approx(
             PLANTED, abs=0.4
         )
-    assert "10 raters count; 1 failed attention checks; 1 did not finish" in text
+    assert "14 raters count; 1 failed attention checks; 1 did not finish" in text
     assert "a is higher" in text
 
 
@@ -77,7 +78,7 @@ def test_forty_raters_of_three_systems_on_twenty_speeches(tmp_path):
     with serving(folder) as port:
         for number in range(40):
             rate(port, plan, number, prefers)
-    _, findings, _ = report_study(folder)
+    _, findings = report_study(folder)
     assert len(findings.counted.kept) == 40
     for question in plan.questions:
         assert findings.chances[question.name, "a", "b"] < 0.001
@@ -105,15 +106,17 @@ def tiny_plan(template, **changes):
     from cospeech.studio.study.plan import StudyClip, StudyPlan
 
     kind, systems = TEMPLATES[template], ["a", "b", "c"]
+    systems += ["d"] if kind.mismatches else []
     clips = [
         StudyClip(id=f"{k:08x}{n:08x}", system=s, stimulus=f"s{n}", file=f"{k:08x}{n:08x}.mp4")
         for k, s in enumerate(systems)
         for n in range(6)
     ]
+    mismatched = {"b": "a", "c": "d"} if kind.mismatches else {}
     given = {
         "title": "words", "template": template, "consent": "words", "instructions": "words", "thanks": "words",
         "shows": kind.shows, "questions": list(kind.questions), "systems": systems, "stimuli_each": 3, "clips": clips,
-        "reference": "a" if kind.needs_reference else None,
+        "reference": "a" if kind.needs_reference else None, "mismatched": mismatched,
     }  # fmt: skip
     return StudyPlan.model_validate(given | changes)
 
@@ -123,6 +126,7 @@ def test_every_template_goes_from_plan_to_report(tmp_path, template):
     from cospeech.studio.study.report import count_raters, read_votes, report_text, study_findings
 
     plan = tiny_plan(template, transfer=["c"] if template == "mix-stage" else [])
+    save_plan(plan, tmp_path)
     draw = Random(1)
     with Answers(tmp_path, plan) as answers:
         for _ in range(6):
@@ -138,8 +142,8 @@ def test_every_template_goes_from_plan_to_report(tmp_path, template):
     text = report_text(plan, findings)
     assert all(f"## {question.name}" in text for question in plan.questions)
     assert all(findings.means[question.name] for question in plan.questions)
-    names = {path.name for path in write_tables(plan, votes, tmp_path / "tables")}
-    assert "answers.csv" in names
+    names = {path.name for path in write_tables(tmp_path, tmp_path / "tables")}
+    assert {"answers.csv", "raters.csv"} <= names
 
 
 def test_the_style_of_a_system_that_transfers_should_differ(tmp_path):
@@ -157,23 +161,164 @@ def test_the_page_is_told_no_name():
     assert not any(f'"{word}"' in told for word in [*plan.systems, *plan.stimuli])
 
 
-def test_votes_are_in_the_layout_of_genea(tmp_path):
-    from cospeech.studio.study.report import Vote
+def fill(folder, plan, raters, choose, *, code="", pages=None, number=None):
+    """Answer as so many raters do; attention checks are passed unless ``code`` is careless."""
+    with Answers(folder, plan) as answers:
+        for k in range(raters):
+            rater = answers.add_rater(f"{code}{k}" if code else "")
+            for page, trial in enumerate(make_session(plan, rater.number)[:pages]):
+                given = {key: choose(trial, values) for key, values in answer_keys(plan, trial).items()}
+                answers.add(rater, page, right_answers(plan, trial) if trial.check and code != "careless" else given, 3 + k)
+
+
+def read_rows(path):
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_tables_have_all_that_was_answered(tmp_path):
+    plan = tiny_plan("preference", fewest_checks=2)
+    save_plan(plan, tmp_path)
+    fill(tmp_path, plan, 2, lambda trial, values: values[0], code="P_1 ü")  # the left video, clearly
+    fill(tmp_path, plan, 1, lambda trial, values: 0, code="careless")
+    fill(tmp_path, plan, 1, lambda trial, values: 0, pages=2)
+    write_tables(tmp_path, tmp_path / "out")
+    votes = read_rows(tmp_path / "out" / "motion_realism.csv")
+    assert ",".join(votes[0]) == "user,input_code,model_a,model_b,winner,is_strong,juiceOptions,juiceOtherReason"
+    assert len(votes) == 2 * 3 * 3  # raters, pairs, speeches
+    assert {(row["winner"], row["is_strong"]) for row in votes} == {("model_a", "True")}
+    raters = read_rows(tmp_path / "out" / "raters.csv")
+    assert [row["outcome"] for row in raters] == ["counts", "counts", "failed checks", "stopped"]
+    assert [row["participant"] for row in raters] == ["P_1 ü0", "P_1 ü1", "careless0", ""]
+    assert [row["left_share"] for row in raters] == ["1.000", "1.000", "0.500", "0.500"]
+    assert [(row["checks_passed"], row["checks_failed"]) for row in raters[:3]] == [("2", "0"), ("2", "0"), ("0", "2")]
+    assert [row["seconds_of_fastest_page"] for row in raters] == ["3.00", "4.00", "3.00", "3.00"]
+    rows = read_rows(tmp_path / "out" / "answers.csv")
+    assert {row["outcome"] for row in rows} == {"counts", "failed checks", "stopped"}
+    assert sum(bool(row["check"]) for row in rows) >= 3 * 2
+    assert [row["page"] for row in rows[:11]] == [str(k) for k in range(1, 12)]
+    assert "P_1" not in (tmp_path / "out" / "answers.csv").read_text("utf-8")
+    text, findings = report_study(tmp_path)
+    assert "The video on the left won 100 % of the comparisons (p = < .001 against 50 %)" in text
+    assert findings.coverage[0] > 0
+    won = findings.wins["motion_realism"]
+    assert sum(map(sum, won.values())) == len(votes)
+    assert all(tied == 0 for _, tied, _ in won.values())
+
+
+def test_no_spreadsheet_takes_a_cell_for_a_formula(tmp_path):
+    plan = tiny_plan("preference")
+    renamed = {f"s{n}": f"=s{n}" for n in range(6)}
+    clips = [clip.model_copy(update={"stimulus": renamed[clip.stimulus]}) for clip in plan.clips]
+    plan = plan.model_copy(update={"clips": clips})
+    save_plan(plan, tmp_path)
+    fill(tmp_path, plan, 1, lambda trial, values: 0)
+    write_tables(tmp_path, tmp_path / "out")
+    rows = read_rows(tmp_path / "out" / "motion_realism.csv")
+    assert {row["input_code"][:2] for row in rows} == {"'="}
+    assert {row["winner"] for row in rows} == {"tie"}
+
+
+@pytest.mark.parametrize(("systems", "stimuli"), [(2, 3), (2, 8), (3, 5), (4, 4), (5, 7)])
+def test_side_does_not_go_with_speech_or_round(systems, stimuli):
+    """Of each pair on each speech, and in each round, the sides are balanced over raters."""
+    plan = plan_of(systems, stimuli)
+    units = systems * (systems - 1) // 2
+    cells, rounds, left = Counter(), Counter(), Counter()
+    raters = 8 * units
+    for number in range(raters):
+        trials = [trial for trial in make_session(plan, number) if not trial.check]
+        for k, trial in enumerate(trials):
+            pair, side = tuple(sorted(trial.systems)), trial.systems[0] < trial.systems[1]
+            cells[pair, trial.stimulus, side] += 1
+            rounds[pair, k // stimuli, side] += 1
+            left[side] += 1
+    assert {cells[key[:2] + (not key[2],)] for key in cells} == {raters // 2} == {*cells.values()}
+    assert {rounds[key[:2] + (not key[2],)] for key in rounds} == {*rounds.values()}
+    assert left[True] == left[False]
+
+
+def test_in_groups_each_clip_stands_beside_each_other_equally_often():
+    for systems in (3, 4, 5):
+        plan = plan_of(systems, 6, "stylised-flow")
+        beside, first = Counter(), Counter()
+        for number in range(2 * systems):
+            for trial in make_session(plan, number):
+                if not trial.check:
+                    first[trial.systems[0]] += 1
+                    beside.update(pairwise(trial.systems))
+        assert len({*first.values()}) == 1
+        assert len(beside) == systems * (systems - 1)
+        assert len({*beside.values()}) == 1
+
+
+def plan_of(systems, stimuli, template="preference"):
+    """A plan without files, in which every rater sees all."""
+    from cospeech.studio.study.plan import StudyClip
+
+    names = [f"m{k}" for k in range(systems)]
+    clips = [
+        StudyClip(id=f"{k:08x}{n:08x}", system=s, stimulus=f"s{n}", file=f"{k:08x}{n:08x}.mp4")
+        for k, s in enumerate(names)
+        for n in range(stimuli)
+    ]
+    return tiny_plan(template, systems=names, clips=clips, stimuli_each=stimuli)
+
+
+def test_checks_do_not_stand_beside_their_clips():
+    for number in range(40):
+        trials = make_session(plan_of(3, 8), number)
+        for one, two in pairwise(trials):
+            assert not (one.check or two.check) or one.stimulus != two.stimulus
+
+
+def test_sessions_that_were_left_or_spoilt_are_given_out_again(tmp_path, monkeypatch):
+    from cospeech.studio.study import answers as module
 
     plan = tiny_plan("preference")
-    votes = [
-        Vote("R_1", "=s0", "motion_realism", ("b", "a"), "", -2),
-        Vote("R_1", "s1", "motion_realism", ("a", "c"), "", 0),
-        Vote("R_2", "s1", "motion_realism", ("a", "c"), "", 1),
+    fill(tmp_path, plan, 1, lambda trial, values: 0, code="good")
+    fill(tmp_path, plan, 1, lambda trial, values: 0, code="left", pages=3)
+    fill(tmp_path, plan, 1, lambda trial, values: 0, code="careless")
+    with Answers(tmp_path, plan) as answers:
+        assert answers.add_rater().number == 2  # of the careless one
+        assert answers.add_rater().number == 3  # the second may still come back
+        monkeypatch.setattr(module, "GONE", -1.0)
+        assert answers.add_rater().number == 1  # he did not
+        assert answers.add_rater("left0").number == 1  # and now he does
+
+
+def test_a_participant_is_taken_once(study, tmp_path):
+    plan = load_plan(study)
+    rows = [
+        {"trial": k, "answers": as_sent(plan, right_answers(plan, t)), "seconds": 4}
+        for k, t in enumerate(make_session(plan, 0))
     ]
-    write_tables(plan, votes, tmp_path)
-    with (tmp_path / "motion_realism.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert ",".join(rows[0]) == "user,input_code,model_a,model_b,winner,is_strong,juiceOptions,juiceOtherReason"
-    assert [(row["model_a"], row["winner"], row["is_strong"]) for row in rows] == [
-        ("b", "model_a", "True"), ("a", "tie", "False"), ("a", "model_b", "False"),
-    ]  # fmt: skip
-    assert rows[0]["input_code"] == "'=s0"  # no spreadsheet takes it for a formula
+    files = []
+    for k, code in enumerate(("one", "one", "", "")):
+        files.append(tmp_path / f"{k}.json")
+        told = {"study": plan.digest, "session": 0, "rater": f"{k:032x}", "participant": code, "answers": rows}
+        files[-1].write_text(json.dumps(told))
+    assert import_answers(study, files) == (3, 0, 1)
+    assert import_answers(study, files) == (0, 3, 1)
+
+
+def test_means_are_tested_against_chance_and_ratings_are_not(tmp_path):
+    from cospeech.studio.study.report import findings_json
+
+    plan = tiny_plan("mix-stage")
+    save_plan(plan, tmp_path)
+    draw = Random(3)
+    fill(tmp_path, plan, 30, lambda trial, values: draw.choice(values))
+    _, findings = report_study(tmp_path)
+    for name in ("naturalness", "style"):
+        for system, found in findings.means[name].items():
+            assert found.p > 0.01, (name, system)
+    ratings = tiny_plan("chain-of-generation")
+    (tmp_path / "b").mkdir()
+    save_plan(ratings, tmp_path / "b")
+    fill(tmp_path / "b", ratings, 6, lambda trial, values: draw.choice(values))
+    told = findings_json(report_study(tmp_path / "b")[1])
+    assert {one["p"] for means in told["means"].values() for one in means.values()} == {None}
 
 
 def test_a_rater_goes_on_after_a_pause(study):
@@ -213,8 +358,8 @@ def test_an_exported_page_and_its_answers(study, tmp_path):
         bad.write_text(json.dumps(given))
         with pytest.raises(InputError, match=r"bad\.json"):
             import_answers(study, [good, bad])
-    assert import_answers(study, [good]) == (1, 0)
-    assert import_answers(study, [good]) == (0, 1)
+    assert import_answers(study, [good]) == (1, 0, 0)
+    assert import_answers(study, [good]) == (0, 1, 0)
     assert len(report_study(study)[1].counted.kept) == 1
 
 
@@ -276,14 +421,23 @@ def test_folders_must_match(tmp_path):
 def test_a_plan_that_changed_after_the_first_rater_is_refused(study):
     plan = load_plan(study)
     Answers(study, plan).close()
-    save_plan(plan.model_copy(update={"consent": "other words"}), study)
+    save_plan(plan := plan.model_copy(update={"seed": 7}), study)
+    with Answers(study, load_plan(study)) as answers:  # nobody has come: it may change
+        answers.add_rater()
+    save_plan(plan.model_copy(update={"consent": "other words", "completion": "https://example.org/done"}), study)
     Answers(study, load_plan(study)).close()
     save_plan(plan.model_copy(update={"seed": 99}), study)
     with pytest.raises(InputError, match="changed after the first rater"):
         Answers(study, load_plan(study))
-    (study / "plan.json").write_text('{"version": 1}')
+    (study / "plan.json").write_text('{"version": 2}')
     with pytest.raises(InputError, match=r"plan\.json.*title"):
         load_plan(study)
+    (study / "plan.json").write_text('{"version": 1}')
+    with pytest.raises(InputError, match="of another version of cospeech: 1"):
+        load_plan(study)
+    (study / "answers.sqlite").write_bytes(b"no data base" * 1000)
+    with pytest.raises(InputError, match="it is damaged"):
+        Answers(study, plan)
 
 
 @pytest.mark.slow
@@ -298,4 +452,4 @@ def test_the_commands(tmp_path):
     assert (made.returncode, made.stderr) == (0, ""), made
     assert "2 systems, 2 speeches, 4 pages a rater" in made.stdout
     assert run("export", "s2", "page").returncode == 0
-    assert "0 raters count" in run("report", "s2").stdout
+    assert "There is nothing to report yet." in run("report", "s2").stdout

@@ -6,10 +6,11 @@ import pytest
 
 from cospeech.studio.study.answers import Answers
 from cospeech.studio.study.make import make_study
-from cospeech.studio.study.plan import load_plan
+from cospeech.studio.study.plan import load_plan, save_plan
 from cospeech.studio.study.session import make_session
+from cospeech.studio.study.static import export_page
 from tests.support.browser import find_violations, open_chromium, wait_until
-from tests.support.study_page import WATCH, answer, open_trial, write_webm
+from tests.support.study_page import WATCH, answer, open_trial, take_part, write_webm
 from tests.support.study_raters import as_sent, right_answers, serving
 
 pytest.importorskip("starlette", reason="local pages need starlette (the studio extra)")
@@ -59,7 +60,44 @@ def test_a_rater_takes_part_in_the_page(study, scheme):
         assert find_violations(page) == []
         assert not wrong
     with Answers(study, plan) as answers:
-        ((_, shown, given, seconds),) = answers.sessions()
-    assert shown == list(trials)
-    assert [as_sent(plan, given[k]) for k in range(len(trials))] == [as_sent(plan, right_answers(plan, t)) for t in trials]
-    assert all(value > 0 for value in seconds.values())
+        (session,) = answers.sessions()
+    assert session.trials == list(trials)
+    assert [as_sent(plan, session.given[k]) for k in range(len(trials))] == [
+        as_sent(plan, right_answers(plan, t)) for t in trials
+    ]
+    assert all(value > 0 for value in session.seconds.values())
+
+
+def take_session(page, plan, number):
+    """Take part in session ``number``."""
+    trials = make_session(plan, number)
+    take_part(page, trials, [right_answers(plan, trial) for trial in trials])
+
+
+def test_the_next_participant_at_a_computer_begins_anew(study):
+    plan = load_plan(study).model_copy(update={"completion": "https://example.org/done?code=1"})
+    save_plan(plan, study)
+    with serving(study) as port, open_chromium() as browser:
+        page = browser.new_page()
+        for number, code in enumerate(("P_1_1", "P_11")):
+            page.goto(f"http://127.0.0.1:{port}/?PROLIFIC_PID={code}")
+            take_session(page, plan, number)
+            assert page.get_attribute("#completion", "href") == plan.completion
+            assert page.query_selector("#next-person") is None
+        page.goto(f"http://127.0.0.1:{port}/?PROLIFIC_PID=P_1_1")  # he comes back
+        wait_until(page, "document.querySelector('h1')?.textContent === 'Thank you'")
+        page.goto(f"http://127.0.0.1:{port}/")
+        take_session(page, plan, 2)
+        assert find_violations(page) == []
+        page.click("#next-person")
+        wait_until(page, "document.querySelector('h1')?.textContent === 'Before you start'")
+    with Answers(study, plan) as answers:
+        assert [session.rater.participant for session in answers.sessions()] == ["P_1_1", "P_11", ""]
+
+
+def test_an_exported_page_that_is_opened_as_a_file_says_what_to_do(study, tmp_path):
+    export_page(study, tmp_path / "page", sessions=2)
+    with open_chromium() as browser:
+        page = browser.new_page()
+        page.goto((tmp_path / "page" / "index.html").as_uri())
+        wait_until(page, "document.querySelector('main').textContent.includes('python -m http.server')")

@@ -18,7 +18,7 @@ from cospeech.studio.study.answers import Answers
 from cospeech.studio.study.app import make_app
 from cospeech.studio.study.make import make_study
 from cospeech.studio.study.plan import StudyPlan, load_plan
-from cospeech.studio.study.session import Trial, answer_keys, make_session
+from cospeech.studio.study.session import Trial, answer_keys, describe_trial, make_session
 
 
 def write_video(path: Path) -> Path:
@@ -28,7 +28,7 @@ def write_video(path: Path) -> Path:
 
     with av.open(str(path), "w", format="mp4") as container:
         container.metadata["title"] = "the secret system"
-        video, sound = container.add_stream("mpeg4", rate=10), container.add_stream("aac", rate=16_000, layout="mono")
+        video, sound = container.add_stream("libx264", rate=10), container.add_stream("aac", rate=16_000, layout="mono")
         video.width = video.height = 16
         video.pix_fmt = "yuv420p"
         for k in range(4):
@@ -116,10 +116,15 @@ def as_sent(plan: StudyPlan, answers: dict[tuple[str, int], int]) -> dict[str, A
     }
 
 
+def find_session(plan: StudyPlan, told: list[dict[str, Any]], most: int) -> list[Trial]:
+    """The session, of numbers up to ``most``, of which the page is told this."""
+    sessions = (make_session(plan, k) for k in range(most + 1))
+    return next(trials for trials in sessions if [describe_trial(plan, trial) for trial in trials] == told)
+
+
 def rate(port: int, plan: StudyPlan, number: int, opinion: Opinion, *, careless: bool = False, pages: int | None = None) -> str:
-    """Take part as rater ``number``, who must be the next one; returns the rater's name."""
+    """Take part as rater ``number``, with the session that the server gives; returns the rater's name."""
     draw, connection = Random(number), HTTPConnection("127.0.0.1", port, timeout=30)
-    trials = make_session(plan, number)
 
     def post(path: str, body: Any, rater: str = "") -> dict[str, Any]:
         connection.request("POST", path, json.dumps(body), {"x-rater": rater, "origin": f"http://127.0.0.1:{port}"})
@@ -128,7 +133,8 @@ def rate(port: int, plan: StudyPlan, number: int, opinion: Opinion, *, careless:
         assert response.status == 200, content
         return json.loads(content)
 
-    rater = post("/api/raters", {"consent": True})["rater"]
+    session = post("/api/raters", {"consent": True})
+    rater, trials = session["rater"], find_session(plan, session["trials"], number)
     for k, trial in enumerate(trials[:pages]):
         if trial.check and not careless:
             answers = right_answers(plan, trial)

@@ -9,7 +9,7 @@ import typer
 from typer import Argument, Option
 
 from ..errors import say_count
-from .options import Debug, Json, Port, Quiet, Seed, option, whole
+from .options import Debug, Fps, Json, Port, Quiet, option, whole
 from .progress import show_progress
 
 __all__ = ["register"]
@@ -30,7 +30,10 @@ Clips = Annotated[
         "(.mp4, .webm) or motion files, which are rendered.",
     ),
 ]
-Kind = Annotated[str, option("--template", metavar="NAME", help="mix-stage, chain-of-generation, stylised-flow or preference.")]
+Kind = Annotated[
+    str,
+    option("--template", metavar="NAME", help="preference, appropriateness, mix-stage, chain-of-generation or stylised-flow."),
+]
 Variant = Annotated[
     str,
     option("--variant", metavar="NAME", help="full; mute: without sound; hands: motion files with the camera on the hands."),
@@ -56,6 +59,24 @@ Each = Annotated[
     ),
 ]
 Checks = Annotated[int, option("--checks", metavar="NUMBER", parser=whole, help="Attention checks in each session, 0 … 20.")]
+StudySeed = Annotated[
+    int | None,
+    option("--seed", metavar="NUMBER", parser=whole, help="Fixes orders and blind names. Drawn where not given."),
+]
+Completion = Annotated[
+    str, option("--completion", metavar="URL", help="Address to which raters go on at the end, of a recruiting platform.")
+]
+Faces = Annotated[
+    str,
+    option(
+        "--faces",
+        metavar="NAME",
+        help="Faces of motion files: show, hide, or auto, which hides all of them where a clip has none.",
+    ),
+]
+Differences = Annotated[
+    bool, Option("--allow-differences", help="Take videos that differ in size, rate, kind, sound or length.")
+]
 Title = Annotated[str, option("--title", metavar="TEXT", help="Title of the page.")]
 Host = Annotated[
     str,
@@ -89,8 +110,12 @@ def make(
     speech: SpeechFolder = None,
     speeches: Each = None,
     checks: Checks = 2,
-    seed: Seed = 0,
+    seed: StudySeed = None,
     title: Title = "Gestures and speech",
+    completion: Completion = "",
+    faces: Faces = "auto",
+    fps: Fps = 30.0,
+    allow_differences: Differences = False,
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
@@ -99,13 +124,15 @@ def make(
     \b
     cospeech study make ours theirs -o study
     cospeech study make recordings ours theirs -o study --template mix-stage --reference recordings
+    cospeech study make ours theirs -o study --template appropriateness --speech talks
     """
     from ..studio.study.make import make_study
 
     with show_progress("making the study", quiet) as progress:
         plan = make_study(
             folders, output, template=template, variant=variant, reference=reference, transfer=transfer or (), speech=speech,
-            stimuli_each=speeches, checks=checks, seed=seed, title=title, progress=progress,
+            stimuli_each=speeches, checks=checks, seed=seed, title=title, completion=completion, faces=faces, fps=fps,
+            allow_differences=allow_differences, progress=progress,
         )  # fmt: skip
     if not quiet:
         from ..studio.study.session import make_session
@@ -178,9 +205,10 @@ def import_(
     """
     from ..studio.study.static import import_answers
 
-    added, known = import_answers(study, files)
+    found = import_answers(study, files)
     if not quiet:
-        typer.echo(f"{study}  {added} sessions added, {known} known already")
+        twice = f", {found.twice} left out: another session of the participant is there" if found.twice else ""
+        typer.echo(f"{study}  {say_count(found.added, 'session')} added, {found.known} known already{twice}")
 
 
 @study_app.command()
@@ -200,12 +228,11 @@ def report(
     """
     import json
 
-    from ..studio.study.plan import load_plan
     from ..studio.study.report import findings_json, report_study
     from ..studio.study.tables import write_tables
 
-    text, findings, votes = report_study(study, incomplete=incomplete)
-    written = [] if tables is None else write_tables(load_plan(study), votes, tables)
+    text, findings = report_study(study, incomplete=incomplete)
+    written = [] if tables is None else write_tables(study, tables, incomplete=incomplete)
     if as_json:
         typer.echo(json.dumps(findings_json(findings), indent=2, ensure_ascii=False))
         return

@@ -19,6 +19,7 @@ import numpy as np
 from ..audio.speech import SpeechSource, open_speech
 from ..errors import InputError, describe_extra
 from ..motion.skeleton import Skeleton
+from .render.camera import View
 from .render.patch import Patch
 from .video_writer import MovingWriter
 
@@ -50,7 +51,7 @@ class Writer(MovingWriter):
     Args:
         audio: the speech; the film is as long as the motion, the sound is cut or ends early where it differs.
         size: (width, height) in pixels; odd numbers are made even, as H.264 wants.
-        camera: ``body``, ``full``, ``face`` or ``hands``.
+        camera: ``body``, ``full``, ``face`` or ``hands``, or a view of your own.
         rate: pictures per second; those of the motion, but at most 60, where not given.
         look: ``background``, as `MovingWriter` takes it.
 
@@ -67,7 +68,7 @@ class Writer(MovingWriter):
         audio: str | PathLike[str] | None = None,
         rate: float | None = None,
         size: tuple[int, int] = _SIZE,
-        camera: str = "body",
+        camera: str | View = "body",
         **look: Any,
     ) -> None:
         self._av = _pyav()

@@ -13,7 +13,7 @@ from ..motion.skeleton import Skeleton
 from . import Writer
 from .avatar import Avatar
 from .pictures import Subject, background_of, size_of
-from .render.camera import find_view
+from .render.camera import View, find_view
 from .render.frames import FrameStream
 from .render.light import draw_backdrop
 from .render.patch import Patch
@@ -29,7 +29,7 @@ class MovingWriter(Writer):
 
     Args:
         size: (width, height) in pixels.
-        camera: name of a view (`cospeech.export.render.camera.CAMERAS`).
+        camera: name of a view (`cospeech.export.render.camera.CAMERAS`), or a view.
         rate: pictures per second.
         background: sRGB colour of the backdrop, 0 … 255 each.
         avatar: file of somebody's character, in place of our mannequin.
@@ -43,7 +43,7 @@ class MovingWriter(Writer):
         fps: float,
         audio: str | PathLike[str] | None = None,
         size: tuple[int, int],
-        camera: str,
+        camera: str | View,
         rate: float,
         background: tuple[int, int, int] | None = None,
         avatar: Avatar | str | PathLike[str] | None = None,

@@ -54,11 +54,14 @@ def _windows(sample: Sample, *, root: bool = False) -> Array:
 def diversity(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Mean distance of all pairs of windows (34 frames), mm per coordinate; best where it equals the reference's."""
     clips = [window for sample in generated if len(window := _windows(sample))]
+    sizes = np.array([len(windows) for windows in clips], np.int64)
     unit = MILLI if generated[0].positions is not None else 1.0
 
     def of(chosen: Array) -> float:
         rows = np.concatenate([clips[k] for k in chosen])
-        return mean_pair_distance(rows) * unit if len(rows) > 1 else float("nan")
+        times = np.bincount(chosen, minlength=len(clips))
+        pairs = len(rows) ** 2 - int(times**2 @ sizes)  # of different windows: one that was drawn twice is no pair
+        return mean_pair_distance(rows) * unit * len(rows) * (len(rows) - 1) / pairs if pairs else float("nan")
 
     value = of(np.arange(len(clips))) if clips else float("nan")
     if not np.isfinite(value):

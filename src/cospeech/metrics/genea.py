@@ -24,6 +24,7 @@ __all__ = ["acceleration", "hellinger", "hellinger_speed", "hellinger_speed_gene
 FPS = 30.0  # calk_jerk_or_acceleration.py: "frame rate was 30 fps"
 EDGES = np.arange(0, 0.50, 0.01)  # m/s; calc_histogram.py: bins of 1 cm/s from 0 to 49
 DRAWS = 200  # ours
+_ROUNDED = 1e-12  # below which a difference of two sums is error of rounding; its root would look like a distance
 
 
 def hellinger(a: Array, b: Array) -> float:
@@ -36,7 +37,8 @@ def hellinger(a: Array, b: Array) -> float:
         raise InputError(f"histograms of shape {a.shape} and {b.shape}", "counts in the same bins")
     if not (a.sum() and b.sum()):
         return 1.0
-    return float(np.sqrt(max(0.0, 1 - np.sqrt((a / a.sum()) * (b / b.sum())).sum())))
+    rest = 1 - np.sqrt((a / a.sum()) * (b / b.sum())).sum()
+    return float(np.sqrt(rest)) if rest > _ROUNDED else 0.0
 
 
 @metric("positions", better="reference", unit="m/s³")

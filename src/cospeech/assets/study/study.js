@@ -44,7 +44,11 @@ async function ask(path, { body, rater } = {}) {
 }
 
 const query = new URLSearchParams(location.search);
-const code = () => (query.get("participant") || query.get("PROLIFIC_PID") || "").replace(/[^0-9A-Za-z]/g, "").slice(0, 64);
+const code = () => (query.get("participant") || query.get("PROLIFIC_PID") || "").trim();
+const MOST_CODE = 64; // characters, as for the server
+
+/** Where the browser keeps a session: of a participant's code, so that the next one at this computer begins anew. */
+const keyOf = (study) => `study-${study.study}${code() && `-${code()}`}`;
 
 /** Where answers go: to the server of the study. */
 class Server {
@@ -53,7 +57,7 @@ class Server {
     return this.study;
   }
   get key() {
-    return `study-${this.study.study}`;
+    return keyOf(this.study);
   }
   async resume() {
     const rater = localStorage.getItem(this.key);
@@ -80,6 +84,9 @@ class Server {
   thanks() {
     return [];
   }
+  forget() {
+    localStorage.removeItem(this.key);
+  }
 }
 
 /** Where answers go without a server: into this browser, and at the end into a file. */
@@ -90,7 +97,7 @@ class Folder {
     return this.study;
   }
   get key() {
-    return `study-${this.study.study}`;
+    return keyOf(this.study);
   }
   async resume() {
     const text = localStorage.getItem(this.key);
@@ -99,6 +106,7 @@ class Folder {
     return this.#session();
   }
   async join() {
+    if (code().length > MOST_CODE) throw new Error(`The code of the invitation has more than ${MOST_CODE} characters.`);
     const wanted = Number.parseInt(query.get("session") ?? "", 10);
     const any = crypto.getRandomValues(new Uint32Array(5));
     const session = wanted >= 0 && wanted < this.held.sessions.length ? wanted : any[4] % this.held.sessions.length;
@@ -106,6 +114,9 @@ class Folder {
     this.kept = { study: this.study.study, session, rater, participant: code(), answers: [] };
     this.#keep();
     return this.#session();
+  }
+  forget() {
+    localStorage.removeItem(this.key);
   }
   #session() {
     return { trials: this.held.sessions[this.kept.session], done: this.kept.answers.map((row) => row.trial) };
@@ -268,7 +279,25 @@ async function run() {
     done.add(number);
   }
   showProgress(total, total);
-  show(make("h1", {}, "Thank you"), make("p", { class: "text" }, study.thanks), ...store.thanks());
+  show(make("h1", {}, "Thank you"), make("p", { class: "text" }, study.thanks), ...store.thanks(), ...goOn(study));
 }
 
-run().catch((error) => show(make("h1", {}, "This study cannot be opened"), make("p", {}, error.message)));
+/** Where a rater goes on after the thanks, and where the next one at this computer begins. */
+function goOn(study) {
+  const nodes = [];
+  if (study.completion) {
+    nodes.push(make("p", {}, make("a", { href: study.completion, id: "completion", rel: "noreferrer" }, "Go on to finish")));
+  }
+  if (!code()) {
+    const again = () => {
+      store.forget();
+      location.reload();
+    };
+    nodes.push(make("p", {}, make("button", { type: "button", id: "next-person", class: "plain", onclick: again }, "Another person takes part at this computer")));
+  }
+  return nodes;
+}
+
+const reason = (error) => (location.protocol === "file:"
+  ? "Browsers open this page from a web space only. Try: python -m http.server, in the folder of the page." : error.message);
+run().catch((error) => show(make("h1", {}, "This study cannot be opened"), make("p", {}, reason(error))));

@@ -33,7 +33,7 @@ __all__ = [
     "score_latents",
 ]
 
-SCORING = 2  # counts up when scores are worked out in another way, so that kept ones are not used
+SCORING = 3  # counts up when scores are worked out in another way, so that kept ones are not used
 TAKES, SPEECHES = 5, 100  # of multimodality: performances, and windows that are performed so often; ours
 
 

@@ -127,12 +127,14 @@ CAMERAS: dict[str, View] = {
 """Name → way of looking. Boxes are ours: what a standing speaker of 1.72 m uses while gesturing."""
 
 
-def find_view(name: str) -> View:
-    """Look up a view.
+def find_view(name: str | View) -> View:
+    """Look up a view by its name; one that is a view already is taken as it is.
 
     Raises:
         InputError: there is none of that name.
     """
+    if isinstance(name, View):
+        return name
     if name not in CAMERAS:
         raise InputError(f"no camera called {name!r}", f"known: {', '.join(CAMERAS)}")
     return CAMERAS[name]

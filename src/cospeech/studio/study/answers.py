@@ -6,21 +6,24 @@ import secrets
 import sqlite3
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import count
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from ...errors import InputError
 from .plan import StudyPlan
-from .session import Trial, answer_keys, make_session
+from .session import Trial, answer_keys, make_session, passes
 
-__all__ = ["Answers", "Rater", "check_answers"]
+__all__ = ["Answers", "Rater", "Session", "check_answers", "count_checks", "passes_checks"]
 
 FILE = "answers.sqlite"
 MOST_RATERS = 20_000
 """Of a study; ours: ten times the largest of the field. It keeps a flood from filling the disk."""
 MOST_SECONDS = 86_400.0
 """That a trial may take; a longer time is cut."""
+GONE = 3600.0
+"""Seconds without an answer after which another rater gets the session [ours: twice the longest sessions of the field]."""
 _TABLES = """
 CREATE TABLE IF NOT EXISTS study (digest TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS raters (
@@ -45,6 +48,43 @@ class Rater(NamedTuple):
     rater: str
     number: int
     participant: str
+
+
+class Session(NamedTuple):
+    """What is known of a rater.
+
+    Args:
+        rater: who.
+        trials: of the session.
+        given: trial → answers.
+        seconds: trial → how long it took.
+        source: ``server`` or ``import``.
+        at: when the rater came, seconds since 1970.
+    """
+
+    rater: Rater
+    trials: list[Trial]
+    given: dict[int, dict[tuple[str, int], int]]
+    seconds: dict[int, float]
+    source: str
+    at: float
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all pages are answered."""
+        return len(self.given) == len(self.trials)
+
+
+def count_checks(plan: StudyPlan, session: Session) -> tuple[int, int]:
+    """How many attention checks a rater has passed, and failed."""
+    seen = [k for k, trial in enumerate(session.trials) if trial.check and k in session.given]
+    passed = sum(passes(plan, session.trials[k], session.given[k]) for k in seen)
+    return passed, len(seen) - passed
+
+
+def passes_checks(plan: StudyPlan, session: Session) -> bool:
+    """Whether a rater has failed no more attention checks than the plan allows."""
+    return count_checks(plan, session)[1] <= plan.checks - plan.fewest_checks
 
 
 def check_answers(plan: StudyPlan, trial: Trial, given: Any) -> dict[tuple[str, int], int]:
@@ -81,6 +121,7 @@ class Answers:
 
     def __init__(self, study: Path, plan: StudyPlan) -> None:
         self._plan, self._lock = plan, threading.Lock()
+        self._failed: dict[str, bool] = {}  # rater → whether the checks of a whole session were failed
         path = study / FILE
         try:
             self._base = sqlite3.connect(path, check_same_thread=False, timeout=10.0, isolation_level=None)
@@ -88,11 +129,12 @@ class Answers:
             self._base.execute("PRAGMA synchronous = NORMAL")
             self._base.executescript(_TABLES)
             row = self._base.execute("SELECT digest FROM study").fetchone()
-            if row is None:
-                self._base.execute("INSERT INTO study VALUES (?)", (plan.digest,))
-        except sqlite3.Error as error:
-            raise InputError(f"cannot keep answers in {str(path)!r}: {error}", "may you write there?") from None
-        if row is not None and row[0] != plan.digest:
+            has_raters = self._base.execute("SELECT count(*) FROM raters").fetchone()[0] > 0
+        except sqlite3.DatabaseError as error:
+            spoilt = not isinstance(error, sqlite3.OperationalError)
+            hint = "it is damaged: put a copy of it in its place, or move it away" if spoilt else "may you write there?"
+            raise InputError(f"cannot keep answers in {str(path)!r}: {error}", hint) from None
+        if row is not None and row[0] != plan.digest and has_raters:
             self.close()
             raise InputError(
                 f"{str(study / 'plan.json')!r} was changed after the first rater", f"take the change back, or move {FILE} away"
@@ -110,7 +152,10 @@ class Answers:
         self.close()
 
     def add_rater(self, participant: str = "") -> Rater:
-        """A new rater, with the next session; one whose code is known goes on where he stopped.
+        """A new rater, with the first session that nobody has; one whose code is known goes on where he stopped.
+
+        The session of a rater who stopped `GONE` ago, or who failed the attention checks, is given out again, so that all
+        speeches are seen equally often.
 
         Raises:
             InputError: there are too many.
@@ -122,15 +167,35 @@ class Answers:
                 row = self._base.execute(known, (participant,)).fetchone() if participant else None
                 if row is not None:
                     return Rater(*row)
-                count, last = self._base.execute("SELECT count(*), max(number) FROM raters WHERE source = 'server'").fetchone()
-                if count >= MOST_RATERS:
+                if self._base.execute("SELECT count(*) FROM raters WHERE source = 'server'").fetchone()[0] >= MOST_RATERS:
                     raise InputError(f"the study has {MOST_RATERS} raters", "it takes no more")
-                made = Rater(secrets.token_urlsafe(16), -1 if last is None else last, participant)
-                made = made._replace(number=made.number + 1)
+                made = Rater(secrets.token_urlsafe(16), self._find_number(), participant)
+                self._keep_digest()
                 self._base.execute("INSERT INTO raters VALUES (?, ?, ?, 'server', ?)", (*made, time.time()))
                 return made
             finally:
                 self._base.execute("COMMIT")
+
+    def _keep_digest(self) -> None:
+        """Note which plan the answers belong to, with the first of them; the lock is held."""
+        self._base.execute("DELETE FROM study WHERE NOT EXISTS (SELECT 1 FROM raters)")
+        self._base.execute("INSERT INTO study SELECT ? WHERE NOT EXISTS (SELECT 1 FROM study)", (self._plan.digest,))
+
+    def _find_number(self) -> int:
+        """The first session that no rater has, or that was left or spoilt by all who had it; the lock is held."""
+        pages, taken, late = len(make_session(self._plan, 0)), set[int](), time.time() - GONE
+        counts = """SELECT r.rater, r.number, r.participant, r.at, count(DISTINCT a.trial), max(a.at)
+            FROM raters AS r LEFT JOIN answers AS a ON a.rater = r.rater WHERE r.source = 'server' GROUP BY r.rater"""
+        for name, number, participant, came, done, last in self._base.execute(counts).fetchall():
+            if done == pages:
+                if name not in self._failed:
+                    session = next(self._read_sessions([(name, number, participant, "server", came)]))
+                    self._failed[name] = not passes_checks(self._plan, session)
+                if not self._failed[name]:
+                    taken.add(number)
+            elif max(came, last or 0.0) > late:
+                taken.add(number)
+        return next(number for number in count() if number not in taken)
 
     def find_rater(self, rater: str) -> Rater | None:
         """By the secret name."""
@@ -147,8 +212,14 @@ class Answers:
             self._base.executemany("INSERT OR REPLACE INTO answers VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
             self._base.execute("COMMIT")
 
-    def add_session(self, rater: Rater, trials: Mapping[int, tuple[dict[tuple[str, int], int], float]]) -> bool:
-        """A whole session that was answered elsewhere, at once or not at all; False: it is known already."""
+    def add_session(
+        self, rater: Rater, trials: Mapping[int, tuple[dict[tuple[str, int], int], float]]
+    ) -> Literal["added", "known", "twice"]:
+        """A whole session that was answered elsewhere, at once or not at all.
+
+        Returns:
+            ``known``: it is there already; ``twice``: another one of the same participant is there. Both are not taken.
+        """
         now = time.time()
         rows = [
             (rater.rater, trial, name, place, value, min(max(seconds, 0.0), MOST_SECONDS), now)
@@ -158,13 +229,17 @@ class Answers:
         with self._lock:
             self._base.execute("BEGIN IMMEDIATE")
             try:
+                if self._base.execute("SELECT 1 FROM raters WHERE rater = ?", (rater.rater,)).fetchone():
+                    return "known"
+                same = "SELECT 1 FROM raters WHERE participant = ?"
+                if rater.participant and self._base.execute(same, (rater.participant,)).fetchone():
+                    return "twice"
+                self._keep_digest()
                 self._base.execute("INSERT INTO raters VALUES (?, ?, ?, 'import', ?)", (*rater, now))
                 self._base.executemany("INSERT INTO answers VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
-            except sqlite3.IntegrityError:
-                self._base.execute("ROLLBACK")
-                return False
-            self._base.execute("COMMIT")
-        return True
+                return "added"
+            finally:
+                self._base.execute("COMMIT")
 
     def list_trials(self, rater: Rater) -> list[int]:
         """Numbers of the trials that a rater has answered."""
@@ -172,17 +247,22 @@ class Answers:
             rows = self._base.execute("SELECT DISTINCT trial FROM answers WHERE rater = ? ORDER BY trial", (rater.rater,))
             return [row[0] for row in rows]
 
-    def sessions(self) -> Iterator[tuple[Rater, list[Trial], dict[int, dict[tuple[str, int], int]], dict[int, float]]]:
-        """Of every rater: who, the trials, trial → answers, and trial → seconds."""
+    def sessions(self) -> Iterator[Session]:
+        """Of every rater, in the order in which they came."""
         with self._lock:
-            raters = [
-                Rater(*row) for row in self._base.execute("SELECT rater, number, participant FROM raters ORDER BY at, rater")
-            ]
-            rows = self._base.execute("SELECT rater, trial, question, place, value, seconds FROM answers").fetchall()
-        found: dict[str, dict[int, dict[tuple[str, int], int]]] = {rater.rater: {} for rater in raters}
-        seconds: dict[str, dict[int, float]] = {rater.rater: {} for rater in raters}
-        for name, trial, question, place, value, took in rows:
-            found[name].setdefault(trial, {})[question, place] = value
-            seconds[name][trial] = took
-        for rater in raters:
-            yield rater, make_session(self._plan, rater.number), found[rater.rater], seconds[rater.rater]
+            listed = "SELECT rater, number, participant, source, at FROM raters ORDER BY at, rater"
+            raters = self._base.execute(listed).fetchall()
+            found = list(self._read_sessions(raters))
+        yield from found
+
+    def _read_sessions(self, raters: Sequence[tuple[str, int, str, str, float]]) -> Iterator[Session]:
+        """Of rows of the table of raters; the lock is held."""
+        for name, number, participant, source, at in raters:
+            given: dict[int, dict[tuple[str, int], int]] = {}
+            seconds: dict[int, float] = {}
+            rows = "SELECT trial, question, place, value, seconds FROM answers WHERE rater = ? ORDER BY trial"
+            for trial, question, place, value, took in self._base.execute(rows, (name,)):
+                given.setdefault(trial, {})[question, place] = value
+                seconds[trial] = took
+            trials = make_session(self._plan, number)
+            yield Session(Rater(name, number, participant), trials, given, seconds, source, at)

@@ -17,7 +17,7 @@ from .session import describe_study, describe_trial, make_session
 
 Call = Callable[[dict[str, Any], str], dict[str, Any]]
 
-__all__ = ["PAGE_FILES", "make_app", "page_file"]
+__all__ = ["MOST_CODE", "PAGE_FILES", "is_code", "make_app", "page_file"]
 
 PAGE = Path(__file__).resolve().parents[2] / "assets" / "study"
 PAGE_FILES = {
@@ -28,6 +28,11 @@ PAGE_FILES = {
 MEDIA = {".mp4": "video/mp4", ".webm": "video/webm"}
 MOST_CODE = 64
 """Characters of the code of an invitation; Prolific's have 24."""
+
+
+def is_code(code: Any) -> bool:
+    """Whether a value can be the code of an invitation; "" is none."""
+    return isinstance(code, str) and len(code) <= MOST_CODE and code.isprintable()
 
 
 def page_file(name: str) -> bytes:
@@ -84,8 +89,8 @@ class _Calls:
         if given.get("consent") is not True:
             raise InputError("nobody takes part without consent", "tick the box")
         code = given.get("participant", "")
-        if not isinstance(code, str) or len(code) > MOST_CODE or not (code == "" or (code.isascii() and code.isalnum())):
-            raise InputError("the code of the invitation is not valid", f"at most {MOST_CODE} letters and digits")
+        if not is_code(code):
+            raise InputError("the code of the invitation is not valid", f"at most {MOST_CODE} characters that can be printed")
         return self._session(self._answers.add_rater(code))
 
     def resume(self, given: dict[str, Any], name: str) -> dict[str, Any]:

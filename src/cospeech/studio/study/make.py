@@ -1,26 +1,38 @@
-"""A study made from folders of clips: blind names, no sound where none is wanted, motion files drawn as videos."""
+"""A study made from folders of clips: blind names, no sound where none is wanted, motion files rendered as videos."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
-from importlib import import_module
+import secrets
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
-from ...convert import convert_file
-from ...errors import InputError, describe_extra, nearest
+import numpy as np
+
+from ...audio.speech import open_speech
+from ...errors import InputError, nearest
 from ...export.registry import suffixes
 from ...files import workplace
+from ...rules.options import FPS_RANGE, check_range
 from .plan import CLIPS, StudyClip, StudyPlan, save_plan
+from .stimuli import FACES, FPS, StudyScene, find_speech, render_scenes
 from .templates import CONSENT, TEMPLATES, THANKS
+from .videos import VIDEOS, check_alike, copy_video, look_at_video
 
 __all__ = ["VARIANTS", "make_study"]
 
-VIDEOS = (".mp4", ".webm")
-SOUNDS = (".wav", ".flac", ".ogg", ".mp3", ".aiff", ".m4a")
 VARIANTS = ("full", "mute", "hands")
 _VIEWS = {"full": "body", "mute": "body", "hands": "hands"}
+OTHER_SPEECH = ", other speech"
+"""After the name of a system: the same system with the motion of another speech."""
+
+
+class _Source(NamedTuple):
+    """A clip and the file that it is made from."""
+
+    clip: StudyClip
+    path: Path
 
 
 def make_study(
@@ -34,32 +46,39 @@ def make_study(
     speech: Path | None = None,
     stimuli_each: int | None = None,
     checks: int = 2,
-    seed: int = 0,
+    seed: int | None = None,
     title: str = "Gestures and speech",
+    completion: str = "",
+    faces: str = "auto",
+    fps: float = FPS,
+    allow_differences: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> StudyPlan:
     """Make the folder of a study from clips of systems on the same speech.
 
     Args:
         folders: one of each system; its name is the system's. Clips with the same file name belong to the same speech. They
-            are videos (.mp4, .webm), or motion files, which are drawn.
+            are videos (.mp4, .webm), or motion files, which are rendered (`cospeech.studio.study.stimuli`).
         study: the folder to make; it must not exist yet.
         template: a name of `TEMPLATES`.
-        variant: ``full``; ``mute``: without sound; ``hands``: motion files are drawn with the camera on the hands.
+        variant: ``full``; ``mute``: without sound; ``hands``: motion files are rendered with the camera on the hands.
         reference: the system with which each other one is paired.
         transfer: systems whose style should differ from the reference's.
         speech: folder with a sound file for each clip, for motion files.
         stimuli_each: how many speeches a rater sees; the template says where not given.
         checks: attention checks in a session.
-        seed: of the orders and of the blind names.
+        seed: of the orders and of the blind names; drawn where not given, so that nobody can work out the names.
+        completion: address to which raters go on at the end.
+        faces: of motion files: ``show``, ``hide``, or ``auto``, which hides all faces where a clip has none.
+        fps: pictures per second of motion files.
+        allow_differences: take videos that differ in kind, size, rate, sound or length, and tell it.
 
     Raises:
-        InputError: clips are missing, cannot be read, or do not suit the template.
+        InputError: clips are missing, cannot be read, do not suit the template, or can be told apart by something else than
+            their motion.
     """
-    if template not in TEMPLATES:
-        raise InputError(f"unknown template {template!r}", nearest(template, TEMPLATES))
-    if variant not in VARIANTS:
-        raise InputError(f"unknown variant {variant!r}", nearest(variant, VARIANTS))
+    _check_names(template=(template, TEMPLATES), variant=(variant, VARIANTS), faces=(faces, FACES))
+    check_range("fps", fps, FPS_RANGE)
     if study.exists():
         raise InputError(f"{str(study)!r} exists already", "name a new folder; answers are never overwritten")
     kind, systems = TEMPLATES[template], _find_clips(folders)
@@ -70,29 +89,119 @@ def make_study(
         raise InputError(
             f"the template {template!r} compares with recordings", f"--reference NAME, one of {', '.join(systems)}"
         )
-    stimuli = sorted(next(iter(systems.values())))
-    clips = [_name_clip(seed, system, stimulus, systems[system][stimulus]) for system in systems for stimulus in stimuli]
+    muted, seed = variant == "mute", secrets.randbits(62) if seed is None else seed
+    voices = {} if muted else _find_voices(systems, speech)
+    sources = _name_clips(seed, systems, _mismatch(systems, voices) if kind.mismatches else {})
     try:
         plan = StudyPlan.model_validate({
             "title": title, "template": template, "consent": CONSENT, "instructions": kind.instructions, "thanks": THANKS,
-            "shows": kind.shows, "variant": variant, "questions": list(kind.questions), "systems": list(systems),
-            "reference": reference, "transfer": list(transfer), "checks": checks, "fewest_checks": checks, "seed": seed,
-            "stimuli_each": min(kind.stimuli_each if stimuli_each is None else stimuli_each, len(stimuli)), "clips": clips,
+            "completion": completion, "shows": kind.shows, "variant": variant, "questions": list(kind.questions),
+            "systems": list(dict.fromkeys(source.clip.system for source in sources)), "reference": reference,
+            "transfer": list(transfer), "checks": checks, "fewest_checks": checks, "seed": seed,
+            "mismatched": {f"{name}{OTHER_SPEECH}": name for name in systems} if kind.mismatches else {},
+            "stimuli_each": min(kind.stimuli_each if stimuli_each is None else stimuli_each, len(next(iter(systems.values())))),
+            "clips": [source.clip for source in sources],
         })  # fmt: skip
     except ValueError as error:
         told = error.errors()[0]["msg"] if hasattr(error, "errors") else str(error)
         raise InputError(f"this makes no study: {told}") from None
+    videos = [source for source in sources if _is_video(source.path)]
+    if videos:
+        _check_videos(videos, variant, allow_differences)
     study.parent.mkdir(parents=True, exist_ok=True)
     with workplace(study.parent) as place:
         made = place / "study"
         (made / CLIPS).mkdir(parents=True)
-        for k, clip in enumerate(plan.clips):
-            _write_clip(systems[clip.system][clip.stimulus], made / CLIPS / clip.file, variant, speech)
-            if progress is not None:
-                progress((k + 1) / len(plan.clips))
+        done = _count(progress, len(sources))
+        scenes = [StudyScene(path, clip.stimulus, made / CLIPS / clip.file) for clip, path in sources if not _is_video(path)]
+        if scenes:
+            render_scenes(scenes, voices, camera=_VIEWS[variant], faces=faces, fps=fps, progress=done)
+        for clip, path in videos:
+            copy_video(path, made / CLIPS / clip.file, sound=not muted)
+            done()
+        if videos and scenes:
+            every = {made / CLIPS / clip.file: (clip.stimulus, path) for clip, path in sources}
+            facts = {path: (stimulus, look_at_video(target, muted=muted)) for target, (stimulus, path) in every.items()}
+            check_alike(facts, allow=allow_differences)
         save_plan(plan, made)
         made.rename(study)
     return plan
+
+
+def _check_names(**given: tuple[str, Sequence[str] | Mapping[str, object]]) -> None:
+    for what, (name, known) in given.items():
+        if name not in known:
+            raise InputError(f"unknown {what} {name!r}", nearest(name, [*known]))
+
+
+def _count(progress: Callable[[float], None] | None, total: int) -> Callable[[], None]:
+    """What is called after each clip."""
+    done = 0
+
+    def tell() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done / total)
+
+    return tell
+
+
+def _is_video(path: Path) -> bool:
+    return path.suffix.lower() in VIDEOS
+
+
+def _find_voices(systems: Mapping[str, Mapping[str, Path]], folder: Path | None) -> dict[str, Path]:
+    """Speech → sound file, of those that a motion file plays; all are found before the first clip is rendered."""
+    found: dict[str, Path] = {}
+    for clips in systems.values():
+        found |= {name: find_speech(path, folder) for name, path in clips.items() if not _is_video(path) and name not in found}
+    return found
+
+
+def _mismatch(systems: Mapping[str, Mapping[str, Path]], voices: Mapping[str, Path]) -> dict[str, str]:
+    """Speech → another speech, whose motion is played to it: of nearly the same length, and each one once.
+
+    Raises:
+        InputError: a clip is a video, or there is only one speech.
+    """
+    if video := next((path for clips in systems.values() for path in clips.values() if _is_video(path)), None):
+        raise InputError(f"{str(video)!r} is a video: its speech cannot be exchanged", "give motion files")
+    if not voices:
+        raise InputError("speech is asked for, and there is none", "--variant full or hands")
+    if len(voices) < 2:
+        raise InputError("one speech cannot be exchanged with another", "two speeches or more")
+    seconds = {}
+    for name, path in voices.items():
+        with open_speech(path) as source:
+            seconds[name] = float(source.seconds or 0)
+    order = sorted(voices, key=lambda name: (seconds[name], name))
+    found: dict[str, str] = {}
+    for k in range(0, len(order), 2):  # neighbours change places; of an odd number, the last three go round
+        group = order[k:] if len(order) - k == 3 else order[k : k + 2]
+        if k > len(order) - 2:
+            break
+        found |= dict(zip(group, np.roll(group, -1).tolist(), strict=True))
+    return found
+
+
+def _name_clips(seed: int, systems: Mapping[str, Mapping[str, Path]], others: Mapping[str, str]) -> list[_Source]:
+    """All clips, those of the motion of another speech after the others of a system."""
+    found = []
+    for system, clips in systems.items():
+        found += [_Source(_name_clip(seed, system, name, clips[name]), clips[name]) for name in sorted(clips)]
+        other = f"{system}{OTHER_SPEECH}"
+        found += [_Source(_name_clip(seed, other, name, clips[others[name]]), clips[others[name]]) for name in sorted(others)]
+    return found
+
+
+def _check_videos(videos: Sequence[_Source], variant: str, allow: bool) -> None:
+    """The videos can be shown, and are alike."""
+    if variant == "hands":
+        problem = f"{str(videos[0].path)!r} is a video: the camera cannot be moved to the hands"
+        raise InputError(problem, "give motion files")
+    facts = {path: (clip.stimulus, look_at_video(path, muted=variant == "mute")) for clip, path in videos}
+    check_alike(facts, allow=allow)
 
 
 def _find_clips(folders: Sequence[Path]) -> dict[str, dict[str, Path]]:
@@ -124,55 +233,8 @@ def _find_clips(folders: Sequence[Path]) -> dict[str, dict[str, Path]]:
 
 
 def _name_clip(seed: int, system: str, stimulus: str, source: Path) -> StudyClip:
-    """A clip under a name that says nothing: the hash has the seed in it, which raters do not know."""
+    """A clip under a name that says nothing to those who do not know the seed."""
     text = "\0".join((str(seed), system, stimulus)).encode()
     name = hashlib.blake2b(text, digest_size=8).hexdigest()
     suffix = source.suffix.lower() if source.suffix.lower() in VIDEOS else ".mp4"
     return StudyClip(id=name, system=system, stimulus=stimulus, file=name + suffix)
-
-
-def _write_clip(source: Path, target: Path, variant: str, speech: Path | None) -> None:
-    if source.suffix.lower() in VIDEOS:
-        if variant == "hands":
-            raise InputError(f"{str(source)!r} is a video: the camera cannot be moved to the hands", "give motion files")
-        copy_video(source, target, sound=variant != "mute")
-        return
-    voice = None if variant == "mute" else _find_speech(source, speech)
-    convert_file(source, target, audio=voice, camera=_VIEWS[variant])
-
-
-def _find_speech(source: Path, folder: Path | None) -> Path:
-    """The sound file of a motion file: the same name, beside it or in the folder of the speech."""
-    found = [(folder or source.parent) / f"{source.stem}{suffix}" for suffix in SOUNDS]
-    if path := next((path for path in found if path.is_file()), None):
-        return path
-    raise InputError(f"no speech for {str(source)!r}", "--speech FOLDER with sound files of the same names, or --variant mute")
-
-
-def copy_video(source: Path, target: Path, *, sound: bool) -> None:
-    """A video without its title and other words, which could name the system, and without sound if none is wanted.
-
-    Raises:
-        InputError: PyAV is not installed, or the video cannot be read.
-    """
-    try:
-        av: Any = import_module("av")
-    except ModuleNotFoundError:
-        raise InputError("videos need PyAV", describe_extra("av")) from None
-    try:
-        with av.open(str(source)) as read, av.open(str(target), "w", format=target.suffix[1:]) as written:
-            streams = [*read.streams.video[:1], *(read.streams.audio[:1] if sound else ())]
-            if not read.streams.video:
-                raise InputError(f"{str(source)!r} shows nothing", "a video is needed")
-            made = {stream.index: written.add_stream_from_template(stream) for stream in streams}
-            for stream in made.values():
-                stream.metadata.clear()
-            for packet in read.demux(streams):
-                if packet.dts is not None:
-                    packet.stream = made[packet.stream.index]
-                    written.mux(packet)
-    except (av.FFmpegError, ValueError, OSError) as error:
-        if isinstance(error, InputError):
-            raise
-        why = str(error).replace(str(target), target.name)
-        raise InputError(f"cannot copy the video {str(source)!r}: {why}", "is it H.264 in .mp4, or VP9 in .webm?") from None

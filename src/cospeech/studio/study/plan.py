@@ -19,6 +19,8 @@ PLAN_BYTES = 1 << 24
 """Of plan.json; ours: some ten thousand clips."""
 PLAN_VALUES = 500_000
 """Commas, lists and objects of plan.json."""
+VERSION: Literal[2] = 2
+"""Of plan.json; another one would put answers in another order."""
 
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 Words = Annotated[str, Field(max_length=20_000)]
@@ -95,24 +97,29 @@ class StudyPlan(_Strict):
         variant: ``full``, ``mute`` (without sound) or ``hands`` (rendered with the camera on the hands).
         reference: a system, often the recordings, with which each other one is paired; None: all pairs are made.
         transfer: systems whose style should differ from the reference's, for questions of the kind ``same``.
+        mismatched: systems that play the motion of another speech → the system whose motion it is. They are compared with that
+            system alone.
         stimuli_each: how many speeches a rater sees; all systems of each.
         checks: attention checks in a session.
         fewest_checks: how many of them a rater must pass to be counted.
+        completion: address to which raters go on at the end, such as that of a recruiting platform; "" for none.
         seed: of the orders.
     """
 
-    version: Literal[1] = 1
+    version: Literal[2] = VERSION
     title: Name
     template: Name
     consent: Words
     instructions: Words
     thanks: Words
+    completion: Annotated[str, Field(pattern=r"^(https?://\S{1,2000})?$")] = ""
     shows: Literal["single", "pair", "group"]
     variant: Literal["full", "mute", "hands"] = "full"
     questions: Annotated[list[Question], Field(min_length=1, max_length=20)]
     systems: Annotated[list[Name], Field(min_length=1, max_length=50)]
     reference: Name | None = None
     transfer: list[Name] = []
+    mismatched: dict[Name, Name] = {}
     stimuli_each: Annotated[int, Field(ge=1, le=1000)]
     checks: Annotated[int, Field(ge=0, le=20)] = 2
     fewest_checks: Annotated[int, Field(ge=0, le=20)] = 2
@@ -131,6 +138,8 @@ class StudyPlan(_Strict):
             raise ValueError("clips: an id stands twice")
         if not {*self.transfer, *([self.reference] if self.reference else [])} <= known or self.reference in self.transfer:
             raise ValueError("reference and transfer: unknown systems, or the same one in both")
+        if self.mismatched and (self.shows != "pair" or {*self.mismatched, *self.mismatched.values()} != known):
+            raise ValueError("mismatched: each system and its counterpart, in pairs")
         if self.shows != "single" and len(known) < 2:
             raise ValueError(f"shows {self.shows!r} needs two systems")
         wrong = {"single": {"prefer", "same", "favourite"}, "pair": {"favourite"}, "group": {"prefer", "same"}}[self.shows]
@@ -148,7 +157,7 @@ class StudyPlan(_Strict):
     @property
     def digest(self) -> str:
         """Of all that decides who sees what and what the answers mean; words may be mended without changing it."""
-        kept = self.model_dump(exclude={"title", "consent", "instructions", "thanks", "fewest_checks"})
+        kept = self.model_dump(exclude={"title", "consent", "instructions", "thanks", "completion", "fewest_checks"})
         for question in kept["questions"]:
             del question["text"], question["low"], question["high"]
         return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()[:16]
@@ -162,6 +171,9 @@ def load_plan(study: Path) -> StudyPlan:
     """
     path = study / PLAN
     data = parse_json(read_regular(path, "the plan of a study", PLAN_BYTES), str(path), PLAN_VALUES)
+    if isinstance(data, dict) and data.get("version", VERSION) != VERSION:
+        problem = f"{str(path)!r} is of another version of cospeech: {data['version']!r}"
+        raise InputError(problem, f"this one reads {VERSION}; report its answers with that one, or make the study again")
     try:
         return StudyPlan.model_validate(data)
     except ValidationError as error:

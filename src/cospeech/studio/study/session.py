@@ -1,8 +1,10 @@
 """What one rater sees, in which order: counterbalanced over raters, the same for the same seed and number.
 
 Speeches are dealt out in turn, so that each is seen equally often. A session has a round for every comparison: in a round each
-speech comes once. Which comparison of a speech comes in which round follows a cyclic Latin square, and so does the order of
-clips on the page; each pair is seen as often with one clip on the left as with the other.
+speech comes once. Which comparison of a speech comes in which round follows a cyclic Latin square. The order of clips on the
+page follows a square in which each clip also stands beside each other one equally often (Williams 1949, Australian Journal of
+Scientific Research A 2). So each pair is seen as often with one clip on the left as with the other: on every speech, and in
+every round.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from typing import Any, NamedTuple
 
 from .plan import StudyPlan
 
-__all__ = ["Trial", "answer_keys", "describe_trial", "make_session"]
+__all__ = ["Trial", "answer_keys", "describe_study", "describe_trial", "make_session", "passes"]
 
 
 class Trial(NamedTuple):
@@ -37,9 +39,20 @@ def comparisons(plan: StudyPlan) -> list[tuple[str, ...]]:
         return [(system,) for system in plan.systems]
     if plan.shows == "group":
         return [tuple(plan.systems)]
+    if plan.mismatched:
+        return [(system, other) for other, system in plan.mismatched.items()]
     if plan.reference is not None:
         return [(plan.reference, system) for system in plan.systems if system != plan.reference]
     return list(combinations(plan.systems, 2))
+
+
+def order_clips(unit: tuple[str, ...], row: int) -> tuple[str, ...]:
+    """The clips of a page from left to right, by a row of Williams' square."""
+    size, first = len(unit), [0]
+    for k in range(1, len(unit)):  # 0, 1, n − 1, 2, n − 2, …: all differences of neighbours occur once
+        first.append((k + 1) // 2 if k % 2 else size - k // 2)
+    order = [(place + row) % size for place in first]
+    return tuple(unit[k] for k in (reversed(order) if size % 2 and row // size % 2 else order))
 
 
 def make_session(plan: StudyPlan, number: int) -> list[Trial]:
@@ -57,8 +70,10 @@ def make_session(plan: StudyPlan, number: int) -> list[Trial]:
         batch = []
         for visit, which in dealt:
             unit = (which + visit + turn) % len(units)
-            shift = (visit // len(units) + visit + which + unit) % len(units[unit])
-            batch.append(Trial(stimuli[which], units[unit][shift:] + units[unit][:shift]))
+            row = visit + which + unit
+            if len(units) % 2 == 0:  # else a comparison would have the same clip on the left whenever it comes in this round
+                row += visit // len(units)
+            batch.append(Trial(stimuli[which], order_clips(units[unit], row)))
         draw.shuffle(batch)
         if trials and len(batch) > 1 and trials[-1].stimulus == batch[0].stimulus:
             batch.append(batch.pop(0))
@@ -71,11 +86,13 @@ def _with_checks(plan: StudyPlan, trials: list[Trial], draw: Random) -> list[Tri
     found, length = list(trials), len(trials)
     alike = plan.reference is not None and any(question.kind == "same" for question in plan.questions)
     for k in reversed(range(plan.checks)):
-        like = draw.choice(trials)
+        place = 1 + (k + 1) * length // (plan.checks + 1)
+        beside = {trial.stimulus for trial in found[place - 1 : place + 1]}
+        like = draw.choice([trial for trial in trials if trial.stimulus not in beside] or trials)
         check = Trial(like.stimulus, like.systems, draw.choice(("first", "last")))
         if alike and k % 2 == 0 and plan.reference is not None:
             check = Trial(like.stimulus, (plan.reference,) * len(like.systems), "same")
-        found.insert(1 + (k + 1) * length // (plan.checks + 1), check)
+        found.insert(place, check)
     return found
 
 
@@ -114,5 +131,5 @@ def describe_study(plan: StudyPlan) -> dict[str, Any]:
         {"name": q.name, "text": q.text, "each": q.kind == "scale", "options": [[v, w] for v, w in q.options(shown)]}
         for q in plan.questions
     ]
-    words = {key: getattr(plan, key) for key in ("title", "consent", "instructions", "thanks", "shows")}
+    words = {key: getattr(plan, key) for key in ("title", "consent", "instructions", "thanks", "completion", "shows")}
     return {**words, "muted": plan.variant == "mute", "questions": questions, "study": plan.digest}

@@ -7,16 +7,16 @@ import re
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ...errors import InputError
 from ...files import parse_json, read_regular, workplace
 from .answers import Answers, Rater, check_answers
-from .app import MOST_CODE, PAGE_FILES, page_file
+from .app import PAGE_FILES, is_code, page_file
 from .plan import CLIPS, StudyPlan, load_plan
 from .session import describe_study, describe_trial, make_session
 
-__all__ = ["export_page", "import_answers"]
+__all__ = ["Imported", "export_page", "import_answers"]
 
 ANSWER_BYTES = 1 << 22
 """Of a rater's file; one of 100 trials has 20 kB."""
@@ -60,11 +60,22 @@ def export_page(study: Path, page: Path, *, sessions: int = 200) -> StudyPlan:
     return plan
 
 
-def import_answers(study: Path, files: Sequence[Path]) -> tuple[int, int]:
-    """Take in files that raters of an exported page have sent; all are checked before one is taken.
+class Imported(NamedTuple):
+    """What became of files that raters have sent.
 
-    Returns:
-        How many sessions were added, and how many were known already.
+    Args:
+        added: sessions that were taken.
+        known: that were there already.
+        twice: that are of a participant of whom another session is there; they are not taken.
+    """
+
+    added: int
+    known: int
+    twice: int
+
+
+def import_answers(study: Path, files: Sequence[Path]) -> Imported:
+    """Take in files that raters of an exported page have sent; all are checked before one is taken.
 
     Raises:
         InputError: a file is none of this study's, or an answer in it is not valid; the file is named.
@@ -72,8 +83,8 @@ def import_answers(study: Path, files: Sequence[Path]) -> tuple[int, int]:
     plan = load_plan(study)
     read = [_read_session(plan, path) for path in files]
     with Answers(study, plan) as answers:
-        added = sum(answers.add_session(rater, trials) for rater, trials in read)
-    return added, len(read) - added
+        words = [answers.add_session(rater, trials) for rater, trials in read]
+    return Imported(words.count("added"), words.count("known"), words.count("twice"))
 
 
 def _read_session(plan: StudyPlan, path: Path) -> tuple[Rater, dict[int, tuple[dict[tuple[str, int], int], float]]]:
@@ -87,7 +98,7 @@ def _read_session(plan: StudyPlan, path: Path) -> tuple[Rater, dict[int, tuple[d
         raise InputError(f"{str(path)!r} has no rater or no answers", hint)
     if type(number) is not int or not 0 <= number < SESSIONS[1]:
         raise InputError(f"{str(path)!r}: there is no session {number!r}", hint)
-    if not isinstance(code, str) or len(code) > MOST_CODE:
+    if not isinstance(code, str) or not is_code(code):
         raise InputError(f"{str(path)!r}: the code of the invitation is not valid", hint)
     trials, found = make_session(plan, number), {}
     for row in rows:

@@ -33,7 +33,8 @@ class Estimate(NamedTuple):
         mean: over cells; nan where there is none.
         low, high: 95 % interval.
         error: standard error, clustered by rater and by clip.
-        p: two-sided, of a mean of 0; nan where fewer than two raters or clips were seen.
+        p: two-sided, of the mean that chance gives; nan where fewer than two raters or clips were seen, or where chance gives
+            none.
         wilcoxon: p value of the signed-rank test over the means of raters, which takes the clips as given.
         cells, raters, clips: how many.
     """
@@ -60,8 +61,13 @@ def grid(values: Sequence[tuple[str, str, float]]) -> Array:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def estimate(cells: Array, *, seed: int = 0) -> Estimate:
+def estimate(cells: Array, *, chance: float | None = 0.0, seed: int = 0) -> Estimate:
     """Mean, interval and test of an array (raters, clips) with nan where nothing was answered.
+
+    Args:
+        cells: (raters, clips).
+        chance: the mean that is tested against; None: there is no test, as of ratings.
+        seed: of the bootstrap.
 
     Raises:
         InputError: scipy is not installed.
@@ -76,7 +82,10 @@ def estimate(cells: Array, *, seed: int = 0) -> Estimate:
     mean = float(known.sum() / count)
     error = _two_way_error(np.where(seen, cells - mean, 0.0), count, raters, clips)
     low, high = _interval(known, seen, seed)
-    return Estimate(mean, low, high, error, _chance(mean, error, min(raters, clips)), _wilcoxon(cells), count, raters, clips)
+    p = wilcoxon = float("nan")
+    if chance is not None:
+        p, wilcoxon = _chance(mean - chance, error, min(raters, clips)), _wilcoxon(cells - chance)
+    return Estimate(mean, low, high, error, p, wilcoxon, count, raters, clips)
 
 
 def _two_way_error(rest: Array, count: int, raters: int, clips: int) -> float:

@@ -1,4 +1,4 @@
-"""The answers as CSV files: all of them, and in the layout of the GENEA leaderboard's votes.
+"""The answers as CSV files: all of them, the raters, and votes in the layout of the GENEA leaderboard.
 
 GENEA's votes are one file for each question, a row for each comparison, with the columns ``user, input_code, model_a, model_b,
 winner, is_strong, juiceOptions, juiceOtherReason`` (public votes of systems on the leaderboard, 2025): ``model_a`` stood on the
@@ -10,19 +10,25 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 from ...errors import InputError
 from ...files import all_or_none
-from .plan import StudyPlan
-from .report import Vote
+from .answers import Answers, Session, count_checks
+from .plan import StudyPlan, load_plan
+from .report import Vote, count_raters, name_rater, read_votes
 
 __all__ = ["write_tables"]
 
 _VOTES = ("user", "input_code", "model_a", "model_b", "winner", "is_strong", "juiceOptions", "juiceOtherReason")
 _RATINGS = ("user", "input_code", "model", "question", "rating")
-_ANSWERS = ("user", "input_code", "question", "shown", "model", "answer")
+_ANSWERS = ("user", "page", "input_code", "question", "shown", "model", "answer", "seconds", "check", "outcome")
+_RATERS = (
+    "user", "participant", "outcome", "source", "session", "began", "pages", "of", "checks_passed", "checks_failed", "minutes",
+    "seconds_of_fastest_page", "left_share",
+)  # fmt: skip
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
@@ -45,16 +51,30 @@ def _vote(vote: Vote) -> tuple[object, ...]:
     return (vote.rater, vote.stimulus, *vote.systems, winner, abs(vote.value) == 2, "[]", "")
 
 
-def write_tables(plan: StudyPlan, votes: Sequence[Vote], folder: Path) -> list[Path]:
-    """Write ``answers.csv``, a file of votes for each question of preference, and ``ratings.csv`` where there are scales.
+def write_tables(study: Path, folder: Path, *, incomplete: bool = False) -> list[Path]:
+    """Write ``answers.csv``, ``raters.csv``, a file of votes for each question of preference, and ``ratings.csv`` for scales.
+
+    ``answers.csv`` and ``raters.csv`` have all raters, with what became of them; the others have those who count. Only
+    ``raters.csv`` has the codes of invitations.
+
+    Args:
+        study: its folder.
+        folder: where to write.
+        incomplete: whether raters who stopped early count, too.
 
     Raises:
-        InputError: the folder cannot be made or written.
+        InputError: no study is there, or the folder cannot be made or written.
     """
+    plan = load_plan(study)
+    with Answers(study, plan) as answers:
+        counted, sessions = count_raters(plan, answers, incomplete=incomplete), list(answers.sessions())
+        every = read_votes(plan, answers, checks=True)
+    outcomes = dict.fromkeys(counted.kept, "counts") | dict.fromkeys(counted.failed, "failed checks")
+    kept = {*counted.kept}
+    votes = [vote for vote in every if vote.rater in kept and not vote.check]
     texts = {
-        "answers.csv": _csv(
-            _ANSWERS, [(v.rater, v.stimulus, v.question, "|".join(v.systems), v.system, v.value) for v in votes]
-        )
+        "answers.csv": _csv(_ANSWERS, [_answer(vote, outcomes.get(vote.rater, "stopped")) for vote in every]),
+        "raters.csv": _csv(_RATERS, [_rater(plan, session, outcomes, every) for session in sessions]),
     }
     scales = {question.name for question in plan.questions if question.kind == "scale"}
     for question in plan.questions:
@@ -72,3 +92,23 @@ def write_tables(plan: StudyPlan, votes: Sequence[Vote], folder: Path) -> list[P
         for target in targets:
             place(target).write_text(texts[target.name], "utf-8")
     return targets
+
+
+def _answer(vote: Vote, outcome: str) -> tuple[object, ...]:
+    shown = "|".join(vote.systems)
+    about = (vote.rater, vote.page, vote.stimulus, vote.question, shown, vote.system, vote.value)
+    return (*about, f"{vote.seconds:.2f}", vote.check, outcome)
+
+
+def _rater(plan: StudyPlan, session: Session, outcomes: Mapping[str, str], votes: Sequence[Vote]) -> tuple[object, ...]:
+    """A rater's row; of preferences, the share of the left side, a tie counts half."""
+    name, prefers = name_rater(session.rater), {question.name for question in plan.questions if question.kind == "prefer"}
+    sides = [v.value for v in votes if v.rater == name and v.question in prefers and not v.check]
+    left = f"{sum((value < 0) + (value == 0) / 2 for value in sides) / len(sides):.3f}" if sides else ""
+    began = datetime.fromtimestamp(session.at, UTC).isoformat(timespec="seconds")
+    seconds = session.seconds.values()
+    return (
+        name, session.rater.participant, outcomes.get(name, "stopped"), session.source, session.rater.number, began,
+        len(session.given), len(session.trials), *count_checks(plan, session), f"{sum(seconds) / 60:.2f}",
+        f"{min(seconds):.2f}" if seconds else "", left,
+    )  # fmt: skip

@@ -23,6 +23,7 @@ class Template(NamedTuple):
         stimuli_each: speeches for each rater, at most.
         instructions: what raters read before the first clip.
         needs_reference: whether one system is the recording.
+        mismatches: whether each system is compared with itself playing the motion of another speech.
     """
 
     what: str
@@ -31,6 +32,7 @@ class Template(NamedTuple):
     stimuli_each: int
     instructions: str
     needs_reference: bool = False
+    mismatches: bool = False
 
 
 def _ask(name: str, kind: Any, text: str, **more: Any) -> Question:
@@ -85,6 +87,17 @@ TEMPLATES: dict[str, Template] = {
         (_ask("motion_realism", "prefer", "In which video does the character move more like a real person?", points=5),),
         10,
         "You will see two videos at a time. Watch both to the end, as often as you like. Then choose one of them.",
+    ),
+    # GENEA challenge 2022 and 2023 (Kucherenko et al. 2023, ICMI), appropriateness for speech: the motion of the speech beside
+    # motion of the same system for another speech, so that the quality of the motion does not count
+    "appropriateness": Template(
+        "Does the motion belong to the speech? The motion of a system beside its motion for another speech, as in GENEA 2023",
+        "pair",
+        (_ask("appropriateness", "prefer", "In which video do the movements fit what is said better?", points=5),),
+        10,
+        "You will see two videos at a time, with the same speech. Watch both to the end with sound, as often as you like. "
+        "Then choose the one in which the movements fit the speech better.",
+        mismatches=True,
     ),
 }
 

@@ -222,3 +222,15 @@ def test_what_cannot_be_exchanged_is_said(tmp_path):
         make_study([tmp_path / "motions"], tmp_path / "study", template="appropriateness", speech=tmp_path / "talks")
     with pytest.raises(InputError, match="speech is asked for, and there is none"):
         make_study([tmp_path / "motions"], tmp_path / "study", template="appropriateness", variant="mute")
+
+
+def test_videos_beside_motion_files_must_be_as_those_are_rendered(tmp_path):
+    write_motion(tmp_path / "ours" / "x.bvh", 0.3)
+    write_sound(tmp_path / "talks" / "x.wav", 0.3)
+    write_video(tmp_path / "theirs" / "x.mp4", rate=30, frames=9)
+    folders = [tmp_path / "ours", tmp_path / "theirs"]
+    with pytest.raises(InputError, match=r"theirs/x.mp4' has 32 × 32 pixels, and .*ours/x.bvh' 720 × 720 pixels"):
+        make_study(folders, tmp_path / "study", speech=tmp_path / "talks")
+    write_video(tmp_path / "theirs" / "x.mp4", size=720, rate=30, frames=9)
+    plan = make_study(folders, tmp_path / "study", speech=tmp_path / "talks")
+    assert {path.name for path in (tmp_path / "study" / "clips").iterdir()} == {clip.file for clip in plan.clips}

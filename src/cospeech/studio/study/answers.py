@@ -15,7 +15,7 @@ from ...errors import InputError
 from .plan import StudyPlan
 from .session import Trial, answer_keys, make_session, passes
 
-__all__ = ["Answers", "Rater", "Session", "check_answers", "count_checks", "passes_checks"]
+__all__ = ["Answers", "Rater", "RaterSession", "check_answers", "count_checks", "passes_checks"]
 
 FILE = "answers.sqlite"
 MOST_RATERS = 20_000
@@ -50,7 +50,7 @@ class Rater(NamedTuple):
     participant: str
 
 
-class Session(NamedTuple):
+class RaterSession(NamedTuple):
     """What is known of a rater.
 
     Args:
@@ -75,14 +75,14 @@ class Session(NamedTuple):
         return len(self.given) == len(self.trials)
 
 
-def count_checks(plan: StudyPlan, session: Session) -> tuple[int, int]:
+def count_checks(plan: StudyPlan, session: RaterSession) -> tuple[int, int]:
     """How many attention checks a rater has passed, and failed."""
     seen = [k for k, trial in enumerate(session.trials) if trial.check and k in session.given]
     passed = sum(passes(plan, session.trials[k], session.given[k]) for k in seen)
     return passed, len(seen) - passed
 
 
-def passes_checks(plan: StudyPlan, session: Session) -> bool:
+def passes_checks(plan: StudyPlan, session: RaterSession) -> bool:
     """Whether a rater has failed no more attention checks than the plan allows."""
     return count_checks(plan, session)[1] <= plan.checks - plan.fewest_checks
 
@@ -247,7 +247,7 @@ class Answers:
             rows = self._base.execute("SELECT DISTINCT trial FROM answers WHERE rater = ? ORDER BY trial", (rater.rater,))
             return [row[0] for row in rows]
 
-    def sessions(self) -> Iterator[Session]:
+    def sessions(self) -> Iterator[RaterSession]:
         """Of every rater, in the order in which they came."""
         with self._lock:
             listed = "SELECT rater, number, participant, source, at FROM raters ORDER BY at, rater"
@@ -255,7 +255,7 @@ class Answers:
             found = list(self._read_sessions(raters))
         yield from found
 
-    def _read_sessions(self, raters: Sequence[tuple[str, int, str, str, float]]) -> Iterator[Session]:
+    def _read_sessions(self, raters: Sequence[tuple[str, int, str, str, float]]) -> Iterator[RaterSession]:
         """Of rows of the table of raters; the lock is held."""
         for name, number, participant, source, at in raters:
             given: dict[int, dict[tuple[str, int], int]] = {}
@@ -265,4 +265,4 @@ class Answers:
                 given.setdefault(trial, {})[question, place] = value
                 seconds[trial] = took
             trials = make_session(self._plan, number)
-            yield Session(Rater(name, number, participant), trials, given, seconds, source, at)
+            yield RaterSession(Rater(name, number, participant), trials, given, seconds, source, at)

@@ -112,20 +112,33 @@ def make_study(
     with workplace(study.parent) as place:
         made = place / "study"
         (made / CLIPS).mkdir(parents=True)
-        done = _count(progress, len(sources))
-        scenes = [StudyScene(path, clip.stimulus, made / CLIPS / clip.file) for clip, path in sources if not _is_video(path)]
-        if scenes:
-            render_scenes(scenes, voices, camera=_VIEWS[variant], faces=faces, fps=fps, progress=done)
-        for clip, path in videos:
-            copy_video(path, made / CLIPS / clip.file, sound=not muted)
-            done()
-        if videos and scenes:
-            every = {made / CLIPS / clip.file: (clip.stimulus, path) for clip, path in sources}
-            facts = {path: (stimulus, look_at_video(target, muted=muted)) for target, (stimulus, path) in every.items()}
-            check_alike(facts, allow=allow_differences)
+        _write_clips(sources, made / CLIPS, voices, variant, faces=faces, fps=fps, progress=progress)
+        if videos and len(videos) < len(sources):
+            _check_videos(sources, variant, allow_differences, made / CLIPS)
         save_plan(plan, made)
         made.rename(study)
     return plan
+
+
+def _write_clips(
+    sources: Sequence[_Source],
+    folder: Path,
+    voices: Mapping[str, Path],
+    variant: str,
+    *,
+    faces: str,
+    fps: float,
+    progress: Callable[[float], None] | None,
+) -> None:
+    """Render motion files, and copy videos."""
+    done = _count(progress, len(sources))
+    scenes = [StudyScene(path, clip.stimulus, folder / clip.file) for clip, path in sources if not _is_video(path)]
+    if scenes:
+        render_scenes(scenes, voices, camera=_VIEWS[variant], faces=faces, fps=fps, progress=done)
+    for clip, path in sources:
+        if _is_video(path):
+            copy_video(path, folder / clip.file, sound=variant != "mute")
+            done()
 
 
 def _check_names(**given: tuple[str, Sequence[str] | Mapping[str, object]]) -> None:
@@ -195,12 +208,15 @@ def _name_clips(seed: int, systems: Mapping[str, Mapping[str, Path]], others: Ma
     return found
 
 
-def _check_videos(videos: Sequence[_Source], variant: str, allow: bool) -> None:
-    """The videos can be shown, and are alike."""
+def _check_videos(sources: Sequence[_Source], variant: str, allow: bool, made: Path | None = None) -> None:
+    """The videos can be shown, and are alike; of clips in the folder ``made``, those that were rendered, too."""
     if variant == "hands":
-        problem = f"{str(videos[0].path)!r} is a video: the camera cannot be moved to the hands"
+        problem = f"{str(sources[0].path)!r} is a video: the camera cannot be moved to the hands"
         raise InputError(problem, "give motion files")
-    facts = {path: (clip.stimulus, look_at_video(path, muted=variant == "mute")) for clip, path in videos}
+    facts = {}
+    for clip, path in sources:
+        seen = path if made is None else made / clip.file
+        facts[path] = clip.stimulus, look_at_video(seen, muted=variant == "mute")
     check_alike(facts, allow=allow)
 
 

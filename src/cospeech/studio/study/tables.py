@@ -16,7 +16,7 @@ from pathlib import Path
 
 from ...errors import InputError
 from ...files import all_or_none
-from .answers import Answers, Session, count_checks
+from .answers import Answers, RaterSession, count_checks
 from .plan import StudyPlan, load_plan
 from .report import Vote, count_raters, name_rater, read_votes
 
@@ -100,7 +100,7 @@ def _answer(vote: Vote, outcome: str) -> tuple[object, ...]:
     return (*about, f"{vote.seconds:.2f}", vote.check, outcome)
 
 
-def _rater(plan: StudyPlan, session: Session, outcomes: Mapping[str, str], votes: Sequence[Vote]) -> tuple[object, ...]:
+def _rater(plan: StudyPlan, session: RaterSession, outcomes: Mapping[str, str], votes: Sequence[Vote]) -> tuple[object, ...]:
     """A rater's row; of preferences, the share of the left side, a tie counts half."""
     name, prefers = name_rater(session.rater), {question.name for question in plan.questions if question.kind == "prefer"}
     sides = [v.value for v in votes if v.rater == name and v.question in prefers and not v.check]

@@ -79,14 +79,20 @@ LEXICON: dict[str, str] = {word: form for form, words in _SETS.items() for word 
 _TRIM = re.compile(r"^[^\w']++|(?<![^\w'])[^\w']++$")  # signs at either end, each run of them looked at once
 
 
-def form_for(word: str) -> tuple[str, float] | None:
+def form_for(word: str, language: str = "") -> tuple[str, float] | None:
     """Form and chance (0 … 1) for a word, or None.
 
-    >>> form_for("Huge!")
-    ('big', 1.0)
+    Args:
+        word: as it is written.
+        language: of the word, see `cospeech.audio.languages`; without it, the word is English.
+
+    >>> form_for("Huge!"), form_for("will", "de")
+    (('big', 1.0), None)
     >>> form_for("table") is None
     True
     """
+    if language not in ("", "en"):
+        return None
     key = _TRIM.sub("", word).lower().replace("’", "'")
     form = LEXICON.get(key)
     return None if form is None else (form, _FREQUENT.get(key, 1.0))

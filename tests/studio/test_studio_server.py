@@ -92,7 +92,7 @@ def test_a_speech_is_told_and_heard(served, speech):
         assert file.getnframes() / file.getframerate() == 2.0
     assert ask(port, path, range="bytes=4-7")[::2] == (206, sound[4:8])
     words = ask_json(port, f"/api/speech/{speech['speech']}/transcript?name=a.tsv", b"0.2\t0.9\thuge\n", method="PUT")
-    assert words == {"words": [{"text": "huge", "start": 0.2, "end": 0.9}]}
+    assert words == {"words": [{"text": "huge", "start": 0.2, "end": 0.9, "language": None}]}
 
 
 @pytest.mark.slow

@@ -9,7 +9,8 @@ __all__ = ["ITALIAN", "PORTUGUESE", "SPANISH"]
 _SPANISH = [
     ("ch", "ch", "", ""), ("ll", "y", "", ""), ("rr", "d", "", ""), ("qu", "k", "", ""), ("gu", "g", "", "[eiéí]"),
     ("hu", "w", "", "[aeoáéó]"), ("ps", "s", "#", ""), ("g", "hh", "", "[eiéí]"), ("c", "s", "", "[eiéí]"),
-    ("n", "m", "", "[pbvm]"), ("y", "iy", "", "$"), ("i", "y", "[^aeiouáéíóú#]", "[aeoáéó]"), ("u", "w", "[^q#]", "[aeioáéíó]"),
+    ("n", "m", "", "[pbvm]"),
+    ("y", "iy", "", "$"), ("i", "y", "[gq]u|[^aeiouáéíóú#]", "[aeoáéó]"), ("u", "w", "[^q#]", "[aeioáéíó]"),
     ("x", "s", "#", ""), *read_plain(
         "a=aa e=eh i=iy o=ao u=uw á=aa é=eh í=iy ó=ao ú=uw ü=w b=b c=k d=d f=f g=g h= j=hh k=k l=l m=m n=n ñ=n+y p=p q=k r=d "
         "s=s t=t v=b w=w x=k+s y=y z=s"

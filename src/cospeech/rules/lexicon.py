@@ -111,7 +111,7 @@ _OTHERS_FREQUENT = {
            "hier": 0.3, "nicht": 0.5, "kein": 0.5, "keine": 0.5, "nein": 0.7, "alles": 0.7},
     "fr": {"je": 0.35, "j'ai": 0.3, "moi": 0.5, "mon": 0.3, "mes": 0.3, "tu": 0.4, "vous": 0.4, "votre": 0.3, "nous": 0.45,
            "ici": 0.4, "non": 0.7, "pas": 0.4, "tous": 0.7, "petit": 0.5, "petite": 0.5},
-    "es": {"yo": 0.35, "mi": 0.3, "mis": 0.3, "tú": 0.4, "usted": 0.4, "aquí": 0.3, "no": 0.4, "todo": 0.6, "todos": 0.7},
+    "es": {"yo": 0.35, "mi": 0.3, "mis": 0.3, "tú": 0.4, "usted": 0.4, "aquí": 0.3, "no": 0.5, "todo": 0.6, "todos": 0.7},
 }  # fmt: skip
 """As `_FREQUENT`."""
 

@@ -20,8 +20,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from . import __version__
-from .audio.emotions import EmotionTrack, read_emotion_track
+from .audio.emotions import EmotionTrack, read_emotion
 from .audio.forced_alignment import align_with_recogniser
+from .audio.languages import check_language, with_language
 from .audio.level import note_level
 from .audio.speech import Speech, Word, count_frames, open_speech
 from .audio.speech_chunks import speech_chunks
@@ -29,6 +30,7 @@ from .errors import CospeechWarning, InputError
 from .export import FORMATS, Writer, check_parts, format_of, open_writer
 from .export.checks import File, check_apart, check_avatar, check_files, check_map, check_skeleton, note_idle_gain
 from .export.target_skeleton import rig_files
+from .face.graphemes import note_unread_words
 from .files import all_or_none
 from .models import DEFAULT, PARTS, GenerationSession, Model, PlannedSession
 from .models import load as load_model
@@ -38,7 +40,7 @@ from .motion.skeleton import Skeleton
 from .rules.options import FaceGain, GenerationOptions, MotionLike, check_range
 from .rules.plan_commands import NO_EDITS, PlanCommands, with_plan
 from .runtime.motion_switch import keep_stretches
-from .runtime.report import Report
+from .runtime.report import Report, describe_language
 from .runtime.styles.style import example_files, read_clip_by_map
 
 __all__ = ["check_request", "generate_files", "open_live_session", "take_path", "writer_keywords"]
@@ -57,13 +59,12 @@ Progress = Callable[[float, float | None], None]
 def generate_files(
     audio: File, outputs: File | Sequence[File], *, model: str = DEFAULT, style: StyleLike = None,
     emotion: str | PathLike[str] | EmotionTrack = "auto", speaker: str | None = None, transcript: File | None = None,
-    transcribe: bool = False, seed: int = 0, takes: int = 1, temperature: float = 1.0, intensity: float = 1.0,
-    parts: Iterable[str] = PARTS, face_gain: FaceGain = 1.0, face: MotionLike = None, continue_from: MotionLike = None,
-    plan: File | Plan | None = None, plan_out: File | None = None, plan_edits: PlanCommands = NO_EDITS, keep: str = "",
-    keep_from: MotionLike = None, skeleton: File | Skeleton = "humanoid", bone_map: File | None = None,
-    fps: float = 30.0, tail: float = 0.0, avatar: File | None = None, report: File | None = None,
-    special: Mapping[str, Mapping[str, object]] | None = None,
-    progress: Progress | None = None, loaded: Model | None = None,
+    transcribe: bool = False, language: str = "", seed: int = 0, takes: int = 1, temperature: float = 1.0,
+    intensity: float = 1.0, parts: Iterable[str] = PARTS, face_gain: FaceGain = 1.0, face: MotionLike = None,
+    continue_from: MotionLike = None, plan: File | Plan | None = None, plan_out: File | None = None,
+    plan_edits: PlanCommands = NO_EDITS, keep: str = "", keep_from: MotionLike = None, skeleton: File | Skeleton = "humanoid",
+    bone_map: File | None = None, fps: float = 30.0, tail: float = 0.0, avatar: File | None = None, report: File | None = None,
+    special: Mapping[str, Mapping[str, object]] | None = None, progress: Progress | None = None, loaded: Model | None = None,
 ) -> Report:  # fmt: skip
     """Generate motion for a sound file, and write it.
 
@@ -78,6 +79,7 @@ def generate_files(
         speaker: a speaker by name; for the rule-based model speakers are its styles.
         transcript: words of the speech, with times or without; where not given, those of the plan.
         transcribe: hear the words with faster-whisper (the extra ``asr``) instead.
+        language: of the words, a code of `cospeech.audio.languages.LANGUAGES`; found from them where not given.
         seed: of the first take; the next take has the next seed.
         takes: how many; from two on, ``talk.bvh`` becomes ``talk.1.bvh``, ``talk.2.bvh`` …
         temperature: how far choices stray from the likeliest, 0 … 2.
@@ -106,14 +108,14 @@ def generate_files(
     """
     began = time.perf_counter()
     check_range("tail", tail, TAIL_RANGE)
-    _check_rivals(style, speaker, transcript, transcribe)
+    _check_rivals(style, speaker, transcript, transcribe, language)
     files = [Path(path) for path in ([outputs] if isinstance(outputs, str | PathLike) else outputs)]
-    felt, track = _read_emotion(emotion)
+    felt, track = read_emotion(emotion)
     options = GenerationOptions(
         style=style or speaker, emotion=felt, seed=seed, intensity=intensity, temperature=temperature, fps=fps, takes=takes,
         parts=tuple(parts), face_gain=face_gain, face=face, continue_from=continue_from)  # fmt: skip
     silence = Fraction(tail).limit_denominator(1000)
-    lister = partial(_list_gestures, loaded, model, audio, transcript, transcribe, silence)
+    lister = partial(_list_gestures, loaded, model, audio, transcript, transcribe, language, silence)
     options = with_plan(options, plan, plan_edits, audio, transcript, wanted=plan_out is not None, list_gestures=lister)
     old, asked = keep_stretches(keep, keep_from, options.fps), options.style
     options, target, worn = _check_files(options, skeleton, bone_map, avatar, files)
@@ -124,11 +126,12 @@ def generate_files(
     loaded = _check_parts(loaded or load_model(model), model, options, files)
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *(Path(path) for path in (report, plan_out) if path)]))
-        source = stack.enter_context(open_speech(audio, transcript=transcript))
+        source = stack.enter_context(open_speech(audio, transcript=transcript, language=language))
         if old:
             old.check_length(source.expected_seconds, tail)
-        source.words = align_with_recogniser(audio) if transcribe else source.words
+        source.words = with_language(align_with_recogniser(audio), language) if transcribe else source.words
         words = options.plan.speech_words if source.words is None and options.plan is not None else source.words
+        note_unread_words(words if "face" in options.parts else None)
         keywords = writer_keywords(files, audio, worn, special or {}, words)
         counts = set[int]()
         for group, performance in _passes(loaded, options):
@@ -147,7 +150,7 @@ def generate_files(
             takes=takes, realtime_factor=(time.perf_counter() - began) / (seconds * takes), emotion=performance.emotion,
             played=performance.expression, arousal=performance.arousal, speaker=performance.speaker, version=__version__,
             style=_style_text(asked) or loaded.default_style, style_mixture=performance.style_mixture,
-            outputs=[str(path) for path in names])  # fmt: skip
+            **describe_language(words, language), outputs=[str(path) for path in names])  # fmt: skip
         if plan_out is not None:
             place(Path(plan_out)).write_text(cast(PlannedSession, performance).plan.to_json(), "utf-8")
         if report:
@@ -156,8 +159,8 @@ def generate_files(
 
 
 def _list_gestures(
-    loaded: Model | None, model: str, audio: File, transcript: File | None, transcribe: bool, silence: Fraction,
-    options: GenerationOptions,
+    loaded: Model | None, model: str, audio: File, transcript: File | None, transcribe: bool, language: str,
+    silence: Fraction, options: GenerationOptions,
 ) -> Plan:  # fmt: skip
     """What is performed with these options, which have an open plan: a plan with all gestures listed.
 
@@ -170,7 +173,7 @@ def _list_gestures(
     _, session = next(_passes(loaded or load_model(model), replace(options, parts=("body", "hands"))))
     if cast(PlannedSession, session).plan.open:
         raise InputError(f"{model} lists no gestures to remove or to move", "only `rules` does; stretches are for all models")
-    with open_speech(audio, transcript=transcript) as source:
+    with open_speech(audio, transcript=transcript, language=language) as source:
         for _ in _play_takes(session, speech_chunks(source, silence)):
             pass
     return cast(PlannedSession, session).plan
@@ -194,8 +197,8 @@ def check_request(
     Raises:
         InputError: it cannot.
     """
-    _check_rivals(style, speaker, None, False)
-    asked = GenerationOptions.from_keywords({"style": style or speaker, "emotion": _read_emotion(emotion)[0], **options})
+    _check_rivals(style, speaker, None, False, "")
+    asked = GenerationOptions.from_keywords({"style": style or speaker, "emotion": read_emotion(emotion)[0], **options})
     next(_passes(loaded, replace(asked, takes=1)))
 
 
@@ -251,7 +254,7 @@ def open_live_session(
         raise InputError("a live session plays no plan", "a plan is that of one speech: generate, or model.session(plan=…)")
     opened = load_model(model) if isinstance(model, str | PathLike) else model
     usual = {name: value for name, value in opened.for_files.items() if name in ("stance", "rests")}
-    given = GenerationOptions.from_keywords({**usual, "emotion": _read_emotion(emotion)[0], **options})
+    given = GenerationOptions.from_keywords({**usual, "emotion": read_emotion(emotion)[0], **options})
     if "rests" not in options and not (given.look_ahead is None and "face" in given.parts):
         given = replace(given, rests=False)  # they would wait for longer than anything else does
     return LiveSession(opened, given, idle_after=idle_after)
@@ -337,14 +340,6 @@ def writer_keywords(
     return keywords
 
 
-def _read_emotion(emotion: str | PathLike[str] | EmotionTrack) -> tuple[str | EmotionTrack, str | None]:
-    """What a session understands: of a file its track, anything else as it is; and the file, where there is one."""
-    if isinstance(emotion, EmotionTrack):
-        return emotion, None
-    name = os.fspath(emotion)
-    return (read_emotion_track(name), name) if name.lower().endswith(".csv") else (name, None)
-
-
 def _style_text(style: StyleLike) -> str:
     """A style as the report has it; nothing for the default one."""
     if isinstance(style, Mapping):
@@ -352,8 +347,9 @@ def _style_text(style: StyleLike) -> str:
     return "example" if isinstance(style, Motion) else os.fspath(style or "")
 
 
-def _check_rivals(style: StyleLike, speaker: str | None, transcript: File | None, transcribe: bool) -> None:
-    """Two ways of saying one thing must not disagree."""
+def _check_rivals(style: StyleLike, speaker: str | None, transcript: File | None, transcribe: bool, language: str) -> None:
+    """Two ways of saying one thing must not disagree, and a language is that of words."""
+    check_language(language, spoken=transcript is not None or transcribe)
     if transcribe and transcript is not None:
         raise InputError("both a transcript and transcribe are given", "choose one of them")
     if style is not None and speaker is not None and style != speaker:

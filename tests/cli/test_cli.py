@@ -71,8 +71,9 @@ def test_generate_writes_what_is_asked_for(cli, place):
     assert report["style_mixture"] is None
     assert set(report) == {
         "model", "speech", "speech_seconds", "frames", "fps", "seed", "takes", "realtime_factor", "emotion", "style", "outputs",
-        "style_mixture", "speaker", "version", "played", "arousal",
+        "style_mixture", "speaker", "version", "played", "arousal", "language", "language_source",
     }  # fmt: skip
+    assert (report["language"], report["language_source"]) == (None, None)
 
 
 @pytest.mark.slow
@@ -228,6 +229,8 @@ BAD = [
     ("generate talk.wav -o a.bvh --emotion joyful", "known: auto"),
     ("generate talk.wav -o a.bvh --emotion hapiness", "did you mean 'happiness'"),
     ("generate talk.wav -o a.bvh --parts face,feet", "feet"),
+    ("generate talk.wav -o a.bvh --language de", "the language 'de' of no words"),
+    ("generate talk.wav -o a.bvh --transcript talk.txt --language german", "the code of German is de"),
     ("generate talk.wav -o a.bvh --parts ,", "no part"),
     ("generate talk.wav -o a.bvh --skeleton miximo", "did you mean 'mixamo'"),
     ("generate talk.wav -o a.bvh --fps 0", "fps 0"),

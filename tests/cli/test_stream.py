@@ -80,6 +80,7 @@ def test_words_beside_raw_samples_change_the_motion(tmp_path):
     plain, words, transcript = stream(), stream("--words", "words"), stream("--transcript", str(example()[1]))
     apart = [np.abs(plain - words).mean(), np.abs(plain - transcript).mean(), np.abs(words - transcript).mean()]
     assert apart[2] < 0.3 * min(apart[:2])  # alike, but for silence that either heard where the pipe was late
+    assert np.abs(words - stream("--words", "words", "--language", "fr")).mean() > apart[2]
 
 
 @pytest.mark.slow
@@ -111,6 +112,8 @@ def test_standard_input_without_sound_is_told():
         (["-i", "-", "--transcript", "nowhere.srt"], "nowhere.srt"),
         (["-i", "-", "--words", "nowhere"], "cannot read 'nowhere': there is no such file or pipe (mkfifo words makes a pipe)"),
         (["-i", "-", "--words", "."], "cannot read '.': it is a folder"),
+        (["-i", "talk.wav", "--language", "de"], "the language 'de' of no words"),
+        (["-i", "-", "--language", "xx"], "no language has the code 'xx'"),
         (["-i", "talk.wav", "--words", "words"], "--words beside a sound file (--transcript gives its words)"),
         (["-i", "-", "--to", "osc://x"], "cannot send to 'osc://x'"),
         (["-i", "-", "--fps", "0"], "fps 0"),

@@ -104,6 +104,23 @@ def test_laughter_is_told_from_words(text, laughs):
         assert not found[(times < 0.8) | (times > 1.6 + AFTER)].any()
 
 
+@pytest.mark.parametrize(
+    ("language", "laughed", "said"),
+    [("de", "haha hihi Hehehe [Lachen] (lacht) ahaha ha-ha", "hohe hoho-Wort jaja jajaja Lachen hatte höhe"),
+     ("fr", "hahaha [rires] (rit)", "rires rit ha"), ("es", "jaja jejeje jajajaj [risas]", "jaula risas jota"),
+     ("en", "haha jajaja", "jaja hohe heha hah www"), ("ru", "хаха ахаха ха-ха (смех)", "хата уха смех хахе"),
+     ("ja", "ハハハ ははは あはは ｗｗｗ [笑い] （笑） 【笑】", "はは 笑 笑い はな"), ("zh", "哈哈 哈哈哈 （笑）", "哈 笑"),
+     ("ko", "하하 ㅋㅋ ㅎㅎㅎ [웃음]", "하 웃음 하루"), ("ar", "ههه هههه هاها [ضحك]", "هه ها ضحك"),
+     ("", "haha [laughter]", "hohe laugh [] ()")],
+)  # fmt: skip
+def test_laughter_in_other_languages(language, laughed, said):
+    def laughs(text):
+        return laughter(np.arange(0, 5, 0.05), [Word(text, 1.0, 1.6, language)]).max() > 0
+
+    assert [text for text in laughed.split() if not laughs(text)] == []
+    assert [text for text in said.split() if laughs(text)] == []
+
+
 def test_a_laugh_shows_in_the_face():
     speech = Speech(talk().samples[:64_000], 16_000, (Word("haha", 1.0, 1.6),))
     face = models.load("rules").generate(speech, parts=("face",), emotion="neutral", fps=FPS).face

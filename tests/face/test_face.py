@@ -244,13 +244,6 @@ def test_words_shape_the_lips():
     assert most("shush", "mouthFunnel") > 0.25
 
 
-def test_words_in_other_alphabets_fall_back_on_the_sound():
-    heard, _ = speech(4)
-    times = np.arange(120) / 30
-    words = [Word("слово", 0.5, 1.0), Word("言葉", 1.0, 1.5), Word("—", 1.5, 1.6), Word("zero", 2.0, 2.0)]
-    assert np.array_equal(act(Face(seed=1), times, heard, words=words), act(Face(seed=1), times, heard))
-
-
 @pytest.mark.parametrize(
     ("word", "phones"),
     [

@@ -106,6 +106,30 @@ def test_a_plan_file_alone_gives_the_same_files(talk):
     for a, b in [(f"a.{suffix}", f"b.{suffix}") for suffix in outputs] + [("a-plan.json", "b-plan.json")]:
         assert Path(a).read_bytes() == Path(b).read_bytes(), a
     assert len(Plan.load("b-plan.json").words) == 10
+    assert '"language"' not in Path("a-plan.json").read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("given", "language", "source"), [("", "de", "found"), ("en", "en", "given"), ("nl", "nl", "given")])
+def test_the_language_of_words_is_found_or_given_and_the_plan_keeps_it(talk, given, language, source):
+    Path("talk.txt").write_text("Das will sie am Mittwoch nicht wieder abgeben", "utf-8")
+    made = generate_files("talk.wav", "a.csv", parts=["face"], transcript="talk.txt", plan_out="plan.json", language=given)
+    assert (made.language, made.language_source) == (language, source)
+    words = Plan.load("plan.json").speech_words
+    assert {word.language for word in words} == {"" if language == "en" else language}
+    again = generate_files("talk.wav", "b.csv", parts=["face"], plan="plan.json")
+    assert again.language == language
+    assert Path("a.csv").read_bytes() == Path("b.csv").read_bytes()
+
+
+@pytest.mark.slow
+def test_a_transcript_of_chinese_signs_changes_no_lips_and_a_note_says_so(talk):
+    Path("talk.txt").write_text("晚上好我的爸爸妈妈", "utf-8")
+    with pytest.warns(CospeechWarning, match="the spelling of Chinese does not tell"):
+        made = generate_files("talk.wav", "a.csv", parts=["face"], transcript="talk.txt")
+    assert made.language == "zh"
+    generate_files("talk.wav", "b.csv", parts=["face"])
+    assert Path("a.csv").read_bytes() == Path("b.csv").read_bytes()
 
 
 def test_an_edit_on_a_word_takes_the_transcript_that_is_given(talk):

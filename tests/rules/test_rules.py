@@ -18,7 +18,7 @@ from cospeech.motion.noise import hash_normal, hash_uniform, smooth_noise
 from cospeech.motion.rotations import quat_angle, quat_rotate
 from cospeech.rules import EMOTIONS, LOOK_AHEAD, STYLES, RuleBasedModel, Style
 from cospeech.rules.emotion_modifiers import MANNERS, blend_modifiers
-from cospeech.rules.lexicon import LEXICON, form_for
+from cospeech.rules.lexicon import _OTHERS, _OTHERS_FREQUENT, LEXICON, form_for
 from cospeech.rules.minimum_jerk import MinimumJerkTrack, minimum_jerk
 from cospeech.rules.plan import LEAD
 from cospeech.rules.posture import Posture
@@ -175,6 +175,26 @@ class TestTables:
         assert set(LEXICON.values()) == set(LEXICAL_FORMS)
         assert form_for("“Huge,”") == ("big", 1.0)
         assert form_for("I")[1] < 1
+
+    def test_a_word_calls_for_a_gesture_in_its_own_language_alone(self):
+        own = {"de": "riesig! Nichts. ich hallo", "fr": "énorme rien J’ai Bonjour,", "es": "enorme nada yo ¡Hola!"}
+        for language, words in own.items():
+            found = [form_for(word, language) for word in words.split()]
+            assert [form for form, _ in found] == ["big", "nothing", "me", "wave"]
+            assert found[2][1] < 1
+        other = {
+            "de": "will Not her so huge I me",
+            "fr": "me or long on no main",
+            "es": "me once huge",
+            "it": "I me no",
+            "ja": "no",
+        }
+        assert {(w, code): form_for(w, code) for code, words in other.items() for w in words.split() if form_for(w, code)} == {}
+        assert {form for sets in _OTHERS.values() for form in sets} <= set(LEXICAL_FORMS)
+        for code, sets in _OTHERS.items():
+            words = " ".join(sets.values()).split()
+            assert len(words) == len(set(words))
+            assert set(_OTHERS_FREQUENT[code]) <= set(words)
 
     def test_styles_refer_to_what_exists(self):
         for name, style in STYLES.items():

@@ -92,7 +92,7 @@ def test_a_speech_is_told_and_heard(served, speech):
         assert file.getnframes() / file.getframerate() == 2.0
     assert ask(port, path, range="bytes=4-7")[::2] == (206, sound[4:8])
     words = ask_json(port, f"/api/speech/{speech['speech']}/transcript?name=a.tsv", b"0.2\t0.9\thuge\n", method="PUT")
-    assert words == {"words": [{"text": "huge", "start": 0.2, "end": 0.9}]}
+    assert words == {"words": [{"text": "huge", "start": 0.2, "end": 0.9, "language": None}]}
 
 
 @pytest.mark.slow
@@ -106,7 +106,7 @@ def test_a_take_is_what_generate_makes_and_downloads_are_read_by_our_readers(ser
     sound, words = tmp_path / "hum.wav", tmp_path / "words.tsv"
     sound.write_bytes(sound_file())
     held = state.takes.find(take)
-    words.write_text("".join(f"{start}\t{end}\t{text}\n" for text, start, end in held.job["words"]))
+    words.write_text("".join(f"{start}\t{end}\t{text}\n" for text, start, end, _ in held.job["words"]))
     transcript = words if held.job["words"] else None
     generate_files(sound, [tmp_path / "talk.bvh", tmp_path / "talk.glb"], transcript=transcript, seed=3)
     for suffix in (".bvh", ".glb"):

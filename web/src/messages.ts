@@ -143,6 +143,7 @@ export interface HeardWord {
   text: string;
   start: number;
   end: number;
+  language?: string | null;
 }
 
 /** The character stops speaking at once. */

@@ -17,7 +17,16 @@ from ..limits import EMOTION_BYTES, EMOTION_ROWS, PLAUSIBLE_SECONDS
 from ..motion.named_numbers import read_number
 from ..motion.rotations import Array
 
-__all__ = ["EMOTIONS", "EmotionTrack", "Moods", "SteeredMoods", "emotion_track", "read_emotion_track", "suggest_emotion"]
+__all__ = [
+    "EMOTIONS",
+    "EmotionTrack",
+    "Moods",
+    "SteeredMoods",
+    "emotion_track",
+    "read_emotion",
+    "read_emotion_track",
+    "suggest_emotion",
+]
 
 EMOTIONS: tuple[str, ...] = ("neutral", "happiness", "anger", "sadness", "contempt", "surprise", "fear", "disgust")
 """The eight emotions of BEAT in its order."""
@@ -275,3 +284,15 @@ def _blend_emotions(keys: list[tuple[float, Array]]) -> EmotionTrack:
         times.append(done)
         weights.append(weights[-1] + min((done - time) / BLEND, 1.0) * (wanted - weights[-1]))
     return EmotionTrack(np.array(times), np.array(weights))
+
+
+def read_emotion(emotion: str | PathLike[str] | EmotionTrack) -> tuple[str | EmotionTrack, str | None]:
+    """What a session understands: of a file its track, anything else as it is; and the file, where there is one.
+
+    Raises:
+        InputError: as of `read_emotion_track`.
+    """
+    if isinstance(emotion, EmotionTrack):
+        return emotion, None
+    name = fsdecode(emotion)
+    return (read_emotion_track(name), name) if name.lower().endswith(".csv") else (name, None)

@@ -27,11 +27,13 @@ from ..errors import InputError
 from ..files import regular_file
 from ..limits import SECONDS_IN_MEMORY, SOUND_RATES, SPEECH_RATES
 from .decoding import SoundDecoder
+from .languages import with_language
 from .word import Word, check_words
 
 __all__ = ["Speech", "SpeechSource", "Word", "count_frames", "example", "open_speech", "shift_times"]
 
 Samples = NDArray[np.float32]
+File = str | PathLike[str]
 
 RATE = 16_000  # Hz; what the features are computed at (wideband speech)
 SPARE = 1  # second by which a speech may be said to be longer than its samples; ours: encoders pad and cut
@@ -110,8 +112,8 @@ class Speech:
             _fraction("start", self.start)
 
     @staticmethod
-    def load(path: str | PathLike[str], *, transcript: str | PathLike[str] | None = None, rate: int = RATE) -> Speech:
-        """Read a whole file; see `open_speech` for what can be read.
+    def load(path: File, *, transcript: File | None = None, rate: int = RATE, language: str = "") -> Speech:
+        """Read a whole file; see `open_speech` for what can be read, and for the language.
 
         Raises:
             InputError: it cannot be read, or is longer than two hours (stream it with `open_speech`).
@@ -130,7 +132,7 @@ class Speech:
             return speech
         from .transcripts import load_speech_words
 
-        return replace(speech, words=load_speech_words(transcript, speech=speech))
+        return replace(speech, words=with_language(load_speech_words(transcript, speech=speech), language))
 
     def __len__(self) -> int:
         return len(self.samples)
@@ -194,15 +196,15 @@ def shift_times(speech: Speech, origin: float) -> Speech:
     """
     if not origin:
         return speech
-    words = speech.words and tuple(Word(w.text, w.start - origin, w.end - origin) for w in speech.words)
+    words = speech.words and tuple(replace(w, start=w.start - origin, end=w.end - origin) for w in speech.words)
     return replace(speech, words=words, start=speech.start - origin)
 
 
-def open_speech(path: str | PathLike[str], *, transcript: str | PathLike[str] | None = None, rate: int = RATE) -> SpeechSource:
+def open_speech(path: File, *, transcript: File | None = None, rate: int = RATE, language: str = "") -> SpeechSource:
     """Open a sound file for reading in blocks, in constant memory, whatever its length.
 
     WAV, FLAC, OGG (Vorbis, Opus), MP3 and AIFF; MP4, M4A, WebM and other media where PyAV is installed (the extra ``av``).
-    8 … 384 kHz, any number of channels.
+    8 … 384 kHz, any number of channels. ``language``: that of the transcript, see `with_language`.
 
     >>> with open_speech("talk.wav") as source:                                        # doctest: +SKIP
     ...     for block in source.blocks():
@@ -210,12 +212,15 @@ def open_speech(path: str | PathLike[str], *, transcript: str | PathLike[str] | 
     ...     print(source.seconds)               # exact, now that all of it has been heard
 
     Raises:
-        InputError: there is no such file, it is not sound, or its rate is out of range.
+        InputError: there is no such file, it is not sound, its rate is out of range, or the language is unknown.
     """
     source = SpeechSource(path, rate)
     try:
         if transcript is not None:
-            source._load_words(transcript)
+            from .transcripts import load_speech_words
+
+            words = load_speech_words(transcript, speech=source, speech_seconds=source.expected_seconds)
+            source.words = with_language(words, language)
     except BaseException:
         source.close()
         raise
@@ -317,11 +322,6 @@ class SpeechSource:
         missing = -(-self.source_frames * self.rate // self.source_rate) - count
         if missing > 0:
             yield np.pad(tail, (0, max(missing - len(tail), 0)))[:missing]
-
-    def _load_words(self, transcript: str | PathLike[str]) -> None:
-        from .transcripts import load_speech_words
-
-        self.words = load_speech_words(transcript, speech=self, speech_seconds=self.expected_seconds)
 
     def close(self) -> None:
         """End the decoder; no process and no pipe is left."""

@@ -13,6 +13,7 @@ import os
 import re
 import warnings
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from io import StringIO
 from itertools import chain, islice, pairwise
 from os import PathLike
@@ -162,7 +163,7 @@ def cut_overlaps(words: list[Word]) -> list[Word]:
         free = starts[-1] + SHORTEST
     ends = [max(word.end, start + SHORTEST) for word, start in zip(words, starts, strict=True)]
     ends[:-1] = [min(end, after) for end, after in zip(ends[:-1], starts[1:], strict=True)]
-    return [Word(word.text, start, end) for word, start, end in zip(words, starts, ends, strict=True)]
+    return [replace(word, start=start, end=end) for word, start, end in zip(words, starts, ends, strict=True)]
 
 
 def _decode(data: bytes, name: str) -> str:

@@ -27,10 +27,11 @@ class WaitingWords:
         sound: in which they are spoken; its places are samples.
         rate: samples per second of the sound.
         tell: told once that a word came so late that its gesture may be lost.
+        language: of words that bring none, see `cospeech.audio.languages`.
     """
 
-    def __init__(self, sound: WaitingSound, rate: int, tell: Callable[[str], object]) -> None:
-        self._sound, self._rate, self._tell = sound, rate, tell
+    def __init__(self, sound: WaitingSound, rate: int, tell: Callable[[str], object], language: str = "") -> None:
+        self._sound, self._rate, self._tell, self._language = sound, rate, tell, language
         self._lock, self._words = threading.Lock(), list[Word]()
         self._pieces = deque[tuple[float, float]](maxlen=_PIECES)  # where each begins: in the sound, and on the clock; seconds
         self._told = False
@@ -50,7 +51,9 @@ class WaitingWords:
             for word in words:
                 if len(self._words) >= WORDS:
                     raise InputError(f"more than {WORDS:,} words wait for their sound", "do their times belong to it?")
-                insort(self._words, Word(word.text, word.start + origin, word.end + origin), key=lambda each: each.start)
+                language = word.language or self._language
+                own = replace(word, start=word.start + origin, end=word.end + origin, language=language)
+                insort(self._words, own, key=lambda each: each.start)
 
     def join(self, piece: Speech) -> Speech:
         """The piece that is heard now, with the words that start in it, or before it and came late; times on its clock.
@@ -76,4 +79,4 @@ class WaitingWords:
     def _on_clock(self, word: Word) -> Word:
         """The word where its sound was heard."""
         start, clock = next((each for each in reversed(self._pieces) if each[0] <= word.start), self._pieces[0])
-        return Word(word.text, word.start + clock - start, word.end + clock - start)
+        return replace(word, start=word.start + clock - start, end=word.end + clock - start)

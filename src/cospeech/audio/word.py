@@ -19,6 +19,8 @@ class Word:
     text: str
     start: float
     end: float
+    language: str = ""
+    """Primary subtag of BCP 47, see `cospeech.audio.languages`; ``""``: not known, Latin letters are read as English."""
 
 
 def check_words(words: object) -> None:
@@ -32,6 +34,8 @@ def check_words(words: object) -> None:
     for word in words if isinstance(words, tuple | list) else (words,):
         if not isinstance(word, Word) or not isinstance(word.text, str):
             raise InputError(f"{str(word)[:60]!r} among the words of a speech", 'Word("huge", 0.5, 0.9)')
+        if not isinstance(word.language, str):
+            raise InputError(f"the word {word.text[:40]!r} in the language {str(word.language)[:40]}", 'a code, such as "de"')
         times = word.start, word.end
         if not all(isinstance(time, int | float | np.number) and isfinite(time) for time in times) or word.end < word.start:
             raise InputError(f"the word {word.text[:40]!r} from {times[0]} to {times[1]}", "seconds, and the start first")

@@ -40,6 +40,7 @@ from .options import (  # fmt: skip
     Intensity,
     Jobs,
     Json,
+    Language,
     Model,
     Output,
     Parts,
@@ -94,8 +95,9 @@ def _start(
 @app.command()
 def generate(
     audio: Audio, output: Output = None, model: Model = DEFAULT, style: Style = None, emotion: Emotion = "auto",
-    speaker: Speaker = None, transcript: Transcript = None, transcribe: Transcribe = False, seed: Seed = 0, takes: Takes = 1,
-    temperature: Temperature = 1.0, intensity: Intensity = 1.0, parts: Parts = ALL_PARTS, face_gain: FaceGain = "1",
+    speaker: Speaker = None, transcript: Transcript = None, transcribe: Transcribe = False, language: Language = "",
+    seed: Seed = 0, takes: Takes = 1, temperature: Temperature = 1.0, intensity: Intensity = 1.0, parts: Parts = ALL_PARTS,
+    face_gain: FaceGain = "1",
     face: Face = None, continue_from: Continue = None, skeleton: Skeleton = "humanoid", names: RigMap = None,
     fps: Fps = 30.0, tail: Tail = 0.0, avatar: Avatar = None, report: ReportFile = None, plan: PlanFile = None,
     plan_out: PlanOut = None, gesture: AddGesture = None, remove: RemoveGesture = None, move: MoveGesture = None,
@@ -125,7 +127,7 @@ def generate(
     with show_progress("generating", quiet) as progress:
         results = generate_speeches(
             audio, output or (), model=model, style=style, emotion=emotion, speaker=speaker, transcript=transcript,
-            transcribe=transcribe, seed=seed, takes=takes, temperature=temperature, intensity=intensity,
+            transcribe=transcribe, language=language, seed=seed, takes=takes, temperature=temperature, intensity=intensity,
             parts=[p.strip() for p in parts.split(",") if p.strip()], face_gain=face_gain, face=face,
             continue_from=continue_from, skeleton=skeleton, bone_map=names, fps=fps, tail=tail, avatar=avatar, report=report,
             progress=progress, plan=plan, plan_out=plan_out, plan_edits=edits, keep=stretches, keep_from=old, jobs=jobs,

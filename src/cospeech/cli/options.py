@@ -14,8 +14,9 @@ from ..export.registry import FORMATS
 
 __all__ = [
     "Audio", "Avatar", "Clip", "Continue", "Debug", "Drawn", "Emotion", "Face", "FaceGain", "Folder", "Fps", "Intensity",
-    "Jobs", "Json", "Map", "Model", "Motions", "NewFps", "Output", "Parts", "Picture", "Port", "Quiet", "ReportFile",
-    "Retarget", "RigMap", "Seed", "Skeleton", "Speaker", "Style", "Tail", "Takes", "Temperature", "Transcribe", "Transcript",
+    "Jobs", "Json", "Language", "Map", "Model", "Motions", "NewFps", "Output", "Parts", "Picture", "Port", "Quiet",
+    "ReportFile", "Retarget", "RigMap", "Seed", "Skeleton", "Speaker", "Style", "Tail", "Takes", "Temperature",
+    "Transcribe", "Transcript",
     "View", "check_idle", "number", "option", "rate", "whole",
 ]  # fmt: skip
 
@@ -130,6 +131,15 @@ Transcript = Annotated[
         metavar="FILE",
         help="Words of the speech: .TextGrid, .tsv, .csv, .srt, .vtt, .json, or .txt without times. For several speeches, "
         "write {name} for the name of the speech: words/{name}.srt.",
+    ),
+]
+Language = Annotated[
+    str,
+    option(
+        "--language",
+        metavar="CODE",
+        help="Language of the words: de, fr, ja and so on. Without it, the transcript tells; live words in Latin letters are "
+        "English.",
     ),
 ]
 Transcribe = Annotated[

@@ -11,7 +11,7 @@ from typer import Argument
 
 from ..errors import InputError, say_count
 from ..models import DEFAULT
-from .options import Debug, Emotion, Intensity, Model, Quiet, Seed, Style, Transcript, number, option, rate
+from .options import Debug, Emotion, Intensity, Language, Model, Quiet, Seed, Style, Transcript, number, option, rate
 from .progress import show_progress
 
 if TYPE_CHECKING:
@@ -56,7 +56,9 @@ _WIDE, _FAST = 25.2, 50.0
 _TURN, _SEVERAL = 6.284, 3
 """Radians of a whole turn; so many joints with a larger range are too many. [ours: of NAO, Pepper and Reachy none has it]"""
 _FREE = 2 * tau  # radians of a joint that turns without end, as of `read_urdf`
-_OF_SPEECH = {"model": DEFAULT, "style": None, "emotion": "auto", "transcript": None, "seed": 0, "intensity": 1.0}
+_OF_SPEECH = {
+    "model": DEFAULT, "style": None, "emotion": "auto", "transcript": None, "language": "", "seed": 0, "intensity": 1.0
+}  # fmt: skip
 """Options that change nothing for a motion file, and what they are where not given."""
 
 
@@ -67,8 +69,8 @@ def register(app: typer.Typer) -> None:
 
 def robot(
     source: Source, target: Trajectory, robot: Robot = "nao", channels: Channels = None, fps: Rate = 50.0, rest: Rest = None,
-    model: Model = DEFAULT, style: Style = None, emotion: Emotion = "auto", transcript: Transcript = None, seed: Seed = 0,
-    intensity: Intensity = 1.0, quiet: Quiet = False, debug: Debug = False,
+    model: Model = DEFAULT, style: Style = None, emotion: Emotion = "auto", transcript: Transcript = None,
+    language: Language = "", seed: Seed = 0, intensity: Intensity = 1.0, quiet: Quiet = False, debug: Debug = False,
 ) -> None:  # fmt: skip
     """Turn speech or a motion file into commands for a robot.
 
@@ -100,6 +102,7 @@ def robot(
         "style": style,
         "emotion": emotion,
         "transcript": transcript,
+        "language": language,
         "seed": seed,
         "intensity": intensity,
     }

@@ -18,6 +18,7 @@ from .options import (
     FaceGain,
     Fps,
     Intensity,
+    Language,
     Model,
     Parts,
     Quiet,
@@ -152,6 +153,7 @@ def stream(
     avatar: Avatar = None,
     names: AvatarMap = None,
     transcript: Transcript = None,
+    language: Language = "",
     words: Words = None,
     control: Control = None,
     idle_after: IdleAfter = None,
@@ -176,7 +178,7 @@ def stream(
     from ..export.live.targets import StreamSettings
     from ..generate import open_live_session
 
-    check_sources(source, control, transcript, words, rate, samples)
+    check_sources(source, control, transcript, words, language, rate, samples)
     bones = _read_map(names, avatar)
     tell = _say_nothing if quiet else _tell
     wanted = tuple(part.strip() for part in parts.split(","))
@@ -196,8 +198,8 @@ def stream(
     settings = StreamSettings(fps, delay, wanted, None if avatar is None else Path(avatar), bones)
     with ExitStack() as stack:
         pieces, controls = open_pieces(
-            stack, source, transcript, words, control, rate=rate, kind=samples, slack=margin / 2, unpaced=unpaced, tell=tell
-        )
+            stack, source, transcript, words, control, rate=rate, kind=samples, slack=margin / 2, unpaced=unpaced, tell=tell,
+            language=language)  # fmt: skip
         outlets = _open_outlets(stack, to, settings, tell)
         pacer = FramePacer(outlets, delay, paced=not unpaced)
         tell(f"listening to {source}; frames leave {delay:.2f} s after their sound (Ctrl-C ends)")

@@ -26,12 +26,15 @@ _RATES = (8_000, 192_000)  # samples per second of raw sound that can be said
 _WORDS_LINE = 16 << 20  # bytes of a line of --words [ours: with a minute of sound in base64, which some services put there]
 
 
-def check_sources(source: str, control: str | None, transcript: str | None, words: str | None, rate: int, samples: str) -> None:
+def check_sources(
+    source: str, control: str | None, transcript: str | None, words: str | None, language: str, rate: int, samples: str
+) -> None:
     """See that what was asked for goes together.
 
     Raises:
         InputError: it does not.
     """
+    from ..audio.languages import check_language
     from ..audio.live_sources import FORMATS
     from ..export.live.addresses import SOURCES, scheme_of
 
@@ -42,6 +45,7 @@ def check_sources(source: str, control: str | None, transcript: str | None, word
         raise InputError(f"cannot hear messages from {control!r}", f"known: -, {addresses}")
     if samples not in FORMATS:
         raise InputError(f"samples of kind {samples!r}", f"known: {', '.join(FORMATS)}")
+    check_language(language, spoken=is_live(source) or transcript is not None)
     if control == source:
         raise InputError(f"--control and --input are both {control!r}", "a WebSocket that sends sound may send messages, too")
     if not _RATES[0] <= rate <= _RATES[1]:
@@ -76,7 +80,7 @@ def is_live(source: str) -> bool:
 
 def open_pieces(
     stack: ExitStack, source: str, transcript: str | None, words: str | None, control: str | None, *, rate: int, kind: str,
-    slack: float, unpaced: bool, tell: Callable[[str], None],
+    slack: float, unpaced: bool, tell: Callable[[str], None], language: str = "",
 ) -> tuple[Iterator[Speech], LiveControls]:  # fmt: skip
     """The speech of a source, piece by piece, and the messages that steer; what it opens is closed with ``stack``.
 
@@ -87,21 +91,23 @@ def open_pieces(
         slack: seconds that live sound may be late.
         unpaced: read a file as fast as it can be played.
         tell: told what is wrong with a message or with raw samples.
+        language: of all words, see `cospeech.audio.languages`; of a transcript it is found where not given.
 
     Raises:
         InputError: the source or the control cannot be opened, or the transcript cannot be read.
     """
+    from ..audio.languages import check_language
     from ..audio.live_sources import BEHIND, pace_pieces
     from ..audio.waiting_sound import WaitingSound
     from ..audio.waiting_words import WaitingWords
 
-    waiting = WaitingSound(round(BEHIND * rate))
-    waiting_words = WaitingWords(waiting, rate, lambda text: tell(f"words: {text}")) if is_live(source) else None
+    waiting, language = WaitingSound(round(BEHIND * rate)), check_language(language)
+    waiting_words = WaitingWords(waiting, rate, lambda text: tell(f"words: {text}"), language) if is_live(source) else None
     controls = LiveControls(waiting, lambda error: tell(f"control: {error}"), waiting_words)
     if waiting_words is None:
-        pieces = _pieces_of_file(stack, source, transcript, unpaced)
+        pieces = _pieces_of_file(stack, source, transcript, language, unpaced)
     else:
-        _open_words(transcript, words, waiting_words, tell)
+        _open_words(transcript, language, words, waiting_words, tell)
         blocks = _open_blocks(stack, source, rate, kind, controls, tell)
         pieces = _see_that_sound_comes(pace_pieces(blocks, rate, slack=slack, waiting=waiting), waiting)
     if control is not None:
@@ -109,12 +115,18 @@ def open_pieces(
     return pieces, controls
 
 
-def _open_words(transcript: str | None, path: str | None, words: WaitingWords, tell: Callable[[str], None]) -> None:
+def _open_words(
+    transcript: str | None, language: str, path: str | None, words: WaitingWords, tell: Callable[[str], None]
+) -> None:
     """Put the words of a transcript, and in a thread those that come beside the sound."""
+    from ..audio.languages import with_language
     from ..audio.transcripts import load_speech_words
+    from ..face.graphemes import note_unread_words
 
     if transcript is not None:
-        words.put(load_speech_words(transcript))
+        known = with_language(load_speech_words(transcript), language)
+        note_unread_words(known)
+        words.put(known)
     if path is not None:
         _start(_collect_words, path, words, tell)
 
@@ -152,12 +164,14 @@ def _read_stdin(rate: int, kind: str, note: Callable[[str], None]) -> Iterator[A
         yield from read_pcm(file, rate, kind, note=note)
 
 
-def _pieces_of_file(stack: ExitStack, path: str, transcript: str | None, unpaced: bool) -> Iterator[Speech]:
+def _pieces_of_file(stack: ExitStack, path: str, transcript: str | None, language: str, unpaced: bool) -> Iterator[Speech]:
     from ..audio.live_sources import PIECE, wait_for_each
     from ..audio.speech import open_speech
     from ..audio.speech_chunks import speech_chunks
+    from ..face.graphemes import note_unread_words
 
-    opened = stack.enter_context(open_speech(path, transcript=transcript))
+    opened = stack.enter_context(open_speech(path, transcript=transcript, language=language))
+    note_unread_words(opened.words)
     pieces = (piece for block in speech_chunks(opened) for piece in block.chunks(PIECE))
     return pieces if unpaced else wait_for_each(pieces)
 

@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from ..audio.speech import Speech, Word
+from ..audio.speech import Speech
 from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.points import Points
@@ -87,7 +87,7 @@ def faster(clip: Clip, factor: float) -> Clip:
     _check_sound(clip)
     motion, points, speech = clip.motion, clip.points, clip.speech
     if speech is not None:
-        words = None if speech.words is None else tuple(Word(w.text, w.start / factor, w.end / factor) for w in speech.words)
+        words = speech.words and tuple(replace(w, start=w.start / factor, end=w.end / factor) for w in speech.words)
         rate = Fraction(factor).limit_denominator(1000) * speech.rate
         samples = _resample(speech.samples, float(rate), speech.rate)
         speech = Speech(samples, speech.rate, words, name=speech.name)

@@ -1,139 +1,117 @@
-"""English spelling → rough phones: enough to choose mouth shapes, not to pronounce.
-
-Letter-to-sound rules in the manner of Elovitz et al. 1976 (NRL Report 7948), written anew and far fewer: at each place the
-first rule whose letters and contexts match gives its phones. Vowels that look alike on the lips are not told apart.
-"""
+"""Spelling → rough phones: enough to choose mouth shapes, not to pronounce. The tables are in `cospeech.face.spelling`."""
 
 from __future__ import annotations
 
-import re
 import unicodedata
+import warnings
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
-__all__ = ["graphemes_to_phones"]
+from ..audio.languages import LANGUAGES, script_of
+from ..audio.word import Word
+from ..errors import CospeechWarning
+from .spelling.abugida_abjad import ARABIC, DEVANAGARI, HEBREW
+from .spelling.cyrillic_greek import CYRILLIC, GREEK, RUSSIAN
+from .spelling.east_asian import KANA, spell_hangul, to_katakana
+from .spelling.english import ENGLISH
+from .spelling.french import FRENCH
+from .spelling.germanic import DUTCH, GERMAN
+from .spelling.latin import LATIN, OWN_LATIN
+from .spelling.romance import ITALIAN, PORTUGUESE, SPANISH
+from .spelling.rules import Spelling, read_letters
 
-_WHOLE_WORDS = {  # ours: frequent words that the rules below would misread
-    "a": "ax", "the": "dh ax", "of": "ah v", "to": "t uw", "do": "d uw", "who": "hh uw", "two": "t uw", "one": "w ah n",
-    "once": "w ah n s", "was": "w ah z", "were": "w er", "are": "aa r", "you": "y uw", "your": "y ao r",
-    "said": "s eh d", "says": "s eh z", "have": "hh ae v", "give": "g ih v", "live": "l ih v", "some": "s ah m",
-    "come": "k ah m", "done": "d ah n", "none": "n ah n", "gone": "g ao n", "love": "l ah v", "move": "m uw v",
-    "above": "ax b ah v", "what": "w ah t", "there": "dh eh r", "their": "dh eh r", "where": "w eh r", "they": "dh ey",
-    "people": "p iy p ax l", "women": "w ih m ax n", "woman": "w uh m ax n", "people's": "p iy p ax l z",
-    "could": "k uh d", "would": "w uh d", "should": "sh uh d", "any": "eh n iy", "many": "m eh n iy", "been": "b ih n",
-    "does": "d ah z", "goes": "g ow z", "very": "v eh r iy", "every": "eh v r iy", "other": "ah dh er",
-    "mother": "m ah dh er", "nothing": "n ah th ih ng", "only": "ow n l iy", "both": "b ow th", "most": "m ow s t",
-    "eye": "ay", "eyes": "ay z", "i": "ay", "i'm": "ay m", "though": "dh ow", "through": "th r uw",
-    "thought": "th ao t", "enough": "ih n ah f", "rough": "r ah f", "tough": "t ah f", "laugh": "l ae f",
-    "cough": "k ao f", "thorough": "th er ow", "into": "ih n t uw", "today": "t ax d ey", "world": "w er l d",
-    "word": "w er d", "work": "w er k", "heart": "hh aa r t", "great": "g r ey t", "put": "p uh t", "full": "f uh l",
-    "sure": "sh uh r", "sugar": "sh uh g er", "island": "ay l ax n d", "hour": "aw er", "honest": "aa n ax s t",
-    "business": "b ih z n ax s", "busy": "b ih z iy", "friend": "f r eh n d", "again": "ax g eh n",
-    "against": "ax g eh n s t", "us": "ah s", "is": "ih z", "his": "hh ih z", "as": "ae z", "has": "hh ae z",
-    "because": "b ih k ah z", "this": "dh ih s", "no": "n ow", "so": "s ow", "go": "g ow", "ago": "ax g ow",
-    "me": "m iy", "we": "w iy", "he": "hh iy", "she": "sh iy", "be": "b iy", "my": "m ay", "by": "b ay", "why": "w ay",
-    "try": "t r ay", "b": "b iy", "c": "s iy", "d": "d iy", "e": "iy", "f": "eh f", "g": "jh iy", "h": "ey ch",
-    "j": "jh ey", "k": "k ey", "l": "eh l", "m": "eh m", "n": "eh n", "o": "ow", "p": "p iy", "q": "k y uw",
-    "r": "aa r", "s": "eh s", "t": "t iy", "u": "y uw", "v": "v iy", "w": "d ah b ax l y uw", "x": "eh k s",
-    "y": "w ay", "z": "z iy", "0": "z ih r ow", "2": "t uw", "1": "w ah n", "3": "th r iy", "4": "f ao r",
-    "5": "f ay v", "6": "s ih k s", "7": "s eh v ax n", "8": "ey t", "9": "n ay n",
+__all__ = ["graphemes_to_phones", "note_unread_words"]
+
+_LATIN = {
+    "": ENGLISH, "en": ENGLISH, "de": GERMAN, "nl": DUTCH, "fr": FRENCH, "es": SPANISH, "it": ITALIAN, "pt": PORTUGUESE,
+    **OWN_LATIN,
 }  # fmt: skip
-
-_CONSONANT = "[bcdfghjklmnpqrstvwxz]"
-_RULES = [  # (letters, phones, must match before, must match after); "#" and "$" are the ends of the word
-    ("tion", "sh ax n", "[^s#]", ""), ("ch", "k", "#|s|te|psy", "ara|or|em|ni|no|ool"), ("beau", "b y uw", "", "t"),
-    ("a", "ey", "", "tion|[bd]les?$|cious|sis"), ("ou", "ah", "", "ch|ble|ple|ntry|ng|sin"),
-    ("ow", "ow", "[aeiou][a-z]+", "s?$"), ("sion", "zh ax n", "[aeiour]", ""), ("sion", "sh ax n", "", ""),
-    ("ssion", "sh ax n", "", ""), ("cious", "sh ax s", "", ""), ("tious", "sh ax s", "", ""),
-    ("ture", "ch er", "[^#]", ""), ("cial", "sh ax l", "", ""), ("tial", "sh ax l", "", ""),
-    ("cian", "sh ax n", "", ""), ("sure", "zh er", "[aeiou]", ""), ("eigh", "ey", "", ""), ("aigh", "ey", "", ""),
-    ("augh", "ao", "", ""), ("ough", "ow", "", "$"), ("ough", "ao", "", ""), ("igh", "ay", "", ""),
-    ("tch", "ch", "", ""), ("dge", "jh", "", ""), ("sch", "s k", "", ""), ("chr", "k r", "", ""),
-    ("chine", "sh iy n", "", "s?$"), ("ch", "ch", "", ""), ("sh", "sh", "", ""), ("ph", "f", "", ""),
-    ("th", "dh", "", "(e|er|ers|ing)$"), ("th", "dh", "#", "(is|at|.se|em|en|an)$"), ("th", "th", "", ""),
-    ("wh", "hh", "", "o[^a-z]?"), ("wh", "w", "", ""), ("gh", "g", "#", ""), ("gh", "", "", ""), ("ck", "k", "", ""),
-    ("qu", "k w", "", ""), ("kn", "n", "#", ""), ("gn", "n", "#", ""), ("gn", "n", "", "$"), ("wr", "r", "#", ""),
-    ("ps", "s", "#", ""), ("mb", "m", "", "s?$"), ("mn", "m", "", "$"), ("sc", "s", "", "[eiy]"),
-    ("ng", "ng", "", "(s|ed|ing|er)?$"), ("ng", "n jh", "", "[eiy]"), ("ng", "ng g", "", ""), ("nk", "ng k", "", ""),
-    ("les", "ax l z", "[bcdfgkpstz]", "$"), ("fly", "f l ay", "", "$"), ("le", "ax l", "[bcdfgkpstz]", "$"),
-    ("led", "ax l d", "[bcdfgkpstz]", "$"), ("ed", "ax d", "[td]", "$"), ("ed", "t", "[pkfsxc]|[sc]h", "$"),
-    ("ed", "d", "[a-z]{2}", "$"), ("es", "ax z", "[sxz]|[sc]h", "$"), ("es", "z", "[a-z]{2}", "$"),
-    ("ly", "l iy", "", "$"), ("ment", "m ax n t", "", "s?$"), ("ness", "n ax s", "", "$"),
-    ("ing", "ih ng", "[a-z]{2}", "s?$"), ("ous", "ax s", "", "$"), ("ful", "f ax l", "", "$"), ("eer", "ih r", "", ""),
-    ("ear", "er", "", "[nlt]"), ("ear", "ih r", "", ""), ("air", "eh r", "", ""), ("are", "eh r", "", "s?$"),
-    ("ere", "ih r", "", "$"), ("ire", "ay r", "", ""), ("ore", "ao r", "", ""), ("our", "ao r", "", ""),
-    ("oor", "ao r", "", ""), ("oar", "ao r", "", ""), ("ure", "uh r", "", ""), ("wor", "w er", "", _CONSONANT),
-    ("war", "w ao r", "", ""), ("wa", "w aa", "", "[tsn]"), ("err", "eh r", "", "[aeiouy]"),
-    ("ar", "eh r", "", "r[aeiy]"), ("ar", "aa r", "", ""), ("er", "er", "", ""), ("ir", "er", "", ""),
-    ("ur", "er", "", ""), ("or", "er", "[t]", "s?$"), ("or", "ao r", "", ""), ("ee", "iy", "", ""),
-    ("ea", "eh", "", "(d|th|lth|sur)"), ("ea", "iy", "", ""), ("eau", "ow", "", ""), ("ei", "iy", "c", ""),
-    ("ei", "ey", "", ""), ("ey", "iy", "[a-z]{2}", "s?$"), ("ey", "ey", "", ""), ("eu", "y uw", "", ""),
-    ("ew", "uw", "", ""), ("ai", "ey", "", ""), ("ay", "ey", "", ""), ("au", "ao", "", ""), ("aw", "ao", "", ""),
-    ("al", "ao", "", "k"), ("all", "ao l", "", "s?$"), ("al", "ao l", "#", "[sdmrt]"), ("ie", "ay", "#.", "[sd]?$"),
-    ("ies", "iy z", "", "$"), ("ied", "iy d", "", "$"), ("ie", "iy", "", ""), ("io", "iy ow", "", ""),
-    ("ia", "iy ax", "", ""), ("oo", "uh", "", "[kd]"), ("oo", "uw", "", ""), ("oa", "ow", "", ""), ("oe", "ow", "", ""),
-    ("oi", "oy", "", ""), ("oy", "oy", "", ""), ("old", "ow l d", "", ""), ("ould", "uh d", "", ""),
-    ("ou", "aw", "", ""), ("ow", "ow", "[lrn]|sh|kn", "n?s?$"), ("ow", "aw", "", ""), ("ue", "uw", "[rl]", "s?$"),
-    ("ue", "", "g", "$"), ("ue", "y uw", "", "s?$"), ("ui", "uw", "[rlj]", ""), ("ui", "ih", "", "ld"),
-    ("uy", "ay", "", ""), ("ind", "ay n d", "", "s?$"), ("ild", "ay l d", "", "$"), ("ign", "ay n", "", ""),
-    ("a", "ey", "", _CONSONANT + "(e|es|ed|ing)$"), ("e", "iy", "", "[^vrwx](e|es)$"),
-    ("i", "ay", "", _CONSONANT + "(e|es|ed|ing)$"), ("o", "ow", "", _CONSONANT + "(e|es|ed|ing)$"),
-    ("u", "uw", "[rlj]", _CONSONANT + "(e|es|ed|ing)$"), ("u", "y uw", "", _CONSONANT + "(e|es|ed|ing)$"),
-    ("a", "ax", "[a-z]{2}", "$"), ("a", "ax", "[a-z]{2}", "(l|n|nt|nce)$"), ("a", "ax", "#", "(b|c|g|l|w|r)[aeiou]"),
-    ("a", "ae", "", ""), ("e", "iy", "#[^aeiou]?", "$"), ("e", "", "", "$"),
-    ("e", "ax", "[a-z]{2}", "(n|nt|nce|l|t|m)$"), ("e", "eh", "", ""), ("i", "iy", "", "[aou$]"), ("i", "ih", "", ""),
-    ("o", "ow", "", "$"), ("o", "ax", "[a-z]{2}", "(n|m)$"), ("o", "ao", "", "(ng|ff|st|ss)"), ("o", "aa", "", ""),
-    ("u", "uw", "[rljs]", "[^aeiou][aeiou]"), ("u", "uh", "[pbf]", "(l|sh)"), ("u", "ah", "", ""), ("y", "y", "#", ""),
-    ("y", "ay", "#[^aeiou]?[^aeiou]?", "$"), ("y", "iy", "", "$"), ("y", "ih", "", ""), ("c", "s", "", "[eiy]"),
-    ("c", "k", "", ""), ("g", "jh", "", "[eiy]"), ("g", "g", "", ""), ("j", "jh", "", ""), ("x", "z", "#", ""),
-    ("x", "k s", "", ""), ("s", "z", "[aeiou]|#..*[bdgvmnlr]", "$"), ("s", "z", "[aeiou]", "[aeiou]"),
-    ("s", "s", "", ""), ("h", "hh", "", "[aeiouy]"), ("h", "", "", ""), ("q", "k", "", ""), ("w", "w", "", "[aeiouy]"),
-    ("w", "", "", ""), *((letter, letter, "", "") for letter in "bdfklmnprtvz"),
-]  # fmt: skip
-
+_SCRIPTS = {"Grek": GREEK, "Hebr": HEBREW, "Arab": ARABIC, "Deva": DEVANAGARI, "Kana": KANA}
+_OF_LANGUAGE = {"el": "Grek", "he": "Hebr", "ar": "Arab", "hi": "Deva", "ja": "Kana", "ko": "Hang", "ru": "Cyrl"}
+"""Languages whose digits are read in another script."""
+_OTHER_CYRILLIC = frozenset({"be", "bg", "kk", "mk", "sr", "uk"})
+_BASES = str.maketrans({"ø": "o", "đ": "d", "ð": "d", "þ": "t", "ł": "l", "æ": "ae", "œ": "oe", "ß": "ss", "ı": "i", "ħ": "h"})
+"""Letters with a stroke and ligatures: Unicode does not take them apart, so they stand here."""
 _LONGEST, _WHOLE = (
     64,
     256,
 )  # letters of a part, and of a word; what is longer is none, and must not take long
-_BY_LETTER: dict[str, list[tuple[str, tuple[str, ...], re.Pattern[str], re.Pattern[str]]]] = {}
-for _letters, _phones, _before, _after in sorted(_RULES, key=lambda rule: -len(rule[0])):
-    _compiled = (re.compile(f"(?:{_before})$"), re.compile(_after))
-    _BY_LETTER.setdefault(_letters[0], []).append((_letters, tuple(_phones.split()), *_compiled))
 
 
-def _spell(word: str) -> list[str]:
-    phones: list[str] = []
-    at = 0
-    while at < len(word):
-        if at and word[at] == word[at - 1] and word[at] not in "aeiou":  # a doubled consonant sounds once
-            at += 1
-            continue
-        sofar = ("#" + word[:at])[-12:]
-        for letters, sounds, before, after in _BY_LETTER.get(word[at], ()):
-            # "#" stands before the word so that a left context can ask for its beginning
-            if word.startswith(letters, at) and after.match(word, at + len(letters)) and before.search(sofar):
-                phones += sounds
-                at += len(letters)
-                break
-        else:
-            at += 1
-    return phones
+def _split(text: str) -> Iterator[tuple[str, str]]:
+    """(script, letters) of a word; the script of a digit is ``""``. An apostrophe belongs to Latin letters."""
+    script, part = "", ""
+    for character in text:
+        own = script_of(character) or ("Latn" if character == "'" else script if unicodedata.combining(character) else "")
+        if own != script or not own:
+            if part and script:
+                yield script, part
+            script, part = own, ""
+            if character.isdecimal():
+                yield "", str(unicodedata.decimal(character))
+        if own:
+            part += character
+    if part and script:
+        yield script, part
+
+
+def _fold(text: str, spelling: Spelling) -> str:
+    """The text in letters that a spelling knows: others lose their diacritics, or are dropped."""
+    known = "".join(
+        character if character in spelling.letters else unicodedata.normalize("NFKD", character.translate(_BASES))
+        for character in text
+    )
+    return "".join(character for character in known if character in spelling.letters)
+
+
+def _read(part: str, spelling: Spelling) -> list[str]:
+    """Phones of letters of one script."""
+    known = spelling.whole.get(part)
+    return known.split() if known is not None else read_letters(_fold(part, spelling)[:_LONGEST], spelling)
 
 
 @lru_cache(maxsize=4096)
-def graphemes_to_phones(word: str) -> tuple[str, ...]:
+def graphemes_to_phones(word: str, language: str = "") -> tuple[str, ...]:
     """Rough phones of one written word, as lower-case ARPAbet names without stress.
 
-    Diacritics are dropped; digits are read one by one; a word in another alphabet gives ``()``.
+    Other letters than Latin ones are read by the rules of their script; digits one by one. A word with a sign that does not say
+    how it sounds, as Chinese ones do not, gives ``()``; so does a script that has no rules here.
+
+    Args:
+        word: as it is written, in any normal form of Unicode.
+        language: of the word, see `cospeech.audio.languages`; without it, Latin letters are read as English.
 
     >>> graphemes_to_phones("bishop")
     ('b', 'ih', 'sh', 'aa', 'p')
-    >>> graphemes_to_phones("слово")
-    ()
+    >>> graphemes_to_phones("will"), graphemes_to_phones("will", "de")
+    (('w', 'ih', 'l'), ('v', 'ih', 'l'))
+    >>> graphemes_to_phones("мама"), graphemes_to_phones("媽媽")
+    (('m', 'aa', 'm', 'aa'), ())
     """
-    plain = unicodedata.normalize("NFKD", word[:_WHOLE].casefold()).replace("’", "'")
+    text = unicodedata.normalize("NFKC", word[:_WHOLE].casefold()).replace("’", "'")
     phones: list[str] = []
-    for part in re.findall(r"[a-z']+|[0-9]", plain):
-        part = part.strip("'")[:_LONGEST]
-        known = _WHOLE_WORDS.get(part)
-        phones += known.split() if known else _spell(part.replace("'", ""))
+    for script, part in _split(text):
+        script = script or _OF_LANGUAGE.get(language, "Latn")
+        if script == "Latn":
+            spelling = _LATIN.get(language, LATIN)
+            for each in [part.strip("'")] if spelling is ENGLISH else part.split("'"):
+                phones += _read(each, spelling)
+        elif script == "Cyrl":
+            phones += _read(part, CYRILLIC if language in _OTHER_CYRILLIC else RUSSIAN)
+        elif script == "Hang":
+            phones += spell_hangul(part)
+        elif script in _SCRIPTS:
+            phones += _read(to_katakana(part), _SCRIPTS[script])
+        else:
+            return ()
     return tuple(phones)
+
+
+def note_unread_words(words: Sequence[Word] | None) -> None:
+    """Tell, with a `CospeechWarning`, that most words of a speech say nothing about the lips."""
+    words = [word for word in words or () if any(map(script_of, word.text))]
+    unread = [word for word in words if not graphemes_to_phones(word.text, word.language)]
+    if 2 * len(unread) > len(words):
+        name = LANGUAGES.get(unread[0].language, "these words")
+        problem = f"the spelling of {name} does not tell how {unread[0].text[:20]!r} sounds: lips follow the sound alone"
+        warnings.warn(problem, CospeechWarning, stacklevel=3)

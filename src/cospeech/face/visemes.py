@@ -97,9 +97,9 @@ class MouthShape(NamedTuple):
 
 
 @lru_cache(maxsize=4096)
-def _parts(text: str) -> tuple[tuple[int, float, float, float], ...]:
+def _parts(text: str, language: str) -> tuple[tuple[int, float, float, float], ...]:
     """(viseme, reached, middle, half length) of a word's phones; the last two as shares of the word's length."""
-    parts = [part for phone in graphemes_to_phones(text) for part in _PHONES[phone]]
+    parts = [part for phone in graphemes_to_phones(text, language) for part in _PHONES[phone]]
     total = sum(part[2] for part in parts)
     out, start = [], 0.0
     for viseme, reached, length in parts:
@@ -109,12 +109,12 @@ def _parts(text: str) -> tuple[tuple[int, float, float, float], ...]:
 
 
 def phones_of(words: Sequence, start: float, end: float) -> Phones:
-    """The phones of ``words`` (with ``text``, ``start``, ``end``) that matter between two times in seconds."""
+    """The phones of ``words`` (with ``text``, ``start``, ``end``, ``language``) that matter between two times in seconds."""
     rows = []
     for word in words:
         length = word.end - word.start
         if word.end > start - _REACH and word.start < end + _REACH and length > 0:
-            rows += [(word.start + m * length, h * length, v, r) for v, r, m, h in _parts(word.text)]
+            rows += [(word.start + m * length, h * length, v, r) for v, r, m, h in _parts(word.text, word.language)]
     table = np.array(rows, float).reshape(-1, 4)
     return Phones(table[:, 0], table[:, 1], table[:, 2].astype(int), table[:, 3])
 

@@ -136,11 +136,11 @@ class Planner:
     def _on_accent(self, now: float, accent: Accent, words: Sequence[Word], modifier: EmotionModifier) -> None:
         if self.intensity <= 0:
             return
-        near = [w for w in words if w.start - 0.12 <= accent.time <= w.end + 0.12 and form_for(w.text)]
-        word = max(near, key=lambda w: (form_for(w.text) or ("", 0.0))[1], default=None)
+        near = [w for w in words if w.start - 0.12 <= accent.time <= w.end + 0.12 and form_for(w.text, w.language)]
+        word = max(near, key=lambda w: (form_for(w.text, w.language) or ("", 0.0))[1], default=None)
         soon = self._strong_word_soon(accent.time, words)
         if word is not None and word.start > self._last_word:
-            name, chance = form_for(word.text) or ("", 0.0)
+            name, chance = form_for(word.text, word.language) or ("", 0.0)
             chance *= 0.0 if soon and chance < 0.5 else 0.95
             if self._random.random() < chance and self._perform(now, accent.time, accent.strength, name, modifier, word):
                 self._last_word = word.start
@@ -163,11 +163,9 @@ class Planner:
 
     def _strong_word_soon(self, at: float, words: Sequence[Word]) -> bool:
         """Whether a word with a gesture of its own comes so soon that hands had better be free for it."""
-        for word in words:
-            found = form_for(word.text) if self._last_word < word.start and at + 0.12 < word.start < at + 0.62 else None
-            if found and found[1] >= 0.5 and LEXICAL_FORMS[found[0]].score >= 0.8:
-                return True
-        return False
+        soon = (word for word in words if self._last_word < word.start and at + 0.12 < word.start < at + 0.62)
+        found = filter(None, (form_for(word.text, word.language) for word in soon))
+        return any(chance >= 0.5 and LEXICAL_FORMS[form].score >= 0.8 for form, chance in found)
 
     def _silent_words(self, now: float, words: Sequence[Word], modifier: EmotionModifier) -> None:
         """Words with a strong gesture of their own get it even without an accent."""
@@ -175,7 +173,7 @@ class Planner:
             middle = word.start + 0.4 * (word.end - word.start)
             if not (self._last_word < word.start and now + 0.45 < middle <= now + self.horizon - 0.1) or self.intensity <= 0:
                 continue
-            found = form_for(word.text)
+            found = form_for(word.text, word.language)
             if found is None or LEXICAL_FORMS[found[0]].score < 0.8 or found[1] < 0.5 or middle <= self._last_accent + 0.1:
                 continue
             self._last_word = word.start

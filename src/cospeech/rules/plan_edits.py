@@ -326,7 +326,7 @@ class Plan(PlanData):
     @property
     def speech_words(self) -> tuple[Word, ...]:
         """Its words, as a speech has them."""
-        return tuple(Word(word.text, word.start, word.end) for word in self.words)
+        return tuple(Word(word.text, word.start, word.end, word.language or "") for word in self.words)
 
     # ------------------------------------------------------------------------------------------------ parts of them
 

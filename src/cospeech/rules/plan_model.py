@@ -74,6 +74,8 @@ class HeardWord(_Part):
     text: Text
     start: WordTime
     end: WordTime
+    language: Annotated[str, Field(pattern="^[a-z]{2,3}$")] | None = None
+    """See `cospeech.audio.languages`; none: English, or not known."""
 
 
 class PlannedGesture(_Part):
@@ -300,7 +302,13 @@ def _check_distances(gestures: tuple[PlannedGesture, ...]) -> None:
 
 def words_of(words: Iterable[Word]) -> tuple[HeardWord, ...]:
     """Words of a transcript, as a plan has them: with exact times, so that the plan alone gives the same bytes."""
-    return tuple(HeardWord(text=word.text[:_LONGEST_TEXT], start=float(word.start), end=float(word.end)) for word in words)
+    return tuple(
+        HeardWord(
+            text=word.text[:_LONGEST_TEXT], start=float(word.start), end=float(word.end),
+            language=None if word.language in ("", "en") else word.language,
+        )
+        for word in words
+    )  # fmt: skip
 
 
 def all_forms() -> list[str]:

@@ -3,9 +3,31 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from typing import Literal, TypedDict
 
-__all__ = ["Failure", "Report", "Reports"]
+from ..audio.word import Word
+
+__all__ = ["Failure", "Report", "Reports", "describe_language"]
+
+
+class _Language(TypedDict):
+    language: str | None
+    language_source: Literal["given", "found", "assumed"] | None
+
+
+def describe_language(words: Sequence[Word] | None, given: str = "") -> _Language:
+    """What a report says about the language of words.
+
+    Args:
+        words: of the speech; None or none: there is nothing to say.
+        given: the language that somebody gave for them.
+    """
+    if not words:
+        return {"language": None, "language_source": None}
+    own = words[0].language
+    return {"language": own or "en", "language_source": "given" if given else "found" if own else "assumed"}
 
 
 class _Facts:
@@ -38,6 +60,10 @@ class Report(_Facts):
     """Probability of each emotion that was given or heard, over the whole speech."""
     played: dict[str, float]
     """Weight of each emotion that was played: given, or surely heard."""
+    language: str | None = None
+    """Language of the words, see `cospeech.audio.languages.LANGUAGES`; none without words."""
+    language_source: Literal["given", "found", "assumed"] | None = None
+    """Whether somebody gave it, or the words told, or neither."""
     arousal: float | None = None
     """Mean arousal that was heard in the voice and played, -1 … 1; none where an emotion was given."""
     style: str

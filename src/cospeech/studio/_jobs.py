@@ -26,7 +26,7 @@ from cospeech.models import DEFAULT, ENTRIES, MODELS, Model, find_bundle, load
 from cospeech.motion.motion import Motion
 from cospeech.rules.options import GenerationOptions
 from cospeech.rules.plan_edits import Plan
-from cospeech.runtime.report import Report
+from cospeech.runtime.report import Report, describe_language
 from cospeech.studio.motion_bytes import read_motion, write_motion
 
 __all__ = ["Jobs", "serve"]
@@ -85,7 +85,7 @@ class Jobs:
         }  # fmt: skip
 
     def take(
-        self, *, folder: str, sound: str, words: list[tuple[str, float, float]], model: str, plan: dict[str, Any] | None,
+        self, *, folder: str, sound: str, words: list[tuple[str, float, float, str]], model: str, plan: dict[str, Any] | None,
         most_frames: int, by_example: bool, options: dict[str, Any],
     ) -> dict[str, Any]:  # fmt: skip
         """Motion for a speech; into the folder go ``motion.bin``, ``report.json`` and, where there is one, ``plan.json``.
@@ -120,12 +120,13 @@ class Jobs:
             model=model, speech_seconds=seconds, frames=wanted, fps=asked.fps, seed=asked.seed, takes=1, realtime_factor=factor,
             emotion=session.emotion, played=session.expression, arousal=session.arousal, speaker=session.speaker,
             style=style or loaded.default_style, style_mixture=session.style_mixture, outputs=[], version=__version__,
+            **describe_language(source.words),
         )  # fmt: skip
         (place / "report.json").write_text(report.to_json(), "utf-8")
         return {"seconds": seconds, "realtime_factor": factor, "plan": performed is not None}
 
     def file(
-        self, *, motion: str, target: str, sound: str, words: list[tuple[str, float, float]], parts: list[str]
+        self, *, motion: str, target: str, sound: str, words: list[tuple[str, float, float, str]], parts: list[str]
     ) -> dict[str, Any]:
         """A motion as a file of another format."""
         path, moving = Path(target), read_motion(Path(motion))
@@ -172,7 +173,7 @@ class Jobs:
             raise Cancelled
 
     def _find_plan(
-        self, session: Any, options: GenerationOptions, words: list[tuple[str, float, float]], seconds: float
+        self, session: Any, options: GenerationOptions, words: list[tuple[str, float, float, str]], seconds: float
     ) -> Plan:
         """What was performed."""
         if options.plan is not None:

@@ -241,7 +241,8 @@ class StudioApi:
             raise InputError(f"the take has more than {MOST_FRAMES:,} frames", "fewer frames per second, or a shorter speech")
         name, folder = self._state.takes.make_folder()
         job = {
-            "folder": str(folder), "sound": str(held.upload), "words": [(w.text, w.start, w.end) for w in held.words],
+            "folder": str(folder), "sound": str(held.upload),
+            "words": [(w.text, w.start, w.end, w.language) for w in held.words],
             "model": model.name, "plan": None if asked.plan is None else asked.plan.model_dump(mode="json", by_alias=True),
             "most_frames": MOST_FRAMES + 240, "by_example": asked.plan is None and isinstance(asked.style, ClipStyle),
             "options": options,

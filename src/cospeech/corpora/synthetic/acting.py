@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ...audio.features.mel import FPS, RATE
 from ...audio.features.prosody import Features, analyse, find_pauses
-from ...audio.speech import Speech, Word
+from ...audio.speech import Speech
 from ...rules import EMOTIONS
 from .psola import Delivery, deliver
 
@@ -135,7 +135,7 @@ def act(speech: Speech, acting: Acting, seed: int) -> Speech:
     words = None
     if speech.words is not None:
         times = delivery.time_of(np.array([(w.start, w.end) for w in speech.words]).reshape(-1, 2) - speech.start)
-        words = tuple(Word(w.text, float(a), float(b)) for w, (a, b) in zip(speech.words, times, strict=True))
+        words = tuple(replace(w, start=float(a), end=float(b)) for w, (a, b) in zip(speech.words, times, strict=True))
     return replace(speech, samples=said, words=words, seconds=None, start=0.0, duration=Fraction(len(said), RATE))
 
 

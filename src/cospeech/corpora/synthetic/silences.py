@@ -13,7 +13,7 @@ import numpy as np
 
 from ...audio.features.mel import RATE
 from ...audio.features.prosody import FPS, analyse, find_pauses
-from ...audio.speech import Speech, Word
+from ...audio.speech import Speech
 from .voices import pieces_of
 
 __all__ = ["add_silences", "cut_pieces"]
@@ -67,5 +67,5 @@ def _insert(speech: Speech, gaps: list[tuple[float, float]], room: float, rng: n
     words = speech.words
     if words is not None:
         added = [sum(long for at, long in gaps if at <= (w.start + w.end) / 2) for w in words]
-        words = tuple(Word(w.text, w.start + late, w.end + late) for w, late in zip(words, added, strict=True))
+        words = tuple(replace(w, start=w.start + late, end=w.end + late) for w, late in zip(words, added, strict=True))
     return replace(speech, samples=samples, words=words, seconds=None, duration=Fraction(len(samples), RATE))

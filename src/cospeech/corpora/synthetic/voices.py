@@ -193,7 +193,8 @@ def _cut(speech: Speech, seconds: float) -> Iterator[Speech]:
         start, end = first / speech.rate, last / speech.rate
         words = speech.words
         if words is not None:
-            words = tuple(Word(w.text, w.start - start, w.end - start) for w in words if w.start >= start and w.end <= end)
+            inside = (w for w in words if w.start >= start and w.end <= end)
+            words = tuple(replace(w, start=w.start - start, end=w.end - start) for w in inside)
         yield Speech(samples, speech.rate, words, name=speech.name)
 
 
@@ -205,7 +206,7 @@ def _join(parts: list[Speech], name: str) -> Speech:
     for part in parts:
         own = part.samples
         samples += [own, np.zeros(round(_PAUSE * _RATE), np.float32)]
-        words += [Word(w.text, w.start + at / _RATE, w.end + at / _RATE) for w in part.words or ()]
+        words += [replace(w, start=w.start + at / _RATE, end=w.end + at / _RATE) for w in part.words or ()]
         at += len(own) + len(samples[-1])
     whole = np.concatenate(samples[:-1])
     known = parts[0].words is not None

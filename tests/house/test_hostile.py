@@ -245,6 +245,16 @@ TRANSCRIPTS = {
     "silences": ("b.tsv", b"0\t1\t\n" * 3_000_000, "more than 500,000 words"),
     "lists": ("a.json", b"[" + b"[]," * 10_000_000 + b"[]]", "more than 4,000,000 values"),
     "subtitles": ("a.srt", b"00:01.000 --> 00:02.000\n\n" * 1_100_000, "more than 500,000 words"),
+    "broken subtitles": ("b.srt", b"00:00:01:00 --> 00:00:02:00\n" * 500_000, "counts frames"),
+    "times of words": ("a.vtt", b"00:01.000 --> 00:02.000\n" + b"a<00:01.500>" * 510_000, "more than 500,000 words"),
+    "lines that roll": ("b.vtt", b"00:01.000 --> 00:01.000\na\nb\n\n" * 100_000, None),
+    "elements": ("a.ttml", b"<tt>" + b"<p/>" * 2_100_000, "more than 2,000,000"),
+    "depth": ("b.ttml", b"<tt>" * 6_000_000, "nested too deeply"),
+    "lyrics": ("a.lrc", b"[00:01.00]" * 1_100_000 + b"a", "more than 500,000 words"),
+    "columns": ("a.csv", b"start,end,text,x\n" + b"0,1,a,b\n" * 510_000, "more than 500,000 words"),
+    "labels": ("c.srt", b"00:01.000 --> 00:02.000\n" + b"(A" * 5_000_000 + "A：".encode() * 1_000_000, None),
+    "brackets": ("c.txt", b"[<({*a " * 510_000, "more than 500,000 words"),
+    "laughs": ("d.txt", b"(laughs) a " * 510_000, "more than 500,000 words"),
 }  # fmt: skip
 
 
@@ -253,7 +263,7 @@ def test_transcripts_of_millions(tmp_path, name):
     file, data, problem = TRANSCRIPTS[name]
     (tmp_path / file).write_bytes(data)
     said, seconds, peak = peak_of(tmp_path / file, "cospeech.audio.transcripts.load_words(path, speech_seconds=9)")
-    assert problem in said
+    assert problem is None or problem in said
     assert seconds < 30  # a second or three
     assert peak < MOST_MEMORY
 
@@ -493,7 +503,7 @@ def test_what_our_own_files_take_is_allowed(tmp_path):
 # ---- fuzzers ----
 
 
-TRANSCRIPTS = {
+GOOD_TRANSCRIPTS = {
     "vtt": "WEBVTT\n\n00:00:00.000 --> 00:00:02.000 align:start\n \n"
     "good<00:00:00.400><c> evening</c><00:00:00.900><c> all</c>\n\n"
     "00:00:02.000 --> 00:00:02.010\ngood evening all\n \n\n00:00:02.010 --> 00:00:04.000\ngood evening all\nANN: *laughs*\n",
@@ -525,7 +535,7 @@ def good(tmp_path_factory) -> dict[str, bytes]:
     made["srt"] = (
         b"1\n00:00:01,000 --> 00:00:02,500\n<i>Hello</i> &amp; &#228;\nworld\n\n2\n00:00:03,000 --> 00:00:04,000\nBye\n"
     )
-    made |= {name: text.encode() for name, text in TRANSCRIPTS.items()}
+    made |= {name: text.encode() for name, text in GOOD_TRANSCRIPTS.items()}
     words = [{"word": w, "start": k / 2, "end": k / 2 + 0.4} for k, w in enumerate(["so", "what", "is", "that"])]
     made["words.json"] = json.dumps({"segments": [{"words": words}]}, indent=1).encode()
     made["txt"] = "Well, the big house - and 42 others! 你好。 สวัสดี (laughs)\n".encode() * 3

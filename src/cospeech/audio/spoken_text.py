@@ -8,6 +8,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+from ..errors import InputError
+from ..limits import WORDS
 from .forced_alignment import tokenise
 from .word import LAUGHTER
 
@@ -55,6 +57,8 @@ def list_tokens(text: str, *, prose: bool = False) -> list[str]:
     Raises:
         InputError: there are too many tokens.
     """
+    if not text:
+        return []
     text = _VARIANT.sub("", _CONTROL.sub(" ", text).strip())
     if is_silence(text):
         return []
@@ -66,6 +70,8 @@ def list_tokens(text: str, *, prose: bool = False) -> list[str]:
                 tokens[-1] += signs[1]
             tokens.append(LAUGHTER)
         tokens += tokenise(piece)
+        if len(tokens) > WORDS:
+            raise InputError(f"a transcript of more than {WORDS:,} words", "cut it into pieces")
     return tokens
 
 

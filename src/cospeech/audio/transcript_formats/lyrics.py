@@ -8,9 +8,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from io import StringIO
-from itertools import pairwise
+from itertools import islice, pairwise
 
 from ...errors import InputError
+from ...limits import WORDS
 from ..forced_alignment import count_syllables, tokenise
 from ..word_entries import Entry, Note, read_clock
 
@@ -44,7 +45,9 @@ def read(text: str, note: Note) -> Iterator[Entry]:
         if offset:
             shift = int(offset[1]) / 1000  # above 0: everything comes sooner
         elif stamps:
-            sung += [(_read_stamp(stamp), stamps[2]) for stamp in _STAMP.findall(stamps[1])]
+            sung += [(_read_stamp(stamp), stamps[2]) for stamp in islice(_STAMP.findall(stamps[1]), 2 * WORDS)]
+            if len(sung) >= 2 * WORDS:
+                raise InputError(f"a transcript of more than {WORDS:,} words", "cut it into pieces")
         elif not line.isspace() and not _FACT.match(line):
             lost.append(line.strip()[:60])
     if not sung:

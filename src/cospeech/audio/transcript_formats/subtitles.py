@@ -13,6 +13,7 @@ from itertools import chain, islice, pairwise
 from typing import NamedTuple
 
 from ...errors import InputError, say_count
+from ...limits import WORDS
 from ..speaker_labels import drop_labels
 from ..word_entries import Entry, Note, read_clock
 
@@ -92,6 +93,8 @@ def _read_cues(text: str, times: re.Pattern[str], note: Note) -> list[Cue]:
         below = text[match.end() :] if following is None else _NEXT_NUMBER.sub("\n", text[match.end() : following.start()])
         shown = re.split(r"\n[ \t]*(?:\n|$)", below.removeprefix("\n"), maxsplit=1)[0]
         cues.append(Cue(shown.split("\n"), start, end))
+        if len(cues) > WORDS:
+            raise InputError(f"a transcript of more than {WORDS:,} words", "cut it into pieces")
     if not cues and broken and _FRAMES.search(broken[0]):
         raise InputError(f"{broken[0]!r} counts frames", "write times as 00:00:01,500, with fractions of a second")
     if not cues:
@@ -105,11 +108,12 @@ def _read_cues(text: str, times: re.Pattern[str], note: Note) -> list[Cue]:
 def _unroll(cues: Sequence[Cue]) -> list[Cue]:
     """Cues without the lines that the cue right before showed, where lines roll."""
     cues = [cue._replace(lines=[line for line in cue.lines if line.strip()] or [""]) for cue in cues]
-    kept: list[Cue] = []
-    count = 0
-    for cue, before in zip(cues, [Cue([], 0.0, -1.0), *cues], strict=False):
-        seen, lines = [_plain(line).strip() for line in before.lines], [_plain(line).strip() for line in cue.lines]
-        again = _count_again(seen, lines) if abs(cue.start - before.end) <= _AT_ONCE else 0
+    kept, count = list[Cue](), 0
+    seen, until = list[str](), -1.0
+    for cue in cues:
+        lines = [_plain(line).strip() for line in cue.lines]
+        again = _count_again(seen, lines) if abs(cue.start - until) <= _AT_ONCE else 0
+        seen, until = lines, cue.end
         if again and (again < len(lines) or cue.end - cue.start <= _AT_ONCE):
             kept.append(cue._replace(lines=cue.lines[again:] or [""]))
             count += 1

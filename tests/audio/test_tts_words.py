@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cospeech.audio.transcript_formats import json_words
 from cospeech.audio.transcripts import load_words, settle
 from cospeech.audio.tts_words import SERVICES
-from cospeech.audio.word_json import read_documents, read_json
+from cospeech.audio.word_json import read_documents
 from cospeech.errors import InputError
 
 
@@ -87,7 +88,7 @@ def to_lines(pieces: list) -> str:
 
 
 def words_of(text: str) -> list[tuple[str, float, float]]:
-    return [(word.text, round(word.start, 4), round(word.end, 4)) for word in settle(read_json(text))]
+    return [(word.text, round(word.start, 4), round(word.end, 4)) for word in settle(json_words.read(text, print))]
 
 
 def test_characters_become_words_of_the_text_that_is_spoken():

@@ -25,7 +25,7 @@ from .speech import RATE, Speech, SpeechSource, Word, open_speech
 if TYPE_CHECKING:
     from os import PathLike
 
-__all__ = ["align", "align_with_recogniser", "count_syllables", "spread", "tokenise"]
+__all__ = ["SoundAligner", "align", "align_with_recogniser", "bare", "count_syllables", "note_haste", "spread", "tokenise"]
 
 Floats = NDArray[np.float64]
 
@@ -156,31 +156,64 @@ def align(tokens: Sequence[str] | str, speech: Speech | SpeechSource | Features)
     Raises:
         InputError: no tokens, or more than could be spoken in that time (25 a second).
     """
-    tokens = tokenise(tokens) if isinstance(tokens, str) else [token for token in tokens if bare(token)]
-    energy, fps = _energy(speech)
-    seconds = float(speech.duration) if isinstance(speech, Speech) else max(1, len(energy) - 1) / fps
-    if not tokens:
-        raise InputError("there is no word in the transcript", "leave the transcript out if nobody speaks")
-    if len(tokens) > 25 * seconds + 5:
-        raise InputError(f"{len(tokens)} words in {seconds:.1f} s of speech", "does the transcript belong to this recording?")
-    voiced = np.ones(len(energy), bool)
-    for start, end in find_pauses(energy, fps, shortest=PAUSE):
-        voiced[round(start * fps) : round(end * fps)] = False
-    voiced[int(np.ceil(seconds * fps - 1e-6)) :] = False  # the last frame may lie on the very end
-    _note_haste(tokens, float(voiced.sum()) / fps)
-    frames = np.flatnonzero(voiced)[::STEP]
-    if len(frames) < 2 * len(tokens):  # silence, or hardly any speech: spread them over all of it
-        return tuple(spread(tokens, 0.0, seconds))
-    bounds = _search(tokens, *_cues(energy, frames), STEP / fps)
-    return tuple(_words(tokens, bounds, frames / fps, STEP / fps, seconds))
+    return SoundAligner(speech).align(tokenise(tokens) if isinstance(tokens, str) else tokens)
 
 
-def _note_haste(tokens: Sequence[str], seconds: float) -> None:
-    """Warn of more words than somebody says in so many seconds of voice."""
-    syllables = sum(map(count_syllables, tokens))
-    if len(tokens) >= _SEVERAL and syllables > _HASTE * seconds:
-        problem = f"the transcript has {syllables} syllables for {seconds:.1f} s of voice, faster than people speak"
-        warnings.warn(f"{problem}: does it belong to this recording?", CospeechWarning, stacklevel=3)
+class SoundAligner:
+    """Lays tokens on a sound, or on parts of it. The sound is analysed once.
+
+    Args:
+        speech: the sound, or its features; a source on disk is read once from its beginning to its end.
+    """
+
+    def __init__(self, speech: Speech | SpeechSource | Features) -> None:
+        energy, self._fps = _energy(speech)
+        self.seconds = float(speech.duration) if isinstance(speech, Speech) else max(1, len(energy) - 1) / self._fps
+        self._voiced = np.ones(len(energy), bool)
+        for start, end in find_pauses(energy, self._fps, shortest=PAUSE):
+            self._voiced[round(start * self._fps) : round(end * self._fps)] = False
+        self._voiced[int(np.ceil(self.seconds * self._fps - 1e-6)) :] = False  # the last frame may lie on the very end
+        self._loudness, self._peaks = _cues(energy)
+        self._room = 2 * len(energy)  # frames in which parts are searched [ours: overlaps cost no more than twice the sound]
+
+    def align(self, tokens: Sequence[str]) -> tuple[Word, ...]:
+        """As `align`."""
+        tokens = [token for token in tokens if bare(token)]
+        if not tokens:
+            raise InputError("there is no word in the transcript", "leave the transcript out if nobody speaks")
+        if len(tokens) > 25 * self.seconds + 5:
+            problem = f"{len(tokens)} words in {self.seconds:.1f} s of speech"
+            raise InputError(problem, "does the transcript belong to this recording?")
+        note_haste(tokens, float(self._voiced.sum()) / self._fps, " of voice")
+        return tuple(self._lay(tokens, 0.0, self.seconds))
+
+    def align_within(self, tokens: Sequence[str], start: float, end: float) -> list[Word]:
+        """When each token is spoken between two times in seconds. They are spread evenly if hardly any voice is there."""
+        first, last = max(0.0, start), min(end, self.seconds)
+        frames = int((last - first) * self._fps)
+        if frames <= 0 or frames > self._room:
+            return spread(tokens, start, end)
+        self._room -= frames
+        return list(self._lay(tokens, first, last))
+
+    def _lay(self, tokens: Sequence[str], start: float, end: float) -> Iterable[Word]:
+        first = int(np.ceil(start * self._fps - 1e-6))
+        until = int(np.ceil(end * self._fps - 1e-6))
+        frames = (np.flatnonzero(self._voiced[first:until]) + first)[::STEP]
+        if len(frames) < 2 * len(tokens):  # silence, or hardly any speech: spread them over all of it
+            return spread(tokens, start, end)
+        gaps = np.diff(frames, prepend=frames[0] - STEP) - STEP
+        pauses = np.where(gaps > STEP, gaps, 0) / self._fps
+        bounds = _search(tokens, self._loudness[frames], self._peaks[frames], pauses, STEP / self._fps)
+        return _words(tokens, bounds, frames / self._fps, STEP / self._fps, end)
+
+
+def note_haste(words: Sequence[str], seconds: float, what: str) -> None:
+    """Warn of more words than somebody says in so many seconds; ``what`` says which seconds they are."""
+    syllables = sum(map(count_syllables, words))
+    if len(words) >= _SEVERAL and syllables > _HASTE * seconds:
+        problem = f"the transcript has {syllables} syllables for {seconds:.1f} s{what}, faster than people speak"
+        warnings.warn(f"{problem}: does it belong to this recording?", CospeechWarning, stacklevel=4)
 
 
 def _energy(speech: Speech | SpeechSource | Features) -> tuple[Floats, float]:
@@ -197,16 +230,15 @@ def _energy(speech: Speech | SpeechSource | Features) -> tuple[Floats, float]:
     return np.concatenate([*parts, last.energy]).astype(float), last.fps
 
 
-def _cues(energy: Floats, frames: NDArray[np.intp]) -> tuple[Floats, Floats, Floats]:
-    """At the steps of the search: loudness 0 … 1 within its surroundings, peaks so far, seconds of pause before the step."""
+def _cues(energy: Floats) -> tuple[Floats, Floats]:
+    """Per frame: loudness 0 … 1 within its surroundings, and peaks so far."""
     smooth = np.convolve(np.pad(energy, 3, mode="edge"), np.hanning(9)[1:-1] / np.hanning(9).sum(), mode="valid")
     around = np.lib.stride_tricks.sliding_window_view(np.pad(smooth, 15, mode="edge"), 31)
     low, high = around.min(axis=1), around.max(axis=1)
     loudness = (smooth - low) / np.maximum(high - low, 6.0)  # ours: less than 6 dB is no dip
     peaks = np.zeros(len(energy))
     peaks[1:-1] = (smooth[1:-1] >= smooth[:-2]) & (smooth[1:-1] > smooth[2:]) & (loudness[1:-1] > 0.6)
-    gaps = np.diff(frames, prepend=frames[0] - STEP) - STEP
-    return loudness[frames], np.cumsum(peaks)[frames], np.where(gaps > STEP, gaps, 0) / 100.0
+    return loudness, np.cumsum(peaks)
 
 
 def _search(tokens: Sequence[str], loudness: Floats, peaks: Floats, pauses: Floats, step: float) -> NDArray[np.intp]:

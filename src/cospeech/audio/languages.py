@@ -15,7 +15,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 from ..errors import InputError, nearest
-from .word import Word
+from .word import Word, is_spoken
 
 __all__ = ["LANGUAGES", "check_language", "find_language", "script_of", "with_language"]
 
@@ -217,5 +217,5 @@ def with_language(words: Iterable[Word], language: str = "") -> tuple[Word, ...]
         InputError: the language is not known.
     """
     words = tuple(words)
-    code = check_language(language) or find_language(" ".join(word.text for word in words))
+    code = check_language(language) or find_language(" ".join(word.text for word in words if is_spoken(word.text)))
     return tuple(word if word.language == code else replace(word, language=code) for word in words)

@@ -8,30 +8,41 @@ from collections.abc import Sequence
 
 __all__ = ["drop_labels"]
 
-# One to three words, each with a capital letter or a digit first; before it the signs of captions for another speaker
-_LABEL = re.compile(r"\s*(?:>>+ ?|[-–—] ?)?((?:[^\W\d_][\w.'’-]{0,30}+)(?: [^\W_][\w.'’-]{0,30}+){0,2}) ?:(?=\s)")
+# A letter of a name, or a sign on one (Indic, Thai and Semitic vowels, accents), which Python's \w leaves out
+_IN = r"[\w.'’·・\-\u0300-\u036f\u0591-\u05c7\u0610-\u061a\u064b-\u065f\u0900-\u0dff\u0e31-\u0e4e]"
+# One to three words, each with a capital letter or a digit first, in a script that has capitals. Before them may stand the
+# signs of captions for another speaker, or a sound in brackets; behind them how they are heard, as in NARRATOR (V.O.)
+_LABEL = re.compile(
+    rf"\s*(?P<sound>[(（\[［【][^()（）\[\]［］【】\n]{{0,40}}+[)）\]］】]\s*)?(?P<sign>>>+ ?|[-–—] ?)?"
+    rf"(?P<name>[^\W\d_]{_IN}{{0,30}}+(?: [^\W_]{_IN}{{0,30}}+){{0,2}}) ?(?:[(（][^()（）\n]{{1,30}}[)）])?"
+    r"[ \u00a0\u202f]?(?::(?=\s)|：)"
+)
+_UNCASED = 8  # letters of a name in a script without capitals, at most: more are a phrase [ours]
 _TWICE = 2  # [ours] what begins so many lines is a name, and no word such as "Remember:"
 
 
 def drop_labels(lines: Sequence[str]) -> list[str]:
     """Lines of a transcript without the names of speakers.
 
-    A label ends with a colon. It is in capitals, beside words that are not; or it begins two lines, each of its words with a
-    capital letter.
+    A label ends with a colon. It is in capitals, beside words that are not; or stands behind ``>>``; or it begins two lines,
+    each of its words with a capital letter, where the script has any.
 
     >>> drop_labels(["ANNA: Hello there.", "Remember: hands.", "Bob: Hi.", "Bob: Yes."])
     [' Hello there.', 'Remember: hands.', ' Hi.', ' Yes.']
     """
     found = [_LABEL.match(line) for line in lines]
-    names = [match[1] if match is not None and _is_name(match[1]) else "" for match in found]
+    names = [match["name"] if match is not None and _is_name(match["name"]) else "" for match in found]
     count = Counter(names)
     kept = []
     for line, match, name in zip(lines, found, names, strict=True):
-        rest = line[match.end() :] if match is not None else ""
+        rest = (match["sound"] or "") + line[match.end() :] if match is not None else ""
         shouted = name.isupper() and any(letter.islower() for letter in rest)
-        kept.append(rest if name and (shouted or count[name] >= _TWICE) else line)
+        changes = match is not None and (match["sign"] or "").startswith(">>")
+        kept.append(rest if name and (shouted or changes or count[name] >= _TWICE) else line)
     return kept
 
 
 def _is_name(label: str) -> bool:
+    if label.lower() == label.upper():  # a script without capitals
+        return len(label) <= _UNCASED
     return all(word[:1].isupper() or word[:1].isdigit() for word in label.split(" "))

@@ -1,21 +1,18 @@
-"""What is said and when, from the files people have: TextGrid, tables, SRT, WebVTT, JSON, plain text.
+"""What is said and when, from the files people have: subtitles, TextGrid, tables, JSON, lyrics, plain text.
 
-Every reader makes (text, start, end) in seconds; one function, `settle`, then makes of them what the rest may rely on: sorted,
-not overlapping, inside the speech, without silences. Entries of several words are spread over their words by length.
+Every reader (`transcript_formats`) makes (text, start, end) in seconds; one function, `settle`, then makes of them what the
+rest may rely on: sorted, not overlapping, inside the speech, without silences. Entries of several words are laid on the sound
+where it is at hand; else they are spread over their words by length.
 """
 
 from __future__ import annotations
 
-import csv
-import html
 import math
 import os
-import re
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from io import StringIO
-from itertools import chain, islice, pairwise
+from itertools import pairwise
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,11 +20,14 @@ from typing import TYPE_CHECKING
 from ..errors import CospeechWarning, InputError
 from ..files import read_regular
 from ..limits import PLAUSIBLE_SECONDS, TRANSCRIPT_BYTES, WORDS
-from .forced_alignment import align, bare, spread, tokenise
+from .forced_alignment import SoundAligner, align, bare, note_haste, spread
 from .speaker_labels import drop_labels
 from .speech import Word
-from .word_entries import Entry, read_time
-from .word_json import read_json
+from .spoken_text import list_tokens
+from .transcript_formats import find_format
+from .transcript_formats.text_files import check_prose, decode, refuse_others
+from .word import LAUGHTER
+from .word_entries import Entry
 
 if TYPE_CHECKING:
     from .speech import Speech, SpeechSource
@@ -35,15 +35,16 @@ if TYPE_CHECKING:
 __all__ = ["align", "cut_overlaps", "load_speech_words", "load_words", "settle"]
 
 SHORTEST = 0.01  # seconds; ours: what a word without a length gets
-SILENCES = frozenset({"sil", "sp", "spn", "pau", "eps", "silence", "#", "_", "-"})  # of HTK, MFA, Festival, MAUS
-# Whole entries, or parts of a cue, that say what is heard but not spoken: <sil>, [laughter], (sighs), {SL}, ♪
-NOT_SPOKEN = re.compile(r"<[^<>]*>|\[[^\[\]]*\]|\{[^{}]*\}|\([^()]*\)|[♪♫]")
-# First bytes of sound, documents and archives that people name by mistake: WAV, AIFF, FLAC, Ogg, MP3, WebM, PDF, Word
-_NO_TEXT = (b"RIFF", b"FORM", b"fLaC", b"OggS", b"ID3", b"\xff\xfb", b"\xff\xf3", b"\x1a\x45\xdf\xa3", b"%PDF-", b"PK\x03\x04")
-CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")  # words are printed: no escape codes for terminals
-VARIANT = re.compile(r"(?<=\w)\(\d+\)$")  # CMU dictionaries number pronunciations: "and(2)"
-WORD_TIER = re.compile(r"word|wort|\bmots?\b|palabra|parola|ord\b|token|单词|単語|단어|слов", re.IGNORECASE)
-NOT_WORD_TIER = re.compile(r"phon|seg|syl|tone|tobi|break|pitch|point|gest|state", re.IGNORECASE)
+_LAUGH = 0.9  # seconds of a laugh between words, at most [ours: about as long as a laugh of three or four bursts]
+_CUE = 1.0  # seconds from which on an entry of several words is laid on the sound [ours: below, a spread is off by little]
+_OVERLAP = 0.1  # seconds by which subtitles may overlap before it is told [ours: some programs round so]
+_HOUR = 3600
+_LEAVE_OUT = "leave the transcript out if nobody speaks"
+
+_Said = tuple[list[str], float, float]
+"""Tokens of an entry, start, end."""
+_Lay = Callable[[Sequence[str], float, float], Iterable[Word]]
+"""Tokens, start, end → words in between."""
 
 
 def load_words(
@@ -53,32 +54,29 @@ def load_words(
 
     Args:
         path: .TextGrid (long or short, any encoding Praat writes), .tsv or .csv (start, end, word; Audacity's and
-            Whisper's too), .srt, .vtt, .json (a list of words with times, or what Whisper, Gentle, Vosk or PocketSphinx write,
-            or a text-to-speech service says, see `cospeech.audio.tts_words`; also as JSON lines), or plain text.
-        speech: what the words belong to: plain text is aligned to it, times past its end are cut off.
+            Whisper's too), .srt, .vtt, .sbv, .ttml, .lrc, .json (a list of words with times, or what recognisers and aligners
+            write, or a text-to-speech service says, see `word_json`; also as JSON lines), or plain text.
+        speech: what the words belong to: plain text and subtitles are laid on it, times past its end are cut off.
         speech_seconds: its length, where the speech is not at hand, or does not know it yet; plain text alone is spread evenly.
 
     Raises:
-        InputError: it cannot be read, makes no sense, or lies wholly past the end of the speech.
+        InputError: it cannot be read, makes no sense, or lies wholly outside of the speech.
     """
     data, name = read_regular(path, "a transcript", TRANSCRIPT_BYTES), Path(os.fsdecode(path)).name
-    text = _decode(data, name)
+    text = decode(data, name)
     if speech_seconds is None and speech is not None:
         speech_seconds = speech.seconds
-    if text.startswith("[Script Info]"):
-        raise InputError(f"{name!r} holds subtitles of SubStation Alpha", "make .srt of them: ffmpeg -i talk.ass talk.srt")
-    reader = _READERS.get(Path(name).suffix.lower()) or _sniff(text)
-    if reader is None:
-        tokens = tokenise("\n".join(drop_labels(text.split("\n"))))
-        if not tokens:
-            raise _wordless(name)
-        if speech is not None:
-            return settle(((w.text, w.start, w.end) for w in align(tokens, speech)), speech_seconds, name)
-        if speech_seconds is None:
-            raise InputError(f"{name!r} is plain text, without times", "give the speech too, or a transcript with times")
-        return tuple(spread(tokens, 0.0, speech_seconds))
+    refuse_others(text, name)
+    found = find_format(Path(name).suffix.lower(), text)
+    if found is None:
+        check_prose(text, name)
+        return _read_prose(text, name, speech, speech_seconds)
+
+    def note(told: str) -> None:
+        warnings.warn(f"{name!r}: {told}", CospeechWarning, stacklevel=2)
+
     try:
-        return settle(reader(text), speech_seconds, name, warn=speech is not None)
+        return settle(found.read(text, note), speech_seconds, name, speech=speech)
     except InputError as error:
         problem = error.problem if name in error.problem else f"{name!r}: {error.problem}"
         raise InputError(problem, error.hint) from None
@@ -99,24 +97,66 @@ def load_speech_words(
     return words
 
 
-_LEAVE_OUT = "leave the transcript out if nobody speaks"
-
-
 def _wordless(name: str, hint: str = _LEAVE_OUT) -> InputError:
     return InputError(f"no words in {name!r}", hint)
 
 
-def settle(
-    entries: Iterable[Entry], seconds: float | None = None, name: str = "transcript", *, warn: bool = False
-) -> tuple[Word, ...]:
-    """Words from entries in any order: silences dropped, several words spread, sorted, overlaps cut, ends cut at ``seconds``.
+def _read_prose(text: str, name: str, speech: Speech | SpeechSource | None, seconds: float | None) -> tuple[Word, ...]:
+    """The words of a text without times, laid on the sound."""
+    tokens = list_tokens("\n".join(drop_labels(text.split("\n"))), prose=True)
+    if all(token == LAUGHTER for token in tokens):
+        raise _wordless(name)
+    if speech is not None:
+        aligner = SoundAligner(speech)
+        words = _lay_all(tokens, 0.0, aligner.seconds, lambda spoken, start, end: aligner.align(spoken))
+        return _keep_inside(cut_overlaps(words), seconds, name, is_told=False)
+    if seconds is None:
+        raise InputError(f"{name!r} is plain text, without times", "give the speech too, or a transcript with times")
+    return tuple(cut_overlaps(_lay_all(tokens, 0.0, seconds, spread)))
 
-    Words that begin later are left out, with a `CospeechWarning` if ``warn``.
+
+def settle(
+    entries: Iterable[Entry],
+    seconds: float | None = None,
+    name: str = "transcript",
+    *,
+    speech: Speech | SpeechSource | None = None,
+) -> tuple[Word, ...]:
+    """Words from entries in any order: silences dropped, several words laid out, sorted, overlaps cut, ends cut at ``seconds``.
+
+    Where ``speech`` is given, entries of several words are laid on it, and a `CospeechWarning` tells of words outside of it, of
+    subtitles at the same time, and of more words than somebody says in their time.
 
     Raises:
-        InputError: a time is not a number, an entry ends before it starts, or all lie past the end.
+        InputError: a time is not a number, an entry ends before it starts, or all lie outside of the speech.
     """
-    words: list[Word] = []
+    said = _check_entries(entries)
+    if speech is not None:
+        _note_overlaps(said, name)
+    words = list[Word]()
+    aligner: SoundAligner | None = None
+    for tokens, start, end in said:
+        lay: _Lay = spread
+        if speech is not None and len(tokens) > 1 and end - start >= _CUE:
+            aligner = aligner or SoundAligner(speech)  # the sound is read only where it is needed
+            lay = aligner.align_within
+        words += _lay_all(tokens, start, end, lay)
+    early = [word for word in words if word.start < 0 and word.end <= 0]
+    words = cut_overlaps(sorted((w for w in words if w.start >= 0 or w.end > 0), key=lambda w: (w.start, w.end)))
+    if early and not words:
+        raise InputError(
+            f"{name!r} ends at {early[-1].end:g} s, before the speech begins", "does it belong to another recording?"
+        )
+    if speech is not None:
+        _note_left_out(early, len(words) + len(early), "end before the beginning of the speech", name)
+        if words:
+            note_haste([word.text for word in words], words[-1].end - words[0].start, "")
+    return _keep_inside(words, seconds, name, is_told=speech is not None)
+
+
+def _check_entries(entries: Iterable[Entry]) -> list[_Said]:
+    """Tokens and times of the entries that say something."""
+    said, words = list[_Said](), 0
     for count, (text, start, end) in enumerate(entries):
         if not (
             math.isfinite(start) and math.isfinite(end) and abs(start) < PLAUSIBLE_SECONDS and abs(end) < PLAUSIBLE_SECONDS
@@ -124,35 +164,77 @@ def settle(
             raise InputError(f"{text[:40]!r} is at {start:g} … {end:g} s", "times are in seconds")
         if end < start:
             raise InputError(f"{text[:40]!r} ends before it starts: {start:g} … {end:g} s", "are its columns swapped?")
-        tokens = _tokens(text)
-        words += spread(tokens, start, end) if len(tokens) != 1 else [Word(bare(tokens[0]), start, end)]
-        if len(words) > WORDS or count > 2 * WORDS:  # between two words there may be a silence
+        tokens = list_tokens(text)
+        words += len(tokens)
+        if words > WORDS or count > 2 * WORDS:  # between two words there may be a silence
             raise InputError(f"a transcript of more than {WORDS:,} words", "cut it into pieces")
-    words = cut_overlaps(sorted((w for w in words if w.end > 0), key=lambda w: (w.start, w.end)))
+        if tokens:
+            said.append((tokens, start, end))
+    return said
+
+
+def _lay_all(tokens: Sequence[str], start: float, end: float, lay: _Lay) -> list[Word]:
+    """Words of tokens between two times; laughs stand in the pauses between those that are said."""
+    spoken = [token for token in tokens if token != LAUGHTER]
+    if not spoken:
+        return [Word(LAUGHTER, start, end)] if tokens else []
+    words = list(lay(spoken, start, end)) if len(spoken) > 1 else [Word(bare(spoken[0]), start, end)]
+    if len(spoken) == len(tokens):
+        return words
+    found, free, count = list[Word](), start, 0
+    for token in tokens:
+        if token != LAUGHTER:
+            found.append(words[count])
+            free, count = words[count].end, count + 1
+            continue
+        until = words[count].start if count < len(words) else end
+        first = free if count else max(free, until - _LAUGH)
+        found.append(Word(LAUGHTER, first, max(first, min(until, first + _LAUGH))))
+    return found
+
+
+def _note_overlaps(said: Sequence[_Said], name: str) -> None:
+    """Tell of entries of several words at the same time, whose words go in turns."""
+    several = sorted(((start, end, tokens) for tokens, start, end in said if len(tokens) > 1), key=lambda each: each[:2])
+    over = [after for before, after in pairwise(several) if after[0] < before[1] - _OVERLAP]
+    if over:
+        start, _, tokens = over[0]
+        problem = f"{name!r}: {len(over)} of {len(several)} entries begin before the one before ends, the first is"
+        warnings.warn(
+            f"{problem} {' '.join(tokens)[:40]!r} at {start:g} s; their words are mixed: leave out who is not to be seen",
+            CospeechWarning,
+            stacklevel=3,
+        )
+
+
+def _note_left_out(words: Sequence[Word], count: int, why: str, name: str) -> None:
+    if words:
+        problem = f"{name!r}: {len(words)} of {count} words {why} and are left out"
+        first = f"the first is {words[0].text[:40]!r} at {words[0].start:g} s"
+        warnings.warn(f"{problem}, {first}", CospeechWarning, stacklevel=4)
+
+
+def _keep_inside(words: Sequence[Word], seconds: float | None, name: str, *, is_told: bool) -> tuple[Word, ...]:
+    """Words that begin inside the speech, cut at its end.
+
+    Raises:
+        InputError: there are words, and none does.
+    """
     if seconds is None:
         return tuple(words)
     inside = tuple(Word(w.text, w.start, min(w.end, seconds)) for w in words if w.start < seconds)
     if words and not inside:
-        raise InputError(
-            f"{name!r} begins at {words[0].start:g} s, but the speech is {seconds:.2f} s long",
-            "does it belong to another recording, or are its times in milliseconds?",
-        )
-    if warn and len(inside) < len(words):
-        late = words[len(inside)]
-        problem = (
-            f"{name!r}: {len(words) - len(inside)} of {len(words)} words begin after the end of the speech ({seconds:.2f} s)"
-        )
-        warnings.warn(
-            f"{problem} and are left out, the first is {late.text[:40]!r} at {late.start:g} s", CospeechWarning, stacklevel=3
-        )
+        start = words[0].start
+        hours = int(start // _HOUR)
+        hint = "does it belong to another recording, or are its times in milliseconds?"
+        if hours and start - hours * _HOUR < seconds:
+            shift = f"ffmpeg -itsoffset -{hours * _HOUR} -i talk.srt -c copy new.srt"
+            hint = f"its clock begins at {hours:02d}:00:00, as broadcasters' do: subtract that from its times: {shift}"
+        raise InputError(f"{name!r} begins at {start:g} s, but the speech is {seconds:.2f} s long", hint)
+    if is_told:
+        late = f"begin after the end of the speech ({seconds:.2f} s)"
+        _note_left_out(words[len(inside) :], len(words), late, name)
     return inside
-
-
-def _tokens(text: str) -> list[str]:
-    if not text:
-        return []
-    spoken = NOT_SPOKEN.sub(" ", VARIANT.sub("", CONTROL.sub(" ", text).strip()))
-    return [] if spoken.strip().lower() in SILENCES else tokenise(spoken)
 
 
 def cut_overlaps(words: list[Word]) -> list[Word]:
@@ -164,189 +246,3 @@ def cut_overlaps(words: list[Word]) -> list[Word]:
     ends = [max(word.end, start + SHORTEST) for word, start in zip(words, starts, strict=True)]
     ends[:-1] = [min(end, after) for end, after in zip(ends[:-1], starts[1:], strict=True)]
     return [replace(word, start=start, end=end) for word, start, end in zip(words, starts, ends, strict=True)]
-
-
-def _decode(data: bytes, name: str) -> str:
-    """The text of a file in UTF-8 or UTF-16, with or without a byte order mark."""
-    if data.startswith(_NO_TEXT) or data[4:8] == b"ftyp":
-        raise _no_transcript(name)
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        encoding = "utf-16"
-    elif b"\0" in data[:200:2] + data[1:200:2] and len(data) % 2 == 0:
-        encoding = "utf-16-le" if data[1:200:2].count(0) > data[:200:2].count(0) else "utf-16-be"
-    else:
-        encoding = "utf-8-sig"
-    try:
-        text = data.decode(encoding)
-    except UnicodeDecodeError as error:
-        if encoding != "utf-16" and b"\0" in data:  # no mark of its encoding, and no text in UTF-8
-            raise _no_transcript(name) from None
-        byte = f"byte 0x{data[error.start]:02x} at {error.start}"
-        raise InputError(f"{name!r} is not {encoding.removesuffix('-sig').upper()} text: {byte}", "save it as UTF-8") from None
-    if "\0" in text:
-        raise InputError(f"{name!r} holds NUL characters", "is it a transcript? Save it as UTF-8 text")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
-
-
-def _no_transcript(name: str) -> InputError:
-    return InputError(f"{name!r} is no transcript: it is not text", "TextGrid, .tsv, .srt, .vtt, .json, or plain text in UTF-8")
-
-
-# ---- TextGrid: https://www.fon.hum.uva.nl/praat/manual/TextGrid_file_formats.html ----
-
-# "++", "*+": what was taken is not given back, so that each character is looked at once
-PRAAT_TOKEN = re.compile(r'"([^"]*+(?:""[^"]*+)*+)"|(<[a-z]++>)|![^\n]*+|[^\s"]++')
-PRAAT_NUMBER = re.compile(r"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d++)?$")
-
-
-def read_textgrid(text: str) -> Iterator[Entry]:
-    """Long and short forms alike: only free-standing numbers, quoted strings and <flags> count, as in Praat itself."""
-    values: Iterator[str | float] = _praat_values(text)
-
-    def take(kind: type) -> str | float:
-        value = next(values, None)
-        if value is None or not isinstance(value, kind):
-            found = "its end" if value is None else repr(value)[:40]
-            raise InputError(f"a TextGrid with {found} where a {'text' if kind is str else 'number'} belongs", "is it cut off?")
-        return value
-
-    if (take(str), take(str)) != ("ooTextFile", "TextGrid"):
-        raise InputError("not a TextGrid: no 'ooTextFile', 'TextGrid' at its head", "save it as text from Praat")
-    take(float), take(float)
-    if take(str) != "<exists>":
-        raise InputError("a TextGrid without tiers", "add a word tier")
-    tiers: list[tuple[str, list[Entry]]] = []
-    read = 0
-    for _ in range(_count(take(float))):
-        kind, name = str(take(str)), str(take(str))
-        take(float), take(float)
-        entries: list[Entry] = []
-        for _ in range(_count(take(float))):
-            read += 1
-            if read > 4 * WORDS:  # a word and the sounds that it is made of
-                raise InputError(f"a TextGrid of more than {4 * WORDS:,} entries", "cut it into pieces")
-            start = float(take(float))
-            end = float(take(float)) if kind == "IntervalTier" else start
-            entries.append((str(take(str)), start, end))
-        if kind == "IntervalTier":
-            tiers.append((name, entries))
-    yield from _word_tier(tiers)
-
-
-def _praat_values(text: str) -> Iterator[str | float]:
-    for match in PRAAT_TOKEN.finditer(text):
-        if match[1] is not None:
-            yield match[1].replace('""', '"')
-        elif match[2]:
-            yield match[2]
-        elif PRAAT_NUMBER.match(match[0]):
-            yield float(match[0])
-
-
-def _count(number: str | float) -> int:
-    if not (isinstance(number, float) and 0 <= number < 1e8 and number == int(number)):
-        raise InputError(f"a TextGrid that announces {number} entries", "is it damaged?")
-    return int(number)
-
-
-def _word_tier(tiers: list[tuple[str, list[Entry]]]) -> list[Entry]:
-    """The tier called words (Wörter, mots, …); else the one with most labels that is not named after smaller things."""
-    if not tiers:
-        raise InputError("a TextGrid without an interval tier", "words have a start and an end")
-    named = [tier for tier in tiers if WORD_TIER.search(tier[0])]
-    others = [tier for tier in tiers if not NOT_WORD_TIER.search(tier[0])]
-    return max(named or others or tiers, key=lambda tier: sum(bool(_tokens(text)) for text, _, _ in tier[1]))[1]
-
-
-# ---- tables and subtitles ----
-
-TIME = r"(?:(\d{1,4}):)?(\d{1,2}):(\d{1,2})[,.](\d{1,3})"
-NO_CHARACTER = re.compile(r"&#\d{8,};?")  # beyond all of Unicode
-NEXT_NUMBER = re.compile(r"\n[ \t]*\d{1,9}[ \t]*\n\Z")  # that of the next cue, right above its times
-CUE = re.compile(rf"^[ \t]*{TIME}[ \t]*-->[ \t]*{TIME}.*$", re.MULTILINE)
-
-
-def read_table(text: str) -> Iterator[Entry]:
-    """start, end, word, between tabs, semicolons, commas or blanks; a first line of names is skipped. Whisper's is in ms."""
-    scale, first = 1.0, True
-    for number, line in _lines(text):
-        cells, head, first = _cells(line), first, False
-        if head and not any(_is_number(cell) for cell in cells[:2]):
-            if [c.lower() for c in cells] == ["start", "end", "text"]:
-                others = islice(_lines(text), 1, None)
-                scale = 0.001 if all(cell.isdigit() for _, other in others for cell in _cells(other)[:2]) else 1.0
-            continue
-        if len(cells) < 2 or not (_is_number(cells[0]) and _is_number(cells[1])):
-            raise InputError(f"line {number} is {line[:60]!r}", "start, end and word belong there, separated by tabs or commas")
-        yield cells[2] if len(cells) > 2 else "", read_time(cells[0]) * scale, read_time(cells[1]) * scale
-
-
-# start and end in front of a line without tabs: separated by blanks; or by a comma or a semicolon, too
-_SPACED = re.compile(r"\s*+[-+]?\d[\d.]*+ ++[-+]?\d[\d.]*+(?: |$)")
-_ROW = re.compile(r"\s*+[-+]?\d[\d.]*+(?: ++|[,;] *+)[-+]?\d[\d.]*+(?:[ ,;]|$)")
-
-
-def _cells(line: str) -> list[str]:
-    """Up to three cells of a line of a table; in quotes, a comma or a semicolon is part of a cell."""
-    mark = "\t" if "\t" in line else None if _SPACED.match(line) else ";" if ";" in line else ","
-    try:
-        cells = line.split(mark, maxsplit=2) if mark in (None, "\t") else next(csv.reader([line], delimiter=mark))
-    except csv.Error as error:
-        raise InputError(f"{line[:60]!r}: {error}", "start, end and word belong there") from None
-    return [cell.strip() for cell in cells]
-
-
-def _lines(text: str) -> Iterator[tuple[int, str]]:
-    """Numbered lines that are not blank, one at a time."""
-    return ((number, line) for number, line in enumerate(map(str.rstrip, StringIO(text)), 1) if line)
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        read_time(cell)
-    except InputError:
-        return False
-    return True
-
-
-def read_srt(text: str) -> Iterator[Entry]:
-    """SubRip and WebVTT: what stands between one line of times and the next blank line."""
-    if CUE.search(text) is None:
-        raise InputError("no subtitle has a time", "'00:00:01,000 --> 00:00:02,000' belongs above each")
-    cues = list[tuple[str, float, float]]()
-    for cue, following in pairwise(chain(CUE.finditer(text), [None])):
-        assert cue is not None
-        below = text[cue.end() :] if following is None else NEXT_NUMBER.sub("\n", text[cue.end() : following.start()])
-        spoken = re.split(r"\n[ \t]*(?:\n|$)", below.removeprefix("\n"), maxsplit=1)[0]
-        parts = cue.groups()
-        said = html.unescape(NO_CHARACTER.sub("\ufffd", re.sub(r"<[^<>\n]*>", "", spoken)))
-        cues.append((said, _clock(parts[:4]), _clock(parts[4:])))
-    lines = iter(drop_labels([line for said, _, _ in cues for line in said.split("\n")]))
-    for said, start, end in cues:
-        yield " ".join(islice(lines, said.count("\n") + 1)), start, end
-
-
-def _clock(parts: tuple[str | None, ...]) -> float:
-    hours, minutes, seconds, fraction = parts
-    return int(hours or 0) * 3600 + int(minutes or 0) * 60 + int(seconds or 0) + float(f"0.{fraction}")
-
-
-_READERS = {
-    ".textgrid": read_textgrid, ".tsv": read_table, ".csv": read_table, ".srt": read_srt, ".vtt": read_srt, ".json": read_json
-}  # fmt: skip
-
-
-def _sniff(text: str):  # type: ignore[no-untyped-def]  # one of the readers above
-    """The reader for a text whose suffix says nothing; None for plain text."""
-    head = text.lstrip()[:400]
-    if "ooTextFile" in head:
-        return read_textgrid
-    if head[:1] in "[{" and head[1:].lstrip()[:1] in ('"', "{", "[", "]", "}") and head:
-        return read_json
-    if CUE.search(text):
-        return read_srt
-    lines = [line for line in text.split("\n") if line.strip()][:20]
-    if lines and all(re.match(r"\s*[-+\d.,eE]+\t\s*[-+\d.,eE]+(\t|$)", line) for line in lines[1:] or lines):
-        return read_table
-    rows = [row for row in map(_ROW.match, lines[1:] or lines) if row]
-    return read_table if len(rows) == max(len(lines) - 1, 1) and any("." in row[0] for row in rows) else None

@@ -9,12 +9,27 @@ import numpy as np
 
 from ..errors import InputError
 
-__all__ = ["Word", "check_words"]
+__all__ = ["LAUGHTER", "Word", "check_words", "is_spoken"]
+
+LAUGHTER = "[laughter]"
+"""Text of a `Word` that is a laugh: it is heard, and not said."""
+
+
+def is_spoken(text: str) -> bool:
+    """Whether the text of a word is said. In square brackets stands what is only heard: it has no sounds, and no meaning.
+
+    >>> is_spoken("laughter"), is_spoken(LAUGHTER)
+    (True, False)
+    """
+    return not (text.startswith("[") and text.endswith("]"))
 
 
 @dataclass(frozen=True, slots=True)
 class Word:
-    """A word and when it is spoken, in seconds from the start of the speech."""
+    """A word and when it is spoken, in seconds from the start of the speech.
+
+    What is heard but not said is a word, too: its text stands in square brackets (`is_spoken`). The face laughs at `LAUGHTER`.
+    """
 
     text: str
     start: float

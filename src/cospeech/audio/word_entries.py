@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
+
 from ..errors import InputError
 
-__all__ = ["Entry", "check_number", "check_text", "read_time"]
+__all__ = ["Entry", "Note", "check_number", "check_text", "read_clock", "read_time"]
 
 Entry = tuple[str, float, float]
 """Text, start, end; times in seconds."""
+Note = Callable[[str], None]
+"""Takes what a user should know of a file that is read nevertheless."""
 _MOST = 1e15  # above what any unit of time needs [ours: ten years in ticks of 100 ns]; infinity is above it, too
 
 
@@ -23,6 +28,22 @@ def read_time(text: object) -> float:
         return float(text.replace(",", ".") if isinstance(text, str) else text)
     except (ValueError, OverflowError):
         raise InputError(f"{str(text)[:40]!r} is not a time", "times are in seconds") from None
+
+
+_CLOCK = re.compile(r"\s*+(?:(\d{1,4}):)?(\d{1,4}):(\d{1,2})(?:[.,](\d{1,9})\d*+)?\s*+")
+
+
+def read_clock(text: str) -> float | None:
+    """Seconds of a time of a clock, hours:minutes:seconds or minutes:seconds; None where it is none, as with frames behind.
+
+    >>> read_clock("01:00:02,500"), read_clock("00:12.5"), read_clock("00:00:01:12")
+    (3602.5, 12.5, None)
+    """
+    found = _CLOCK.fullmatch(text)
+    if found is None:
+        return None
+    hours, minutes, seconds, fraction = found.groups()
+    return int(hours or 0) * 3600 + int(minutes) * 60 + int(seconds) + float(f"0.{fraction or 0}")
 
 
 def check_number(value: object, name: str, unit: str) -> float:

@@ -2,51 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
-from io import StringIO
 from itertools import chain
 from typing import Any
 
 from ..errors import InputError
-from ..files import parse_json
-from ..limits import TRANSCRIPT_JSON_VALUES
+from .recognisers import SHAPES, Shape
 from .tts_words import SERVICES, Service
 from .word_entries import Entry, read_time
 
-__all__ = ["read_documents", "read_json"]
+__all__ = ["read_documents"]
 
 TEXT_KEYS = ("word", "text", "w", "t", "label", "punctuated_word", "value")
 START_KEYS = ("start", "b", "begin", "start_time", "startTime", "xmin", "from", "s")
 END_KEYS = ("end", "stop", "end_time", "endTime", "xmax", "to", "e")
 LIST_KEYS = ("words", "w", "segments", "result", "results", "word_segments", "fragments", "transcript")
-
-
-def read_json(text: str) -> Iterator[Entry]:
-    """The words of a JSON document, or of JSON lines: a document on each line.
-
-    Raises:
-        InputError: it is no JSON, or as of `read_documents`.
-    """
-    return read_documents(_documents(text))
-
-
-def _documents(text: str) -> Iterator[object]:
-    first, _, rest = text.lstrip().partition("\n")
-    if not rest or rest.isspace() or not _is_document(first):
-        yield parse_json(text, "the transcript", TRANSCRIPT_JSON_VALUES)
-        return
-    for number, line in enumerate(StringIO(text), 1):
-        if not line.isspace():
-            yield parse_json(line, f"line {number}", TRANSCRIPT_JSON_VALUES)
-
-
-def _is_document(line: str) -> bool:
-    try:
-        json.loads(line)
-    except (ValueError, RecursionError):
-        return False
-    return True
 
 
 def read_documents(documents: Iterator[object]) -> Iterator[Entry]:
@@ -61,14 +31,20 @@ def read_documents(documents: Iterator[object]) -> Iterator[Entry]:
     for document in documents:
         first = document[0] if isinstance(document, list) and document else document
         service = _find_service(first) if isinstance(first, dict) else None
-        if service is None:
-            yield from _read_entries(document)
-        else:
+        if service is not None:
             yield from _read_pieces(service, chain([document], documents))
+        elif isinstance(document, dict) and (shape := _find_shape(document)) is not None:
+            yield from shape.read(document)
+        else:
+            yield from _read_entries(document)
 
 
 def _find_service(piece: dict[str, Any]) -> Service | None:
     return next((service for service in SERVICES.values() if service.has_fields(piece)), None)
+
+
+def _find_shape(document: dict[str, Any]) -> Shape | None:
+    return next((shape for shape in SHAPES.values() if shape.has_fields(document)), None)
 
 
 def _read_pieces(service: Service, documents: Iterator[object]) -> Iterator[Entry]:

@@ -25,7 +25,7 @@ from ..models import DEFAULT, PARTS, Model, load
 from ..rules.options import GenerationOptions, check_range
 from ..runtime.report import Failure, Report, Reports
 from ..runtime.styles.style import example_files
-from .several import NAME, FoundFiles, LeftOut, find_files
+from .several import NAME, FoundFiles, LeftOut, find_files, put_name
 
 __all__ = ["STANDARD_INPUT", "generate_speeches"]
 
@@ -323,8 +323,9 @@ def _job(name: str, speech: Path, given: Sequence[str], options: Mapping[str, An
         if several and options.get(key) is not None and NAME not in str(options[key]):
             hint = f"one for each, with {NAME} in it: {_OF_ONE_SPEECH[key]}"
             raise InputError(f"one {key} {str(options[key])!r} for several speeches", hint)
-    put_in = {key: str(options[key]).replace(NAME, name) for key in _WITH_NAME if NAME in str(options.get(key))}
+    put_in = {key: put_name(str(options[key]), name) for key in _WITH_NAME if NAME in str(options.get(key))}
     if "plan_out" in put_in:
+        put_in["plan_out"] = str(options["plan_out"]).replace(NAME, name)
         folders.add(Path(put_in["plan_out"]).parent)
     return _Job(speech, name, outputs, folders, put_in)
 

@@ -119,7 +119,7 @@ def render(
     from ..convert import Edits, convert_file
     from ..export import FORMATS, format_of
     from ..export.registry import suffixes
-    from .several import NAME, MotionFile, convert_each, find_motions
+    from .several import MotionFile, convert_each, find_motions, put_name
 
     suffix = target.suffix.lower()
     if suffix not in FORMATS or not FORMATS[suffix].picture:
@@ -128,7 +128,7 @@ def render(
     edits = Edits(start=start, end=end)
 
     def draw(file: MotionFile) -> None:
-        sound = None if audio is None else Path(str(audio).replace(NAME, file.name))
+        sound = None if audio is None else Path(put_name(str(audio), file.name))
         convert_file(file.source, file.target, audio=sound, camera=camera, avatar=avatar, names=names, clip=clip, edits=edits)
         if not quiet:
             typer.echo(f"{file.target}  ({format_of(file.target).opens})")

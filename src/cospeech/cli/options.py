@@ -129,8 +129,8 @@ Transcript = Annotated[
     option(
         "--transcript",
         metavar="FILE",
-        help="Words of the speech: .TextGrid, .tsv, .csv, .srt, .vtt, .json, or .txt without times. For several speeches, "
-        "write {name} for the name of the speech: words/{name}.srt.",
+        help="Words of the speech: .srt, .vtt, .sbv, .ttml, .lrc, .TextGrid, .tsv, .csv, .json, or .txt without times. "
+        "For several speeches, write {name} for the name of the speech: words/{name}.srt.",
     ),
 ]
 Language = Annotated[

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import unicodedata
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from glob import glob
@@ -15,7 +16,17 @@ from ..export.checks import check_apart
 from ..export.registry import reads_body, suffixes
 from ..files import make_folders
 
-__all__ = ["NAME", "FoundFiles", "ListFolder", "MotionFile", "convert_each", "describe_failures", "find_files", "find_motions"]
+__all__ = [
+    "NAME",
+    "FoundFiles",
+    "ListFolder",
+    "MotionFile",
+    "convert_each",
+    "describe_failures",
+    "find_files",
+    "find_motions",
+    "put_name",
+]
 
 NAME = "{name}"
 """Stands for the name of a speech or of a motion in the name of a file."""
@@ -139,6 +150,17 @@ def _suggest_folder(paths: Sequence[Path]) -> str:
         return "name one of them, or rename it"
     shown = above if paths[0].is_absolute() else os.path.relpath(above)
     return f"name the folder above them, {str(shown)!r}: names then begin with the folders below it; or rename them"
+
+
+def put_name(text: str, name: str) -> str:
+    """The file that is read where `NAME` stands for a name.
+
+    Systems write accents in two ways: as a letter of its own (é), or as a letter and a sign, as macOS once did. A file is found
+    in either way.
+    """
+    ways = (name, unicodedata.normalize("NFC", name), unicodedata.normalize("NFD", name))
+    paths = [text.replace(NAME, way) for way in ways]
+    return next((path for path in paths if os.path.lexists(path)), paths[0])
 
 
 def find_motions(given: Sequence[Path], target: Path) -> list[MotionFile]:

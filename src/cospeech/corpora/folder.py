@@ -1,6 +1,6 @@
 """Any folder of sound files, searched to the bottom: how users bring a style of their own.
 
-Beside ``talk.wav`` may lie its motion, ``talk.{bvh,glb,vrma,npz}``, its words, ``talk.{TextGrid,tsv,srt,vtt,json,txt}``, and
+Beside ``talk.wav`` may lie its motion, ``talk.{bvh,glb,vrma,npz}``, its words, ``talk.srt`` or another of `WORDS`, and
 its face, ``talk.json`` in BEAT's layout or ``talk.csv`` of Live Link Face. The first folder below the given one names the
 speaker; without one the folder does. ``emotions.csv`` in the given folder may tell emotions: a recording, or a folder of them,
 and its emotion, in each line.
@@ -33,7 +33,7 @@ _OTHER_MEDIA = (".mpg", ".mpeg", ".mts", ".m2ts", ".vob", ".ac3", ".dts")
 """[ours: what cameras and discs have, and the decoder does not open; they are told of, so that nobody misses them]"""
 _FACES = {".json": (b'"names"', b'"frames"'), ".csv": (b"Timecode", b"BlendShapeCount")}
 """Suffix of a face → what stands in its beginning."""
-WORDS = (".textgrid", ".tsv", ".srt", ".vtt", ".json", ".txt")
+WORDS = (".textgrid", ".tsv", ".srt", ".vtt", ".sbv", ".ttml", ".dfxp", ".lrc", ".json", ".txt")
 EMOTIONS_FILE = "emotions.csv"
 """Beside the folders of the speakers."""
 _PEEK = 1 << 16  # bytes; ours: the names of a face file stand in its first 2 kB

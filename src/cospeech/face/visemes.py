@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..audio.prosodic_events import Heard
+from ..audio.word import is_spoken
 from ..motion.rotations import Array
 from ..motion.weighted_sum import add_weighted_rows
 from .graphemes import graphemes_to_phones
@@ -113,7 +114,7 @@ def phones_of(words: Sequence, start: float, end: float) -> Phones:
     rows = []
     for word in words:
         length = word.end - word.start
-        if word.end > start - _REACH and word.start < end + _REACH and length > 0:
+        if word.end > start - _REACH and word.start < end + _REACH and length > 0 and is_spoken(word.text):
             rows += [(word.start + m * length, h * length, v, r) for v, r, m, h in _parts(word.text, word.language)]
     table = np.array(rows, float).reshape(-1, 4)
     return Phones(table[:, 0], table[:, 1], table[:, 2].astype(int), table[:, 3])

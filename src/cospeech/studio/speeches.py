@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..audio.speech import SpeechSource, Word, example, open_speech
+from ..audio.transcript_formats import SUFFIXES
 from ..audio.transcripts import load_words
 from ..errors import InputError
 from ..rules.plan_model import words_of
@@ -22,7 +23,6 @@ MINUTES = 30.0
 _RATE = 24_000  # Hz of the sound for the page; ours: speech has little above 12 kHz, and half an hour takes 86 MB
 _PEAKS = 50  # a second
 _MOST_PEAKS = 6000
-_TRANSCRIPTS = (".textgrid", ".tsv", ".srt", ".vtt", ".json", ".txt")
 _LONGEST_LABEL = 120
 
 
@@ -108,7 +108,7 @@ def add_words(held: HeldSpeech, transcript: Path, label: str) -> None:
         InputError: it cannot be read.
     """
     suffix = Path(label).suffix.lower()
-    named = transcript.rename(transcript.with_suffix(suffix if suffix in _TRANSCRIPTS else ".txt"))
+    named = transcript.rename(transcript.with_suffix(suffix if suffix in SUFFIXES else ".txt"))
     try:
         with open_speech(held.upload, transcript=named) as source:
             held.words = source.words or ()

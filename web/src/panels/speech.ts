@@ -9,7 +9,7 @@ import { isPlan } from "./plan";
 import type { State, Store } from "../state";
 import type { Takes } from "../takes";
 
-const TRANSCRIPT = /\.(textgrid|tsv|srt|vtt|txt|json|csv)$/i;
+const TRANSCRIPT = /\.(textgrid|tsv|csv|srt|vtt|sbv|ttml|dfxp|lrc|json|jsonl|marks|txt)$/i;
 const MOTION = /\.(bvh|vrma|npz)$/i;
 const AVATAR = /\.(vrm|glb)$/i;
 

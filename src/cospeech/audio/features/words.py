@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError
+from ..word import is_spoken
 
 if TYPE_CHECKING:
     from ..speech import Speech, Word
@@ -77,8 +78,8 @@ def subword_rows(words: Sequence[str | None]) -> NDArray[np.int32]:
 
 
 def spans(words: Iterable[Word], fps: float) -> list[tuple[int, int, str]]:
-    """(first frame, frame after the last, word): the frames nearest to its start and end, and one at the least."""
-    firsts = [(max(0, _frame(word.start, fps)), word) for word in words]
+    """(first frame, frame after the last, word) of what is said: the frames nearest to its start and end, and one at least."""
+    firsts = [(max(0, _frame(word.start, fps)), word) for word in words if is_spoken(word.text)]
     return [(first, max(first + 1, _frame(word.end, fps)), word.text) for first, word in firsts]
 
 

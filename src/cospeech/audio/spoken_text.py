@@ -1,0 +1,99 @@
+"""What of a text is said, and what is only heard: signs in brackets, sounds between asterisks, music, tags; and laughter.
+
+What is not said is left out. A laugh stays as `LAUGHTER`, because the face shows it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from ..errors import InputError
+from ..limits import WORDS
+from .forced_alignment import tokenise
+from .word import LAUGHTER
+
+__all__ = ["is_silence", "list_tokens"]
+
+_SILENCES = frozenset({"sil", "sp", "spn", "pau", "eps", "silence", "#", "_", "-"})  # of HTK, MFA, Festival, MAUS
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")  # words are printed: no escape codes for terminals
+_VARIANT = re.compile(r"(?<=\w)\(\d+\)$")  # CMU dictionaries number pronunciations: "and(2)"
+# What is heard but not spoken: <sil>, {SL}, [laughter], (sighs), also in the brackets of Chinese and Japanese; *coughs*; ♪
+_NOT_SPOKEN = re.compile(
+    r"<[^<>\s][^<>]*>|\{[^{}]*\}|[\[［【〔](?P<square>[^\[\]［］【】〔〕]*)[\]］】〕]|[(（](?P<round>[^()（）]*)[)）]"
+    r"|\*(?P<stars>[^*\n]{1,60})\*|[♩♪♫♬🎵🎶]"
+)
+_FEW = 3  # words in round brackets of a plain text that are a sound; more are an aside, which is read aloud [ours]
+# Words for laughter, or how they begin [ours: what subtitles of these languages write]
+_LAUGHS = re.compile(
+    r"\b(?:laugh|chuckl|giggl|snicker|cackl|guffaw|lach(?:t|en|end|er)?\b|gelächter|kicher|rires?\b|rit\b|rient\b|riant\b|rigol"
+    r"|glouss|risas?\b|ríen?\b|ríe|carcajad|risos?\b|rindo\b|risadas?\b|gargalhad|risat[ae]\b|rid(?:e|ono)\b|ridacchi|gelach"
+    r"|skratt|latter\b|śmi(?:ech|ej)|směje|smích|сме[хё]|смеют|смеет|хохо|хихик|смі[хє]|gül(?:me|er|üyor|üş)|kahkaha|γέλι|γελ[άώ]"
+    r"|cười|tertawa|naur|a?(?:h[aeiou]h?){2,}h?\b)"
+    r"|(?<![微苦冷嘲])笑|웃음|웃는|웃으|ㅋㅋ|ضحك|צחוק|צוחק|हँस|हंस|หัวเราะ",
+    re.IGNORECASE,
+)
+# Of an audience nobody's face is seen [ours]
+_OTHERS = re.compile(r"audience|crowd|publi[ckq]|spectat|canned|観客|会場|观众|觀眾|зрител", re.IGNORECASE)
+# What is written between asterisks, and is a sound; any other word there is said louder [ours]
+_SOUNDS = re.compile(
+    r"\W*(?:\w+ )?(?:sigh|cough|gasp|sneez|snif|sob|cries|crying|groan|moan|yawn|clears|applau|clap|music|whistl|breath|inhal"
+    r"|exhal|seufz|huste|räusper|schnief|niest|gähnt|soupir|touss|tousse|suspir|tose|aplau|sospir|toss)",
+    re.IGNORECASE,
+)
+_SIGNS = re.compile(r"\s*([^\w\s]+)")
+
+
+def list_tokens(text: str, *, prose: bool = False) -> list[str]:
+    """The tokens of a text that are said, and a `LAUGHTER` for each laugh between them.
+
+    >>> list_tokens("Hello [laughter]. It's (sighs) <i>huge</i>, *really*.")
+    ['Hello.', '[laughter]', "It's", 'huge,', 'really*.']
+
+    Args:
+        text: of an entry of a transcript, or the whole of one without times.
+        prose: it is a text that somebody reads: round brackets with more than three words in them are read, too.
+
+    Raises:
+        InputError: there are too many tokens.
+    """
+    if not text:
+        return []
+    text = _VARIANT.sub("", _CONTROL.sub(" ", text).strip())
+    if is_silence(text):
+        return []
+    tokens: list[str] = []
+    for number, piece in enumerate(_split_laughs(text, prose)):
+        if number and tokens[-1:] != [LAUGHTER]:
+            signs = _SIGNS.match(piece)
+            if signs and tokens:
+                tokens[-1] += signs[1]
+            tokens.append(LAUGHTER)
+        tokens += tokenise(piece)
+        if len(tokens) > WORDS:
+            raise InputError(f"a transcript of more than {WORDS:,} words", "cut it into pieces")
+    return tokens
+
+
+def is_silence(text: str) -> bool:
+    """Whether a label stands for a silence: "sil", "#", nothing."""
+    return not text.strip() or text.strip().lower() in _SILENCES
+
+
+def _split_laughs(text: str, prose: bool) -> Iterator[str]:
+    """What is said before, between and behind the laughs of a text."""
+    kept, last = list[str](), 0
+    for match in _NOT_SPOKEN.finditer(text):
+        stars, aside = match["stars"], match["round"]
+        inside = match["square"] or aside or stars or ""
+        laughs = _LAUGHS.search(inside[:200]) is not None and not _OTHERS.search(inside[:200])
+        if stars is not None and not laughs and not _SOUNDS.match(stars):
+            continue
+        if prose and aside is not None and len(aside.split()) > _FEW:
+            continue
+        kept.append(text[last : match.start()])
+        last = match.end()
+        if laughs:
+            yield " ".join(kept)
+            kept = []
+    yield " ".join([*kept, text[last:]])

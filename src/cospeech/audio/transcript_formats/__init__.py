@@ -1,0 +1,41 @@
+"""Transcripts with times: each format has a module, and a row in `FORMATS`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+from ..word_entries import Entry, Note
+from . import json_words, lyrics, subtitles, tables, textgrid, timed_text
+
+__all__ = ["FORMATS", "SUFFIXES", "TranscriptFormat", "find_format"]
+
+
+class TranscriptFormat(NamedTuple):
+    """How a format is known and read."""
+
+    suffixes: tuple[str, ...]
+    fits: Callable[[str], bool]
+    """Whether a text whose suffix says nothing is of this format."""
+    read: Callable[[str, Note], Iterable[Entry]]
+    """Its entries, in any order; InputError says what is wrong, and a note what is left out or guessed."""
+
+
+FORMATS: dict[str, TranscriptFormat] = {
+    "TextGrid": TranscriptFormat((".textgrid",), textgrid.fits, textgrid.read),
+    "JSON": TranscriptFormat((".json", ".jsonl", ".marks"), json_words.fits, json_words.read),
+    "TTML": TranscriptFormat((".ttml", ".dfxp"), timed_text.fits, timed_text.read),
+    "SubRip, WebVTT": TranscriptFormat((".srt", ".vtt"), subtitles.fits, subtitles.read),
+    "SubViewer": TranscriptFormat((".sbv",), subtitles.fits_sbv, subtitles.read_sbv),
+    "LRC": TranscriptFormat((".lrc",), lyrics.fits, lyrics.read),
+    "table": TranscriptFormat((".tsv", ".csv"), tables.fits, tables.read),
+}
+"""Name → format; where the suffix says nothing, the first that fits is read."""
+SUFFIXES = (*(suffix for each in FORMATS.values() for suffix in each.suffixes), ".txt")
+"""Of all transcripts, plain text as well."""
+
+
+def find_format(suffix: str, text: str) -> TranscriptFormat | None:
+    """The format of a suffix in small letters; where it says nothing, what fits the text; None for plain text."""
+    by_suffix = (each for each in FORMATS.values() if suffix in each.suffixes)
+    return next(by_suffix, None) or next((each for each in FORMATS.values() if each.fits(text)), None)

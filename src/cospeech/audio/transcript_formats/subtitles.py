@@ -1,0 +1,141 @@
+"""SubRip (.srt), WebVTT (.vtt) and SubViewer as YouTube writes it (.sbv): a line of times, and below it what is said then.
+
+WebVTT: https://www.w3.org/TR/webvtt1/. Recognised captions of YouTube time each word inside a cue (``<00:00:00.400>``), and
+show each line again in the next cue, so that lines roll upwards; a line that was shown is not said again.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Iterator, Sequence
+from itertools import chain, islice, pairwise
+from typing import NamedTuple
+
+from ...errors import InputError, say_count
+from ...limits import WORDS
+from ..speaker_labels import drop_labels
+from ..word_entries import Entry, Note, read_clock
+
+__all__ = ["Cue", "fits", "fits_sbv", "read", "read_sbv", "say_cues"]
+
+# Possessive ("++"): what was taken is not given back, so that each character is looked at once
+_TIMES = re.compile(r"^[ \t]*+([\d:;.,]++)[ \t]*+(?:--?>|[→⟶])[ \t]*+([\d:;.,]++)(?![^ \t\n]).*$", re.MULTILINE)
+_SBV_TIMES = re.compile(r"^[ \t]*+([\d:]++\.\d++)[ \t]*+,[ \t]*+([\d:]++\.\d++)[ \t]*+$", re.MULTILINE)
+_NO_CHARACTER = re.compile(r"&#\d{8,};?")  # beyond all of Unicode
+_NEXT_NUMBER = re.compile(r"\n[ \t]*\d{1,9}[ \t]*\n\Z")  # that of the next cue, right above its times
+_INLINE = re.compile(r"<((?:\d{1,4}:)?\d{1,2}:\d{1,2}\.\d{1,9})>")
+_TAG = re.compile(r"<[^<>\n]*>")
+_BREAK = re.compile(r"\\[Nnh]|\[br\]")  # of SubStation Alpha and of SubViewer
+_AT_ONCE = 0.1  # s: a cue that is shorter shows nothing new, and one that begins so soon follows at once [ours; YouTube: 0.01]
+_ROLLING = 1 / 3  # of the cues that begin with a line that was shown, from which on the lines roll [ours]
+_HINT = "'00:00:01,000 --> 00:00:02,000' belongs above each"
+_FRAMES = re.compile(r"\d+:\d+:\d+[:;]\d+")
+
+
+class Cue(NamedTuple):
+    """Lines that are shown from ``start`` to ``end``, seconds."""
+
+    lines: list[str]
+    start: float
+    end: float
+
+
+def fits(text: str) -> bool:
+    """Whether a line of times as of SubRip or WebVTT is in a text."""
+    return any(read_clock(match[1]) is not None and read_clock(match[2]) is not None for match in _TIMES.finditer(text))
+
+
+def fits_sbv(text: str) -> bool:
+    """Whether a line of times as of SubViewer is in a text."""
+    return _SBV_TIMES.search(text) is not None
+
+
+def read(text: str, note: Note) -> Iterator[Entry]:
+    """What the cues of SubRip or WebVTT say; words with times of their own inside a cue are entries of their own.
+
+    Raises:
+        InputError: no cue has times.
+    """
+    return say_cues(_time_words(_unroll(_read_cues(text, _TIMES, note))))
+
+
+def read_sbv(text: str, note: Note) -> Iterator[Entry]:
+    """What the cues of SubViewer say.
+
+    Raises:
+        InputError: no cue has times.
+    """
+    return say_cues(_read_cues(text, _SBV_TIMES, note))
+
+
+def say_cues(cues: Sequence[Cue]) -> Iterator[Entry]:
+    """Entries of cues: their lines without tags, references to characters, and names of speakers."""
+    said = iter(drop_labels([_plain(line) for cue in cues for line in cue.lines]))
+    for cue in cues:
+        yield " ".join(islice(said, len(cue.lines))), cue.start, cue.end
+
+
+def _plain(line: str) -> str:
+    text = _BREAK.sub(" ", _TAG.sub("", line))
+    return html.unescape(_NO_CHARACTER.sub("\ufffd", text)).replace("\n", " ")
+
+
+def _read_cues(text: str, times: re.Pattern[str], note: Note) -> list[Cue]:
+    """Cues between their lines of times; a note tells of those whose times cannot be read."""
+    cues, broken = list[Cue](), list[str]()
+    for match, following in pairwise(chain(times.finditer(text), [None])):
+        assert match is not None
+        start, end = read_clock(match[1]), read_clock(match[2])
+        if start is None or end is None:
+            broken.append(match[0].strip()[:60])
+            continue
+        below = text[match.end() :] if following is None else _NEXT_NUMBER.sub("\n", text[match.end() : following.start()])
+        shown = re.split(r"\n[ \t]*(?:\n|$)", below.removeprefix("\n"), maxsplit=1)[0]
+        cues.append(Cue(shown.split("\n"), start, end))
+        if len(cues) > WORDS:
+            raise InputError(f"a transcript of more than {WORDS:,} words", "cut it into pieces")
+    if not cues and broken and _FRAMES.search(broken[0]):
+        raise InputError(f"{broken[0]!r} counts frames", "write times as 00:00:01,500, with fractions of a second")
+    if not cues:
+        raise InputError(f"no subtitle has a time{f', the first line is {broken[0]!r}' if broken else ''}", _HINT)
+    if broken:
+        lines = say_count(len(broken), "subtitle")
+        note(f"{lines} of {len(cues) + len(broken)} left out, the times cannot be read: {broken[0]!r}")
+    return cues
+
+
+def _unroll(cues: Sequence[Cue]) -> list[Cue]:
+    """Cues without the lines that the cue right before showed, where lines roll."""
+    cues = [cue._replace(lines=[line for line in cue.lines if line.strip()] or [""]) for cue in cues]
+    kept, count = list[Cue](), 0
+    seen, until = list[str](), -1.0
+    for cue in cues:
+        lines = [_plain(line).strip() for line in cue.lines]
+        again = _count_again(seen, lines) if abs(cue.start - until) <= _AT_ONCE else 0
+        seen, until = lines, cue.end
+        if again and (again < len(lines) or cue.end - cue.start <= _AT_ONCE):
+            kept.append(cue._replace(lines=cue.lines[again:] or [""]))
+            count += 1
+        else:
+            kept.append(cue)
+    return kept if count > _ROLLING * len(cues) else cues
+
+
+def _count_again(seen: Sequence[str], lines: Sequence[str]) -> int:
+    """How many lines at the beginning are the last ones that were seen."""
+    most = min(len(seen), len(lines), 4)  # a cue has two or three lines
+    return next((n for n in range(most, 0, -1) if seen[-n:] == lines[:n] and any(lines[:n])), 0)
+
+
+def _time_words(cues: Sequence[Cue]) -> list[Cue]:
+    """Cues with times between their words as a cue for each part."""
+    found: list[Cue] = []
+    for cue in cues:
+        parts = _INLINE.split("\n".join(cue.lines))
+        times = [cue.start, *(read_clock(time) or 0.0 for time in parts[1::2]), cue.end]
+        if len(parts) == 1 or any(after < before for before, after in pairwise(times)):
+            found.append(cue)
+        else:
+            found += [Cue(part.split("\n"), *span) for part, span in zip(parts[::2], pairwise(times), strict=True)]
+    return found

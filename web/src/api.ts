@@ -80,13 +80,14 @@ export function socketOf(path: string): WebSocket {
 const PAGE = Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, "0")).join("");
 const AGAIN = 1000; // milliseconds until a lost connection is opened again [ours]
 
-/** Call `tell` with every event of a take; the connection is opened again whenever it is lost. */
-export function followEvents(tell: (event: TakeEvent) => void, state: (connected: boolean) => void): void {
+/** Call `tell` with every event of a take. The connection is opened again whenever it is lost; `renewed`: the studio knows this page no more. */
+export function followEvents(tell: (event: TakeEvent) => void, state: (connected: boolean) => void, renewed: () => void): void {
   const socket = socketOf(`/api/events?page=${PAGE}`);
   socket.onopen = () => state(true);
   socket.onmessage = (message) => tell(JSON.parse(message.data as string) as TakeEvent);
   socket.onclose = () => {
     state(false);
-    window.setTimeout(() => followEvents(tell, state), AGAIN);
+    void readCatalogue().catch((error: unknown) => error instanceof Problem && error.status === 401 && renewed());
+    window.setTimeout(() => followEvents(tell, state, renewed), AGAIN);
   };
 }

@@ -67,6 +67,11 @@ export function formatTime(seconds: number): string {
   return `${minutes}:${String(Math.floor(tenths / 10) % 60).padStart(2, "0")}.${tenths % 10}`;
 }
 
+/** A time of a whole, as screen readers say it: "3.04 of 19.0 seconds". */
+export function sayTime(seconds: number, whole: number): string {
+  return `${seconds.toFixed(2)} of ${whole.toFixed(1)} seconds`;
+}
+
 /** A name as people read it: "superimposed-beat" is "superimposed beat". */
 export function readName(name: string): string {
   return name.replace(/[-_]/g, " ");

@@ -1,6 +1,6 @@
 // The keys of the whole page; the dialog of keys lists them.
 
-import { find } from "./dom";
+import { find, formatTime } from "./dom";
 import type { Player } from "./player";
 import { LEAST_STRETCH, type Store } from "./state";
 import type { Takes } from "./takes";
@@ -51,11 +51,16 @@ function undoes(event: KeyboardEvent, takes: Takes): boolean {
 }
 
 /** Begin or end the selected stretch at a time. */
-function select(store: Store, seconds: number, part: { from?: number; to?: number }): void {
+export function select(store: Store, seconds: number, part: { from?: number; to?: number }): void {
   const [first, last] = store.state.selection ?? [0, seconds];
   const from = part.from ?? (first > part.to! - LEAST_STRETCH ? 0 : first);
   const to = part.to ?? (last < part.from! + LEAST_STRETCH ? seconds : last);
-  if (store.state.speech !== null && to - from >= LEAST_STRETCH) store.update({ selection: [from, to] });
+  if (store.state.speech !== null && to - from >= LEAST_STRETCH) store.update({ selection: [from, to], notice: `${formatTime(from)} to ${formatTime(to)} is selected` });
+}
+
+/** Whether Delete means the chosen gesture there: not on a field of the settings. */
+function isOfGestures(element: HTMLElement): boolean {
+  return element === document.body || element.closest("#timeline, #view") !== null;
 }
 
 function answer(event: KeyboardEvent, { store, takes, player, play, removeGesture }: KeyActions): boolean {
@@ -67,17 +72,23 @@ function answer(event: KeyboardEvent, { store, takes, player, play, removeGestur
     ArrowRight: () => player.seek(player.time + step),
     Home: () => player.seek(0),
     End: () => player.seek(player.seconds),
-    Delete: removeGesture,
-    Backspace: removeGesture,
+    ...(isOfGestures(event.target as HTMLElement) ? { Delete: removeGesture, Backspace: removeGesture } : {}),
     i: () => select(store, player.seconds, { from: player.time }),
     o: () => select(store, player.seconds, { to: player.time }),
-    l: () => find("loop").click(),
+    l: () => {
+      find("loop").click();
+      store.update({ notice: player.loop ? "loop" : "no loop" });
+    },
     k: () => find("lock").click(),
     f: () => find("frame").click(),
-    n: () => takes.changeSeed(store.take.seed + 1),
+    n: () => {
+      takes.changeSeed(store.take.seed + 1);
+      store.update({ notice: `seed ${store.take.seed}` });
+    },
     "?": () => find<HTMLDialogElement>("help").showModal(),
     Escape: () => store.update({ selection: null, gesture: null, problem: "" }),
   };
+  if (/^[a-z]$/i.test(event.key) && !find<HTMLInputElement>("letters").checked) return false;
   const action = actions[event.key] ?? actions[event.key.toLowerCase()];
   if (action !== undefined) action();
   else if (/^[1-8]$/.test(event.key) && Number(event.key) <= state.takes.length) {

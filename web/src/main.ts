@@ -93,6 +93,7 @@ async function openStudio(): Promise<void> {
   window.addEventListener("hashchange", () => {
     if (location.hash.includes("=")) location.reload(); // another link was put into the address bar; "#controls" is a place of the page
   });
+  find("problem").addEventListener("click", () => store.update({ problem: "" }));
   listenToKeys({ store, takes, player, play: () => transport.toggle(), removeGesture: () => edits.removeChosen() });
   publishReadOuts({ store, player, live, stage, crowd: () => crowd, shownTime: () => shown.time });
   store.onChange((state) => drawState(state, takes));
@@ -108,10 +109,20 @@ function drawState(state: State, takes: Takes): void {
   const notice = find("notice");
   if (notice.textContent !== state.notice) notice.textContent = state.notice;
   find("gave-way").hidden = !takes.hasLost;
-  find<HTMLButtonElement>("undo").disabled = !takes.mayUndo;
-  find<HTMLButtonElement>("redo").disabled = !takes.mayRedo;
+  enable("undo", takes.mayUndo, "redo");
+  enable("redo", takes.mayRedo, "undo");
   const link = writeLink(state.settings, state.takes.map((take) => take.seed));
   if (location.hash !== link && state.speech !== null) history.replaceState(null, "", link);
+}
+
+/** Enable a button or not; one that loses the focus by it gives it to another. */
+function enable(id: string, may: boolean, other: string): void {
+  const button = find<HTMLButtonElement>(id);
+  if (!may && document.activeElement === button) {
+    find<HTMLButtonElement>(other).disabled = false;
+    find(other).focus();
+  }
+  button.disabled = !may;
 }
 
 function bindAvatar(wear: (file: File | null) => Promise<void>): void {

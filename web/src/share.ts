@@ -2,7 +2,7 @@
 
 import { AnimationMixer, LoopOnce, type Mesh, type Object3D } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
-import { fillSelect, find, formatTime } from "./dom";
+import { fillSelect, find, formatTime, sayTime } from "./dom";
 import { prepareMeshes } from "./figure";
 import { Player, SPEEDS } from "./player";
 import { Stage } from "./stage";
@@ -50,7 +50,7 @@ async function openShare(): Promise<void> {
 
   let shown = -1;
   const scrub = find<HTMLInputElement>("scrub");
-  const clock = find<HTMLOutputElement>("clock");
+  const clock = find("clock");
   const stage = new Stage(find<HTMLCanvasElement>("view"), () => {
     player.follow();
     const { time } = player;
@@ -59,7 +59,8 @@ async function openShare(): Promise<void> {
     mixer.setTime(Math.min(time, clip.duration));
     scrub.valueAsNumber = time;
     const text = `${formatTime(time)} / ${formatTime(player.seconds)}`;
-    if (text !== clock.value) clock.value = text;
+    if (text !== clock.textContent) clock.textContent = text;
+    scrub.setAttribute("aria-valuetext", sayTime(time, player.seconds));
     return true;
   });
   mixer.setTime(0);

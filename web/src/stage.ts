@@ -12,6 +12,8 @@ const ROOM = 1.12; // the view is so much larger than the character [ours]
 const REACH = 0.62; // metres from the middle of a character to its hands in a usual gesture [ours]
 const LEGLESS = 0.2; // of its height above the ground a character has no legs, and does not hover [ours]
 const ARMLESS = 0.7; // of its height above the ground it is a head [ours]
+const STEP = 1.15; // share of the distance to the camera that a key comes nearer or goes away [ours]
+const TURN = Math.PI / 12; // radians that a key turns the camera [ours]
 const TALL = 1.78; // metres that the camera frames where there is no character yet [ours: our mannequin]
 
 export class Stage {
@@ -34,6 +36,8 @@ export class Stage {
     this.renderer.shadowMap.type = PCFShadowMap;
     this.light();
     this.controls = new OrbitControls(this.camera, canvas);
+    this.canvas.style.touchAction = "pan-y"; // one finger up or down scrolls the page; two move the camera
+    this.canvas.addEventListener("keydown", (event) => this.press(event));
     this.controls.enableDamping = false;
     this.controls.maxPolarAngle = Math.PI * 0.52;
     this.controls.zoomToCursor = true; // scrolling comes nearer to what the pointer is on, a face say
@@ -51,6 +55,22 @@ export class Stage {
         this.renderer.render(this.scene, this.camera);
       }
     });
+  }
+
+  /** Keys of the camera: + and − come nearer and go away, [ and ] turn. */
+  private press(event: KeyboardEvent): void {
+    const nearer = { "+": 1, "=": 1, "-": -1 }[event.key];
+    const turn = { "[": -1, "]": 1 }[event.key];
+    if (event.ctrlKey || event.metaKey || event.altKey || (nearer === undefined && turn === undefined)) return;
+    event.preventDefault();
+    const { target } = this.controls;
+    const away = this.camera.position.clone().sub(target);
+    if (nearer !== undefined) away.setLength(Math.min(Math.max(away.length() * STEP ** -nearer, this.controls.minDistance), this.controls.maxDistance));
+    if (turn !== undefined) away.applyAxisAngle(this.camera.up, turn * TURN);
+    this.camera.position.copy(target).add(away);
+    this.framed = false;
+    this.controls.update();
+    this.stale = true;
   }
 
   private light(): void {

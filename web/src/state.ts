@@ -66,7 +66,7 @@ export function makeTake(seed: number): Take {
 
 /** Whether the server has the motion of a take with all of its edits. */
 export function isReady(take: Take): boolean {
-  return take.id !== null && take.progress === null && take.played === take.edited;
+  return take.id !== null && take.progress === null && take.played === take.edited && !take.problem;
 }
 
 export class Store {

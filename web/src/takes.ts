@@ -13,6 +13,7 @@ const OUTSIDE = ["fps", "parts"]; // settings that no plan holds: an edited plan
 const PATIENCE = 250; // milliseconds from the last change of a setting to the request [ours: a slider sends one request]
 const TOGETHER = 800; // milliseconds within which changes of one setting are one step of undo [ours: keys that are held repeat faster]
 const LOST = "the connection to the studio is lost: it is tried again";
+const RENEWED = "the studio was started anew: open the address that it has printed";
 
 interface Made { id: string; motion: Motion; plan: Plan | null; factor: number | null }
 type Edit = api.PlanEdit | ((plan: Plan) => api.PlanEdit | null);
@@ -33,7 +34,7 @@ export class Takes {
   private readonly unmade = new Map<Take, { edited: Plan; before: Pick<Take, "edited" | "plan"> }>();
 
   constructor(private readonly store: Store) {
-    api.followEvents((event) => this.hear(event), (connected) => this.onConnection(connected));
+    api.followEvents((event) => this.hear(event), (connected) => this.onConnection(connected), () => this.store.update({ problem: RENEWED }));
   }
 
   // ------------------------------------------------------------------------------------------ asking
@@ -131,12 +132,12 @@ export class Takes {
   private show(take: Take, { id, motion, plan, factor }: Made): void {
     Object.assign(take, { id, motion, plan, factor, played: take.edited, making: null, progress: null, problem: "" });
     this.unmade.delete(take);
-    this.store.update();
+    this.store.update({ notice: `take ${this.store.state.takes.indexOf(take) + 1} is ready` });
   }
 
   private fail(take: Take, error: unknown): void {
     const problem = error instanceof Error ? error.message : String(error);
-    Object.assign(take, { making: null, progress: null, problem });
+    Object.assign(take, { making: null, progress: null, problem, madeFrom: "" }); // it is asked for again with the next change, or when the studio answers
     this.store.update();
   }
 
@@ -148,8 +149,10 @@ export class Takes {
   }
 
   private onConnection(connected: boolean): void {
-    if (!connected) this.store.update({ problem: LOST });
-    else if (this.store.state.problem === LOST) {
+    if (!connected) {
+      if (this.store.state.problem !== RENEWED) this.store.update({ problem: LOST });
+    }
+    else if ([LOST, RENEWED].includes(this.store.state.problem)) {
       for (const take of this.store.state.takes) if (take.making !== null) take.madeFrom = "";
       this.store.update({ problem: "" });
       this.makeAll();
@@ -202,7 +205,7 @@ export class Takes {
 
   /** What was told is over, unless it still holds. */
   private silence(): { notice: string; problem: string } {
-    return { notice: "", problem: this.store.state.problem === LOST ? LOST : "" };
+    return { notice: "", problem: [LOST, RENEWED].includes(this.store.state.problem) ? this.store.state.problem : "" };
   }
 
   private dropEdits(take: Take, step: Step): void {
@@ -363,17 +366,17 @@ export class Takes {
     if (step === undefined) return;
     this.setting = { names: "", at: 0 };
     this.future.push(this.step());
-    this.restore(step);
+    this.restore(step, "undone");
   }
 
   private redoNow(): void {
     const step = this.future.pop();
     if (step === undefined) return;
     this.past.push(this.step());
-    this.restore(step);
+    this.restore(step, "done again");
   }
 
-  private restore(step: Step): void {
+  private restore(step: Step, notice = ""): void {
     if (step === this.lost) this.lost = null;
     const { takes } = this.store.state;
     for (const gone of takes.splice(step.takes.length)) if (gone.making !== null) api.forgetTake(gone.making);
@@ -381,7 +384,7 @@ export class Takes {
       takes[k] ??= makeTake(wanted.seed);
       Object.assign(takes[k], wanted);
     });
-    this.store.update({ settings: step.settings, chosen: step.chosen, gesture: null, notice: "" });
+    this.store.update({ settings: step.settings, chosen: step.chosen, gesture: null, notice });
     this.makeAll();
   }
 }

@@ -2,7 +2,7 @@
 
 import { find, followPointer, formatTime, make } from "./dom";
 import { GestureTrack } from "./gestures";
-import type { HeardWord, Stretch } from "./messages";
+import type { HeardWord, Plan, Stretch } from "./messages";
 import type { Player } from "./player";
 import { LEAST_STRETCH, type Store } from "./state";
 import type { Takes } from "./takes";
@@ -23,6 +23,7 @@ export class TimeLine {
   private readonly values: ValueTracks;
   private shownWords: HeardWord[] | null = null;
   private shownWave = "";
+  private shownPlan: Plan | null | undefined;
   private moved = -1;
 
   constructor(
@@ -85,7 +86,7 @@ export class TimeLine {
     if (words === this.shownWords) return;
     this.shownWords = words;
     this.words.replaceChildren(...words.map((word) => {
-      const span = make("span", {}, word.text);
+      const span = make("span", { title: word.text }, word.text);
       this.place(span, word.start, word.end);
       return span;
     }));
@@ -94,6 +95,8 @@ export class TimeLine {
   /** Stretches with seeds of their own, and what is locked. */
   private drawStretches(): void {
     const plan = this.store.take.plan;
+    if (plan === this.shownPlan) return;
+    this.shownPlan = plan;
     const sown = (plan?.stretches ?? []).filter((stretch) => stretch.seed != null);
     const own = sown.map((stretch) => this.stretch(stretch, `seed ${stretch.seed}`, "own"));
     own.forEach((button, k) => this.dropSeedOf(sown[k]!, button));
@@ -128,15 +131,19 @@ export class TimeLine {
     if (down.button !== 0 || this.store.state.speech === null) return;
     const lane = down.currentTarget as HTMLElement;
     const from = this.timeAt(down.clientX);
+    const before = { time: this.player.time, selection: this.store.state.selection };
     this.player.seek(from);
-    if (this.store.state.selection !== null) this.store.update({ selection: null });
+    if (before.selection !== null) this.store.update({ selection: null });
     const onMove = (event: PointerEvent): void => {
       const to = this.timeAt(event.clientX);
       const selection: [number, number] = [Math.min(from, to), Math.max(from, to)];
       this.store.update({ selection: selection[1] - selection[0] < LEAST_STRETCH ? null : selection }); // a shorter drag is a click
     };
-    const onUp = (): void => {
-      if (this.store.state.selection !== null) then?.();
+    const onUp = (event: PointerEvent): void => {
+      if (event.type === "pointercancel") { // a finger scrolls
+        this.player.seek(before.time);
+        this.store.update({ selection: before.selection });
+      } else if (this.store.state.selection !== null) then?.();
     };
     followPointer(lane, down, onMove, onUp);
   }

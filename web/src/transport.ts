@@ -1,13 +1,13 @@
 // Playing: the button, the clock, the slider, the loop, the speed.
 
-import { fillSelect, find, formatTime } from "./dom";
+import { fillSelect, find, formatTime, sayTime } from "./dom";
 import { SPEEDS, type Player } from "./player";
 import type { Store } from "./state";
 
 export class Transport {
   private readonly scrub = find<HTMLInputElement>("scrub");
   private readonly button = find<HTMLButtonElement>("play");
-  private readonly clock = find<HTMLOutputElement>("clock");
+  private readonly clock = find("clock");
   private shown = "";
 
   constructor(private readonly store: Store, private readonly player: Player) {
@@ -51,9 +51,9 @@ export class Transport {
     const text = `${formatTime(time)} / ${formatTime(this.player.seconds || this.store.state.speech?.seconds || 0)}`;
     if (text !== this.shown) {
       this.shown = text;
-      this.clock.value = text;
-      this.scrub.setAttribute("aria-valuetext", text);
+      this.clock.textContent = text;
     }
+    this.scrub.setAttribute("aria-valuetext", sayTime(time, this.player.seconds));
     this.scrub.valueAsNumber = time;
   }
 }

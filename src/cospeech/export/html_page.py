@@ -48,7 +48,7 @@ _PAGE = """<!doctype html>
 <p id="problem" role="alert"></p>
 <div class="bar" role="group" aria-label="Playing">
 <button type="button" id="play">Play</button>
-<output id="clock" aria-label="Time"></output>
+<span id="clock" role="timer" aria-live="off" aria-label="Time"></span>
 <input type="range" id="scrub" min="0" max="1" step="any" value="0" aria-label="Place in the speech">
 <button type="button" id="loop" aria-pressed="false">Loop</button>
 <label>Speed <select id="speed"></select></label>

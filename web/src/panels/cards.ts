@@ -44,7 +44,8 @@ export class Cards {
     if (drawn !== this.drawn) {
       const focused = document.activeElement?.id;
       find("cards").replaceChildren(...shown.map((take, k) => this.card(take, k)));
-      if (focused?.startsWith("card-")) document.getElementById(focused)?.focus();
+      const key = focused?.split("-")[1]; // a button to cancel is gone with what it cancels: then the take
+      if (focused?.startsWith("card-")) (document.getElementById(focused) ?? document.getElementById(`card-${key}`))?.focus();
       this.drawn = drawn;
     }
     for (const { key, progress } of shown) if (progress !== null) find<HTMLProgressElement>(`card-${key}-progress`).value = progress;
@@ -58,7 +59,7 @@ export class Cards {
     }, `Take ${k + 1}`);
     const card = make("div", { class: `card${chosen ? " chosen" : ""}` }, name);
     if (take.progress !== null) {
-      const progress = make("progress", { max: "1", id: `card-${take.key}-progress`, "aria-label": `Take ${k + 1} is made` });
+      const progress = make("progress", { max: "1", id: `card-${take.key}-progress`, "aria-label": `Making take ${k + 1}` });
       const stop = make("button", { type: "button", class: "quiet", id: `card-${take.key}-stop`, click: () => this.takes.cancel(take) }, "Cancel");
       card.append(progress, stop);
     } else card.append(make("span", { class: "soft" }, `seed ${take.seed}${take.edited ? ", edited" : ""}`));
@@ -75,7 +76,7 @@ export class Cards {
     this.store.update({ notice: `writing ${suffix} …`, problem: "" });
     try {
       saveFile(await readFile(take.id, suffix, writing.signal), `${stemOf(state.speech?.name ?? "talk")}${suffix}`);
-      this.store.update({ notice: "" });
+      this.store.update({ notice: `${stemOf(state.speech?.name ?? "talk")}${suffix} is saved` });
     } catch (error) {
       if (writing.signal.aborted) this.store.update({ notice: "cancelled" });
       else if (isGone(error)) {
@@ -91,7 +92,9 @@ export class Cards {
   /** Show the button that cancels while a file is written. */
   private follow<T extends AbortController | null>(writing: T): T {
     this.writing = writing;
-    find("cancel-download").hidden = writing === null;
+    const cancel = find("cancel-download");
+    if (writing === null && document.activeElement === cancel) find("download").focus();
+    cancel.hidden = writing === null;
     return writing;
   }
 }

@@ -2,7 +2,8 @@
 
 import type { PlanEdit } from "../api";
 import { fillSelect, find, formatTime, readName } from "../dom";
-import { isLocked, lockOrUnlock, touchesLock } from "../gestures";
+import { isLocked, LOCKED, lockOrUnlock, touchesLock } from "../gestures";
+import { select } from "../keys";
 import type { ModelRow, Plan } from "../messages";
 import type { Player } from "../player";
 import type { State, Store } from "../state";
@@ -11,6 +12,8 @@ import { emotionRows } from "./settings";
 
 const KEEP: [string, string] = ["", "as it is"];
 const INTENSITIES = [0, 0.25, 0.5, 0.75, 1, 1.25, 1.5];
+
+const LEAST_MOVE = 0.006; // seconds, and of a size: the dialog shows hundredths
 
 export class EditPanel {
   private shownStyles = "";
@@ -25,6 +28,8 @@ export class EditPanel {
     find("add-gesture").addEventListener("click", () => this.openDialog(player.time));
     find("change-gesture").addEventListener("click", () => this.openDialog(player.time, store.state.gesture));
     find("remove-gesture").addEventListener("click", () => this.removeChosen());
+    find("select-from").addEventListener("click", () => select(store, player.seconds, { from: player.time }));
+    find("select-to").addEventListener("click", () => select(store, player.seconds, { to: player.time }));
     find("reseed").addEventListener("click", () => this.editStretch((start, end) => takes.edit({ kind: "reseed", start, end })));
     find("lock-stretch").addEventListener("click", () => this.lockStretch());
     this.onSet("stretch-style", (style) => ({ style }));
@@ -60,7 +65,11 @@ export class EditPanel {
 
   removeChosen(): void {
     const { gesture } = this.store.state;
-    if (gesture !== null) void this.takes.edit({ kind: "remove", gesture }).then(() => this.store.update({ gesture: null }));
+    const { plan } = this.store.take;
+    const chosen = plan?.gestures?.find((each) => each.id === gesture);
+    if (chosen === undefined) return;
+    if (plan && isLocked(plan, chosen)) return this.store.update({ problem: LOCKED });
+    void this.takes.edit({ kind: "remove", gesture: chosen.id }).then(() => this.store.update({ gesture: null }));
   }
 
   /** Ask for a gesture that is added at a time, or for other values of one that is there. */
@@ -102,16 +111,22 @@ export class EditPanel {
     const values = { form, size, ...(hands ? { hands } : {}) };
     const gesture = this.changed;
     if (gesture === null) void this.takes.edit({ kind: "add", at, ...values });
-    else void this.takes.edit((plan) => this.changeOf(plan, gesture, { ...values, stroke: at }));
+    else void this.takes.edit((plan) => this.changeOf(plan, gesture, values), (plan) => this.moveOf(plan, gesture, at));
   }
 
   /** Only what is another: a form that is given again would lose its place and its hold. */
   private changeOf(plan: Plan, gesture: string, values: Record<string, string | number>): PlanEdit | null {
     const old = plan.gestures?.find((each) => each.id === gesture) as Record<string, unknown> | undefined;
     const isOther = ([name, value]: [string, string | number]): boolean =>
-      typeof value === "number" ? Math.abs(value - ((old?.[name] as number | undefined) ?? 1)) > 0.006 : value !== old?.[name];
+      typeof value === "number" ? Math.abs(value - ((old?.[name] as number | undefined) ?? 1)) > LEAST_MOVE : value !== old?.[name];
     const others = Object.fromEntries(Object.entries(values).filter(isOther));
     return old === undefined || !Object.keys(others).length ? null : { kind: "change", gesture, ...others };
+  }
+
+  /** The whole gesture goes with its stroke. */
+  private moveOf(plan: Plan, gesture: string, to: number): PlanEdit | null {
+    const old = plan.gestures?.find((each) => each.id === gesture);
+    return old === undefined || Math.abs(to - old.stroke) < LEAST_MOVE ? null : { kind: "move", gesture, to };
   }
 
   private draw({ selection, gesture }: State): void {
@@ -121,7 +136,13 @@ export class EditPanel {
     find("gesture-tools").hidden = !edits;
     find("gestures").hidden = !model.takes_gestures;
     find("edit-hint").hidden = selection !== null || !edits;
-    for (const id of ["change-gesture", "remove-gesture"]) find<HTMLButtonElement>(id).disabled = chosen === undefined;
+    find("select-tools").hidden = take.plan === null;
+    const focused = document.activeElement;
+    for (const id of ["change-gesture", "remove-gesture"]) {
+      const button = find<HTMLButtonElement>(id);
+      if (chosen === undefined && focused === button) find("add-gesture").focus();
+      button.disabled = chosen === undefined;
+    }
     const lock = find<HTMLButtonElement>("lock");
     lock.disabled = chosen === undefined;
     lock.textContent = chosen && take.plan && isLocked(take.plan, chosen) ? "Unlock all" : "Lock";

@@ -145,8 +145,11 @@ export class SpeechPanel {
   }
 
   private draw({ speech }: State): void {
-    find("welcome").hidden = speech !== null;
+    const welcome = find("welcome");
+    const left = speech !== null && welcome.contains(document.activeElement);
+    welcome.hidden = speech !== null;
     find("timeline").hidden = speech === null;
+    if (left) find("view").focus(); // of what was opened, as the button is gone
     find<HTMLButtonElement>("choose-words").disabled = speech === null;
     find("speech-name").textContent = speech === null ? "None yet" : `${speech.name}, ${formatTime(speech.seconds)}`;
   }

@@ -95,3 +95,32 @@ def test_live_words_have_the_language_that_is_given():
     waiting = WaitingWords(WaitingSound(16_000), 16_000, print, "fr")
     waiting.put([Word("temps", 0.0, 0.1), Word("time", 0.1, 0.2, "en")])
     assert [word.language for word in waiting._words] == ["fr", "en"]
+
+
+def test_every_letter_belongs_to_a_language_with_words():
+    from cospeech.audio.languages import _LETTERS, _WORDS
+
+    assert {code for codes in _LETTERS.values() for code in codes.split()} <= {*_WORDS}
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("El niño come una manzana y mira a su hermano", "es"),
+        ("Cześć, dzisiaj porozmawiamy o domu i psach, jak to jest", "pl"),
+        ("Добры дзень, сёння мы ў горадзе", "be"),
+        ("Сәлеметсіз бе, бүгін жақсы күн", "kk"),
+        ("Добрий день, сьогодні ми в місті", "uk"),
+    ],
+)
+def test_letters_of_few_languages_tell(text, code):
+    assert find_language(text) == code
+
+
+def test_the_language_of_a_word_is_a_code():
+    from cospeech.audio.word import Word, check_words
+
+    check_words((Word("ja", 0.0, 1.0, "de"), Word("yes", 1.0, 2.0)))
+    for wrong in ("de-AT", "DE", "german"):
+        with pytest.raises(InputError, match="in the language"):
+            check_words((Word("ja", 0.0, 1.0, wrong),))

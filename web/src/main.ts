@@ -109,8 +109,8 @@ function drawState(state: State, takes: Takes): void {
   const notice = find("notice");
   if (notice.textContent !== state.notice) notice.textContent = state.notice;
   find("gave-way").hidden = !takes.hasLost;
-  enable("undo", takes.mayUndo, "redo");
-  enable("redo", takes.mayRedo, "undo");
+  enable("undo", takes.mayUndo, takes.mayRedo ? "redo" : "view");
+  enable("redo", takes.mayRedo, takes.mayUndo ? "undo" : "view");
   const link = writeLink(state.settings, state.takes.map((take) => take.seed));
   if (location.hash !== link && state.speech !== null) history.replaceState(null, "", link);
 }
@@ -119,8 +119,9 @@ function drawState(state: State, takes: Takes): void {
 function enable(id: string, may: boolean, other: string): void {
   const button = find<HTMLButtonElement>(id);
   if (!may && document.activeElement === button) {
-    find<HTMLButtonElement>(other).disabled = false;
-    find(other).focus();
+    const next = find(other);
+    if (next instanceof HTMLButtonElement) next.disabled = false;
+    next.focus();
   }
   button.disabled = !may;
 }

@@ -61,7 +61,7 @@ export class Stage {
   private press(event: KeyboardEvent): void {
     const nearer = { "+": 1, "=": 1, "-": -1 }[event.key];
     const turn = { "[": -1, "]": 1 }[event.key];
-    if (event.ctrlKey || event.metaKey || event.altKey || (nearer === undefined && turn === undefined)) return;
+    if (event.metaKey || (nearer !== undefined && (event.ctrlKey || event.altKey)) || (nearer === undefined && turn === undefined)) return;
     event.preventDefault();
     const { target } = this.controls;
     const away = this.camera.position.clone().sub(target);

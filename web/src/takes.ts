@@ -27,6 +27,7 @@ export class Takes {
   /** The last step that has the edits which gave way to a setting, until the user has answered. */
   private lost: Step | null = null;
   private readonly saved = new WeakSet<Plan>();
+  private connected = true;
   private timer = 0;
   private setting = { names: "", at: 0 }; // that was changed last, and when
   private edits: Promise<void> = Promise.resolve();
@@ -149,12 +150,14 @@ export class Takes {
   }
 
   private onConnection(connected: boolean): void {
+    const wasLost = !this.connected;
+    this.connected = connected;
     if (!connected) {
       if (this.store.state.problem !== RENEWED) this.store.update({ problem: LOST });
     }
-    else if ([LOST, RENEWED].includes(this.store.state.problem)) {
+    else if (wasLost) {
       for (const take of this.store.state.takes) if (take.making !== null) take.madeFrom = "";
-      this.store.update({ problem: "" });
+      if ([LOST, RENEWED].includes(this.store.state.problem)) this.store.update({ problem: "" });
       this.makeAll();
     }
   }

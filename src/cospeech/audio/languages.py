@@ -57,7 +57,7 @@ _OF_SCRIPT = {
     "Mymr": "my", "Geor": "ka", "Hang": "ko", "Ethi": "am", "Khmr": "km", "Kana": "ja", "Hani": "zh",
 }  # fmt: skip
 """Script → the language with most speakers that is written in it."""
-_TELLING = [("uk", "іїєґ"), ("be", "ў"), ("sr", "ћђ"), ("mk", "ѓќѕ"), ("kk", "әөүұқғ"), ("ur", "ٹڈڑےں"), ("fa", "پچژگ")]
+_TELLING = [("be", "ў"), ("kk", "әөүұқғ"), ("uk", "іїєґ"), ("sr", "ћђ"), ("mk", "ѓќѕ"), ("ur", "ٹڈڑےں"), ("fa", "پچژگ")]
 """Letters by which other languages of a script are known; the first that is found counts."""
 _KANA_SHARE = 0.05  # of kana among kana and Chinese signs from which on a text is Japanese [ours]
 
@@ -118,7 +118,8 @@ _WORDS = {
     "ga": "an agus na is ar a tá bhí sé sí mé tú le ní go do",
 }  # fmt: skip
 _LETTERS = {
-    "ß": "de", "ñ": "es gl", "¿": "es", "¡": "es", "ã": "pt", "õ": "pt et", "ł": "pl", "ż": "pl", "ź": "pl", "ą": "pl lt",
+    "ß": "de", "ñ": "es", "¿": "es", "¡": "es", "ã": "pt", "õ": "pt et", "ł": "pl", "ż": "pl", "ź": "pl", "ą": "pl lt",
+    "ś": "pl", "ć": "pl hr", "ń": "pl",
     "ę": "pl lt", "ş": "tr", "ı": "tr", "ğ": "tr", "ő": "hu", "ű": "hu", "ř": "cs", "ě": "cs", "ů": "cs", "ľ": "sk",
     "ţ": "ro", "ț": "ro", "ș": "ro", "ă": "ro vi", "đ": "hr vi", "ơ": "vi", "ư": "vi", "ø": "da no", "æ": "da no is",
     "å": "sv da no", "ð": "is", "þ": "is", "œ": "fr", "è": "fr it ca", "ê": "fr pt", "ç": "fr pt tr ca", "ò": "it ca",
@@ -192,7 +193,7 @@ def _find_latin(text: str) -> str:
     """The language of which a text has most words; a word that many languages have decides nothing between them."""
     hits, kinds, shares = Counter[str](), Counter[str](), dict.fromkeys(_WORDS, 0.0)
     said = Counter(token if token == "I" else token.lower() for token in _TOKEN.findall(text))
-    signs = {letter: _LETTERS[letter].split() for letter in _LETTERS.keys() & set(text.lower())}
+    signs = {letter: _LETTERS[letter].split() for letter in sorted(_LETTERS.keys() & set(text.lower()))}
     for evidence, count in (said | Counter(signs.keys())).items():
         owners = signs.get(evidence) or _OWNERS.get(evidence.lower(), [])
         for code in {*owners, "en"} if evidence == "I" else owners:

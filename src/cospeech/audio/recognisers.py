@@ -72,7 +72,7 @@ def _read_whisper_cpp(document: Document) -> Iterator[Entry]:
             times = offsets if isinstance(offsets, dict) else {}
             begin, until = (check_number(times.get(key), f"offsets.{key}", "milliseconds") for key in ("from", "to"))
             if said[:1].isspace() and text:
-                yield text, start, end
+                yield text, start, max(start, end)
                 text = ""
             text, start, end = text + said, start if text else begin * _MILLISECOND, until * _MILLISECOND
         if text:
@@ -121,7 +121,11 @@ def _read_items(items: object) -> Iterator[Entry]:
 
 def _read_google(document: Document) -> Iterator[Entry]:
     """https://cloud.google.com/speech-to-text/docs/async-time-offsets: "1.2s", or seconds and nanos; 0 is left out."""
-    for result in _rows(document["results"], "results"):
+    results = _rows(document["results"], "results")
+    last = _rows(_best(results[-1]).get("words", []), "words") if results else []
+    if any("speakerTag" in word or "speaker_tag" in word for word in last):  # it repeats the words of all results
+        results = results[-1:]
+    for result in results:
         for word in _rows(_best(result).get("words", []), "words"):
             text = check_text(word.get("word"), "word", _HINT)
             start, end = (_read_google_time(word, key) for key in ("start", "end"))
@@ -140,7 +144,9 @@ def _is_google(document: Document) -> bool:
     rows = document.get("results")
     best = rows[0].get("alternatives") if _is_row(rows, "alternatives") and isinstance(rows, list) else None
     words = best[0].get("words") if _is_row(best, "transcript", "words") and isinstance(best, list) else None
-    return _is_row(words, "startTime", "endTime", "startOffset", "endOffset", "start_time", "end_time", "start_offset")
+    return _is_row(
+        words, "startTime", "endTime", "startOffset", "endOffset", "start_time", "end_time", "start_offset", "end_offset"
+    )
 
 
 def _read_rev(document: Document) -> Iterator[Entry]:

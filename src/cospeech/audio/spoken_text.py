@@ -26,19 +26,23 @@ _NOT_SPOKEN = re.compile(
 _FEW = 3  # words in round brackets of a plain text that are a sound; more are an aside, which is read aloud [ours]
 # Words for laughter, or how they begin [ours: what subtitles of these languages write]
 _LAUGHS = re.compile(
-    r"\b(?:laugh|chuckl|giggl|snicker|cackl|guffaw|lach(?:t|en|end|er)?\b|gelächter|kicher|rires?\b|rit\b|rient\b|riant\b|rigol"
-    r"|glouss|risas?\b|ríen?\b|ríe|carcajad|risos?\b|rindo\b|risadas?\b|gargalhad|risat[ae]\b|rid(?:e|ono)\b|ridacchi|gelach"
-    r"|skratt|latter\b|śmi(?:ech|ej)|směje|smích|сме[хё]|смеют|смеет|хохо|хихик|смі[хє]|gül(?:me|er|üyor|üş)|kahkaha|γέλι|γελ[άώ]"
+    r"\b(?:laugh|chuckl|giggl|snicker|cackl|guffaw|lach(?:t|en|end|er)?\b|gelächter|kicher|rires?\b|rient\b|riant\b|rigol"
+    r"|glouss|risas?\b|ríen?\b|ríe|carcajad|risos?\b|rindo\b|risadas?\b|gargalhad|risat[ae]\b|ridono\b|ridacchi|gelach"
+    r"|skratt|śmi(?:ech|ej)|směje|smích|сме[хё]|смеют|смеет|хохо|хихик|смі[хє]|gül(?:me|er|üyor|üş)|kahkaha|γέλι|γελ[άώ]"
     r"|cười|tertawa|naur|a?(?:h[aeiou]h?){2,}h?\b)"
     r"|(?<![微苦冷嘲])笑|웃음|웃는|웃으|ㅋㅋ|ضحك|צחוק|צוחק|हँस|हंस|หัวเราะ",
     re.IGNORECASE,
 )
+_LAUGHS_ALONE = re.compile(r"\W*(?:latter|ride|rit)\W*", re.IGNORECASE)  # which are other words in other languages [ours]
 # Of an audience nobody's face is seen [ours]
 _OTHERS = re.compile(r"audience|crowd|publi[ckq]|spectat|canned|観客|会場|观众|觀眾|зрител", re.IGNORECASE)
 # What is written between asterisks, and is a sound; any other word there is said louder [ours]
 _SOUNDS = re.compile(
-    r"\W*(?:\w+ )?(?:sigh|cough|gasp|sneez|snif|sob|cries|crying|groan|moan|yawn|clears|applau|clap|music|whistl|breath|inhal"
-    r"|exhal|seufz|huste|räusper|schnief|niest|gähnt|soupir|touss|tousse|suspir|tose|aplau|sospir|toss)",
+    r"\W*(?:\w+ )?(?:(?:sigh|cough|gasp|sneez|sniff|sob|groan|moan|yawn|clap|whistl|inhal|exhal)"
+    r"(?:e|es|s|ed|ing|bing|bed|ping|ped)?|cries|crying|breathes?|breathing|applause|applauds|applauding|music"
+    r"|clears (?:\w+ )?throat|seufz(?:t|en)|hust(?:et|en)"
+    r"|räuspert(?: sich)?|schnief(?:t|en)|nies(?:t|en)|gähn(?:t|en)|soupirs?|soupire|tousse|toux|suspir[ao]|tose|aplausos?"
+    r"|sospir[ao]|tossisce)(?: \w+)?\W*",
     re.IGNORECASE,
 )
 _SIGNS = re.compile(r"\s*([^\w\s]+)")
@@ -86,8 +90,9 @@ def _split_laughs(text: str, prose: bool) -> Iterator[str]:
     for match in _NOT_SPOKEN.finditer(text):
         stars, aside = match["stars"], match["round"]
         inside = match["square"] or aside or stars or ""
-        laughs = _LAUGHS.search(inside[:200]) is not None and not _OTHERS.search(inside[:200])
-        if stars is not None and not laughs and not _SOUNDS.match(stars):
+        laughs = (_LAUGHS.search(inside[:200]) or _LAUGHS_ALONE.fullmatch(inside[:200])) is not None
+        laughs = laughs and not _OTHERS.search(inside[:200])
+        if stars is not None and not laughs and not _SOUNDS.fullmatch(stars):
             continue
         if prose and aside is not None and len(aside.split()) > _FEW:
             continue

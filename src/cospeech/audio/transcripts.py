@@ -108,7 +108,7 @@ def _read_prose(text: str, name: str, speech: Speech | SpeechSource | None, seco
         raise _wordless(name)
     if speech is not None:
         aligner = SoundAligner(speech)
-        words = _lay_all(tokens, 0.0, aligner.seconds, lambda spoken, start, end: aligner.align(spoken))
+        words = _lay_all(tokens, 0.0, aligner.seconds, lambda spoken, start, end: aligner.align(spoken), alone=True)
         return _keep_inside(cut_overlaps(words), seconds, name, is_told=False)
     if seconds is None:
         raise InputError(f"{name!r} is plain text, without times", "give the speech too, or a transcript with times")
@@ -173,12 +173,20 @@ def _check_entries(entries: Iterable[Entry]) -> list[_Said]:
     return said
 
 
-def _lay_all(tokens: Sequence[str], start: float, end: float, lay: _Lay) -> list[Word]:
-    """Words of tokens between two times; laughs stand in the pauses between those that are said."""
+def _lay_all(tokens: Sequence[str], start: float, end: float, lay: _Lay, *, alone: bool = False) -> list[Word]:
+    """Words of tokens between two times; laughs stand in the pauses between those that are said.
+
+    A word that is said alone takes all of the time, unless ``alone``: then it is laid, too. Words that are not laid on the
+    sound leave room for a laugh before or behind them.
+    """
     spoken = [token for token in tokens if token != LAUGHTER]
     if not spoken:
         return [Word(LAUGHTER, start, end)] if tokens else []
-    words = list(lay(spoken, start, end)) if len(spoken) > 1 else [Word(bare(spoken[0]), start, end)]
+    first, last = start, end
+    if lay is spread or (len(spoken) == 1 and not alone):
+        room = min(_LAUGH, (end - start) / 3)
+        first, last = start + room * (tokens[0] == LAUGHTER), end - room * (tokens[-1] == LAUGHTER)
+    words = list(lay(spoken, first, last)) if len(spoken) > 1 or alone else [Word(bare(spoken[0]), first, last)]
     if len(spoken) == len(tokens):
         return words
     found, free, count = list[Word](), start, 0
@@ -188,8 +196,8 @@ def _lay_all(tokens: Sequence[str], start: float, end: float, lay: _Lay) -> list
             free, count = words[count].end, count + 1
             continue
         until = words[count].start if count < len(words) else end
-        first = free if count else max(free, until - _LAUGH)
-        found.append(Word(LAUGHTER, first, max(first, min(until, first + _LAUGH))))
+        begin = free if count else max(free, until - _LAUGH)
+        found.append(Word(LAUGHTER, begin, max(begin, min(until, begin + _LAUGH))))
     return found
 
 

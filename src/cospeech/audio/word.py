@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from math import isfinite
 
@@ -11,6 +12,7 @@ from ..errors import InputError
 
 __all__ = ["LAUGHTER", "Word", "check_words", "is_spoken"]
 
+_CODE = re.compile(r"(?:[a-z]{2,3})?")  # primary subtags of BCP 47
 LAUGHTER = "[laughter]"
 """Text of a `Word` that is a laugh: it is heard, and not said."""
 
@@ -49,7 +51,7 @@ def check_words(words: object) -> None:
     for word in words if isinstance(words, tuple | list) else (words,):
         if not isinstance(word, Word) or not isinstance(word.text, str):
             raise InputError(f"{str(word)[:60]!r} among the words of a speech", 'Word("huge", 0.5, 0.9)')
-        if not isinstance(word.language, str):
+        if not isinstance(word.language, str) or not _CODE.fullmatch(word.language):
             raise InputError(f"the word {word.text[:40]!r} in the language {str(word.language)[:40]}", 'a code, such as "de"')
         times = word.start, word.end
         if not all(isinstance(time, int | float | np.number) and isfinite(time) for time in times) or word.end < word.start:

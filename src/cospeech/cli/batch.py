@@ -263,7 +263,8 @@ def _list_sounds(folder: Path, left_out: LeftOut) -> list[tuple[str, Path]]:
     videos = [each for name, each in found if name in heard and each.suffix.lower() in VIDEO]
     left_out |= dict.fromkeys((each for each in videos if not is_own_film(each)), "a sound of the same name is beside it")
     left_out |= {folder / item.name: item.reason for item in dropped}
-    return [(name, each) for name, each in found if each not in {*videos, *left_out}]
+    skipped = {*videos, *left_out}
+    return [(name, each) for name, each in found if each not in skipped]
 
 
 @contextmanager

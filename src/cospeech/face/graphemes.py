@@ -88,7 +88,7 @@ def graphemes_to_phones(word: str, language: str = "") -> tuple[str, ...]:
     >>> graphemes_to_phones("мама"), graphemes_to_phones("媽媽")
     (('m', 'aa', 'm', 'aa'), ())
     """
-    text = unicodedata.normalize("NFKC", word[:_WHOLE].casefold()).replace("’", "'")
+    text = unicodedata.normalize("NFKC", word[:_WHOLE].lower()).replace("’", "'")
     phones: list[str] = []
     for script, part in _split(text):
         script = script or _OF_LANGUAGE.get(language, "Latn")

@@ -46,6 +46,7 @@ async function ask(path, { body, rater } = {}) {
 const query = new URLSearchParams(location.search);
 const code = () => (query.get("participant") || query.get("PROLIFIC_PID") || "").trim();
 const MOST_CODE = 64; // characters, as for the server
+const UNPRINTED = /[\p{C}\p{Zl}\p{Zp}]|(?! )\p{Zs}/u; // as Python's isprintable has it
 
 /** Where the browser keeps a session: of a participant's code, so that the next one at this computer begins anew. */
 const keyOf = (study) => `study-${study.study}${code() && `-${code()}`}`;
@@ -75,17 +76,20 @@ class Server {
   }
   #begin(session) {
     this.rater = session.rater;
+    this.completion = session.completion;
     localStorage.setItem(this.key, session.rater);
     return session;
   }
   async save(trial, answers, seconds) {
-    await ask("api/answers", { body: { trial, answers, seconds }, rater: this.rater });
+    const { completion } = await ask("api/answers", { body: { trial, answers, seconds }, rater: this.rater });
+    this.completion = completion;
   }
   thanks() {
     return [];
   }
   forget() {
     localStorage.removeItem(this.key);
+    return true;
   }
 }
 
@@ -94,6 +98,7 @@ class Folder {
   async open() {
     this.held = await ask("study.json");
     this.study = this.held.study;
+    this.completion = this.held.completion;
     return this.study;
   }
   get key() {
@@ -106,7 +111,7 @@ class Folder {
     return this.#session();
   }
   async join() {
-    if (code().length > MOST_CODE) throw new Error(`The code of the invitation has more than ${MOST_CODE} characters.`);
+    if (code().length > MOST_CODE || UNPRINTED.test(code())) throw new Error("The code of the invitation is not valid.");
     const wanted = Number.parseInt(query.get("session") ?? "", 10);
     const any = crypto.getRandomValues(new Uint32Array(5));
     const session = wanted >= 0 && wanted < this.held.sessions.length ? wanted : any[4] % this.held.sessions.length;
@@ -116,7 +121,9 @@ class Folder {
     return this.#session();
   }
   forget() {
+    if (!this.saved && !confirm("Your answers are not saved yet. Go on without them?")) return false;
     localStorage.removeItem(this.key);
+    return true;
   }
   #session() {
     return { trials: this.held.sessions[this.kept.session], done: this.kept.answers.map((row) => row.trial) };
@@ -133,7 +140,7 @@ class Folder {
     const name = `answers-${this.kept.rater.slice(0, 8)}.json`;
     return [
       make("p", { class: "text" }, "Your answers are in this browser only. Save the file and send it to the people who invited you."),
-      make("p", {}, make("a", { href: file, download: name, id: "download" }, "Save my answers")),
+      make("p", {}, make("a", { href: file, download: name, id: "download", onclick: () => { this.saved = true; } }, "Save my answers")),
     ];
   }
 }
@@ -279,19 +286,18 @@ async function run() {
     done.add(number);
   }
   showProgress(total, total);
-  show(make("h1", {}, "Thank you"), make("p", { class: "text" }, study.thanks), ...store.thanks(), ...goOn(study));
+  show(make("h1", {}, "Thank you"), make("p", { class: "text" }, study.thanks), ...store.thanks(), ...goOn());
 }
 
 /** Where a rater goes on after the thanks, and where the next one at this computer begins. */
-function goOn(study) {
+function goOn() {
   const nodes = [];
-  if (study.completion) {
-    nodes.push(make("p", {}, make("a", { href: study.completion, id: "completion", rel: "noreferrer" }, "Go on to finish")));
+  if (store.completion) {
+    nodes.push(make("p", {}, make("a", { href: store.completion, id: "completion", rel: "noreferrer" }, "Go on to finish")));
   }
   if (!code()) {
     const again = () => {
-      store.forget();
-      location.reload();
+      if (store.forget()) location.reload();
     };
     nodes.push(make("p", {}, make("button", { type: "button", id: "next-person", class: "plain", onclick: again }, "Another person takes part at this computer")));
   }

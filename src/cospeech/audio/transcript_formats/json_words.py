@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from io import StringIO
 
+from ...errors import InputError
 from ...files import parse_json
 from ...limits import TRANSCRIPT_JSON_VALUES
 from ..word_entries import Entry, Note
@@ -41,7 +41,7 @@ def _documents(text: str) -> Iterator[object]:
 
 def _is_document(line: str) -> bool:
     try:
-        json.loads(line)
-    except (ValueError, RecursionError):
+        parse_json(line, "the first line", TRANSCRIPT_JSON_VALUES)
+    except InputError:
         return False
     return True

@@ -55,6 +55,10 @@ def read(text: str, note: Note) -> Iterator[Entry]:
     if lost:
         note(f"{len(lost)} of {len(lost) + len(sung)} lines left out, they have no time: {lost[0]!r}")
     sung.sort(key=lambda line: line[0])
+    again = [k for k in range(1, len(sung)) if sung[k][0] == sung[k - 1][0] and sung[k][1].strip() and sung[k - 1][1].strip()]
+    if again:
+        note(f"{len(again)} lines left out, another has the same time, as of a translation: {sung[again[0]][1].strip()[:60]!r}")
+        sung = [line for k, line in enumerate(sung) if k not in {*again}]
     for (start, said), (until, _) in pairwise([*sung, (float("inf"), "")]):
         yield from _read_words(said, start - shift, until - shift, shift)
 

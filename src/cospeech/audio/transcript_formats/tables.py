@@ -89,7 +89,11 @@ def _read_row(cells: Sequence[str], columns: _Columns, where: str) -> Entry:
     if not (_is_time(cell(columns.start)) and _is_time(cell(until))):
         raise InputError(where, _HINT)
     start, end = (_read(cell(place)) * columns.scale for place in (columns.start, until))
-    return cell(columns.text), start, end if columns.end is not None else start + end
+    places = [place for place in columns[:4] if place is not None]
+    text = cell(columns.text)
+    if columns.text == max(places) and not any(map(_is_time, cells[columns.text + 1 :])):  # commas of a text without quotes
+        text = ", ".join(cells[columns.text :])
+    return text, start, end if columns.end is not None else start + end
 
 
 def _find_columns(cells: Sequence[str]) -> _Columns | None:
@@ -118,9 +122,12 @@ _SPACED = re.compile(r"\s*+[-+]?\d[\d.:]*+ ++[-+]?\d[\d.:]*+(?: |$)")
 _ROW = re.compile(r"\s*+[-+]?\d[\d.:]*+(?: ++|[,;] *+)[-+]?\d[\d.:]*+(?:[ ,;]|$)")
 
 
+_QUOTED = re.compile(r'"[^"]*+"')
+
+
 def _split(line: str, most: int) -> list[str]:
     """Cells of a line; in quotes, a comma or a semicolon is part of a cell. Between tabs, so many are cut off; -1: all."""
-    mark = "\t" if "\t" in line else None if _SPACED.match(line) else ";" if ";" in line else ","
+    mark = "\t" if "\t" in line else None if _SPACED.match(line) else ";" if ";" in _QUOTED.sub("", line) else ","
     try:
         cells = (
             line.split(mark, maxsplit=2 if mark is None else most)

@@ -26,7 +26,7 @@ _WORDS = re.compile(
 # Names of tiers of smaller things, or of what is not said
 _NO_WORDS = re.compile(
     r"phon|seg|syl|silb|tone|tobi|break|pitch|point|gest|state|\bmau\b|\bkan\b|\bmas\b|laut|\bapi\b|\bipa\b|sampa"
-    r"|\bsons?\b|sound|fonem|lemma|\bpos\b|pinyin|romaji|^音$|音素|音节|音節|音韻|拼音|음소|음절|звук",
+    r"|\bsons?\b|stress|accent|wortart|klasse|sound|fonem|lemma|\bpos\b|pinyin|romaji|^音$|音素|音节|音節|音韻|拼音|음소|음절|звук",
     re.IGNORECASE,
 )
 _LONGEST_SOUND = 2  # letters of a label that may be a sound: "a", "u:", "AH0" counts its letters [ours]
@@ -111,6 +111,7 @@ def _find_word_tier(tiers: Sequence[_Tier], note: Note) -> list[Entry]:
     count = {id(tier): sum(not is_silence(text) for text, _, _ in tier.entries) for tier in tiers}
     full = [tier for tier in tiers if count[id(tier)]] or list(tiers)
     words = [tier for tier in full if _WORDS.search(tier.name)]
+    words = [tier for tier in words if not _NO_WORDS.search(tier.name)] or words
     others = [tier for tier in full if not _NO_WORDS.search(tier.name)] or full
     chosen = words or [tier for tier in others if not _holds_sounds(tier)] or others
     found = max(chosen, key=lambda tier: count[id(tier)])

@@ -7,7 +7,7 @@ streams by: no tree is built, and a document type, which could hold entities, is
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 from xml.parsers import expat
 
@@ -24,6 +24,7 @@ _FRAMES = re.compile(r"(\d{1,4}:\d\d:\d\d)[:;](\d{1,4})(?:\.\d+)?")
 _SECONDS = {"h": 3600.0, "m": 60.0, "s": 1.0, "ms": 0.001}
 _RATE = 30.0  # frames a second where the document says none (TTML 1, 6.2.4)
 _SPACE = re.compile(r"\s+")
+_ROUNDED = 0.001  # seconds; times have milliseconds
 _DEPTH = 200  # elements in each other; documents have some six [ours]
 _HINT = 'each <p> needs begin and end, such as begin="00:00:01.500" end="00:00:03.000"'
 
@@ -130,7 +131,9 @@ class _Document:
                 return
             lines = [line for part in parts for line in part.lines]
             parts = [Cue(lines or [""], paragraph.start, paragraph.end)]
-        elif paragraph.start and paragraph.end and max(part.end for part in parts) <= paragraph.end - paragraph.start + 0.001:
+        elif paragraph.start and not _lies_inside(
+            parts, paragraph
+        ):  # times of spans count from their paragraph's, as TTML has it
             parts = [part._replace(start=part.start + paragraph.start, end=part.end + paragraph.start) for part in parts]
         self.paragraphs += 1
         self.cues += [part._replace(start=part.start + paragraph.origin, end=part.end + paragraph.origin) for part in parts]
@@ -156,6 +159,12 @@ class _Document:
             raise InputError(f"{text[:40]!r} is not a time", _HINT)
         number, unit = float(offset[1]), offset[2]
         return number * _SECONDS[unit] if unit in _SECONDS else number / (frame_rate if unit == "f" else tick_rate)
+
+
+def _lies_inside(parts: Sequence[Cue], paragraph: _Element) -> bool:
+    """Whether times of spans are those of the clock, as some programs write them: all lie in the time of the paragraph."""
+    early = min(part.start for part in parts) < (paragraph.start or 0.0) - _ROUNDED
+    return not early and (paragraph.end is None or max(part.end for part in parts) <= paragraph.end + _ROUNDED)
 
 
 def _split_lines(text: str) -> list[str]:

@@ -16,8 +16,8 @@ _GERMAN = [
     ("sp", "sh p", "#|#(an|auf|aus|be|ein|er|ge|ver|vor|zu)", ""), ("pf", "p f", "", ""), ("ph", "f", "", ""),
     ("qu", "k v", "", ""), ("tz", "t s", "", ""), ("th", "t", "", ""), ("ng", "ng", "", ""), ("nk", "ng k", "", ""),
     ("eu", "oy", "", ""), ("äu", "oy", "", ""), ("ei", "ay", "", ""), ("ai", "ay", "", ""), ("ie", "iy", "", ""),
-    ("au", "aw", "", ""), ("h", "", _VOWEL, ""), ("er", "ah", "[a-zäöü]{2}", "(n|s|t)?$"), ("r", "", _VOWEL, "[^aeiouyäöü]|$"),
-    ("e", "ax", "[a-zäöü]{2}", "(n|l|m|s|t|st)?$"), ("e", "ax", "#(g|b)", "[^aeiouyäöüi]"), ("u", "uh", "", _TWO),
+    ("au", "aw", "", ""), ("h", "", _VOWEL, ""), ("er", "ah", "[a-zäöüß]{2}", "(n|s|t)?$"), ("r", "", _VOWEL, "[^aeiouyäöü]|$"),
+    ("e", "ax", "[a-zäöüß]{2}", "(n|l|m|s|t|st)?$"), ("e", "ax", "#(g|b)", "[^aeiouyäöüi]"), ("u", "uh", "", _TWO),
     ("s", "z", "", _VOWEL), *read_plain(
         "a=aa e=eh i=ih o=ao u=uw ä=eh ö=ao ü=uw y=uw b=b c=k d=d f=f g=g h=hh j=y k=k l=l m=m n=n p=p q=k r=g s=s t=t v=f "
         "w=v x=k+s z=t+s ß=s"

@@ -7,6 +7,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -151,6 +152,18 @@ class Answers:
     def __exit__(self, *error: object) -> None:
         self.close()
 
+    @contextmanager
+    def _change(self) -> Iterator[None]:
+        """Change the data base: all of it, or nothing after an error."""
+        with self._lock:
+            self._base.execute("BEGIN IMMEDIATE")
+            try:
+                yield
+            except BaseException:
+                self._base.execute("ROLLBACK")
+                raise
+            self._base.execute("COMMIT")
+
     def add_rater(self, participant: str = "") -> Rater:
         """A new rater, with the first session that nobody has; one whose code is known goes on where he stopped.
 
@@ -160,21 +173,17 @@ class Answers:
         Raises:
             InputError: there are too many.
         """
-        with self._lock:
-            self._base.execute("BEGIN IMMEDIATE")
-            try:
-                known = "SELECT rater, number, participant FROM raters WHERE participant = ? AND source = 'server'"
-                row = self._base.execute(known, (participant,)).fetchone() if participant else None
-                if row is not None:
-                    return Rater(*row)
-                if self._base.execute("SELECT count(*) FROM raters WHERE source = 'server'").fetchone()[0] >= MOST_RATERS:
-                    raise InputError(f"the study has {MOST_RATERS} raters", "it takes no more")
-                made = Rater(secrets.token_urlsafe(16), self._find_number(), participant)
-                self._keep_digest()
-                self._base.execute("INSERT INTO raters VALUES (?, ?, ?, 'server', ?)", (*made, time.time()))
-                return made
-            finally:
-                self._base.execute("COMMIT")
+        with self._change():
+            known = "SELECT rater, number, participant FROM raters WHERE participant = ? AND source = 'server'"
+            row = self._base.execute(known, (participant,)).fetchone() if participant else None
+            if row is not None:
+                return Rater(*row)
+            if self._base.execute("SELECT count(*) FROM raters WHERE source = 'server'").fetchone()[0] >= MOST_RATERS:
+                raise InputError(f"the study has {MOST_RATERS} raters", "it takes no more")
+            made = Rater(secrets.token_urlsafe(16), self._find_number(), participant)
+            self._keep_digest()
+            self._base.execute("INSERT INTO raters VALUES (?, ?, ?, 'server', ?)", (*made, time.time()))
+            return made
 
     def _keep_digest(self) -> None:
         """Note which plan the answers belong to, with the first of them; the lock is held."""
@@ -207,10 +216,8 @@ class Answers:
         """Keep the answers to a trial; later answers to the same trial take their place."""
         now, took = time.time(), min(max(seconds, 0.0), MOST_SECONDS)
         rows = [(rater.rater, trial, name, place, value, took, now) for (name, place), value in answers.items()]
-        with self._lock:
-            self._base.execute("BEGIN IMMEDIATE")
+        with self._change():
             self._base.executemany("INSERT OR REPLACE INTO answers VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
-            self._base.execute("COMMIT")
 
     def add_session(
         self, rater: Rater, trials: Mapping[int, tuple[dict[tuple[str, int], int], float]]
@@ -226,20 +233,16 @@ class Answers:
             for trial, (answers, seconds) in trials.items()
             for (name, place), value in answers.items()
         ]
-        with self._lock:
-            self._base.execute("BEGIN IMMEDIATE")
-            try:
-                if self._base.execute("SELECT 1 FROM raters WHERE rater = ?", (rater.rater,)).fetchone():
-                    return "known"
-                same = "SELECT 1 FROM raters WHERE participant = ?"
-                if rater.participant and self._base.execute(same, (rater.participant,)).fetchone():
-                    return "twice"
-                self._keep_digest()
-                self._base.execute("INSERT INTO raters VALUES (?, ?, ?, 'import', ?)", (*rater, now))
-                self._base.executemany("INSERT INTO answers VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
-                return "added"
-            finally:
-                self._base.execute("COMMIT")
+        with self._change():
+            if self._base.execute("SELECT 1 FROM raters WHERE rater = ?", (rater.rater,)).fetchone():
+                return "known"
+            same = "SELECT 1 FROM raters WHERE participant = ?"
+            if rater.participant and self._base.execute(same, (rater.participant,)).fetchone():
+                return "twice"
+            self._keep_digest()
+            self._base.execute("INSERT INTO raters VALUES (?, ?, ?, 'import', ?)", (*rater, now))
+            self._base.executemany("INSERT INTO answers VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
+            return "added"
 
     def list_trials(self, rater: Rater) -> list[int]:
         """Numbers of the trials that a rater has answered."""

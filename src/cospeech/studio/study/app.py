@@ -106,7 +106,8 @@ class _Calls:
         if type(seconds) not in (int, float) or not 0 <= seconds < 1e9:
             raise InputError("the seconds are no time")
         self._answers.add(rater, number, check_answers(self._plan, trials[number], given.get("answers")), seconds)
-        return {"done": len(self._answers.list_trials(rater)), "of": len(trials)}
+        done = len(self._answers.list_trials(rater))
+        return {"done": done, "of": len(trials), "completion": self._completion(done, len(trials))}
 
     def _find(self, name: str) -> Rater:
         rater = self._answers.find_rater(name)
@@ -116,7 +117,13 @@ class _Calls:
 
     def _session(self, rater: Rater) -> dict[str, Any]:
         trials = [describe_trial(self._plan, trial) for trial in self._trials(rater.number)]
-        return {"rater": rater.rater, "trials": trials, "done": self._answers.list_trials(rater)}
+        done = self._answers.list_trials(rater)
+        completion = self._completion(len(done), len(trials))
+        return {"rater": rater.rater, "trials": trials, "done": done, "completion": completion}
+
+    def _completion(self, done: int, pages: int) -> str:
+        """Where a rater goes on at the end; before, nobody is told."""
+        return self._plan.completion if done == pages else ""
 
 
 def _endpoint(call: Call) -> Callable[[Any], Awaitable[Any]]:

@@ -3,8 +3,8 @@
 Speeches are dealt out in turn, so that each is seen equally often. A session has a round for every comparison: in a round each
 speech comes once. Which comparison of a speech comes in which round follows a cyclic Latin square. The order of clips on the
 page follows a square in which each clip also stands beside each other one equally often (Williams 1949, Australian Journal of
-Scientific Research A 2). So each pair is seen as often with one clip on the left as with the other: on every speech, and in
-every round.
+Scientific Research A 2). So each pair is seen as often with one clip on the left as with the other: on every speech, and, over
+as many raters as there are comparisons and speeches, in every round.
 """
 
 from __future__ import annotations
@@ -131,5 +131,5 @@ def describe_study(plan: StudyPlan) -> dict[str, Any]:
         {"name": q.name, "text": q.text, "each": q.kind == "scale", "options": [[v, w] for v, w in q.options(shown)]}
         for q in plan.questions
     ]
-    words = {key: getattr(plan, key) for key in ("title", "consent", "instructions", "thanks", "completion", "shows")}
+    words = {key: getattr(plan, key) for key in ("title", "consent", "instructions", "thanks", "shows")}
     return {**words, "muted": plan.variant == "mute", "questions": questions, "study": plan.digest}

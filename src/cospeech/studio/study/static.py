@@ -49,7 +49,7 @@ def export_page(study: Path, page: Path, *, sessions: int = 200) -> StudyPlan:
         (made / CLIPS).mkdir(parents=True)
         for name in PAGE_FILES:
             (made / name).write_bytes(page_file(name).replace(b'data-mode="server"', b'data-mode="static"'))
-        held = {"study": describe_study(plan), "sessions": orders}
+        held = {"study": describe_study(plan), "sessions": orders, "completion": plan.completion}
         (made / "study.json").write_text(json.dumps(held, ensure_ascii=False), "utf-8")
         for clip in plan.clips:
             source = study / CLIPS / clip.file

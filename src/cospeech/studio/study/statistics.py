@@ -99,8 +99,8 @@ def _two_way_error(rest: Array, count: int, raters: int, clips: int) -> float:
 def _chance(mean: float, error: float, clusters: int) -> float:
     if clusters < 2:
         return float("nan")
-    if error == 0:
-        return float(mean == 0)
+    if error == 0:  # all said the same: the test knows no variance, and a few such answers prove little
+        return 1.0 if mean == 0 else float("nan")
     return float(2 * scipy("stats").t.sf(abs(mean) / error, clusters - 1))
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -70,11 +71,15 @@ def write_tables(study: Path, folder: Path, *, incomplete: bool = False) -> list
         counted, sessions = count_raters(plan, answers, incomplete=incomplete), list(answers.sessions())
         every = read_votes(plan, answers, checks=True)
     outcomes = dict.fromkeys(counted.kept, "counts") | dict.fromkeys(counted.failed, "failed checks")
-    kept = {*counted.kept}
+    kept, by_rater = {*counted.kept}, defaultdict[str, list[Vote]](list)
+    for vote in every:
+        by_rater[vote.rater].append(vote)
     votes = [vote for vote in every if vote.rater in kept and not vote.check]
     texts = {
         "answers.csv": _csv(_ANSWERS, [_answer(vote, outcomes.get(vote.rater, "stopped")) for vote in every]),
-        "raters.csv": _csv(_RATERS, [_rater(plan, session, outcomes, every) for session in sessions]),
+        "raters.csv": _csv(
+            _RATERS, [_rater(plan, session, outcomes, by_rater[name_rater(session.rater)]) for session in sessions]
+        ),
     }
     scales = {question.name for question in plan.questions if question.kind == "scale"}
     for question in plan.questions:
@@ -103,7 +108,7 @@ def _answer(vote: Vote, outcome: str) -> tuple[object, ...]:
 def _rater(plan: StudyPlan, session: RaterSession, outcomes: Mapping[str, str], votes: Sequence[Vote]) -> tuple[object, ...]:
     """A rater's row; of preferences, the share of the left side, a tie counts half."""
     name, prefers = name_rater(session.rater), {question.name for question in plan.questions if question.kind == "prefer"}
-    sides = [v.value for v in votes if v.rater == name and v.question in prefers and not v.check]
+    sides = [v.value for v in votes if v.question in prefers and not v.check]
     left = f"{sum((value < 0) + (value == 0) / 2 for value in sides) / len(sides):.3f}" if sides else ""
     began = datetime.fromtimestamp(session.at, UTC).isoformat(timespec="seconds")
     seconds = session.seconds.values()

@@ -16,14 +16,13 @@ VIDEOS = (".mp4", ".webm")
 CODECS = ("h264", "vp8", "vp9", "av1")
 """That the common browsers play."""
 _LENGTH = 0.5  # seconds by which clips of one speech may differ; ours: less than a rater sees in the player's clock
-_LOUD = 6.0  # dB by which sounds may differ; ours: twice as loud is 10 dB
 
 
 class VideoFacts(NamedTuple):
     """What of a video could tell which system it is of.
 
     Args:
-        kind: suffix and codec.
+        kind: suffix of the file.
         size: pixels.
         rate: pictures per second.
         sound: whether there is any.
@@ -81,11 +80,13 @@ def check_alike(clips: Mapping[Path, tuple[str, VideoFacts]], *, allow: bool = F
     for path, (_, facts) in clips.items():
         if odd := [(a, b) for a, b in zip(usual[:4], facts[:4], strict=True) if a != b]:
             problems.append(f"{str(path)!r} has {odd[0][1]}, and {str(first)!r} {odd[0][0]}")
-    shortest: dict[str, tuple[float, Path]] = {}
+    by_speech: dict[str, list[tuple[float, Path]]] = {}
     for path, (stimulus, facts) in clips.items():
-        seconds, other = shortest.setdefault(stimulus, (facts.seconds, path))
-        if abs(seconds - facts.seconds) > _LENGTH:
-            problems.append(f"{str(path)!r} has {facts.seconds:.4g} s, and {str(other)!r} {seconds:.4g} s")
+        by_speech.setdefault(stimulus, []).append((facts.seconds, path))
+    for found in by_speech.values():
+        (least, short), (most, long) = min(found), max(found)
+        if most - least > _LENGTH:
+            problems.append(f"{str(long)!r} has {most:.4g} s, and {str(short)!r} {least:.4g} s")
     if not problems:
         return
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from io import StringIO
 from itertools import islice, pairwise
 
-from ...errors import InputError
+from ...errors import InputError, say_count
 from ...limits import WORDS
 from ..forced_alignment import count_syllables, tokenise
 from ..word_entries import Entry, Note, read_clock
@@ -55,10 +55,15 @@ def read(text: str, note: Note) -> Iterator[Entry]:
     if lost:
         note(f"{len(lost)} of {len(lost) + len(sung)} lines left out, they have no time: {lost[0]!r}")
     sung.sort(key=lambda line: line[0])
-    again = [k for k in range(1, len(sung)) if sung[k][0] == sung[k - 1][0] and sung[k][1].strip() and sung[k - 1][1].strip()]
-    if again:
-        note(f"{len(again)} lines left out, another has the same time, as of a translation: {sung[again[0]][1].strip()[:60]!r}")
-        sung = [line for k, line in enumerate(sung) if k not in {*again}]
+    kept = [
+        line
+        for before, line in pairwise([(-1.0, ""), *sung])
+        if line[0] != before[0] or not line[1].strip() or not before[1].strip()
+    ]
+    if len(kept) < len(sung):
+        count = say_count(len(sung) - len(kept), "line")
+        note(f"{count} left out: another one has the same time, as of a translation")
+    sung = kept
     for (start, said), (until, _) in pairwise([*sung, (float("inf"), "")]):
         yield from _read_words(said, start - shift, until - shift, shift)
 

@@ -295,7 +295,7 @@ def test_frames_depend_on_no_more_than_the_look_ahead(name, parts):
 def test_the_words_of_a_window_count_from_its_start(name):
     window = said(9.0).window(3.0, 8.0)
     assert window.words[0].start > 2.5
-    words = tuple(Word(w.text, w.start - 3.0, w.end - 3.0) for w in window.words)
+    words = tuple(Word(w.text, w.start - 3.0, w.end - 3.0, w.language) for w in window.words)
     alone = model(name).generate(Speech(window.samples, words=words), seed=1)
     assert same(model(name).generate(window, seed=1), alone)
     assert same(Motion.concatenate(model(name).stream(window.chunks(0.3), seed=1)), alone)

@@ -175,6 +175,7 @@ def test_a_gesture_gets_another_form_hand_and_size(talking):
     talking.keyboard.press("Enter")
     talking.click("#change-gesture")
     talking.click("#add-dialog button[value=add]")  # nothing else: no step of undo
+    wait_until(talking, "!document.querySelector('dialog[open]')")  # which has keys of its own
     talking.keyboard.press("Control+z")
     wait_until(talking, f"{mine}.form !== 'big'")
 

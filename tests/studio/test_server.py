@@ -147,7 +147,8 @@ def test_malformed_answers_are_refused(port, study):
         {"consent": False},
         {"consent": 1},
         {"consent": True, "participant": 7},
-        {"consent": True, "participant": "../x"},
+        {"consent": True, "participant": "a\nb"},
+        {"consent": True, "participant": "x" * 65},
     ):
         assert ask(port, "/api/raters", body)[0] == 422
     assert json.loads(ask(port, "/api/session", x_rater=rater)[2])["done"] == []

@@ -6,7 +6,7 @@ import pytest
 
 from cospeech.studio.study.answers import Answers
 from cospeech.studio.study.make import make_study
-from cospeech.studio.study.plan import load_plan, save_plan
+from cospeech.studio.study.plan import load_plan
 from cospeech.studio.study.session import make_session
 from cospeech.studio.study.static import export_page
 from tests.support.browser import find_violations, open_chromium, wait_until
@@ -20,12 +20,16 @@ pytest.importorskip("av", reason="videos need PyAV (the av extra)")
 pytestmark = pytest.mark.slow
 
 
+def write_videos(folder, *, speeches):
+    for system in "ab":
+        (folder / system).mkdir()
+        for k in range(speeches):
+            write_webm(folder / system / f"speech_{k}.webm")
+
+
 @pytest.fixture
 def study(tmp_path):
-    for system in "ab":
-        (tmp_path / system).mkdir()
-        for k in range(2):
-            write_webm(tmp_path / system / f"speech_{k}.webm")
+    write_videos(tmp_path, speeches=2)
     make_study([tmp_path / "a", tmp_path / "b"], tmp_path / "study", template="preference", stimuli_each=2, checks=1, seed=1)
     return tmp_path / "study"
 
@@ -74,9 +78,10 @@ def take_session(page, plan, number):
     take_part(page, trials, [right_answers(plan, trial) for trial in trials])
 
 
-def test_the_next_participant_at_a_computer_begins_anew(study):
-    plan = load_plan(study).model_copy(update={"completion": "https://example.org/done?code=1"})
-    save_plan(plan, study)
+def test_the_next_participant_at_a_computer_begins_anew(tmp_path):
+    study = tmp_path / "study"
+    write_videos(tmp_path, speeches=1)
+    plan = make_study([tmp_path / "a", tmp_path / "b"], study, checks=0, seed=1, completion="https://example.org/done?code=1")
     with serving(study) as port, open_chromium() as browser:
         page = browser.new_page()
         for number, code in enumerate(("P_1_1", "P_11")):

@@ -113,6 +113,21 @@ class PlayableRun:
         return (rows - self.statistics["audio_mean"]) / self.statistics["audio_std"]
 
 
+_opened: dict[tuple[Path, str], PlayableRun] = {}
+"""Runs that were opened last: rows and tables share them."""
+_OPEN = 20_000_000  # parameters of all of them, 80 MB [ours]
+
+
+def _open_run(folder: Path, fingerprint: str) -> PlayableRun:
+    from ...training.checkpoint import load_run, read_tensors
+
+    net, facts = load_run(folder)
+    tensors, _ = read_tensors(folder / "statistics.safetensors")
+    statistics = {key: np.asarray(tensor.numpy()) for key, tensor in tensors.items()}
+    stretches = read_tensors(folder / "examples.safetensors")[0].get("stretches")
+    return PlayableRun(net, facts, statistics, fingerprint, None if stretches is None else stretches.numpy())
+
+
 def _digest(*parts: bytes) -> str:
     digest = blake2b(digest_size=6)
     for part in parts:
@@ -287,14 +302,14 @@ class Runs:
     def player(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> PlayableRun:
         """A row's run, trained where it is not there."""
         folder = self.run(name, seed, more)
-        from ...training.checkpoint import load_run, read_tensors, stands_for
+        from ...training.checkpoint import stands_for
 
-        net, facts = load_run(folder)
-        tensors, _ = read_tensors(folder / "statistics.safetensors")
-        statistics = {key: np.asarray(tensor.numpy()) for key, tensor in tensors.items()}
-        stretches = read_tensors(folder / "examples.safetensors")[0].get("stretches")
         fingerprint = _digest((folder / f"{stands_for(folder)}.safetensors").read_bytes())
-        return PlayableRun(net, facts, statistics, fingerprint, None if stretches is None else stretches.numpy())
+        found = _opened.pop((folder, fingerprint), None) or _open_run(folder, fingerprint)
+        _opened[folder, fingerprint] = found  # the last one that was asked for
+        while len(_opened) > 1 and sum(each.parameters for each in _opened.values()) > _OPEN:
+            del _opened[next(iter(_opened))]
+        return found
 
     def features(self) -> FeatureNet:
         """The feature network of FGD, of this store's training split; one for all rows and seeds."""

@@ -36,6 +36,16 @@ def test_sounds_between_asterisks_are_not_said(sound):
     assert list_tokens(f"Yes {sound} no") == ["Yes", "no"]
 
 
+def test_a_clause_in_round_brackets_of_a_plain_text_is_read():
+    assert [token.strip("()") for token in list_tokens("He (who laughs last) wins", prose=True)] == [
+        "He",
+        "who",
+        "laughs",
+        "last",
+        "wins",
+    ]
+
+
 def test_a_word_alone_in_a_plain_text_lies_where_the_voice_is(tmp_path):
     rate, draw = 16_000, np.random.default_rng(1)
     samples = np.zeros(6 * rate, np.float32)

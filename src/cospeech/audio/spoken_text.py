@@ -24,6 +24,7 @@ _NOT_SPOKEN = re.compile(
     r"|\*(?P<stars>[^*\n]{1,60})\*|[♩♪♫♬🎵🎶]"
 )
 _FEW = 3  # words in round brackets of a plain text that are a sound; more are an aside, which is read aloud [ours]
+_RELATIVE = re.compile(r"(?:who|that|which|where|when|if|as)\s", re.IGNORECASE)  # begins a clause, which is no sound [ours]
 # Words for laughter, or how they begin [ours: what subtitles of these languages write]
 _LAUGHS = re.compile(
     r"\b(?:laugh|chuckl|giggl|snicker|cackl|guffaw|lach(?:t|en|end|er)?\b|gelächter|kicher|rires?\b|rient\b|riant\b|rigol"
@@ -94,7 +95,7 @@ def _split_laughs(text: str, prose: bool) -> Iterator[str]:
         laughs = laughs and not _OTHERS.search(inside[:200])
         if stars is not None and not laughs and not _SOUNDS.fullmatch(stars):
             continue
-        if prose and aside is not None and len(aside.split()) > _FEW:
+        if prose and aside is not None and (len(aside.split()) > _FEW or _RELATIVE.match(aside)):
             continue
         kept.append(text[last : match.start()])
         last = match.end()

@@ -5,37 +5,47 @@ from __future__ import annotations
 import unicodedata
 import warnings
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
+from importlib import import_module
+from typing import Any
 
 from ..audio.languages import LANGUAGES, script_of
 from ..audio.word import Word
 from ..errors import CospeechWarning
-from .spelling.abugida_abjad import ARABIC, DEVANAGARI, HEBREW
-from .spelling.cyrillic_greek import CYRILLIC, GREEK, RUSSIAN
-from .spelling.east_asian import KANA, spell_hangul, to_katakana
-from .spelling.english import ENGLISH
-from .spelling.french import FRENCH
-from .spelling.germanic import DUTCH, GERMAN
-from .spelling.latin import LATIN, OWN_LATIN
-from .spelling.romance import ITALIAN, PORTUGUESE, SPANISH
 from .spelling.rules import Spelling, read_letters
 
 __all__ = ["graphemes_to_phones", "note_unread_words"]
 
+# Each table is made when the first word needs it: to make all of them takes as long as the rest of the face.
 _LATIN = {
-    "": ENGLISH, "en": ENGLISH, "de": GERMAN, "nl": DUTCH, "fr": FRENCH, "es": SPANISH, "it": ITALIAN, "pt": PORTUGUESE,
-    **OWN_LATIN,
+    "": "english:ENGLISH", "en": "english:ENGLISH", "de": "germanic:GERMAN", "nl": "germanic:DUTCH", "fr": "french:FRENCH",
+    "es": "romance:SPANISH", "it": "romance:ITALIAN", "pt": "romance:PORTUGUESE",
 }  # fmt: skip
-_SCRIPTS = {"Grek": GREEK, "Hebr": HEBREW, "Arab": ARABIC, "Deva": DEVANAGARI, "Kana": KANA}
+"""Language in Latin letters → module and name of its table; others are in `cospeech.face.spelling.latin`."""
+_SCRIPTS = {
+    "Grek": "cyrillic_greek:GREEK", "Hebr": "abugida_abjad:HEBREW", "Arab": "abugida_abjad:ARABIC",
+    "Deva": "abugida_abjad:DEVANAGARI", "Kana": "east_asian:KANA",
+}  # fmt: skip
 _OF_LANGUAGE = {"el": "Grek", "he": "Hebr", "ar": "Arab", "hi": "Deva", "ja": "Kana", "ko": "Hang", "ru": "Cyrl"}
 """Languages whose digits are read in another script."""
 _OTHER_CYRILLIC = frozenset({"be", "bg", "kk", "mk", "sr", "uk"})
 _BASES = str.maketrans({"ø": "o", "đ": "d", "ð": "d", "þ": "t", "ł": "l", "æ": "ae", "œ": "oe", "ß": "ss", "ı": "i", "ħ": "h"})
 """Letters with a stroke and ligatures: Unicode does not take them apart, so they stand here."""
-_LONGEST, _WHOLE = (
-    64,
-    256,
-)  # letters of a part, and of a word; what is longer is none, and must not take long
+_LONGEST, _WHOLE = 64, 256  # letters of a part, and of a word; what is longer is none, and must not take long
+
+
+@cache
+def _find(name: str) -> Any:
+    """What a module of `cospeech.face.spelling` has: ``module:name``."""
+    module, _, attribute = name.partition(":")
+    return getattr(import_module(f".spelling.{module}", __package__), attribute)
+
+
+def _find_latin(language: str) -> Spelling:
+    """The spelling of a language in Latin letters."""
+    own = _LATIN.get(language)
+    found: Spelling = _find("latin:OWN_LATIN").get(language, _find("latin:LATIN")) if own is None else _find(own)
+    return found
 
 
 def _split(text: str) -> Iterator[tuple[str, str]]:
@@ -93,15 +103,15 @@ def graphemes_to_phones(word: str, language: str = "") -> tuple[str, ...]:
     for script, part in _split(text):
         script = script or _OF_LANGUAGE.get(language, "Latn")
         if script == "Latn":
-            spelling = _LATIN.get(language, LATIN)
-            for each in [part.strip("'")] if spelling is ENGLISH else part.split("'"):
-                phones += _read(each, spelling)
+            for each in [part.strip("'")] if language in ("", "en") else part.split("'"):
+                phones += _read(each, _find_latin(language))
         elif script == "Cyrl":
-            phones += _read(part, CYRILLIC if language in _OTHER_CYRILLIC else RUSSIAN)
+            phones += _read(part, _find(f"cyrillic_greek:{'CYRILLIC' if language in _OTHER_CYRILLIC else 'RUSSIAN'}"))
         elif script == "Hang":
-            phones += spell_hangul(part)
+            phones += _find("east_asian:spell_hangul")(part)
         elif script in _SCRIPTS:
-            phones += _read(to_katakana(part), _SCRIPTS[script])
+            part = _find("east_asian:to_katakana")(part) if script == "Kana" else part
+            phones += _read(part, _find(_SCRIPTS[script]))
         else:
             return ()
     return tuple(phones)

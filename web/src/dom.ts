@@ -67,6 +67,17 @@ export function formatTime(seconds: number): string {
   return `${minutes}:${String(Math.floor(tenths / 10) % 60).padStart(2, "0")}.${tenths % 10}`;
 }
 
+/** Enable a button or not; one that loses the focus by it gives it to another element. */
+export function enable(id: string, may: boolean, other: string): void {
+  const button = find<HTMLButtonElement>(id);
+  if (!may && document.activeElement === button) {
+    const next = find(other);
+    if (next instanceof HTMLButtonElement) next.disabled = false;
+    next.focus();
+  }
+  button.disabled = !may;
+}
+
 /** A time of a whole, as screen readers say it: "3.04 of 19.0 seconds". */
 export function sayTime(seconds: number, whole: number): string {
   return `${seconds.toFixed(2)} of ${whole.toFixed(1)} seconds`;

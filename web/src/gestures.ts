@@ -50,8 +50,16 @@ function describe(gesture: PlannedGesture, locked: boolean): string {
   return `${readName(gesture.form)}, ${hands}, at ${gesture.stroke.toFixed(1)} seconds${word}${locked ? ", locked" : ""}`;
 }
 
-/** Why a locked gesture stays. */
-export const LOCKED = "this gesture is locked: press K to unlock it";
+/** Take a gesture off the plan, and say whether it was asked for: a locked one stays, and the page says why. */
+export async function removeGesture(store: Store, takes: Takes, gesture: PlannedGesture): Promise<boolean> {
+  const { plan } = store.take;
+  if (plan !== null && isLocked(plan, gesture)) {
+    store.update({ problem: "this gesture is locked: press K to unlock it" });
+    return false;
+  }
+  await takes.edit({ kind: "remove", gesture: gesture.id });
+  return true;
+}
 
 export class GestureTrack {
   private shown: Plan | null = null;
@@ -109,7 +117,7 @@ export class GestureTrack {
   private press(event: KeyboardEvent, gesture: PlannedGesture): void {
     const sign = event.key === "ArrowLeft" ? -1 : event.key === "ArrowRight" ? 1 : 0;
     if (sign) void this.move(gesture, sign * NUDGE);
-    else if (event.key === "Delete" || event.key === "Backspace") this.remove(gesture);
+    else if (event.key === "Delete" || event.key === "Backspace") void removeGesture(this.store, this.takes, gesture);
     else if (event.key === "k" || event.key === "K") this.lock(gesture);
     else return;
     event.preventDefault();
@@ -124,12 +132,6 @@ export class GestureTrack {
       const time = Math.min(Math.max(found.stroke + by, 0), this.seconds);
       return { kind: "move", gesture: id, to: Math.round(time * 1000) / 1000 };
     });
-  }
-
-  private remove(gesture: PlannedGesture): void {
-    const plan = this.store.take.plan;
-    if (plan !== null && isLocked(plan, gesture)) this.store.update({ problem: LOCKED });
-    else void this.takes.edit({ kind: "remove", gesture: gesture.id });
   }
 
   /** Lock the stretch of a gesture, or unlock it. */

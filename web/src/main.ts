@@ -2,7 +2,7 @@
 
 import { readCatalogue } from "./api";
 import { Crowd } from "./crowd";
-import { find } from "./dom";
+import { enable, find } from "./dom";
 import { listenToKeys } from "./keys";
 import { listIgnored, readLink, writeLink } from "./link";
 import { Live } from "./live";
@@ -94,7 +94,7 @@ async function openStudio(): Promise<void> {
     if (location.hash.includes("=")) location.reload(); // another link was put into the address bar; "#controls" is a place of the page
   });
   find("problem").addEventListener("click", () => store.update({ problem: "" }));
-  listenToKeys({ store, takes, player, play: () => transport.toggle(), removeGesture: () => edits.removeChosen() });
+  listenToKeys({ store, takes, player, play: () => transport.toggle(), removeGesture: () => void edits.removeChosen() });
   publishReadOuts({ store, player, live, stage, crowd: () => crowd, shownTime: () => shown.time });
   store.onChange((state) => drawState(state, takes));
   crowd = await Crowd.open(stage, catalogue);
@@ -113,17 +113,6 @@ function drawState(state: State, takes: Takes): void {
   enable("redo", takes.mayRedo, takes.mayUndo ? "undo" : "view");
   const link = writeLink(state.settings, state.takes.map((take) => take.seed));
   if (location.hash !== link && state.speech !== null) history.replaceState(null, "", link);
-}
-
-/** Enable a button or not; one that loses the focus by it gives it to another. */
-function enable(id: string, may: boolean, other: string): void {
-  const button = find<HTMLButtonElement>(id);
-  if (!may && document.activeElement === button) {
-    const next = find(other);
-    if (next instanceof HTMLButtonElement) next.disabled = false;
-    next.focus();
-  }
-  button.disabled = !may;
 }
 
 function bindAvatar(wear: (file: File | null) => Promise<void>): void {

@@ -1,8 +1,8 @@
 // Editing: the chosen gesture, the selected stretch, the dialog that adds a gesture.
 
 import type { PlanEdit } from "../api";
-import { fillSelect, find, formatTime, readName } from "../dom";
-import { isLocked, LOCKED, lockOrUnlock, touchesLock } from "../gestures";
+import { enable, fillSelect, find, formatTime, readName } from "../dom";
+import { isLocked, lockOrUnlock, removeGesture, touchesLock } from "../gestures";
 import { select } from "../keys";
 import type { ModelRow, Plan } from "../messages";
 import type { Player } from "../player";
@@ -27,7 +27,7 @@ export class EditPanel {
     fillSelect(find("stretch-intensity"), [KEEP, ...INTENSITIES.map((each): [string, string] => [String(each), String(each)])], "");
     find("add-gesture").addEventListener("click", () => this.openDialog(player.time));
     find("change-gesture").addEventListener("click", () => this.openDialog(player.time, store.state.gesture));
-    find("remove-gesture").addEventListener("click", () => this.removeChosen());
+    find("remove-gesture").addEventListener("click", () => void this.removeChosen());
     find("select-from").addEventListener("click", () => select(store, player.seconds, { from: player.time }));
     find("select-to").addEventListener("click", () => select(store, player.seconds, { to: player.time }));
     find("reseed").addEventListener("click", () => this.editStretch((start, end) => takes.edit({ kind: "reseed", start, end })));
@@ -63,13 +63,10 @@ export class EditPanel {
     });
   }
 
-  removeChosen(): void {
+  async removeChosen(): Promise<void> {
     const { gesture } = this.store.state;
-    const { plan } = this.store.take;
-    const chosen = plan?.gestures?.find((each) => each.id === gesture);
-    if (chosen === undefined) return;
-    if (plan && isLocked(plan, chosen)) return this.store.update({ problem: LOCKED });
-    void this.takes.edit({ kind: "remove", gesture: chosen.id }).then(() => this.store.update({ gesture: null }));
+    const chosen = this.store.take.plan?.gestures?.find((each) => each.id === gesture);
+    if (chosen !== undefined && (await removeGesture(this.store, this.takes, chosen))) this.store.update({ gesture: null });
   }
 
   /** Ask for a gesture that is added at a time, or for other values of one that is there. */
@@ -137,12 +134,7 @@ export class EditPanel {
     find("gestures").hidden = !model.takes_gestures;
     find("edit-hint").hidden = selection !== null || !edits;
     find("select-tools").hidden = take.plan === null;
-    const focused = document.activeElement;
-    for (const id of ["change-gesture", "remove-gesture"]) {
-      const button = find<HTMLButtonElement>(id);
-      if (chosen === undefined && focused === button) find("add-gesture").focus();
-      button.disabled = chosen === undefined;
-    }
+    for (const id of ["change-gesture", "remove-gesture"]) enable(id, chosen !== undefined, "add-gesture");
     const lock = find<HTMLButtonElement>("lock");
     lock.disabled = chosen === undefined;
     lock.textContent = chosen && take.plan && isLocked(take.plan, chosen) ? "Unlock all" : "Lock";

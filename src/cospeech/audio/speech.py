@@ -13,33 +13,33 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import reduce
 from math import isfinite
 from numbers import Rational
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import InputError, say_count
 from ..files import regular_file
 from ..limits import SECONDS_IN_MEMORY, SOUND_RATES, SPEECH_RATES
+from .channels import ChannelMerge
 from .decoding import SoundDecoder
 from .languages import with_language
 from .word import Word, check_words
 
-__all__ = ["Speech", "SpeechSource", "Word", "count_frames", "example", "open_speech", "shift_times"]
+__all__ = ["Speech", "SpeechSource", "Word", "add_words", "count_frames", "example", "open_speech", "shift_times"]
 
 Samples = NDArray[np.float32]
 File = str | PathLike[str]
+Source = TypeVar("Source", bound="SpeechSource")
 
 RATE = 16_000  # Hz; what the features are computed at (wideband speech)
 SPARE = 1  # second by which a speech may be said to be longer than its samples; ours: encoders pad and cut
 LOUDEST = 100.0  # ours: +40 dB over full scale; floats beyond were not scaled to -1 … 1
-AUDIBLE = 1e-3  # ours: RMS of -60 dBFS, above the noise floor of most microphones
-CANCELLED = 0.14  # ours: of what the mean of as many unrelated channels would have; for two, 20 dB below the louder one
 FPS_DENOMINATOR = 1_001_000  # exact for 30000/1001 and for three decimals
 
 
@@ -214,7 +214,15 @@ def open_speech(path: File, *, transcript: File | None = None, rate: int = RATE,
     Raises:
         InputError: there is no such file, it is not sound, its rate is out of range, or the language is unknown.
     """
-    source = SpeechSource(path, rate)
+    return add_words(SpeechSource(path, rate), transcript, language)
+
+
+def add_words(source: Source, transcript: File | None, language: str = "") -> Source:
+    """The same source, with the words of a transcript; it is closed where they cannot be read.
+
+    Raises:
+        InputError: the transcript cannot be read, or the language is unknown.
+    """
     try:
         if transcript is not None:
             from .transcripts import load_speech_words
@@ -236,6 +244,11 @@ def example() -> tuple[Path, Path]:
 class SpeechSource:
     """A sound file being read; made by `open_speech`. A context manager: leaving it ends the decoder.
 
+    Args:
+        path: of the file.
+        rate: of the blocks that come out.
+        channel: the one that is read, from 0 on; all are merged where not given.
+
     Attributes:
         name: the file's name.
         rate: of the blocks that come out.
@@ -245,8 +258,8 @@ class SpeechSource:
         words: from the transcript; None without one.
     """
 
-    def __init__(self, path: str | PathLike[str], rate: int = RATE) -> None:
-        self.path, self.rate = regular_file(path), _check_rate(rate)
+    def __init__(self, path: str | PathLike[str], rate: int = RATE, channel: int | None = None) -> None:
+        self.path, self.rate, self._channel = regular_file(path), _check_rate(rate), channel
         self.name = Path(path).name
         self.words: tuple[Word, ...] | None = None
         self.source_frames: int | None = None
@@ -254,6 +267,8 @@ class SpeechSource:
         self._fresh = True
         try:
             self.source_rate, self.channels, claim = self._decoder.header()
+            if channel is not None and not 0 <= channel < self.channels:
+                raise InputError(f"channel {channel + 1} of {self.name!r}", f"it has {say_count(self.channels, 'channel')}")
         except BaseException:
             self.close()
             raise
@@ -293,7 +308,7 @@ class SpeechSource:
 
     def _mono(self, decoder: SoundDecoder) -> Iterator[Samples]:
         """Checked blocks, channels merged. Sets source_frames at the end."""
-        frames, merge = 0, _Merge(self.channels, self.source_rate)
+        frames, merge = 0, ChannelMerge(self.channels, self.source_rate, self._channel)
         for raw in decoder.blocks():
             block = np.frombuffer(raw, np.float32).reshape(-1, self.channels)
             _check_samples(block, self.name, frames, self.source_rate)
@@ -332,37 +347,6 @@ class SpeechSource:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
-
-
-class _Merge:
-    """Channels to one, in a stream: the mean, or the loudest if they cancel out (decided once, in the first audible second)."""
-
-    def __init__(self, channels: int, rate: int) -> None:
-        self.channels, self.rate = channels, rate
-        self.pick: int | None = None  # -1: mean
-        self.waiting: list[NDArray[np.float32]] = []
-
-    def push(self, block: NDArray[np.float32]) -> Iterator[Samples]:
-        if self.channels == 1:
-            yield block[:, 0]
-            return
-        self.waiting.append(block)
-        if self.pick is not None or sum(map(len, self.waiting)) >= self.rate:
-            yield from self.flush()
-
-    def flush(self) -> Iterator[Samples]:
-        if not self.waiting:
-            return
-        block = np.concatenate(self.waiting) if len(self.waiting) > 1 else self.waiting[0]
-        self.waiting = []
-        mean = reduce(np.add, block.T) / np.float32(self.channels)  # not through BLAS: the same bits on any number of threads
-        if self.pick is None:
-            loudness = np.sqrt(np.mean(np.square(block), axis=0))
-            if loudness.max() > AUDIBLE:
-                unrelated = loudness.max() / np.sqrt(self.channels)
-                cancelled = np.sqrt(np.mean(np.square(mean))) < CANCELLED * unrelated
-                self.pick = int(loudness.argmax()) if cancelled else -1
-        yield mean if self.pick in (None, -1) else np.ascontiguousarray(block[:, self.pick])
 
 
 def _check_rate(rate: object) -> int:

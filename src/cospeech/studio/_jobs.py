@@ -21,7 +21,7 @@ from cospeech.audio.worker import requests, send_json
 from cospeech.errors import CospeechError, InputError
 from cospeech.export import check_parts, format_of, open_writer
 from cospeech.export import load as load_motion
-from cospeech.generate import writer_keywords
+from cospeech.export.take_files import writer_keywords
 from cospeech.models import DEFAULT, ENTRIES, MODELS, Model, find_bundle, load
 from cospeech.motion.motion import Motion
 from cospeech.rules.options import GenerationOptions

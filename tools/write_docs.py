@@ -24,6 +24,7 @@ ROOT = Path(__file__).resolve().parents[1]
 NAVIGATION = ROOT / "mkdocs.yml"
 COMMANDS = (
     "generate",
+    "dialogue",
     "stream",
     "convert",
     "render",

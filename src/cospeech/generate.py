@@ -24,11 +24,12 @@ from .audio.emotions import EmotionTrack, read_emotion
 from .audio.forced_alignment import align_with_recogniser
 from .audio.languages import check_language, with_language
 from .audio.level import note_level
-from .audio.speech import Speech, Word, count_frames, open_speech
+from .audio.speech import Speech, SpeechSource, count_frames, open_speech
 from .audio.speech_chunks import speech_chunks
 from .errors import CospeechWarning, InputError
-from .export import FORMATS, Writer, check_parts, format_of, open_writer
+from .export import FORMATS, check_parts
 from .export.checks import File, check_apart, check_avatar, check_files, check_map, check_skeleton, note_idle_gain
+from .export.take_files import write_takes, writer_keywords
 from .export.target_skeleton import rig_files
 from .face.graphemes import note_unread_words
 from .files import all_or_none
@@ -43,11 +44,12 @@ from .runtime.motion_switch import keep_stretches
 from .runtime.report import Report, describe_language
 from .runtime.styles.style import example_files, read_clip_by_map
 
-__all__ = ["check_request", "generate_files", "open_live_session", "take_path", "writer_keywords"]
+__all__ = ["check_request", "generate_files", "open_live_session", "take_path"]
 
 if TYPE_CHECKING:
     from .export.avatar import Avatar
     from .rules.plan_edits import Plan
+    from .runtime.listening import DialogueRole
     from .runtime.live_session import LiveSession
 
 StyleLike = str | PathLike[str] | Motion | Mapping[str | PathLike[str] | Motion, float] | None
@@ -65,6 +67,7 @@ def generate_files(
     plan_edits: PlanCommands = NO_EDITS, keep: str = "", keep_from: MotionLike = None, skeleton: File | Skeleton = "humanoid",
     bone_map: File | None = None, fps: float = 30.0, tail: float = 0.0, avatar: File | None = None, report: File | None = None,
     special: Mapping[str, Mapping[str, object]] | None = None, progress: Progress | None = None, loaded: Model | None = None,
+    role: DialogueRole | None = None,
 ) -> Report:  # fmt: skip
     """Generate motion for a sound file, and write it.
 
@@ -102,6 +105,7 @@ def generate_files(
         special: suffix → keywords for the writer of that format, as ``{".bvh": {"units": "m"}}``.
         progress: called with (seconds done, seconds in all or None).
         loaded: the model itself, where it is loaded already; ``model`` is its name then.
+        role: who this is in a conversation; the voice is that of the role, and it listens while the other one speaks.
 
     Raises:
         InputError: something given cannot be used; nothing has been written.
@@ -126,7 +130,7 @@ def generate_files(
     loaded = _check_parts(loaded or load_model(model), model, options, files)
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *(Path(path) for path in (report, plan_out) if path)]))
-        source = stack.enter_context(open_speech(audio, transcript=transcript, language=language))
+        source = stack.enter_context(_open_source(role, audio, transcript, language))
         if old:
             old.check_length(source.expected_seconds, tail)
         source.words = with_language(align_with_recogniser(audio), language) if transcribe else source.words
@@ -138,13 +142,12 @@ def generate_files(
             staged = [[place(take_path(path, take + 1, takes)) for path in files] for take in group]
             heard = speech_chunks(source, silence)
             made = _play_takes(performance, heard if group.start else note_level(heard, source.name))
-            expected = None if source.expected_seconds is None else source.expected_seconds + tail
-            moving = _with_progress(old.over(made) if old else made, progress, group.start, takes, expected)
-            counts |= _write_all(moving, staged, target, options.fps, keywords)
+            made = role.listen(made, options, group) if role else made
+            moving = _with_progress(old.over(made) if old else made, progress, group.start, takes, source, tail)
+            counts |= write_takes(moving, staged, target, options.fps, keywords)
         assert source.duration is not None
         seconds, wanted = float(source.duration + silence), count_frames(source.duration + silence, options.fps)
-        if counts != {wanted}:
-            raise RuntimeError(f"{model} made {sorted(counts)} frames of {seconds} s, {wanted} were due")
+        _check_counts(counts, wanted, model)
         result = Report(
             model=model, speech=source.name, speech_seconds=seconds, frames=wanted, fps=options.fps, seed=options.seed,
             takes=takes, realtime_factor=(time.perf_counter() - began) / (seconds * takes), emotion=performance.emotion,
@@ -156,6 +159,11 @@ def generate_files(
         if report:
             place(Path(report)).write_text(result.to_json(), "utf-8")
     return result
+
+
+def _open_source(role: DialogueRole | None, audio: File, transcript: File | None, language: str) -> SpeechSource:
+    """The speech of a file, or of one person in a conversation."""
+    return role.open(transcript, language) if role else open_speech(audio, transcript=transcript, language=language)
 
 
 def _list_gestures(
@@ -231,6 +239,7 @@ def open_live_session(
     *,
     emotion: str | PathLike[str] | EmotionTrack = "auto",
     idle_after: float | None = None,
+    angle: float = 0.0,
     **options: Any,
 ) -> LiveSession:
     """A session whose frames somebody watches while the speech goes on, for hours: it is interrupted, idles and is steered.
@@ -241,7 +250,7 @@ def open_live_session(
     Args:
         model: a name, a bundle or a run, as of `generate_files`; or a model.
         emotion: see `generate_files`.
-        idle_after: see `LiveSession`.
+        idle_after, angle: see `LiveSession`.
         options: of `GenerationOptions`.
 
     Raises:
@@ -257,7 +266,7 @@ def open_live_session(
     given = GenerationOptions.from_keywords({**usual, "emotion": read_emotion(emotion)[0], **options})
     if "rests" not in options and not (given.look_ahead is None and "face" in given.parts):
         given = replace(given, rests=False)  # they would wait for longer than anything else does
-    return LiveSession(opened, given, idle_after=idle_after)
+    return LiveSession(opened, given, idle_after=idle_after, angle=angle)
 
 
 def _passes(loaded: Model, options: GenerationOptions) -> Iterator[tuple[range, GenerationSession]]:
@@ -275,10 +284,16 @@ def _play_takes(performance: GenerationSession, chunks: Iterable[Speech]) -> Ite
     yield from performance.finish_takes()
 
 
+def _check_counts(counts: set[int], wanted: int, model: str) -> None:
+    if counts != {wanted}:
+        raise RuntimeError(f"{model} made {sorted(counts)} frames, {wanted} were due")
+
+
 def _with_progress(
-    moving: Iterator[list[Motion]], progress: Progress | None, before: int, takes: int, seconds: float | None
+    moving: Iterator[list[Motion]], progress: Progress | None, before: int, takes: int, source: SpeechSource, tail: float
 ) -> Iterator[list[Motion]]:
     """The same stream, and the listener of progress is told; ``before`` of the takes were played in earlier passes."""
+    seconds = None if source.expected_seconds is None else source.expected_seconds + tail
     for pieces in moving:
         yield pieces
         if progress is not None:
@@ -287,57 +302,6 @@ def _with_progress(
                 progress(done, None)
             else:
                 progress(done * len(pieces) + before * seconds, seconds * takes)
-
-
-def _write_all(
-    moving: Iterator[list[Motion]],
-    takes: list[list[Path]],
-    target: Skeleton | None,
-    fps: float,
-    keywords: Mapping[str, Mapping[str, object]],
-) -> set[int]:
-    """Write a stream of takes, each to its files, all at once; how many frames they have: one number, if all is well."""
-    counts, writers = [0] * len(takes), list[Writer]()
-    paths = [path for files in takes for path in files]
-    any_skeleton = {path: format_of(path).any_skeleton for path in paths}
-    with ExitStack() as stack:
-        for pieces in moving:
-            others = pieces if target is None else [piece.retarget(target) for piece in pieces]
-            kept = [
-                other if any_skeleton[path] else piece
-                for piece, other, files in zip(pieces, others, takes, strict=True)
-                for path in files
-            ]
-            if not writers:
-                for path, motion in zip(paths, kept, strict=True):
-                    more = keywords.get(path.suffix.lower(), {})
-                    writer = open_writer(path, skeleton=motion.skeleton, fps=fps, **more)
-                    writers.append(stack.enter_context(writer))
-            for writer, motion in zip(writers, kept, strict=True):
-                writer.write(motion)
-            counts = [count + len(piece) for count, piece in zip(counts, pieces, strict=True)]
-    return set(counts)
-
-
-def writer_keywords(
-    files: Sequence[Path],
-    audio: File,
-    avatar: Avatar | File | None,
-    special: Mapping[str, Mapping[str, object]],
-    words: tuple[Word, ...] | None,
-) -> dict[str, dict[str, object]]:
-    """Suffix → what the writer of that format is given beside skeleton and fps."""
-    keywords: dict[str, dict[str, object]] = {}
-    for suffix in {path.suffix.lower() for path in files}:
-        own, entry = keywords.setdefault(suffix, {}), FORMATS[suffix]
-        if entry.sound:
-            own["audio"] = audio
-        if entry.words and words:
-            own["words"] = list(words)
-        if entry.wears_avatar and avatar is not None:
-            own["avatar"] = avatar
-        own |= special.get(suffix, {})
-    return keywords
 
 
 def _style_text(style: StyleLike) -> str:

@@ -308,3 +308,46 @@ def test_the_end_of_the_sound_is_made_in_short_steps(monkeypatch, paced):
     assert asked[0] == 0
     assert sum(asked) == pytest.approx(1.5 if paced else 0.0)
     assert max(asked) <= 0.1
+
+
+@pytest.mark.slow
+def test_a_character_listens_to_its_partner(tmp_path):
+    """Six seconds of silence on standard input, and speech of a partner: the head nods as it does not alone."""
+    import soundfile
+
+    speech = Speech.load(example()[0]).window(0, 5.0)
+    soundfile.write(tmp_path / "partner.wav", speech.samples, speech.rate)
+    silence = np.zeros(6 * 8000, "<i2").tobytes()
+    command = [*COMMAND, "-i", "-", "--rate", "8000", "--to", "-", "--fps", "30", "--quiet", "--seed", "3"]
+    heads = []
+    for more in ([], ["--partner", "partner.wav"]):
+        done = subprocess.run([*command, *more], cwd=tmp_path, input=silence, capture_output=True, check=True)
+        start, frames, _ = lines(done.stdout)
+        heads.append(np.array([frame["rotations"][start["joints"].index("head")][0] for frame in frames[:170]]))
+    assert len(heads[0]) == len(heads[1]) == 170
+    difference = np.degrees(2 * np.abs(heads[1] - heads[0]))
+    assert difference[:20].max() < 1, "nothing was said yet"
+    assert difference.max() > 1.3, "seven tenths of the smallest nod are 2.1"
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["-i", "mic", "--partner", "mic"], "--partner and --input are both 'mic'"),
+        (["-i", "talk.wav", "--partner", "-", "--control", "-"], "--partner and --control are both '-'"),
+        (["-i", "-", "--partner", "vmc://127.0.0.1:39539"], "cannot hear sound from 'vmc://127.0.0.1:39539'"),
+        (["-i", "-", "--partner", "mic", "--unpaced"], "--unpaced with --partner"),
+        (["-i", "-", "--angle", "20"], "--angle without --partner"),
+        (["-i", "-", "--partner", "other.wav", "--angle", "90"], "an angle of 90 degrees"),
+        (["-i", "talk.wav", "--partner", "missing.wav"], "'missing.wav'"),
+    ],
+)
+def test_a_partner_that_cannot_be_heard_is_told(cli, given, said, tmp_path, monkeypatch):
+    import soundfile
+
+    monkeypatch.chdir(tmp_path)
+    for name in ("talk.wav", "other.wav"):
+        soundfile.write(name, np.zeros(1000), 16_000)
+    code, _, err = cli("stream", *given)
+    assert code == 2
+    assert said in err

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import shlex
 import signal
 import sys
 from collections.abc import Callable
@@ -36,7 +37,7 @@ def type_command(line: str, place: Path, code: int = 0) -> tuple[str, str]:
     from cospeech.cli.main import main
 
     said, told, before = io.StringIO(), io.StringIO(), signal.getsignal(signal.SIGTERM)
-    arguments = ["cospeech", *line.removeprefix("cospeech ").split()]
+    arguments = ["cospeech", *shlex.split(line.removeprefix("cospeech "))]
     with contextlib.ExitStack() as stack:
         stack.callback(signal.signal, signal.SIGTERM, before)
         for context in (contextlib.chdir(place), contextlib.redirect_stdout(said), contextlib.redirect_stderr(told)):

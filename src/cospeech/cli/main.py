@@ -21,6 +21,7 @@ from ..errors import CospeechError, CospeechWarning, InputError, InternalError, 
 from ..models import DEFAULT, PARTS
 from . import convert as cli_convert
 from . import corpora as cli_corpora
+from . import dialogue as cli_dialogue
 from . import evaluate as cli_evaluate
 from . import robot as cli_robot
 from . import stream as cli_stream
@@ -66,7 +67,7 @@ from .standard_streams import ready_streams
 if TYPE_CHECKING:
     from ..runtime.report import Report, Reports
 
-__all__ = ["app", "main"]
+__all__ = ["app", "main", "show_outputs"]
 
 INTERRUPTED = 130  # 128 + SIGINT, as shells say
 ALL_PARTS = ",".join(PARTS)
@@ -133,7 +134,7 @@ def generate(
             progress=progress, plan=plan, plan_out=plan_out, plan_edits=edits, keep=stretches, keep_from=old, jobs=jobs,
         )  # fmt: skip
     if not quiet:
-        _show_outputs(results.speeches)
+        show_outputs(results.speeches)
     if results.failed:
         raise _failure(results)
 
@@ -184,7 +185,7 @@ def demo(folder: Folder = Path("demo"), quiet: Quiet = False, debug: Debug = Fal
     with show_progress("making the demo", quiet) as progress:
         result = make_demo(folder, progress=progress)
     if not quiet:
-        _show_outputs([result])
+        show_outputs([result])
 
 
 @app.command()
@@ -215,7 +216,7 @@ def bench(
         print(f"{row['what']:<{width}}  {row['value']:>9.4g} {row['unit']:<4}  {row['note']}")
 
 
-def _show_outputs(results: list[Report]) -> None:
+def show_outputs(results: list[Report]) -> None:
     """The files, and where each kind goes, once per kind."""
     from ..export import format_of
 
@@ -236,6 +237,7 @@ def _show_outputs(results: list[Report]) -> None:
 
 cli_convert.register(app)
 cli_corpora.register(app)
+cli_dialogue.register(app)
 cli_evaluate.register(app)
 cli_robot.register(app)
 cli_stream.register(app)

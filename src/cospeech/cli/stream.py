@@ -30,7 +30,7 @@ from .options import (
     option,
     whole,
 )
-from .stream_sources import check_sources, is_live, open_pieces
+from .stream_sources import check_partner, check_sources, hear_partner, is_live, open_pieces
 
 if TYPE_CHECKING:
     from ..audio.speech import Speech
@@ -117,6 +117,24 @@ IdleAfter = Annotated[
         "Where it is not given: 3 s of live sound, never for a file.",
     ),
 ]
+Partner = Annotated[
+    str | None,
+    option(
+        "--partner",
+        metavar="SOURCE",
+        help="Sound of the person who talks to the character, from the same kinds of sources as --input, with its --rate and "
+        "--samples. While that person speaks, and the character does not, the character listens: it nods now and then.",
+    ),
+]
+PartnerAngle = Annotated[
+    float,
+    option(
+        "--angle",
+        metavar="DEGREES",
+        parser=number,
+        help="Where the person of --partner is, seen by the character: 0 is straight ahead, 60 to its left, -60 to its right.",
+    ),
+]
 LookAhead = Annotated[
     float | None,
     option(
@@ -157,6 +175,8 @@ def stream(
     words: Words = None,
     control: Control = None,
     idle_after: IdleAfter = None,
+    partner: Partner = None,
+    angle: PartnerAngle = 0.0,
     look_ahead: LookAhead = None,
     rate: Rate = 16_000,
     samples: Kind = "s16",
@@ -172,6 +192,7 @@ def stream(
     cospeech stream --input mic --to vmc://127.0.0.1:39539
     cospeech stream --input talk.wav --to listen://127.0.0.1:8765 --fps 60
     my_tts | cospeech stream -i - --words words.pipe --to listen://127.0.0.1:8765
+    my_tts | cospeech stream -i - --partner mic --to vmc://127.0.0.1:39539
     """
     from ..audio.live_sources import PIECE
     from ..export.live.pacing import MARGIN, SHORT_MARGIN, FramePacer
@@ -179,14 +200,13 @@ def stream(
     from ..generate import open_live_session
 
     check_sources(source, control, transcript, words, language, rate, samples)
-    bones = _read_map(names, avatar)
-    tell = _say_nothing if quiet else _tell
+    bones, tell = _read_map(names, avatar), _say_nothing if quiet else _tell
     wanted = tuple(part.strip() for part in parts.split(","))
     _check_options(context, source, to, wanted, face_gain)
     try:
         session = open_live_session(
             model, style=style, emotion=emotion, seed=seed, temperature=temperature, intensity=intensity, parts=wanted,
-            face_gain=face_gain, fps=fps, look_ahead=look_ahead,
+            face_gain=face_gain, fps=fps, look_ahead=look_ahead, angle=angle,
             idle_after=_SILENCE if idle_after is None and is_live(source) else idle_after,
         )  # fmt: skip
     except InputError as error:  # of the library, which calls options as Python does
@@ -195,15 +215,19 @@ def stream(
         session.warm_up()
     margin = MARGIN if look_ahead is None else SHORT_MARGIN
     delay = session.latency + PIECE + margin
-    settings = StreamSettings(fps, delay, wanted, None if avatar is None else Path(avatar), bones)
     with ExitStack() as stack:
         pieces, controls = open_pieces(
             stack, source, transcript, words, control, rate=rate, kind=samples, slack=margin / 2, unpaced=unpaced, tell=tell,
             language=language)  # fmt: skip
-        outlets = _open_outlets(stack, to, settings, tell)
+        outlets = _open_outlets(stack, to, StreamSettings(fps, delay, wanted, avatar, bones), tell)
+        hear_partner(stack, partner, session.listener, rate=rate, kind=samples, tell=tell)
         pacer = FramePacer(outlets, delay, paced=not unpaced)
         tell(f"listening to {source}; frames leave {delay:.2f} s after their sound (Ctrl-C ends)")
         _play_to_the_end(session, pieces, partial(controls.steer, session), pacer, tell)
+    _fail_without_receiver(outlets)
+
+
+def _fail_without_receiver(outlets: Sequence[Outlet]) -> None:
     if any(outlet.dropped for outlet in outlets) and not any(outlet.sent for outlet in outlets):
         raise InternalError("no receiver got a frame", "are the addresses right, and do the receivers run?")
 
@@ -227,8 +251,12 @@ def _check_options(context: typer.Context, source: str, to: Sequence[str], parts
         raise InputError(f"--to {twice!r} is given twice", "name each receiver once")
     if not any(scheme_of(address) == "vmc" for address in to):
         check_idle(context, ("avatar",), "without a vmc:// receiver")
-    if not is_live(source):
+    partner = context.params["partner"]
+    check_partner(partner, source, context.params["control"], context.params["unpaced"])
+    if not is_live(source) and not (partner and is_live(partner)):
         check_idle(context, ("rate", "samples"), "beside a sound file")
+    if partner is None:
+        check_idle(context, ("angle",), "without --partner")
     note_idle_gain(face_gain, parts, "no face is made")
 
 

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from ..audio.speech import Speech
     from ..audio.waiting_sound import WaitingSound
     from ..audio.waiting_words import WaitingWords
+    from ..runtime.live_listener import LiveListener
 
-__all__ = ["check_sources", "is_live", "open_pieces"]
+__all__ = ["check_partner", "check_sources", "hear_partner", "is_live", "open_pieces"]
 
 _RATES = (8_000, 192_000)  # samples per second of raw sound that can be said
 _WORDS_LINE = 16 << 20  # bytes of a line of --words [ours: with a minute of sound in base64, which some services put there]
@@ -39,8 +40,7 @@ def check_sources(
     from ..export.live.addresses import SOURCES, scheme_of
 
     addresses = ", ".join(f"{scheme}://HOST:PORT" for scheme in SOURCES)
-    if scheme_of(source) and not is_live(source):
-        raise InputError(f"cannot hear sound from {source!r}", f"known: mic, a sound file, -, {addresses}")
+    _check_sound(source)
     if control is not None and control != "-" and scheme_of(control) not in SOURCES:
         raise InputError(f"cannot hear messages from {control!r}", f"known: -, {addresses}")
     if samples not in FORMATS:
@@ -54,6 +54,35 @@ def check_sources(
         raise InputError("a transcript of the microphone", "nobody knows yet when words are spoken: leave out --transcript")
     if words is not None:
         _check_words(words, source)
+
+
+def _check_sound(source: str) -> None:
+    """See that sound can come from there.
+
+    Raises:
+        InputError: it is an address of another kind.
+    """
+    from ..export.live.addresses import SOURCES, scheme_of
+
+    if scheme_of(source) and not is_live(source):
+        addresses = ", ".join(f"{scheme}://HOST:PORT" for scheme in SOURCES)
+        raise InputError(f"cannot hear sound from {source!r}", f"known: mic, a sound file, -, {addresses}")
+
+
+def check_partner(partner: str | None, source: str, control: str | None, unpaced: bool) -> None:
+    """See that the person who talks to the character can be heard beside its own speech.
+
+    Raises:
+        InputError: that person cannot.
+    """
+    if partner is None:
+        return
+    _check_sound(partner)
+    if partner in (source, control):
+        flag = "--input" if partner == source else "--control"
+        raise InputError(f"--partner and {flag} are both {partner!r}", "each comes from a source of its own")
+    if unpaced:
+        raise InputError("--unpaced with --partner", "two sounds keep together by the clock; leave out --unpaced")
 
 
 def _check_words(path: str, source: str) -> None:
@@ -108,7 +137,7 @@ def open_pieces(
         pieces = _pieces_of_file(stack, source, transcript, language, unpaced)
     else:
         _open_words(transcript, language, words, waiting_words, tell)
-        blocks = _open_blocks(stack, source, rate, kind, controls, tell)
+        blocks = _open_blocks(stack, source, rate, kind, controls.put, tell)
         pieces = _see_that_sound_comes(pace_pieces(blocks, rate, slack=slack, waiting=waiting), waiting)
     if control is not None:
         _open_control(stack, control, controls, tell)
@@ -138,10 +167,38 @@ def _see_that_sound_comes(pieces: Iterator[Speech], waiting: WaitingSound) -> It
         raise InputError("the input ended without sound", "send samples to it before you end it")
 
 
+def hear_partner(
+    stack: ExitStack, source: str | None, listener: LiveListener, *, rate: int, kind: str, tell: Callable[[str], None]
+) -> None:
+    """Have a character hear, in a thread, who talks to it, if anybody does; what is opened is closed with ``stack``.
+
+    Raises:
+        InputError: the source cannot be opened.
+    """
+    from ..audio.live_sources import pace_pieces
+
+    if source is None:
+        return
+    if is_live(source):
+        blocks = _open_blocks(stack, source, rate, kind, lambda text: tell("partner: texts are not heard, only sound"), tell)
+        pieces = pace_pieces(blocks, rate)
+    else:
+        pieces = _pieces_of_file(stack, source, None, "", unpaced=False)
+    _start(_collect_partner, pieces, listener, tell)
+
+
+def _collect_partner(pieces: Iterator[Speech], listener: LiveListener, tell: Callable[[str], None]) -> None:
+    try:
+        for piece in pieces:
+            listener.hear(piece)
+    except (InputError, OSError) as error:
+        tell(f"partner: {error}; nobody is heard any more")
+
+
 def _open_blocks(
-    stack: ExitStack, source: str, rate: int, kind: str, controls: LiveControls, tell: Callable[[str], None]
+    stack: ExitStack, source: str, rate: int, kind: str, put: Callable[[str], object], tell: Callable[[str], None]
 ) -> Iterator[Any]:
-    """Samples as they come; texts of a WebSocket are messages that steer."""
+    """Samples as they come; texts of a WebSocket are put elsewhere."""
     from ..audio.live_sources import read_microphone, read_websocket
 
     def note(text: str) -> None:
@@ -153,7 +210,7 @@ def _open_blocks(
         return _read_stdin(rate, kind, note)
     from ..export.live.receiver import open_receiver
 
-    return read_websocket(stack.enter_context(open_receiver(source, note)), kind, controls.put, note=note)
+    return read_websocket(stack.enter_context(open_receiver(source, note)), kind, put, note=note)
 
 
 def _read_stdin(rate: int, kind: str, note: Callable[[str], None]) -> Iterator[Any]:

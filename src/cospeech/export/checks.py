@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -99,7 +99,7 @@ def check_files(audio: File, outputs: list[Path], inputs: list[File], report: Fi
     check_apart([*outputs, *([Path(report)] if report else [])], [audio, *inputs])
 
 
-def check_apart(outputs: list[Path], inputs: list[File]) -> None:
+def check_apart(outputs: Sequence[Path], inputs: Sequence[File]) -> None:
     """No output would overwrite what is read, or another output."""
     seen: dict[str, str] = {os.path.realpath(path): "what is read" for path in inputs}
     for path in outputs:

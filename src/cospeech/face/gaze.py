@@ -21,8 +21,8 @@ from ..motion.skeleton import humanoid
 from ..motion.skeletons.arkit import ARKIT_INDEX
 
 __all__ = [
-    "LISTENER", "Gaze", "GazePlanner", "Saccade", "complete_looks", "direction_of", "eye_angles", "look", "read_looks",
-    "toward", "write_looks",
+    "LISTENER", "Gaze", "GazePlanner", "Saccade", "complete_looks", "direction_of", "eye_angles", "head_rotation",
+    "limit_eyes", "look", "read_looks", "toward", "write_looks",
 ]  # fmt: skip
 
 LISTENER = 2.0
@@ -146,6 +146,15 @@ def _chain() -> tuple[list[int], list[int]]:
     return [joint[n] for n in ("hips", "spine", "chest", "upperChest", "neck", "head")], [joint["leftEye"], joint["rightEye"]]
 
 
+def head_rotation(rotations: Array) -> Array:
+    """(N, 4) of the head in the world, of a body (N, J, 4) of our humanoid."""
+    locals_ = rotations[:, _chain()[0]].astype(float)
+    head = locals_[:, 0]
+    for k in range(1, locals_.shape[1]):
+        head = quat_multiply(head, locals_[:, k])
+    return head
+
+
 def eye_angles(rotations: Array, root: Array, gaze: Array) -> Array:
     """How both eyes stand in a head, so that they look where it is planned.
 
@@ -157,20 +166,22 @@ def eye_angles(rotations: Array, root: Array, gaze: Array) -> Array:
     Returns:
         (N, 2, 2) radians: left and right eye; yaw to the left and pitch up. Both meet at the distance of the listener.
     """
-    locals_ = rotations[:, _chain()[0]].astype(float)
-    head = locals_[:, 0]
-    for k in range(1, locals_.shape[1]):
-        head = quat_multiply(head, locals_[:, k])
+    head = head_rotation(rotations)
     moved = root.astype(float) - humanoid().offsets[0]
     yaw, up = gaze[:, 0] + np.arctan2(-moved[:, 0], LISTENER - moved[:, 2]), gaze[:, 1]
     aim = np.stack([np.sin(yaw) * np.cos(up), np.sin(up), np.cos(yaw) * np.cos(up)], -1)
     aim = quat_rotate(quat_conjugate(head), aim)
     angles = np.stack([np.arctan2(aim[:, 0], aim[:, 2]), np.arcsin(clip(aim[:, 1], -1.0, 1.0))], -1)
-    size, free = np.abs(angles), _FREE * _LIMIT
-    beyond = np.maximum(size - free, 0.0)
-    angles = np.sign(angles) * (np.minimum(size, free) + (_LIMIT - free) * np.tanh(beyond / (_LIMIT - free)))
+    angles = limit_eyes(angles)
     inward = np.arctan(_EYE / LISTENER)
     return np.stack([angles - [inward, 0.0], angles + [inward, 0.0]], 1)
+
+
+def limit_eyes(angles: Array) -> Array:
+    """(…, 2) yaw and pitch of an eye in the head, radians, as far as eyes turn."""
+    size, free = np.abs(angles), _FREE * _LIMIT
+    beyond = np.maximum(size - free, 0.0)
+    return np.asarray(np.sign(angles) * (np.minimum(size, free) + (_LIMIT - free) * np.tanh(beyond / (_LIMIT - free))))
 
 
 def look(rotations: Array, angles: Array) -> Array:

@@ -22,6 +22,7 @@ from ..rules.options import GenerationOptions
 from ..rules.session import Session
 from ..rules.stance_layer import SEATED
 from ..rules.styles import STYLES, Style, find_style
+from .nods import nod_curve
 from .pose_transition import PoseTransition
 
 __all__ = ["LONGEST", "TO_REST", "IdleSource", "append_idle", "find_seated_style", "nod_angles"]
@@ -34,7 +35,7 @@ TO_REST = 1.5
 _PIECE = 0.1  # seconds of silence that are heard at once: a tick of the rules
 _SLOT = 9.0  # seconds in which there is one row of nods, or none [ours: listeners nod some six times a minute]
 _CHANCE = 0.75  # that there is one [ours]
-_NOD, _LESS = 0.42, 0.65  # seconds of a nod, and the size of each after the first [ours, as nods on accents in the rules]
+_NOD = 0.42  # seconds of a nod [ours, as nods on accents in the rules]
 _SIZE = (2.5, 5.5)  # degrees [ours: small nods of listeners]
 _BLINKS = 15.0  # a minute, and some more as the gaze moves: people at rest blink 17 times (Bentivoglio et al. 1997)
 _STREAM = 7703  # of the hash
@@ -108,7 +109,4 @@ def nod_angles(seed: int, times: Array) -> Array:
     begin = (slot + 0.05 + 0.6 * drawn[0]) * _SLOT
     count = 1 + np.floor(3 * drawn[1])
     size = np.radians(_SIZE[0] + (_SIZE[1] - _SIZE[0]) * drawn[2]) * (drawn[3] < _CHANCE)
-    u = (times - begin) / _NOD
-    number = np.floor(u)
-    inside = (u >= 0) & (number < count)
-    return np.where(inside, size * _LESS ** np.clip(number, 0, 3) * np.sin(np.pi * (u - number)) ** 2, 0.0)
+    return nod_curve(times, begin, count, size, _NOD)

@@ -31,6 +31,7 @@ from ..rules.options import GenerationOptions
 from ..rules.session import Session
 from ..rules.streaming import check_speech, in_short
 from .idle import LONGEST, IdleSource, find_seated_style
+from .live_listener import LiveListener
 from .one_at_a_time import one_at_a_time
 from .part_fades import PartFades
 from .pose_transition import PoseTransition
@@ -61,12 +62,13 @@ class LiveSession:
         options: of `GenerationOptions`; one take. An emotion that is a track begins anew with every utterance.
         idle_after: seconds of silent sound after which the rules idle in the place of the model; None: the model plays
             silence, too.
+        angle: of who speaks to the character, see `LiveListener`.
 
     Raises:
         InputError: an option is out of range or a name unknown.
     """
 
-    def __init__(self, model: Any, options: GenerationOptions, *, idle_after: float | None = None) -> None:
+    def __init__(self, model: Any, options: GenerationOptions, *, idle_after: float | None = None, angle: float = 0.0) -> None:
         if options.takes != 1:
             raise InputError(f"{options.takes} takes in a live session", "open one session for each")
         self.lock = RLock()  # of `one_at_a_time`
@@ -95,12 +97,19 @@ class LiveSession:
         self._last: Motion | None = None  # one or two frames
         self._transition: PoseTransition | None = None
         self._steered = False
+        self.listener = LiveListener.of(options, angle, lambda: self.speaks)
+        """Hears who speaks to the character: ``session.listener.hear(samples, 16000)``, from any thread."""
         self._fades = PartFades(tuple(part for part in options.parts if part in model.makes), options.fps)
 
     @property
     def time(self) -> float:
         """Seconds on the clock: all that was pushed. The next sound is at this time."""
         return float(self._time)
+
+    @property
+    def speaks(self) -> bool:
+        """Whether there is sound, or was half a second ago."""
+        return self._speaking is not None and self._quiet <= _BEFORE
 
     @property
     def emotion(self) -> dict[str, float]:
@@ -111,8 +120,6 @@ class LiveSession:
     def arousal(self) -> float | None:
         """Mean arousal of the voice, over the last utterance, −1 … 1; None where an emotion is given."""
         return self._heard.arousal
-
-    # ---------------------------------------------------------------------------------------------- sound and time
 
     @one_at_a_time
     def push(self, sound: Speech | Array, rate: int | None = None) -> Iterator[Motion]:
@@ -209,8 +216,6 @@ class LiveSession:
             pass
         self._idle = self._idle or self._open_idle()
 
-    # ---------------------------------------------------------------------------------------------- steering
-
     @one_at_a_time
     def restyle(self, style: object) -> None:
         """Another style, faded in over half a second.
@@ -261,8 +266,6 @@ class LiveSession:
             self._idle = None if isinstance(self._heard, Session) else self._idle  # the next one idles in this style
         elif self._idle is not None:
             getattr(self._idle.session, control)(*change.values())
-
-    # ---------------------------------------------------------------------------------------------- utterances
 
     def _hear(self, piece: Speech) -> None:
         silent = not len(piece) or float(np.abs(piece.samples).max()) < _QUIET
@@ -319,8 +322,6 @@ class LiveSession:
             self._take(self._speaking.finish())
         self._speaking, self._waits = None, True
         self._before.clear()
-
-    # ---------------------------------------------------------------------------------------------- frames
 
     def _due(self) -> int:
         """Frames whose time lies a latency before the clock."""
@@ -383,7 +384,7 @@ class LiveSession:
         self._past.append(motion)
         while len(self._past) > 1 and self._start_of(self._past[1]) < self._given - _KEPT * motion.fps:
             self._past.popleft()
-        return self._fades.apply(motion)
+        return self.listener.apply(self._fades.apply(motion))
 
     def _start_of(self, motion: Motion) -> int:
         return round(motion.start * motion.fps)

@@ -1,0 +1,327 @@
+"""Somebody who listens: nods, a smile now and then, brows, a head held a little aslant, and eyes on the one who speaks.
+
+`ResponsePlanner` decides when and how; `ListeningLayer` shows it, over the motion of any model. The hands are the model's: they
+rest, because it hears silence.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from random import Random
+from typing import NamedTuple
+
+import numpy as np
+
+from ..audio.backchannel_cues import BackchannelCue
+from ..audio.conversation import HeardSpeaker, TrackSource
+from ..audio.prosodic_events import Phrase
+from ..audio.speech import File, add_words
+from ..errors import InputError
+from ..face.gaze import direction_of, head_rotation, limit_eyes, look, write_looks
+from ..motion.curves import smoothstep
+from ..motion.motion import Motion
+from ..motion.noise import smooth_noise
+from ..motion.rotations import Array, euler_to_quat, quat_conjugate, quat_multiply
+from ..motion.skeleton import humanoid
+from ..motion.skeletons.arkit import ARKIT_INDEX
+from ..rules.options import GenerationOptions
+from .nods import nod_curve
+
+__all__ = ["ANGLE_RANGE", "DialogueRole", "ListeningLayer", "Response", "ResponsePlanner", "find_listening", "plan_responses"]
+
+ANGLE_RANGE = (-60.0, 60.0)  # degrees [ours: beyond, a person turns the body, and so should who places the characters]
+_CHANCES = {"pause": 0.62, "low": 0.30}  # [ours: so that there are some 10 responses in a minute of the other one's speech]
+_AFTER = {
+    "pause": (0.05, 0.45),
+    "low": (0.55, 0.85),
+}  # s from the cue to the response [ours; low: Ward & Tsukahara 2000, 700 ms]
+_APART = 2.2  # s between responses at least [ours]
+_BEFORE_OWN = 0.7  # s before own speech in which nobody responds [ours: the turn is taken, then]
+_SHORT = 0.8  # s; own speech that is no longer, while the other one goes on, is a response by voice: "mhm" [ours]
+_WITH_VOICE = 0.85  # chance that such a response is nodded, too [ours: the two go together, Dittmann & Llewellyn 1968]
+_COUNTS = (1, 1, 1, 2, 2, 3)  # nods in a row [ours]
+_PACE = (0.34, 0.50)  # s of a nod: 2 to 3 a second (Hadar et al. 1985: ordinary nods, 1.8 to 3.7 Hz)
+_SIZE = (3.0, 8.0)  # degrees [ours: of listeners; those on own accents have up to 12]
+_SMILES, _SMILE, _SMILE_LASTS = 0.22, (0.18, 0.42), (1.2, 2.4)  # chance, weight, seconds [ours]
+_BROWS, _BROW, _BROW_LASTS = 0.25, (0.15, 0.40), (0.5, 0.9)  # of raised brows, the same [ours]
+_RISE = 0.3  # s in which a smile or a brow comes, and goes twice as slowly [ours]
+
+_JOINS = 1.2  # s of silence of the other one in which a listener goes on listening [ours: a longer pause offers the turn]
+_TURNS = 0.9  # s in which a listener's posture comes and goes [ours]
+_ASLANT, _SLOW = np.radians([3.0, 1.2, 1.5]), 0.10  # sd of roll, yaw and pitch while listening; points a second [ours]
+_ATTENDS = 0.05  # browInnerUp while listening [ours: just seen]
+_NECK, _HEAD = 0.35, 0.40  # share of the angle to the other person; the eyes do the rest [ours: the head goes most
+# of the way to a target that is looked at for long]
+_KEPT = 40.0  # s for which a live session can take frames back, and the length of what a response shows [ours]
+_STREAM = 4211  # of the noise
+_ROLL, _YAW, _PITCH = range(3)
+_SMILE_COLUMNS = [ARKIT_INDEX["mouthSmileLeft"], ARKIT_INDEX["mouthSmileRight"]]
+_CHEEK_COLUMNS = [ARKIT_INDEX["cheekSquintLeft"], ARKIT_INDEX["cheekSquintRight"]]
+_BROW_COLUMNS = [ARKIT_INDEX[name] for name in ("browInnerUp", "browOuterUpLeft", "browOuterUpRight")]
+
+
+class Response(NamedTuple):
+    """What a listener does at one moment."""
+
+    time: float
+    """Seconds at which it begins."""
+    nods: int
+    size: float
+    """Radians of the first nod."""
+    pace: float
+    """Seconds of a nod."""
+    smile: float
+    """0 … 1."""
+    smile_seconds: float
+    brows: float
+    """0 … 1."""
+    brow_seconds: float
+
+
+class ResponsePlanner:
+    """Decides, cue by cue in the order of their times, what a listener does.
+
+    Args:
+        seed: of the take.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self._random = Random(seed * 2 + 1)
+        self._last = -_APART
+
+    def answer(self, cue: BackchannelCue, *, earliest: float = -np.inf) -> Response | None:
+        """The response to a cue, if there is one.
+
+        Args:
+            cue: the next one.
+            earliest: seconds before which nothing can begin any more.
+        """
+        late, chosen = self._random.uniform(*_AFTER[cue.kind]), self._random.random() < _CHANCES[cue.kind]
+        return self._respond(max(cue.time + late, earliest)) if chosen else None
+
+    def accompany(self, time: float) -> Response | None:
+        """The response that goes with one by voice, if there is one."""
+        return self._respond(time) if self._random.random() < _WITH_VOICE else None
+
+    def _respond(self, time: float) -> Response | None:
+        draw = self._random
+        found = Response(
+            time, draw.choice(_COUNTS), float(np.radians(draw.uniform(*_SIZE))), draw.uniform(*_PACE),
+            draw.uniform(*_SMILE) * (draw.random() < _SMILES), draw.uniform(*_SMILE_LASTS),
+            draw.uniform(*_BROW) * (draw.random() < _BROWS), draw.uniform(*_BROW_LASTS),
+        )  # fmt: skip
+        if time < self._last + _APART:
+            return None
+        self._last = time
+        return found
+
+
+def plan_responses(listener: HeardSpeaker, speaker: HeardSpeaker, seed: int) -> list[Response]:
+    """All responses of one person to the other, in the order of their times.
+
+    Nobody responds in own speech, or just before it. Own speech that is short, while the other one goes on, is a response.
+    """
+    planner, own = ResponsePlanner(seed), listener.phrases
+    busy = [phrase for phrase in own if not _is_response(phrase, speaker.phrases)]
+    voiced = [phrase for phrase in own if _is_response(phrase, speaker.phrases)]
+    moments: list[tuple[float, BackchannelCue | None]] = [(cue.time, cue) for cue in speaker.cues]
+    moments += [(phrase.start, None) for phrase in voiced]
+    found = list[Response]()
+    for time, cue in sorted(moments, key=lambda moment: moment[0]):
+        response = planner.accompany(time) if cue is None else planner.answer(cue)
+        if response is not None and not _overlaps(busy, response.time, response.time + _BEFORE_OWN):
+            found.append(response)
+    return sorted(found)
+
+
+def _is_response(phrase: Phrase, other: Sequence[Phrase]) -> bool:
+    """Whether it is short, and the other one speaks just before it and goes on after it."""
+    if phrase.end - phrase.start > _SHORT:
+        return False
+    before = any(each.start < phrase.start and each.end > phrase.start - _JOINS for each in other)
+    return before and any(each.end > phrase.end and each.start < phrase.end + _JOINS for each in other)
+
+
+def _overlaps(phrases: Sequence[Phrase], start: float, end: float) -> bool:
+    """Whether one of some phrases, in order, has a part between two moments."""
+    first = bisect_right(phrases, start, key=lambda phrase: phrase.end)
+    return first < bisect_left(phrases, end, key=lambda phrase: phrase.start)
+
+
+def find_listening(listener: HeardSpeaker, speaker: HeardSpeaker) -> list[tuple[float, float]]:
+    """Stretches, in seconds, in which one person listens to the other: that one speaks, and pauses for a moment at most."""
+    joined = list[tuple[float, float]]()
+    for phrase in speaker.phrases:
+        if joined and phrase.start < joined[-1][1] + _JOINS:
+            joined[-1] = (joined[-1][0], max(joined[-1][1], phrase.end))
+        else:
+            joined.append((phrase.start, phrase.end))
+    found = list[tuple[float, float]]()
+    own = [phrase for phrase in listener.phrases if not _is_response(phrase, speaker.phrases)]
+    for low, high in joined:
+        for phrase in own[bisect_right(own, low, key=lambda each: each.end) :]:
+            if phrase.start >= high:
+                break
+            if phrase.start > low:
+                found.append((low, phrase.start))
+            low = max(low, phrase.end)
+        if low < high:
+            found.append((low, high))
+    return found
+
+
+class ListeningLayer:
+    """Shows how somebody listens, over frames that any model made; a function of time alone.
+
+    Args:
+        responses: in the order of their times.
+        listening: stretches in seconds, in order, that do not overlap.
+        seed: of the take.
+        intensity: size of all of it, 0 … 2.
+        angle: degrees to the character's left at which the other person stands or sits; 0 is straight ahead.
+        turns_head: whether the body is one of the parts that move; without it, the eyes and the face do all.
+
+    Raises:
+        InputError: an angle out of range.
+    """
+
+    def __init__(
+        self,
+        responses: Iterable[Response],
+        listening: Iterable[tuple[float, float]],
+        *,
+        seed: int = 0,
+        intensity: float = 1.0,
+        angle: float = 0.0,
+        turns_head: bool = True,
+    ) -> None:
+        if not ANGLE_RANGE[0] <= angle <= ANGLE_RANGE[1]:
+            raise InputError(f"an angle of {angle:g} degrees", "-60 … 60; for more, turn the character itself")
+        self._responses, self._listening = list(responses), list(listening)
+        self._seed, self._intensity, self._angle = seed, intensity, float(np.radians(angle))
+        self._turns_head = turns_head
+
+    def add(self, response: Response) -> None:
+        """One more response, which begins after all others."""
+        self._responses.append(response)
+
+    def begin(self, time: float) -> None:
+        """From this moment on, in seconds, this person listens."""
+        self._listening.append((time, np.inf))
+
+    def end(self, time: float) -> None:
+        """At this moment, in seconds, this person ceases to listen."""
+        low, _ = self._listening[-1]
+        self._listening[-1] = (low, max(time, low))
+
+    def forget(self, time: float) -> None:
+        """No more frames are asked for that are far before this moment, in seconds."""
+        self._responses = [each for each in self._responses if each.time > time - _KEPT]
+        self._listening = [each for each in self._listening if each[1] > time - _KEPT]
+
+    def apply(self, motion: Motion) -> Motion:
+        """The same frames of our humanoid, of somebody who listens."""
+        times = motion.times
+        share, near = self._find_share(times), self._near(times)
+        nods = np.zeros(len(times))
+        for each in near:
+            nods += nod_curve(times, each.time, each.nods, each.size, each.pace)
+        turns = self._intensity * share[:, None] * _ASLANT * smooth_noise(self._seed + _STREAM, 3, times, _SLOW, octaves=2)
+        turns[:, _PITCH] += self._intensity * nods
+        rotations = self._turn(motion.rotations, turns) if self._turns_head else motion.rotations
+        if motion.face is None:
+            return replace(motion, rotations=rotations)
+        rotations, face = self._see(motion.rotations, rotations, self._show(motion.face, times, share, near))
+        return replace(motion, rotations=rotations, face=face)
+
+    def _near(self, times: Array) -> list[Response]:
+        """Responses that may show in these frames."""
+        longest = max(3 * _PACE[1], _SMILE_LASTS[1] + 3 * _RISE, _BROW_LASTS[1] + 3 * _RISE)
+        key = float(times[0]) - longest, float(times[-1])
+        first, last = (bisect_left(self._responses, moment, key=lambda each: each.time) for moment in key)
+        return self._responses[first : last + 1]
+
+    def _find_share(self, times: Array) -> Array:
+        """(n,) 0 … 1: how far this person listens."""
+        share = np.zeros(len(times))
+        for low, high in self._listening:
+            if high > times[0] - _TURNS and low < times[-1]:
+                share = np.maximum(share, _course(times, low, high, _TURNS, _TURNS))
+        return share
+
+    def _turn(self, rotations: Array, turns: Array) -> Array:
+        """Neck and head with (n, 3) turns of listening, and towards the other person."""
+        out, joint = rotations.copy(), humanoid().index
+        for name, own, share in (("neck", 0.3, _NECK), ("head", 0.7, _HEAD)):
+            angles = np.stack([turns[:, _YAW] * own + self._angle * share, turns[:, _PITCH] * own, turns[:, _ROLL] * own], -1)
+            turned = quat_multiply(rotations[:, joint[name]].astype(float), euler_to_quat(angles, "YXZ"))
+            out[:, joint[name]] = turned
+        return out
+
+    def _see(self, before: Array, after: Array, face: Array) -> tuple[Array, Array]:
+        """Eyes that look at the other person, whatever the head did; and the face that shows it."""
+        joint = humanoid().index
+        eyes = [joint["leftEye"], joint["rightEye"]]
+        about = euler_to_quat(np.array([self._angle, 0.0, 0.0]), "YXZ")
+        back = quat_multiply(quat_conjugate(head_rotation(after)), quat_multiply(about[None], head_rotation(before)))
+        angles = [limit_eyes(direction_of(quat_multiply(back, before[:, eye].astype(float)))) for eye in eyes]
+        both = np.stack(angles, 1)
+        return look(after, both), np.clip(write_looks(face, both), 0.0, 1.0).astype(face.dtype)
+
+    def _show(self, face: Array, times: Array, share: Array, near: Sequence[Response]) -> Array:
+        """The face with smiles and brows."""
+        out = face.copy()
+        smile, brows = np.zeros(len(times)), _ATTENDS * share
+        for each in near:
+            end = each.time + each.smile_seconds
+            smile = np.maximum(smile, each.smile * _course(times, each.time, end, _RISE, 2 * _RISE))
+            end = each.time + each.brow_seconds
+            brows = np.maximum(brows, each.brows * _course(times, each.time, end, _RISE, 2 * _RISE))
+        smile, brows = self._intensity * smile[:, None], self._intensity * brows[:, None]
+        out[:, _SMILE_COLUMNS] = np.maximum(out[:, _SMILE_COLUMNS], smile)
+        out[:, _CHEEK_COLUMNS] = np.maximum(out[:, _CHEEK_COLUMNS], 0.6 * smile)
+        out[:, _BROW_COLUMNS] = np.maximum(out[:, _BROW_COLUMNS], brows)
+        return np.clip(out, 0.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class DialogueRole:
+    """One person of a conversation.
+
+    Args:
+        own: this person.
+        other: the one that this person talks and listens to.
+        angle: see `ListeningLayer`.
+    """
+
+    own: HeardSpeaker
+    other: HeardSpeaker
+    angle: float = 0.0
+
+    def open(self, transcript: File | None = None, language: str = "") -> TrackSource:
+        """The voice of this person alone, with the words of a transcript.
+
+        Raises:
+            InputError: see `cospeech.audio.speech.add_words`.
+        """
+        return add_words(self.own.open(), transcript, language)
+
+    def listen(self, moving: Iterable[list[Motion]], options: GenerationOptions, takes: range) -> Iterator[list[Motion]]:
+        """Some takes of a motion as they come, of somebody who listens."""
+        stretches, turns_head = find_listening(self.own, self.other), "body" in options.parts
+        layers = [
+            ListeningLayer(
+                plan_responses(self.own, self.other, seed), stretches, seed=seed, intensity=options.intensity, angle=self.angle,
+                turns_head=turns_head,
+            )
+            for seed in (options.seed + take for take in takes)
+        ]  # fmt: skip
+        for pieces in moving:
+            yield [layer.apply(piece) for layer, piece in zip(layers, pieces, strict=True)]
+
+
+def _course(times: Array, start: float, end: float, rise: float, fall: float) -> Array:
+    """(n,) 0 … 1: comes within ``rise`` seconds after the start, and goes within ``fall`` after the end."""
+    return smoothstep(np.clip(np.minimum((times - start) / rise, (end + fall - times) / fall), 0.0, 1.0))

@@ -1,0 +1,141 @@
+"""Two tracks of a conversation: whose sound is where, who speaks when, and when the other one may respond."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import soundfile
+
+from cospeech.audio.backchannel_cues import CueDetector
+from cospeech.audio.conversation import VoiceTrack, hear_conversation
+from cospeech.audio.speech import Speech, example
+from cospeech.errors import InputError
+
+RATE = 16_000
+
+
+@pytest.fixture(scope="module")
+def voices():
+    """Two persons who take turns, each silent while the other one speaks: (2, N) samples, and the turns in seconds."""
+    speech = Speech.load(example()[0]).samples
+    parts = [speech[:64_000], speech[64_000:128_000], speech[128_000:192_000], speech[192_000:256_000]]
+    tracks, at, turns = np.zeros((2, 18 * RATE), np.float32), RATE // 2, []
+    for k, part in enumerate(parts):
+        faster = part if k % 2 == 0 else np.interp(np.arange(0, len(part), 1.2), np.arange(len(part)), part)
+        tracks[k % 2, at : at + len(faster)] = faster
+        turns.append((k % 2, at / RATE, (at + len(faster)) / RATE))
+        at += len(faster) + RATE // 3
+    return tracks, turns
+
+
+def write(path, samples, rate=RATE):
+    soundfile.write(path, samples, rate)
+    return path
+
+
+def spoken(speaker, low, high):
+    return sum(max(min(phrase.end, high) - max(phrase.start, low), 0) for phrase in speaker.phrases)
+
+
+@pytest.mark.parametrize("leak", [0.0, 0.1, 0.2])
+def test_the_other_person_in_a_microphone_is_no_speech_of_ones_own(voices, tmp_path, leak):
+    tracks, turns = voices
+    noise = np.random.default_rng(1).normal(0, 2e-4, tracks.shape).astype(np.float32)
+    path = write(tmp_path / "call.wav", (tracks + leak * np.roll(tracks[::-1], 60, 1) + noise).T)
+    heard = hear_conversation(VoiceTrack(path, 0), VoiceTrack(path, 1)).speakers
+    for who, low, high in turns:
+        assert spoken(heard[who], low, high) > 0.6 * (high - low)
+        assert spoken(heard[1 - who], low + 0.1, high - 0.1) < 0.1 * (high - low)
+    with heard[0].open() as source:
+        own = np.concatenate(list(source.blocks()))
+    foreign = slice(round((turns[1][1] + 0.3) * RATE), round((turns[1][2] - 0.3) * RATE))
+    assert len(own) == tracks.shape[1]
+    assert np.abs(own[foreign]).mean() <= 0.25 * leak * np.abs(tracks[1, foreign]).mean() + 3e-4
+
+
+def test_both_at_once_are_both_heard(tmp_path):
+    speech = Speech.load(example()[0]).samples[: 6 * RATE]
+    first, second = write(tmp_path / "a.wav", speech), write(tmp_path / "b.wav", 0.5 * speech[::-1])
+    one, other = hear_conversation(VoiceTrack(first), VoiceTrack(second)).speakers
+    loud = [
+        np.abs(each[: len(speech) // 160 * 160].reshape(-1, 160)).max(1) > 0.1 * np.abs(each).max()
+        for each in (speech, speech[::-1])
+    ]
+    both = loud[0] & loud[1]
+    assert both.mean() > 0.2
+    for share in (one.share, other.share):
+        assert share[: len(both)][both].mean() > 0.8
+
+
+def test_a_shorter_track_goes_on_in_silence_and_no_sample_is_lost(tmp_path, voices):
+    tracks, _ = voices
+    first, second = write(tmp_path / "a.wav", tracks[0], 44_100), write(tmp_path / "b.wav", tracks[1, : 9 * RATE], 22_050)
+    one, other = hear_conversation(VoiceTrack(first), VoiceTrack(second)).speakers
+    assert one.length == other.length == max(Fraction(len(tracks[0]), 44_100), Fraction(9 * RATE, 22_050))
+    for speaker in (one, other):
+        with speaker.open() as source:
+            count = sum(map(len, source.blocks()))
+            assert source.duration == one.length
+        assert count == -(-one.length.numerator * RATE // one.length.denominator)
+
+
+def test_two_tracks_of_one_sound_are_no_conversation(tmp_path, voices):
+    mixed = voices[0].sum(0)
+    path = write(tmp_path / "mono_as_stereo.wav", np.stack([mixed, 0.95 * mixed], 1))
+    with pytest.raises(InputError, match=r"same sound.*track of their own"):
+        hear_conversation(VoiceTrack(path, 0), VoiceTrack(path, 1))
+
+
+def test_a_channel_that_is_not_there_is_told(tmp_path, voices):
+    path = write(tmp_path / "mono.wav", voices[0][0])
+    with pytest.raises(InputError, match=r"channel 2 of 'mono.wav'.*1 channel"):
+        hear_conversation(VoiceTrack(path, 0), VoiceTrack(path, 1))
+
+
+def test_silence_gives_no_cue(tmp_path, voices):
+    first, second = write(tmp_path / "a.wav", voices[0][0]), write(tmp_path / "b.wav", np.zeros(5 * RATE, np.float32))
+    one, other = hear_conversation(VoiceTrack(first), VoiceTrack(second)).speakers
+    assert one.phrases
+    assert one.cues
+    assert not other.phrases
+    assert not other.cues
+
+
+def test_cues_do_not_depend_on_the_size_of_the_pieces():
+    speech = Speech.load(example()[0]).samples
+    found = []
+    for size in (160, 1_777, 16_000, len(speech)):
+        detector, cues = CueDetector(), []
+        for at in range(0, len(speech), size):
+            cues += detector.push(speech[at : at + size])
+        found.append(sorted(cues + detector.finish()))
+        assert detector.phrases
+    assert found[0] == found[1] == found[2] == found[3]
+    assert {cue.kind for cue in found[0]} == {"pause", "low"}
+
+
+def test_a_pause_cue_is_the_end_of_a_phrase_that_was_long_enough():
+    speech = Speech.load(example()[0]).samples
+    detector = CueDetector()
+    cues = detector.push(speech) + detector.finish()
+    ends = {phrase.end for phrase in detector.phrases if phrase.end - phrase.start >= 0.7}
+    assert {cue.time for cue in cues if cue.kind == "pause"} == ends
+
+
+def test_a_low_voice_is_a_cue_and_a_level_one_is_not():
+    """A voice of harmonics whose pitch falls in the last quarter of each breath, and one whose pitch does not."""
+    times = np.arange(12 * RATE) / RATE
+    beat = np.clip(1.2 - np.abs((times * 5) % 1 - 0.5) * 2, 0, 1)  # syllables
+    counts = []
+    for fall in (0.0, 0.3):
+        pitch = 140 * np.where(times % 3 > 2.0, 1 - fall, 1 + 0.05 * np.sin(2 * np.pi * 1.3 * times))
+        phase = 2 * np.pi * np.cumsum(pitch) / RATE
+        voice = sum(np.sin(k * phase) / k for k in range(1, 12)) * beat * 0.1
+        detector = CueDetector()
+        cues = detector.push(voice.astype(np.float32)) + detector.finish()
+        counts.append([cue.time % 3 for cue in cues if cue.kind == "low"])
+    assert len(counts[1]) >= 2
+    assert all(at > 2.0 for at in counts[1])
+    assert len([at for at in counts[0] if at > 2.0]) < len(counts[1])

@@ -1,0 +1,126 @@
+"""``cospeech dialogue``: two files or a stereo file in, two characters out."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import soundfile
+
+from cospeech.audio.speech import Speech, example
+from cospeech.motion.motion import Motion
+
+RATE = 16_000
+
+
+@pytest.fixture(scope="module")
+def sounds(tmp_path_factory):
+    """A stereo file of 7.3 s, and its channels as files."""
+    folder, speech = tmp_path_factory.mktemp("call"), Speech.load(example()[0]).samples
+    tracks = np.zeros((round(7.3 * RATE), 2), np.float32)
+    tracks[2_000 : 2_000 + 3 * RATE, 0] = speech[: 3 * RATE]
+    tracks[60_000 : 60_000 + 3 * RATE, 1] = speech[4 * RATE : 7 * RATE]
+    soundfile.write(folder / "call.wav", tracks, RATE)
+    for name, track in zip(("host", "guest"), tracks.T, strict=True):
+        soundfile.write(folder / f"{name}.wav", track, RATE)
+    (folder / "host.srt").write_text("1\n00:00:00,200 --> 00:00:02,900\nHello there\n", "utf-8")
+    (folder / "guest.srt").write_text("1\n00:00:03,900 --> 00:00:06,500\nGood morning\n", "utf-8")
+    return folder
+
+
+@pytest.fixture
+def place(sounds, tmp_path, monkeypatch):
+    for path in sounds.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_two_files_and_a_stereo_file_give_the_same_two_characters(cli, place):
+    code, out, _ = cli("dialogue", "host.wav", "guest.wav", "-o", "{name}.npz", "--seed", 4)
+    assert code == 0
+    assert "2 speeches: 14.60 s" in out
+    code, _, _ = cli("dialogue", "call.wav", "-o", "out/{name}.npz", "--seed", 4, "-q")
+    assert code == 0
+    for left, right in (("host", "call.left"), ("guest", "call.right")):
+        apart, together = Motion.load(f"{left}.npz"), Motion.load(f"out/{right}.npz")
+        assert len(apart) == 219, "both are as long as the conversation"
+        assert np.array_equal(apart.rotations, together.rotations)
+
+
+def test_each_person_speaks_with_its_own_voice_and_rests_in_the_others(cli, place):
+    assert cli("dialogue", "call.wav", "-o", "{name}.npz", "-q")[0] == 0
+    jaws = [Motion.load(f"call.{side}.npz") for side in ("left", "right")]
+    jaws = [np.abs(np.gradient(each.face[:, _jaw()])) for each in jaws]
+    for own, (low, high) in enumerate(((10, 90), (120, 200))):
+        assert jaws[own][low:high].mean() > 5 * jaws[1 - own][low:high].mean()
+
+
+def _jaw():
+    from cospeech.motion.skeletons.arkit import ARKIT_INDEX
+
+    return ARKIT_INDEX["jawOpen"]
+
+
+def test_options_are_of_both_or_of_each(cli, place):
+    code, _, _ = cli(
+        "dialogue", "host.wav", "guest.wav", "-o", "{name}.bvh", "--style", "calm", "--style", "lively", "--model", "rules",
+        "--transcript", "{name}.srt", "--report", "report.json", "--intensity", 0.5, "-q",
+    )  # fmt: skip
+    assert code == 0
+    speeches = json.loads((place / "report.json").read_text("utf-8"))["speeches"]
+    assert [each["style"] for each in speeches] == ["calm", "lively"]
+    assert [each["speech"] for each in speeches] == ["host", "guest"]
+    assert [each["outputs"] for each in speeches] == [["host.bvh"], ["guest.bvh"]]
+    assert [each["language"] for each in speeches] == ["en", "en"]
+
+
+def test_without_output_a_bvh_and_a_glb_of_each_are_written_over_nothing(cli, place):
+    assert cli("dialogue", "call.wav", "-q")[0] == 0
+    assert {path.name for path in place.iterdir() if path.suffix in (".bvh", ".glb")} == {
+        "call.left.bvh", "call.left.glb", "call.right.bvh", "call.right.glb"
+    }  # fmt: skip
+    code, _, err = cli("dialogue", "call.wav")
+    assert code == 2
+    assert "'call.left.bvh' is there already" in err
+
+
+def test_angle_turns_the_heads_to_each_other(cli, place):
+    from cospeech.face.gaze import direction_of, head_rotation
+
+    assert cli("dialogue", "call.wav", "-o", "{name}.npz", "-q", "--angle", 40)[0] == 0
+    motions = [Motion.load(f"call.{side}.npz").retarget("humanoid") for side in ("left", "right")]
+    yaw = [np.median(direction_of(head_rotation(each.rotations))[:, 0]) for each in motions]
+    assert np.degrees(yaw[0]) > 18
+    assert np.degrees(yaw[1]) < -18
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["host.wav"], r"'host.wav' has one channel (two sound files"),
+        (["host.wav", "guest.wav", "call.wav"], "3 sound files (two"),
+        (["host.wav", "host.wav"], "both sound files are called"),
+        (["call.wav", "-o", "x.glb"], "one file 'x.glb' for two persons (-o '{name}.glb'"),
+        (["call.wav", "-o", "{name}.xyz"], "cannot tell the format of 'call.left.xyz'"),
+        (["host.wav", "guest.wav", "-o", "{name}.bvh", "-o", "guest.bvh"], "one file 'guest.bvh' for two persons"),
+        (["call.wav", "-o", "{name}.bvh", "--style", "a", "--style", "b", "--style", "c"], "--style is given 3 times"),
+        (["call.wav", "-o", "{name}.bvh", "--style", "calm", "--style", "nope"], "no style is called 'nope'"),
+        (["call.wav", "-o", "{name}.bvh", "--transcript", "host.srt"], "one transcript 'host.srt' for two persons"),
+        (["call.wav", "-o", "{name}.bvh", "--transcript", "host.srt", "--transcript", "missing.srt"], "'missing.srt'"),
+        (["call.wav", "-o", "{name}.bvh", "--angle", "75"], "an angle of 75 degrees"),
+        (["call.wav", "-o", "{name}.bvh", "--model", "nope"], "'nope'"),
+        (["same.wav", "-o", "{name}.bvh"], "are the same sound (each person needs a track of their own"),
+        (["call.wav", "-o", "missing/x/{name}.bvh", "--report", "nowhere/r.json"], "nowhere/r.json"),
+    ],
+)
+def test_what_cannot_be_used_is_told_and_nothing_is_written(cli, place, given, said):
+    mono = soundfile.read("host.wav")[0]
+    soundfile.write("same.wav", np.stack([mono, mono], 1), RATE)
+    before = {path.name for path in place.iterdir()}
+    code, out, err = cli("dialogue", *given)
+    assert (code, out) == (2, "")
+    assert said in err
+    assert err.count("\n") == 1
+    assert {path.name for path in place.iterdir()} == before

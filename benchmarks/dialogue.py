@@ -112,7 +112,7 @@ def main() -> None:
             path = Path(folder) / "conversation.wav"
             soundfile.write(path, compose(first, second, asked.minutes), RATE)
             tracks = (VoiceTrack(path, 0), VoiceTrack(path, 1))
-        one, other = hear_conversation(*tracks).speakers
+        one, other = hear_conversation(*tracks)
         print("| model | person | responses a minute | pauses with a nod | by chance | head °/s, listening | speaking | "
               "gaze at the other, listening | speaking |")  # fmt: skip
         print("|---|---|---:|---:|---:|---:|---:|---:|---:|")

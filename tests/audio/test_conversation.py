@@ -9,7 +9,8 @@ import pytest
 import soundfile
 
 from cospeech.audio.backchannel_cues import CueDetector
-from cospeech.audio.conversation import VoiceTrack, hear_conversation
+from cospeech.audio.conversation import VoiceTrack, hear_conversation, hear_recording, merge_speakers
+from cospeech.audio.prosodic_events import Phrase
 from cospeech.audio.speech import Speech, example
 from cospeech.errors import InputError
 
@@ -44,7 +45,7 @@ def test_the_other_person_in_a_microphone_is_no_speech_of_ones_own(voices, tmp_p
     tracks, turns = voices
     noise = np.random.default_rng(1).normal(0, 2e-4, tracks.shape).astype(np.float32)
     path = write(tmp_path / "call.wav", (tracks + leak * np.roll(tracks[::-1], 60, 1) + noise).T)
-    heard = hear_conversation(VoiceTrack(path, 0), VoiceTrack(path, 1)).speakers
+    heard = hear_conversation(VoiceTrack(path, 0), VoiceTrack(path, 1))
     for who, low, high in turns:
         assert spoken(heard[who], low, high) > 0.6 * (high - low)
         assert spoken(heard[1 - who], low + 0.1, high - 0.1) < 0.1 * (high - low)
@@ -58,7 +59,7 @@ def test_the_other_person_in_a_microphone_is_no_speech_of_ones_own(voices, tmp_p
 def test_both_at_once_are_both_heard(tmp_path):
     speech = Speech.load(example()[0]).samples[: 6 * RATE]
     first, second = write(tmp_path / "a.wav", speech), write(tmp_path / "b.wav", 0.5 * speech[::-1])
-    one, other = hear_conversation(VoiceTrack(first), VoiceTrack(second)).speakers
+    one, other = hear_conversation(VoiceTrack(first), VoiceTrack(second))
     loud = [
         np.abs(each[: len(speech) // 160 * 160].reshape(-1, 160)).max(1) > 0.1 * np.abs(each).max()
         for each in (speech, speech[::-1])
@@ -72,7 +73,7 @@ def test_both_at_once_are_both_heard(tmp_path):
 def test_a_shorter_track_goes_on_in_silence_and_no_sample_is_lost(tmp_path, voices):
     tracks, _ = voices
     first, second = write(tmp_path / "a.wav", tracks[0], 44_100), write(tmp_path / "b.wav", tracks[1, : 9 * RATE], 22_050)
-    one, other = hear_conversation(VoiceTrack(first), VoiceTrack(second)).speakers
+    one, other = hear_conversation(VoiceTrack(first), VoiceTrack(second))
     assert one.length == other.length == max(Fraction(len(tracks[0]), 44_100), Fraction(9 * RATE, 22_050))
     for speaker in (one, other):
         with speaker.open() as source:
@@ -96,9 +97,10 @@ def test_a_channel_that_is_not_there_is_told(tmp_path, voices):
 
 def test_silence_gives_no_cue(tmp_path, voices):
     first, second = write(tmp_path / "a.wav", voices[0][0]), write(tmp_path / "b.wav", np.zeros(5 * RATE, np.float32))
-    one, other = hear_conversation(VoiceTrack(first), VoiceTrack(second)).speakers
+    one, other = hear_conversation(VoiceTrack(first), VoiceTrack(second))
     assert one.phrases
     assert one.cues
+    assert one.share[100:200].mean() > 0.7, "a silent track takes nothing away"
     assert not other.phrases
     assert not other.cues
 
@@ -139,3 +141,35 @@ def test_a_low_voice_is_a_cue_and_a_level_one_is_not():
     assert len(counts[1]) >= 2
     assert all(at > 2.0 for at in counts[1])
     assert len([at for at in counts[0] if at > 2.0]) < len(counts[1])
+
+
+def test_three_persons_with_a_track_each(tmp_path, voices):
+    tracks, turns = voices
+    third = np.zeros_like(tracks[0])
+    low, high = (round(time * RATE) for time in turns[2][1:])
+    third[low:high], rest = tracks[0, low:high], tracks[0].copy()
+    rest[low:high] = 0
+    paths = [write(tmp_path / f"{k}.wav", each) for k, each in enumerate((rest, tracks[1], third))]
+    heard = hear_conversation(*map(VoiceTrack, paths))
+    for who, begin, end in ((0, *turns[0][1:]), (1, *turns[1][1:]), (2, *turns[2][1:]), (1, *turns[3][1:])):
+        for k, each in enumerate(heard):
+            share = spoken(each, begin + 0.1, end - 0.1) / (end - begin)
+            assert share > 0.5 if k == who else share < 0.1, (k, who)
+    others = merge_speakers([heard[1], heard[2]])
+    assert [phrase.start for phrase in others.phrases] == sorted(phrase.start for each in heard[1:] for phrase in each.phrases)
+    assert len(others.cues) == len(heard[1].cues) + len(heard[2].cues)
+
+
+def test_one_recording_of_all_is_parted_by_who_speaks_when(tmp_path, voices):
+    tracks, turns = voices
+    path = write(tmp_path / "mixed.wav", tracks.sum(0))
+    stretches = {f"p{k}": [Phrase(low, high) for who, low, high in turns if who == k] for k in range(2)}
+    heard = hear_recording(VoiceTrack(path), stretches)
+    assert list(heard) == ["p0", "p1"]
+    for who, low, high in turns:
+        assert spoken(heard[f"p{who}"], low, high) > 0.6 * (high - low)
+        assert spoken(heard[f"p{1 - who}"], low + 0.2, high - 0.2) == 0
+    with heard["p1"].open() as source:
+        own = np.concatenate(list(source.blocks()))
+    low, high = (round(time * RATE) for time in turns[1][1:])
+    assert np.allclose(own[low:high], tracks[1, low:high], atol=1e-4)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -76,6 +77,34 @@ def test_options_are_of_both_or_of_each(cli, place):
     assert [each["language"] for each in speeches] == ["en", "en"]
 
 
+def test_one_recording_of_all_with_a_file_that_says_who_speaks(cli, place):
+    left, right = soundfile.read("host.wav")[0], soundfile.read("guest.wav")[0]
+    soundfile.write("talk.wav", left + right, RATE)
+    words = [
+        {"word": "Hello", "start": 0.2, "end": 1.0, "speaker": "Ann B."},
+        {"word": "there", "start": 1.0, "end": 2.9, "speaker": "Ann B."},
+        {"word": "morning", "start": 3.9, "end": 6.5, "speaker": "bob"},
+    ]
+    (place / "talk.json").write_text(json.dumps({"segments": [{"words": words}]}), "utf-8")
+    code, _, err = cli("dialogue", "talk.wav", "--speakers", "talk.json", "-o", "{name}.npz", "--report", "r.json")
+    assert code == 0
+    assert re.search(r"2 persons: talk\.Ann_B\. [23] s, talk\.bob [23] s", err)
+    names = {path.name for path in place.iterdir()}
+    assert {"talk.Ann_B..npz", "talk.bob.npz"} <= names
+    report = json.loads((place / "r.json").read_text("utf-8"))["speeches"]
+    assert [each["language"] for each in report] == ["en", "en"], "both have words"
+    jaws = [np.abs(np.gradient(Motion.load(f"talk.{name}.npz").face[:, _jaw()])) for name in ("Ann_B.", "bob")]
+    assert jaws[0][10:85].mean() > 5 * jaws[1][10:85].mean()
+    assert jaws[1][125:190].mean() > 5 * jaws[0][125:190].mean()
+
+
+def test_one_person_of_several_is_generated_as_among_all(cli, place):
+    assert cli("dialogue", "call.wav", "-o", "all/{name}.npz", "-q")[0] == 0
+    assert cli("dialogue", "call.wav", "-o", "one/{name}.npz", "--person", "right", "-q")[0] == 0
+    assert [path.name for path in (place / "one").iterdir()] == ["call.right.npz"]
+    assert (place / "one" / "call.right.npz").read_bytes() == (place / "all" / "call.right.npz").read_bytes()
+
+
 def test_without_output_a_bvh_and_a_glb_of_each_are_written_over_nothing(cli, place):
     assert cli("dialogue", "call.wav", "-q")[0] == 0
     assert {path.name for path in place.iterdir() if path.suffix in (".bvh", ".glb")} == {
@@ -99,15 +128,20 @@ def test_angle_turns_the_heads_to_each_other(cli, place):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (["host.wav"], r"'host.wav' has one channel (two sound files"),
-        (["host.wav", "guest.wav", "call.wav"], "3 sound files (two"),
-        (["host.wav", "host.wav"], "both sound files are called"),
-        (["call.wav", "-o", "x.glb"], "one file 'x.glb' for two persons (-o '{name}.glb'"),
-        (["call.wav", "-o", "{name}.xyz"], "cannot tell the format of 'call.left.xyz'"),
-        (["host.wav", "guest.wav", "-o", "{name}.bvh", "-o", "guest.bvh"], "one file 'guest.bvh' for two persons"),
+        (["host.wav"], "'host.wav' has one channel (a file for each person"),
+        (["host.wav", "host.wav"], "two sound files are called 'host.wav'"),
+        (["call.wav", "-o", "x.glb"], "one file 'x.glb' for several persons (-o '{name}.glb'"),
+        (["call.wav", "-o", "{name}.xyz"], "cannot tell the format of '{name}.xyz'"),
+        (["host.wav", "guest.wav", "-o", "{name}.bvh", "-o", "guest.bvh"], "one file 'guest.bvh' for several persons"),
+        (["call.wav", "--person", "lefft"], "nobody is called 'lefft' (did you mean 'left'?"),
+        (["host.wav", "guest.wav", "--speakers", "who.rttm"], "--speakers for 2 sound files"),
+        (["host.wav", "--speakers", "host.srt"], "'host.srt' does not say who speaks when"),
+        (["host.wav", "--speakers", "alone.rttm"], "'alone.rttm' names only 'ann'"),
+        (["host.wav", "--speakers", "who.rttm", "--transcript", "a.srt", "--transcript", "b.srt"], "with --speakers (one file"),
+        (["host.wav", "guest.wav", "third.wav", "--angle", "30"], "an angle between 3 persons"),
         (["call.wav", "-o", "{name}.bvh", "--style", "a", "--style", "b", "--style", "c"], "--style is given 3 times"),
         (["call.wav", "-o", "{name}.bvh", "--style", "calm", "--style", "nope"], "no style is called 'nope'"),
-        (["call.wav", "-o", "{name}.bvh", "--transcript", "host.srt"], "one transcript 'host.srt' for two persons"),
+        (["call.wav", "-o", "{name}.bvh", "--transcript", "host.srt"], "one transcript 'host.srt' for 2 persons"),
         (["call.wav", "-o", "{name}.bvh", "--transcript", "host.srt", "--transcript", "missing.srt"], "'missing.srt'"),
         (["call.wav", "-o", "{name}.bvh", "--angle", "75"], "an angle of 75 degrees"),
         (["call.wav", "-o", "{name}.bvh", "--model", "nope"], "'nope'"),
@@ -118,9 +152,14 @@ def test_angle_turns_the_heads_to_each_other(cli, place):
 def test_what_cannot_be_used_is_told_and_nothing_is_written(cli, place, given, said):
     mono = soundfile.read("host.wav")[0]
     soundfile.write("same.wav", np.stack([mono, mono], 1), RATE)
+    soundfile.write("third.wav", mono[::-1], RATE)
+    line = "SPEAKER x 1 {} 1.0 <NA> <NA> {} <NA> <NA>\n"
+    (place / "alone.rttm").write_text(line.format(0.5, "ann"), "utf-8")
+    (place / "who.rttm").write_text(line.format(0.5, "ann") + line.format(4.0, "bob"), "utf-8")
     before = {path.name for path in place.iterdir()}
     code, out, err = cli("dialogue", *given)
     assert (code, out) == (2, "")
     assert said in err
-    assert err.count("\n") == 1
+    assert err.count("\n") <= 2
+    assert err.splitlines()[-1].startswith("error: ")
     assert {path.name for path in place.iterdir()} == before

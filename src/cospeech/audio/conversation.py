@@ -1,14 +1,15 @@
-"""Two people in conversation: whose voice is in which file or channel, who speaks when, and when the other one may nod.
+"""People in conversation: whose voice is in which file or channel, who speaks when, and when the others may nod.
 
-Each microphone also hears the other person. Where a track is much softer than its own speech usually is, while the other
-track is loud, the sound is that of the other person, and counts as silence. So does the noise of a room.
+Each microphone also hears the others. Where a track is much softer than its own speech usually is, while another track is
+loud, the sound is that of the other person, and counts as silence. So does the noise of a room.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import combinations
 from os import PathLike
 from pathlib import Path
 
@@ -19,22 +20,26 @@ from ..motion.rotations import Array
 from .backchannel_cues import BackchannelCue, CueDetector
 from .prosodic_events import RATE, Phrase
 from .speech import Samples, SpeechSource
+from .word import Word
 
-__all__ = ["Conversation", "HeardSpeaker", "VoiceTrack", "TrackSource", "hear_conversation"]
+__all__ = ["HeardSpeaker", "TrackSource", "VoiceTrack", "hear_conversation", "hear_recording", "merge_speakers"]
 
 _SILENT = -90.0  # dBFS of digital silence [ours: 16-bit sound has nothing softer]
 _STEADY = 21  # rows over which levels are smoothed for the decision [ours: 0.2 s, a syllable]
 _LOUD = 0.99  # quantile of smoothed levels that counts as this speaker's own loud speech [ours: 1 % is enough for a few words]
 _SPEECH = 38.0  # dB below loud speech down to which somebody is heard [ours: `EventDetector` believes 22 to 38]
-_FOREIGN, _SHARE = (
-    (7.0, 12.0),
-    0.6,
-)  # dB by which a track is further below its own loud speech than the other one, where it hears
-# the other: this share of what is usual where the other is loud, between these bounds [ours: microphones half a metre from each
-# mouth and two metres apart differ by 12 dB, headsets and separate rooms by far more; two who speak at once, by less than 7]
+# A track hears the other one where it is further below its own loud speech than the other one, by so many dB: a share of what
+# is usual where the other one is loud, between two bounds [ours: microphones half a metre from each mouth and two metres apart
+# differ by 12 dB, headsets and separate rooms by far more; two who speak at once, by less than 7]
+_SHARE, _FOREIGN = 0.6, (7.0, 12.0)
 _LOUDER = 15.0  # dB below loud speech down to which somebody is loud [ours: stressed syllables]
 _NOTHING = 40.0  # dB below own loud speech from which nothing of it is left [ours: a soft end of a phrase is 30 below]
 _FADE = 5  # rows over which the sound comes and goes [ours: 50 ms]
+_SHORTEST = 0.12  # s; what is shorter is no speech, but what the other one leaves as the sound comes and goes [ours]
+_AUDIBLE = -60.0  # dBFS of the loudest second, below which nobody is heard at all [ours: the noise floor of most microphones]
+_AROUND = (
+    0.1  # s about a stretch that a diarisation tells, in which the speaker is heard, too [ours: their borders are rounded]
+)
 _ALIKE = 1.0  # dB; two tracks that differ by less on the mean are the same sound [ours]
 
 
@@ -57,14 +62,14 @@ class VoiceTrack:
 
 @dataclass(frozen=True, eq=False)
 class HeardSpeaker:
-    """One of the two.
+    """One person of a conversation.
 
     Args:
         track: the voice.
-        share: (T,) at 100 Hz: 1 where the sound of the track is this person's, 0 where it is the other one's.
+        share: (T,) at 100 Hz: 1 where the sound of the track is this person's, 0 where it is another one's.
         length: seconds of the conversation, exact.
         phrases: what this person says.
-        cues: moments at which the other one may respond.
+        cues: moments at which others may respond.
     """
 
     track: VoiceTrack
@@ -77,16 +82,10 @@ class HeardSpeaker:
         """The voice of this person alone, for reading in blocks."""
         return TrackSource(self)
 
-
-@dataclass(frozen=True, eq=False)
-class Conversation:
-    """What was heard of two people.
-
-    Args:
-        speakers: both.
-    """
-
-    speakers: tuple[HeardSpeaker, HeardSpeaker]
+    def owns(self, word: Word) -> bool:
+        """Whether a word of the recording is this person's."""
+        middle = round((word.start + word.end) / 2 * RATE)
+        return 0 <= middle < len(self.share) and bool(self.share[middle] > 0.5)
 
 
 class TrackSource(SpeechSource):
@@ -119,27 +118,57 @@ class TrackSource(SpeechSource):
         return None if super().duration is None else self._length
 
 
-def hear_conversation(first: VoiceTrack, second: VoiceTrack) -> Conversation:
-    """Hear two people.
+def hear_conversation(*tracks: VoiceTrack) -> tuple[HeardSpeaker, ...]:
+    """Hear people who have a track each.
 
     Args:
-        first, second: their tracks, which begin at the same moment. Where one is shorter, silence follows.
+        tracks: two or more, which begin at the same moment. Where one is shorter, silence follows.
 
     Raises:
-        InputError: a file cannot be read, or both tracks are the same sound.
+        InputError: a file cannot be read, or two tracks are the same sound.
     """
-    tracks = (first, second)
     measured = [_measure(track) for track in tracks]
     length = max(seconds for _, seconds in measured)
     count = max(len(levels) for levels, _ in measured)
     levels = [np.pad(each, (0, count - len(each)), constant_values=_SILENT) for each, _ in measured]
-    if float(np.abs(levels[0] - levels[1]).mean()) < _ALIKE:
-        hint = "each person needs a track of their own: two files, or a stereo file with one person on each channel"
-        raise InputError(f"{first} and {second} are the same sound", hint)
+    for one, other in combinations(range(len(tracks)), 2):
+        if float(np.abs(levels[one] - levels[other]).mean()) < _ALIKE:
+            hint = "each person needs a track of their own: a file each, or a stereo file with one person on each channel"
+            raise InputError(f"{tracks[one]} and {tracks[other]} are the same sound", hint)
     shares = _find_shares(levels)
-    speakers = [HeardSpeaker(track, share, length) for track, share in zip(tracks, shares, strict=True)]
-    one, other = (_hear(speaker) for speaker in speakers)
-    return Conversation((one, other))
+    return tuple(_hear(HeardSpeaker(track, share, length)) for track, share in zip(tracks, shares, strict=True))
+
+
+def hear_recording(track: VoiceTrack, stretches: Mapping[str, Sequence[Phrase]]) -> dict[str, HeardSpeaker]:
+    """Hear people who are mixed in one recording.
+
+    Args:
+        track: the recording.
+        stretches: name → when this person speaks, see `cospeech.audio.diarisation.read_speakers`.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    levels, length = _measure(track)
+    times, found = np.arange(len(levels)) / RATE, dict[str, HeardSpeaker]()
+    for name, spoken in stretches.items():
+        own = np.zeros(len(levels))
+        for phrase in spoken:
+            own[(times >= phrase.start - _AROUND) & (times < phrase.end + _AROUND)] = 1.0
+        found[name] = _hear(HeardSpeaker(track, _average(own, _FADE), length))
+    return found
+
+
+def merge_speakers(speakers: Sequence[HeardSpeaker]) -> HeardSpeaker:
+    """Several persons as one, to whom somebody listens: what any of them says, and the moments of all."""
+    phrases = list[Phrase]()
+    for phrase in sorted(phrase for each in speakers for phrase in each.phrases):
+        if phrases and phrase.start <= phrases[-1].end:
+            phrases[-1] = Phrase(phrases[-1].start, max(phrases[-1].end, phrase.end))
+        else:
+            phrases.append(phrase)
+    cues = sorted(cue for each in speakers for cue in each.cues)
+    return replace(speakers[0], phrases=tuple(phrases), cues=tuple(cues))
 
 
 def _measure(track: VoiceTrack) -> tuple[Array, Fraction]:
@@ -156,17 +185,20 @@ def _measure(track: VoiceTrack) -> tuple[Array, Fraction]:
         return np.concatenate([*levels, [_SILENT]]), source.duration
 
 
-def _find_shares(levels: Sequence[Array]) -> tuple[Array, Array]:
+def _find_shares(levels: Sequence[Array]) -> list[Array]:
     """(T,) of each track: 1 where it hears its own person."""
     smooth = [_average(each, _STEADY) for each in levels]
-    below = [np.quantile(each, _LOUD) - each for each in smooth]  # dB below this person's own loud speech
+    loud = [float(np.quantile(each, _LOUD)) for each in smooth]
+    below = [top - each if top > _AUDIBLE else np.full(len(each), -_SILENT) for top, each in zip(loud, smooth, strict=True)]
     made = []
-    for own, other in ((below[0], below[1]), (below[1], below[0])):
-        apart = own - other
-        usual = float(np.median(apart[other < _LOUDER]))  # there are some: loud speech is what the level is measured from
-        foreign = (own > _NOTHING) | ((apart > np.clip(_SHARE * usual, *_FOREIGN)) & (other < _SPEECH))
+    for k, own in enumerate(below):
+        foreign = own > _NOTHING
+        for other in (*below[:k], *below[k + 1 :]):
+            apart = own - other
+            usual = np.median(apart[other < _LOUDER]) if (other < _LOUDER).any() else 0.0
+            foreign |= (apart > np.clip(_SHARE * usual, *_FOREIGN)) & (other < _SPEECH)
         made.append(_average(np.where(foreign, 0.0, 1.0), _FADE))
-    return made[0], made[1]
+    return made
 
 
 def _average(values: Array, rows: int) -> Array:
@@ -183,4 +215,5 @@ def _hear(speaker: HeardSpeaker) -> HeardSpeaker:
         for block in source.blocks():
             cues += detector.push(block)
     cues += detector.finish()
-    return replace(speaker, phrases=tuple(detector.phrases), cues=tuple(cues))
+    phrases = [phrase for phrase in detector.phrases if phrase.end - phrase.start >= _SHORTEST]
+    return replace(speaker, phrases=tuple(phrases), cues=tuple(cues))

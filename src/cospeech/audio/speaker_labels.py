@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 
-__all__ = ["drop_labels"]
+__all__ = ["drop_labels", "split_labels"]
 
 # A letter of a name, or a sign on one (Indic, Thai and Semitic vowels, accents), which Python's \w leaves out
 _IN = r"[\w.'’·・\-\u0300-\u036f\u0591-\u05c7\u0610-\u061a\u064b-\u065f\u0900-\u0dff\u0e31-\u0e4e]"
@@ -30,6 +30,11 @@ def drop_labels(lines: Sequence[str]) -> list[str]:
     >>> drop_labels(["ANNA: Hello there.", "Remember: hands.", "Bob: Hi.", "Bob: Yes."])
     [' Hello there.', 'Remember: hands.', ' Hi.', ' Yes.']
     """
+    return [rest for _, rest in split_labels(lines)]
+
+
+def split_labels(lines: Sequence[str]) -> list[tuple[str, str]]:
+    """The name of the speaker of each line, empty where it begins with none, and what is said; see `drop_labels`."""
     found = [_LABEL.match(line) for line in lines]
     names = [match["name"] if match is not None and _is_name(match["name"]) else "" for match in found]
     count = Counter(names)
@@ -38,7 +43,8 @@ def drop_labels(lines: Sequence[str]) -> list[str]:
         rest = (match["sound"] or "") + line[match.end() :] if match is not None else ""
         shouted = name.isupper() and any(letter.islower() for letter in rest)
         changes = match is not None and (match["sign"] or "").startswith(">>")
-        kept.append(rest if name and (shouted or changes or count[name] >= _TWICE) else line)
+        is_label = name and (shouted or changes or count[name] >= _TWICE)
+        kept.append((name, rest) if is_label else ("", line))
     return kept
 
 

@@ -1,7 +1,8 @@
-"""``cospeech dialogue``: two people in conversation, each a character that talks and listens."""
+"""``cospeech dialogue``: people in conversation, each a character that talks and listens."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,8 @@ from .progress import show_progress
 from .several import NAME
 
 if TYPE_CHECKING:
-    from ..audio.conversation import VoiceTrack
+    from ..runtime.report import Reports
+    from .persons import Person
 
 __all__ = ["register"]
 
@@ -25,9 +27,22 @@ Sounds = Annotated[
     list[Path],
     Argument(
         metavar="SPEECH",
-        help="Two sound files of one conversation, with one person each, that begin at the same moment; or one stereo file "
-        "with one person on each channel.",
+        help="Sound files of one conversation, with one person each, that begin at the same moment; or one stereo file with "
+        "one person on each channel; or one recording of all, with --speakers.",
     ),
+]
+Speakers = Annotated[
+    Path | None,
+    option(
+        "--speakers",
+        metavar="FILE",
+        help="Who speaks when in one recording of all: .rttm, .json of a recogniser that names speakers, .srt or .vtt with "
+        "names. Its words are those of the characters, too, where it has words, and no --transcript is given.",
+    ),
+]
+Chosen = Annotated[
+    list[str] | None,
+    option("--person", metavar="NAME", help="Generate this person only. Repeat the option for several. The others are heard."),
 ]
 Outputs = Annotated[
     list[str] | None,
@@ -35,12 +50,12 @@ Outputs = Annotated[
         "--output",
         "-o",
         metavar="FILE",
-        help=f"File to write, with {NAME} in it: out/{NAME}.vrma. {NAME} is the name of the sound file; of a stereo file, that "
-        "name with .left and .right. Repeat the option for several formats. Without it, the program writes a .bvh and a .glb "
-        "of each person into this folder, but over no file that is there.",
+        help=f"File to write, with {NAME} in it: out/{NAME}.vrma. {NAME} is the name of the sound file; of one file, that name "
+        "with .left or .right behind it, or with the name of the speaker. Repeat the option for several formats. Without it, "
+        "the program writes a .bvh and a .glb of each person into this folder, but over no file that is there.",
     ),
 ]
-_EACH = "Give it once for both, or twice: first for the first person."
+_EACH = "Give it once for all, or once for each person, in order."
 Models = Annotated[list[str] | None, option("--model", metavar="MODEL", help=f"See `cospeech generate`. {_EACH}")]
 Styles = Annotated[list[str] | None, option("--style", metavar="STYLE", help=f"See `cospeech generate`. {_EACH}")]
 Emotions = Annotated[list[str] | None, option("--emotion", metavar="NAME|FILE", help=f"See `cospeech generate`. {_EACH}")]
@@ -49,7 +64,12 @@ Intensities = Annotated[
 ]
 Transcripts = Annotated[
     list[str] | None,
-    option("--transcript", metavar="FILE", help=f"Words of each person, or one name with {NAME} in it: words/{NAME}.srt."),
+    option(
+        "--transcript",
+        metavar="FILE",
+        help=f"Words: one file for each person, or one name with {NAME} in it: words/{NAME}.srt. With --speakers, one file "
+        "for all.",
+    ),
 ]
 Languages = Annotated[list[str] | None, option("--language", metavar="CODE", help=f"Language of the words. {_EACH}")]
 Avatars = Annotated[
@@ -68,9 +88,9 @@ Angle = Annotated[
 ]
 
 _ALL_PARTS = ",".join(PARTS)
-_SIDES = ("left", "right")
 _MOST_ANGLE = 60.0  # degrees, see `cospeech.runtime.listening.ANGLE_RANGE`
 _USUAL = (f"{NAME}.bvh", f"{NAME}.glb")
+_WORDLESS = ".rttm"
 
 
 def register(app: typer.Typer) -> None:
@@ -79,61 +99,56 @@ def register(app: typer.Typer) -> None:
 
 
 def dialogue(
-    speech: Sounds, output: Outputs = None, model: Models = None, style: Styles = None, emotion: Emotions = None,
-    intensity: Intensities = None, transcript: Transcripts = None, language: Languages = None, avatar: Avatars = None,
-    angle: Angle = 0.0, seed: Seed = 0, parts: Parts = _ALL_PARTS, skeleton: Skeleton = "humanoid", fps: Fps = 30.0,
-    tail: Tail = 0.0, report: ReportFile = None, quiet: Quiet = False, debug: Debug = False,
+    speech: Sounds, output: Outputs = None, speakers: Speakers = None, person: Chosen = None, model: Models = None,
+    style: Styles = None, emotion: Emotions = None, intensity: Intensities = None, transcript: Transcripts = None,
+    language: Languages = None, avatar: Avatars = None, angle: Angle = 0.0, seed: Seed = 0, parts: Parts = _ALL_PARTS,
+    skeleton: Skeleton = "humanoid", fps: Fps = 30.0, tail: Tail = 0.0, report: ReportFile = None, quiet: Quiet = False,
+    debug: Debug = False,
 ) -> None:  # fmt: skip
-    """Generate two characters that talk to each other.
+    """Generate characters that talk to each other.
 
-    Each one gestures while it speaks. While the other one speaks, it listens: it nods where the other one pauses or lowers the
-    voice, smiles now and then, and looks at the other one. Sound of the other person in a microphone is left out.
+    Each one gestures while it speaks. While another one speaks, it listens: it nods where the other one pauses or lowers the
+    voice, smiles now and then, and looks at the other one. Sound of other persons in a microphone is left out.
 
     \b
     cospeech dialogue host.wav guest.wav -o '{name}.glb'
     cospeech dialogue call.wav -o 'out/{name}.vrma' --style calm --style lively
+    cospeech dialogue podcast.mp3 --speakers podcast.json -o 'out/{name}.glb'
     cospeech dialogue host.wav guest.wav -o '{name}.bvh' --transcript 'words/{name}.srt' --angle 30
     """
-    from ..audio.conversation import hear_conversation
-    from ..export import format_of
-    from ..files import all_or_none, atomic, check_destination, make_folders
-    from ..generate import generate_files
-    from ..runtime.listening import DialogueRole
-    from ..runtime.report import Reports
+    from ..files import atomic, check_destination
     from .main import show_outputs
+    from .persons import choose_persons, describe_persons, hear_persons
 
     if not 0 <= angle <= _MOST_ANGLE:
         raise InputError(f"an angle of {angle:g} degrees", f"0 … {_MOST_ANGLE:g}; for more, turn the characters themselves")
-    tracks, names = _find_tracks(speech)
-    files = [_outputs_of(name, output) for name in names]
-    own = [
-        {
-            "model": _pick("--model", model, k, DEFAULT), "style": _pick("--style", style, k, None),
-            "emotion": _pick("--emotion", emotion, k, "auto"), "intensity": _pick("--intensity", intensity, k, 1.0),
-            "language": _pick("--language", language, k, ""), "avatar": _pick("--avatar", avatar, k, None) or None,
-            "transcript": _pick_transcript(transcript, names, k),
-        }
-        for k in range(2)
-    ]  # fmt: skip
-    _check_apart(tracks, files, own, report)
-    for path in (path for each in files for path in each):
-        format_of(path)
     if report is not None:
         check_destination(report)
-    shared: dict[str, Any] = {
-        "parts": [part.strip() for part in parts.split(",") if part.strip()], "skeleton": skeleton, "fps": fps, "tail": tail
-    }  # fmt: skip
+    _check_outputs(output)
+    persons = hear_persons(speech, speakers)
+    if angle and len(persons) != 2:
+        raise InputError(f"an angle between {len(persons)} persons", "it is for two; turn the characters themselves")
+    chosen = choose_persons(persons, person or ())
+    words = transcript or ([str(speakers)] if speakers is not None and speakers.suffix.lower() != _WORDLESS else None)
+    own = [
+        {
+            "model": _pick("--model", model, k, persons, DEFAULT), "style": _pick("--style", style, k, persons, None),
+            "emotion": _pick("--emotion", emotion, k, persons, "auto"),
+            "intensity": _pick("--intensity", intensity, k, persons, 1.0),
+            "language": _pick("--language", language, k, persons, ""),
+            "avatar": _pick("--avatar", avatar, k, persons, None) or None,
+            "transcript": _pick_words(words, k, persons, mixed=speakers is not None), "seed": seed + k,
+            "parts": [each.strip() for each in parts.split(",") if each.strip()], "skeleton": skeleton, "fps": fps,
+            "tail": tail,
+        }
+        for k in range(len(persons))
+    ]  # fmt: skip
+    files = {k: _outputs_of(persons[k].name, output) for k in chosen}
+    _check_apart([*speech, *([speakers] if speakers else [])], files, own, report)
+    if not quiet:
+        typer.echo(describe_persons(persons), err=True)
     with show_progress("generating", quiet) as progress:
-        heard = hear_conversation(*tracks).speakers
-        every, made = [path for each in files for path in each], []
-        with make_folders({path.parent for path in every}), all_or_none(every) as place:
-            for k, track in enumerate(tracks):
-                role = DialogueRole(heard[k], heard[1 - k], angle if k == 0 else -angle)
-                tell = None if progress is None else _tell(progress, names[k])
-                staged = [place(path) for path in files[k]]
-                found = generate_files(track.path, staged, seed=seed + k, role=role, progress=tell, **shared, **own[k])
-                made.append(replace(found, speech=names[k], outputs=[str(path) for path in files[k]]))
-        result = Reports(speeches=made, failed=[])
+        result = _generate(persons, files, own, angle, mixed=speakers is not None, progress=progress)
     if report is not None:
         with atomic(report) as path:
             path.write_text(result.to_json(), "utf-8")
@@ -141,52 +156,62 @@ def dialogue(
         show_outputs(result.speeches)
 
 
+def _generate(
+    persons: Sequence[Person], files: dict[int, list[Path]], own: Sequence[dict[str, Any]], angle: float, *, mixed: bool,
+    progress: Any,
+) -> Reports:  # fmt: skip
+    """All files of the persons that are wanted, or none."""
+    from ..audio.conversation import merge_speakers
+    from ..files import all_or_none, make_folders
+    from ..generate import generate_files
+    from ..runtime.listening import DialogueRole
+    from ..runtime.report import Reports
+
+    every, made = [path for each in files.values() for path in each], []
+    with make_folders({path.parent for path in every}), all_or_none(every) as place:
+        for k, paths in files.items():
+            one = persons[k]
+            others = merge_speakers([each.heard for each in persons if each is not one])
+            role = DialogueRole(one.heard, others, -angle if k else angle, mixed)
+            tell = None if progress is None else _tell(progress, one.name)
+            staged = [place(path) for path in paths]
+            found = generate_files(one.heard.track.path, staged, role=role, progress=tell, **own[k])
+            made.append(replace(found, speech=one.name, outputs=[str(path) for path in paths]))
+    return Reports(speeches=made, failed=[])
+
+
 def _tell(progress: Any, name: str) -> Any:
     return lambda done, total: progress(done, total, name)
 
 
-def _find_tracks(speech: Sequence[Path]) -> tuple[list[VoiceTrack], list[str]]:
-    """Where both voices are, and what the persons are called.
+def _check_outputs(output: Sequence[str] | None) -> None:
+    """Raise an InputError where a file would be that of several persons, or is of no known format."""
+    from ..export import format_of
 
-    Raises:
-        InputError: there are not two voices.
-    """
-    from ..audio.conversation import VoiceTrack
-    from ..audio.speech import SpeechSource
+    for text in output or ():
+        if NAME in text:
+            format_of(text)
+        elif not _is_folder(text):
+            suffix = Path(text).suffix or ".bvh"
+            raise InputError(f"one file {text!r} for several persons", f"-o '{NAME}{suffix}', or a folder, -o out/")
 
-    if len(speech) > 2:
-        raise InputError(f"{len(speech)} sound files", "two, with one person each, or one stereo file")
-    if len(speech) == 2:
-        names = [path.stem for path in speech]
-        if names[0] == names[1]:
-            parents = [path.absolute().parent.name for path in speech]
-            names = [f"{parent}.{name}" for parent, name in zip(parents, names, strict=True)]
-        if names[0] == names[1]:
-            raise InputError(f"both sound files are called {speech[0].name!r}", "files of different names")
-        return [VoiceTrack(path) for path in speech], names
-    with SpeechSource(speech[0]) as source:
-        channels = source.channels
-    if channels != 2:
-        hint = "two sound files with one person each, or one stereo file with one person on each channel"
-        raise InputError(f"{str(speech[0])!r} has {'one channel' if channels == 1 else f'{channels} channels'}", hint)
-    return [VoiceTrack(speech[0], channel) for channel in range(2)], [f"{speech[0].stem}.{side}" for side in _SIDES]
+
+def _is_folder(text: str) -> bool:
+    return text.endswith(("/", os.sep)) or Path(text).is_dir()
 
 
 def _outputs_of(name: str, output: Sequence[str] | None) -> list[Path]:
     """The files of one person.
 
     Raises:
-        InputError: a file that would be that of both, or, where none was named, one that is there.
+        InputError: none was named, and one is there.
     """
     found = []
     for text in output or _USUAL:
-        if text.endswith("/") or (NAME not in text and Path(text).is_dir()):
-            found += [Path(text) / pattern.replace(NAME, name) for pattern in _USUAL]
-        elif NAME in text:
+        if NAME in text:
             found.append(Path(text.replace(NAME, name)))
         else:
-            suffix = Path(text).suffix or ".bvh"
-            raise InputError(f"one file {text!r} for two persons", f"-o '{NAME}{suffix}', or a folder, -o out/")
+            found += [Path(text) / pattern.replace(NAME, name) for pattern in _USUAL]
     there = [] if output else [path for path in found if path.exists()]
     if there:
         raise InputError(
@@ -195,34 +220,43 @@ def _outputs_of(name: str, output: Sequence[str] | None) -> list[Path]:
     return found
 
 
-def _pick(flag: str, values: Sequence[Any] | None, person: int, usual: Any) -> Any:
-    """What an option says about a person, 0 or 1.
+def _pick(flag: str, values: Sequence[Any] | None, k: int, persons: Sequence[Person], usual: Any) -> Any:
+    """What an option says about a person.
 
     Raises:
-        InputError: it is given more than twice.
+        InputError: it is given neither once nor once for each.
     """
     if not values:
         return usual
-    if len(values) > 2:
-        raise InputError(f"{flag} is given {len(values)} times", "once for both persons, or twice")
-    return values[min(person, len(values) - 1)]
+    if len(values) not in (1, len(persons)):
+        raise InputError(f"{flag} is given {len(values)} times", f"once for all, or {len(persons)} times, once for each person")
+    return values[0] if len(values) == 1 else values[k]
 
 
-def _pick_transcript(values: Sequence[str] | None, names: Sequence[str], person: int) -> str | None:
-    """As `_pick`: one file is that of one person, and names have `NAME` in them, perhaps."""
-    if values and len(values) == 1 and NAME not in values[0]:
-        raise InputError(f"one transcript {values[0]!r} for two persons", f"one of each, or words/{NAME}.srt")
-    found = _pick("--transcript", values, person, None)
-    return found.replace(NAME, names[person]) if found else None
+def _pick_words(values: Sequence[str] | None, k: int, persons: Sequence[Person], *, mixed: bool) -> str | None:
+    """The transcript of a person.
+
+    Args:
+        values: of the option.
+        k: which person.
+        persons: all.
+        mixed: whether they are in one recording, of which all words are in one file.
+
+    Raises:
+        InputError: there is one file for several persons, or of several one for each.
+    """
+    if values and mixed and (len(values) > 1 or NAME in values[0]):
+        raise InputError(f"--transcript {' '.join(map(repr, values))} with --speakers", "one file with the words of all")
+    if values and not mixed and len(values) == 1 and NAME not in values[0]:
+        raise InputError(f"one transcript {values[0]!r} for {len(persons)} persons", f"one of each, or words/{NAME}.srt")
+    found = _pick("--transcript", values, k, persons, None)
+    return found.replace(NAME, persons[k].name) if found else None
 
 
-def _check_apart(
-    tracks: Sequence[VoiceTrack], files: Sequence[Sequence[Path]], own: Sequence[dict[str, Any]], report: Path | None
-) -> None:
+def _check_apart(read: list[Path], files: dict[int, list[Path]], own: Sequence[dict[str, Any]], report: Path | None) -> None:
     """No file is written over another one, or over one that is read."""
     from ..export.checks import check_apart
 
-    written = [path for each in files for path in each] + ([] if report is None else [report])
-    read = [Path(track.path) for track in tracks]
+    written = [path for each in files.values() for path in each] + ([] if report is None else [report])
     read += [Path(options[key]) for options in own for key in ("transcript", "avatar", "style", "emotion") if options[key]]
     check_apart(written, read)

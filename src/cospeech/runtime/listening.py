@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..audio.backchannel_cues import BackchannelCue
-from ..audio.conversation import HeardSpeaker, TrackSource
+from ..audio.conversation import HeardSpeaker
 from ..audio.prosodic_events import Phrase
-from ..audio.speech import File, add_words
+from ..audio.speech import File, SpeechSource, add_words, open_speech
 from ..errors import InputError
 from ..face.gaze import direction_of, head_rotation, limit_eyes, look, write_looks
 from ..motion.curves import smoothstep
@@ -292,21 +292,28 @@ class DialogueRole:
 
     Args:
         own: this person.
-        other: the one that this person talks and listens to.
+        other: who this person talks and listens to; several are merged (`cospeech.audio.conversation.merge_speakers`).
         angle: see `ListeningLayer`.
+        mixed: whether a transcript has the words of all, of which those in own stretches are taken.
     """
 
     own: HeardSpeaker
     other: HeardSpeaker
     angle: float = 0.0
+    mixed: bool = False
 
-    def open(self, transcript: File | None = None, language: str = "") -> TrackSource:
+    def open(self, transcript: File | None = None, language: str = "") -> SpeechSource:
         """The voice of this person alone, with the words of a transcript.
 
         Raises:
-            InputError: see `cospeech.audio.speech.add_words`.
+            InputError: see `cospeech.audio.speech.open_speech`.
         """
-        return add_words(self.own.open(), transcript, language)
+        source = self.own.open()
+        if not self.mixed:
+            return add_words(source, transcript, language)
+        with open_speech(self.own.track.path, transcript=transcript, language=language) as whole:
+            source.words = whole.words and tuple(word for word in whole.words if self.own.owns(word))
+        return source
 
     def listen(self, moving: Iterable[list[Motion]], options: GenerationOptions, takes: range) -> Iterator[list[Motion]]:
         """Some takes of a motion as they come, of somebody who listens."""

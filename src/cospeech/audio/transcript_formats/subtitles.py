@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 from ...errors import InputError, say_count
 from ...limits import WORDS
-from ..speaker_labels import drop_labels
+from ..speaker_labels import drop_labels, split_labels
 from ..word_entries import Entry, Note, read_clock
 
-__all__ = ["Cue", "fits", "fits_sbv", "read", "read_sbv", "say_cues"]
+__all__ = ["Cue", "fits", "fits_sbv", "name_speakers", "read", "read_sbv", "say_cues"]
 
 # Possessive ("++"): what was taken is not given back, so that each character is looked at once
 _TIMES = re.compile(r"^[ \t]*+([\d:;.,]++)[ \t]*+(?:--?>|[→⟶])[ \t]*+([\d:;.,]++)(?![^ \t\n]).*$", re.MULTILINE)
@@ -25,6 +25,7 @@ _SBV_TIMES = re.compile(r"^[ \t]*+([\d:]++\.\d++)[ \t]*+,[ \t]*+([\d:]++\.\d++)[
 _NO_CHARACTER = re.compile(r"&#\d{8,};?")  # beyond all of Unicode
 _NEXT_NUMBER = re.compile(r"\n[ \t]*\d{1,9}[ \t]*\n\Z")  # that of the next cue, right above its times
 _INLINE = re.compile(r"<((?:\d{1,4}:)?\d{1,2}:\d{1,2}\.\d{1,9})>")
+_VOICE = re.compile(r"<v(?:\.[^\s<>]*)?[ \t]+([^<>\n]{1,80})>")  # of WebVTT: who says the cue
 _TAG = re.compile(r"<[^<>\n]*>")
 _BREAK = re.compile(r"\\[Nnh]|\[br\]")  # of SubStation Alpha and of SubViewer
 _AT_ONCE = 0.1  # s: a cue that is shorter shows nothing new, and one that begins so soon follows at once [ours; YouTube: 0.01]
@@ -74,6 +75,23 @@ def say_cues(cues: Sequence[Cue]) -> Iterator[Entry]:
     said = iter(drop_labels([_plain(line) for cue in cues for line in cue.lines]))
     for cue in cues:
         yield " ".join(islice(said, len(cue.lines))), cue.start, cue.end
+
+
+def name_speakers(text: str, note: Note) -> Iterator[tuple[str, float, float]]:
+    """Who speaks in SubRip or WebVTT, and when: by the voice of a cue, or the label before its lines; else as before.
+
+    Raises:
+        InputError: no cue has times.
+    """
+    cues = _read_cues(text, _TIMES, note)
+    labels = iter(split_labels([_plain(line) for cue in cues for line in cue.lines]))
+    name = ""
+    for cue in cues:
+        voice = _VOICE.search("\n".join(cue.lines))
+        found = [label for label, _ in islice(labels, len(cue.lines)) if label]
+        name = voice[1].strip() if voice else found[0] if found else name
+        if name:
+            yield name, cue.start, cue.end
 
 
 def _plain(line: str) -> str:

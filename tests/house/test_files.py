@@ -101,7 +101,7 @@ def test_only_what_is_abandoned_goes(tmp_path):
 
 @pytest.fixture
 def without_locks(monkeypatch) -> set[Path]:
-    """As on Windows: no locks, and a file that is open cannot be removed. The set is of those that other processes have open."""
+    """As on Windows: no locks, and a file that is open cannot be removed. The set: what others have open."""
     monkeypatch.setattr("cospeech.files.workplaces.fcntl", None)
     held, unlink = set[Path](), os.unlink
 

@@ -118,7 +118,7 @@ def write_facts(folder: Path, facts: Mapping[str, Any], files: Mapping[str, Mapp
     for name, tensors in files.items():
         write_tensors(folder / f"{name}.safetensors", tensors, {})
     with atomic(folder / "config.json") as path:
-        path.write_text(json.dumps({"format": FORMAT, **facts}, indent=1, ensure_ascii=False) + "\n", "utf-8")
+        path.write_text(json.dumps({"format": FORMAT, **facts}, indent=1, ensure_ascii=False) + "\n", "utf-8", newline="\n")
 
 
 def read_facts(folder: Path) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import errno
 import io
+import json
 import os
 import shutil
 import socket
@@ -108,6 +109,31 @@ def test_text_is_the_same_on_every_system(path):
 )
 def test_the_test_would_notice(source, fault):
     assert faults(source) == [fault]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="their file systems take no such name")
+def test_a_name_that_is_no_utf8_is_written_into_a_report_all_the_same(tmp_path):
+    """As unpacked from an archive of another system, or where the terminal speaks ASCII."""
+    for name, shown in ((b"Zo\xeb.ogg", "Zo�.ogg"), ("Zoë.ogg".encode(), "Zoë.ogg")):
+        shutil.copyfile(EXAMPLE, tmp_path / os.fsdecode(name))
+        command = [
+            sys.executable,
+            "-m",
+            "cospeech",
+            "generate",
+            name,
+            "-o",
+            "a.csv",
+            "--parts",
+            "face",
+            "--report",
+            "r.json",
+            "-q",
+        ]
+        variables = os.environ | {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
+        subprocess.run(command, cwd=tmp_path, env=variables, check=True)
+        assert json.loads((tmp_path / "r.json").read_text("utf-8"))["speech"] == shown
 
 
 class Terminal(io.TextIOWrapper):

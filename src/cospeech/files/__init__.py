@@ -26,7 +26,7 @@ from .workplaces import ABANDONED, PREFIX, scratch, sweep, workplace
 
 __all__ = [
     "ABANDONED", "PREFIX", "all_or_none", "atomic", "check_destination", "describe_os_error", "make_folders", "open_regular",
-    "parse_json", "parse_toml", "read_regular", "regular_file", "scratch", "sweep", "workplace",
+    "parse_json", "parse_toml", "read_regular", "regular_file", "repair_text", "scratch", "sweep", "workplace",
 ]  # fmt: skip
 
 _SOUND_FILE = "a sound file"
@@ -40,6 +40,19 @@ _REPLACES_OPEN = os.name != "nt"  # Windows lets no file take the name of one th
 def describe_os_error(error: OSError) -> str:
     """A short reason: "No such file or directory", "Permission denied", …"""
     return error.strerror or type(error).__name__
+
+
+def repair_text(text: str) -> str:
+    """A text that can be written: in names of files, Python keeps bytes that are no UTF-8 as halves of characters.
+
+    >>> repair_text("Zo\\udcc3\\udcab, Zo\\udceb")
+    'Zoë, Zo�'
+    """
+    try:
+        data = text.encode("utf-8", "surrogateescape")
+    except UnicodeEncodeError:  # names of Windows may hold any half
+        data = text.encode("utf-8", "replace")
+    return data.decode("utf-8", "replace")
 
 
 # opening --------------------------------------------------------------------------------------------------------------

@@ -201,7 +201,7 @@ def paced(engine: FlowEngine, fps: float = 60.0, seconds: float = 10.0) -> tuple
 def processor() -> str:
     """Its name, and what matters to us."""
     try:
-        text = Path("/proc/cpuinfo").read_text()
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
     except OSError:
         return platform.processor() or platform.machine()
     name = next((line.split(":")[1].strip() for line in text.splitlines() if line.startswith("model name")), platform.machine())

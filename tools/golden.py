@@ -84,7 +84,7 @@ def speeches(folder: Path) -> list[Path]:
     (folder / "speech").mkdir()
     for k in range(3):
         soundfile.write(folder / "speech" / f"{k}.wav", samples[5 * k * rate : (5 * k + 6) * rate], rate)
-        (folder / "speech" / f"{k}.txt").write_text("hello all of you, this is huge and that is tiny\n")
+        (folder / "speech" / f"{k}.txt").write_text("hello all of you, this is huge and that is tiny\n", "utf-8")
     return [first, second]
 
 
@@ -101,7 +101,9 @@ def motions(folder: Path) -> Iterator[tuple[str, dict[str, object]]]:
                 chosen = ["--style", style] if style else []
                 out = ["-o", "face.json"] if model == "speech-to-face" else ["-o", "motion.npz", "-o", "face.json"]
                 cospeech(folder, "generate", speech, "--model", model, *chosen, "--fps", "30", "-q", *out)
-                arrays = {"face": np.array([f["weights"] for f in json.loads((folder / "face.json").read_text())["frames"]])}
+                arrays = {
+                    "face": np.array([f["weights"] for f in json.loads((folder / "face.json").read_text("utf-8"))["frames"]])
+                }
                 if model != "speech-to-face":
                     with np.load(folder / "motion.npz") as file:
                         arrays |= {key: file[key] for key in ("poses", "trans")}
@@ -136,9 +138,9 @@ def stores(folder: Path) -> Iterator[tuple[str, dict[str, object]]]:
 def trainings(folder: Path, recipes: Path) -> Iterator[tuple[str, dict[str, object]]]:
     import tomllib
 
-    paths = sorted(recipes.rglob("*.toml"), key=lambda path: ("needs" in tomllib.loads(path.read_text()), path.name))
+    paths = sorted(recipes.rglob("*.toml"), key=lambda path: ("needs" in tomllib.loads(path.read_text("utf-8")), path.name))
     for path in paths:
-        model = tomllib.loads(path.read_text()).get("model", {}).get("name")
+        model = tomllib.loads(path.read_text("utf-8")).get("model", {}).get("name")
         store = path.stem.replace("_live", "").split("_")
         store = next((name for name in STORES if name in store), None)
         if model is None or store is None or path.stem in LEFT_OUT:
@@ -197,9 +199,9 @@ def main() -> int:
     given = parser.parse_args()
     made = make(given.recipes.resolve(), given.only)
     if given.what == "record":
-        given.file.write_text(json.dumps(made, indent=1) + "\n")
+        given.file.write_text(json.dumps(made, indent=1) + "\n", "utf-8")
         return 0
-    before = json.loads(given.file.read_text())
+    before = json.loads(given.file.read_text("utf-8"))
     kinds = {name.partition("/")[0] for name in made}
     return 0 if compare({k: v for k, v in before.items() if k.partition("/")[0] in kinds}, made, given.tolerance) else 1
 

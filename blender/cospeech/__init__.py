@@ -59,7 +59,10 @@ def find_command(given: str) -> list[str]:
 def run(command: list[str], *arguments: object) -> list[str]:
     """Run a command of cospeech; its notes."""
     try:
-        done = subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True, timeout=LONGEST)
+        done = subprocess.run(
+            [*command, *map(str, arguments)], capture_output=True, encoding="utf-8", errors="replace", timeout=LONGEST,
+            env=os.environ | {"PYTHONIOENCODING": "utf-8"}, creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+        )  # fmt: skip
     except (OSError, subprocess.TimeoutExpired) as error:
         raise CospeechError(f"{command[0]} cannot be run: {error}") from None
     if done.returncode:

@@ -1,12 +1,14 @@
 """The errors that users are meant to see: what is wrong, with the value, and how to mend it."""
 
+import errno
+import os
 from collections.abc import Iterable
 from importlib import import_module
 from typing import Any
 
 __all__ = [
-    "CospeechError", "CospeechWarning", "InputError", "InternalError", "describe_extra", "find_attribute", "guess", "nearest",
-    "say_count",
+    "CospeechError", "CospeechWarning", "InputError", "InternalError", "describe_extra", "find_attribute", "guess",
+    "is_broken_pipe", "nearest", "say_count",
 ]  # fmt: skip
 
 _LONGEST = 2000  # characters; ours: above what lists of all known names take
@@ -46,6 +48,11 @@ class InternalError(CospeechError, RuntimeError):
 
 class CospeechWarning(UserWarning):
     """What was done is not quite what was asked for: a line ``note: …`` on the command line."""
+
+
+def is_broken_pipe(error: OSError) -> bool:
+    """Whether who reads what we write has left; Windows calls that an invalid argument."""
+    return isinstance(error, BrokenPipeError) or (os.name == "nt" and error.errno == errno.EINVAL)
 
 
 def describe_extra(name: str) -> str:

@@ -155,9 +155,9 @@ def generate_files(
             style=_style_text(asked) or loaded.default_style, style_mixture=performance.style_mixture,
             **describe_language(words, language), outputs=[str(path) for path in names])  # fmt: skip
         if plan_out is not None:
-            place(Path(plan_out)).write_text(cast(PlannedSession, performance).plan.to_json(), "utf-8")
+            place(Path(plan_out)).write_text(cast(PlannedSession, performance).plan.to_json(), "utf-8", newline="\n")
         if report:
-            place(Path(report)).write_text(result.to_json(), "utf-8")
+            place(Path(report)).write_text(result.to_json(), "utf-8", newline="\n")
     return result
 
 

@@ -38,7 +38,7 @@ def place(tmp_path, monkeypatch):
     for k, name in enumerate(("rec/me/a", "rec/me/b", "rec/you/a", "talk"), 1):
         Path(name).parent.mkdir(parents=True, exist_ok=True)
         soundfile.write(f"{name}.wav", speech[: rate // 4 * k], rate)
-    Path("rec/you/notes.txt").write_text("no sound\n")
+    Path("rec/you/notes.txt").write_text("no sound\n", encoding="utf-8")
     return tmp_path
 
 
@@ -51,7 +51,7 @@ def test_a_folder_goes_into_a_folder(cli, place):
     assert (code, err) == (0, "")
     assert files("out") == [f"{name}{suffix}" for name in ("me/a", "me/b", "you/a") for suffix in (".bvh", ".glb")]
     assert out.startswith("3 speeches: 1.50 s of speech, ")
-    report = json.loads(Path("r.json").read_text())
+    report = json.loads(Path("r.json").read_text(encoding="utf-8"))
     assert [row["outputs"][0] for row in report["speeches"]] == ["out/me/a.bvh", "out/me/b.bvh", "out/you/a.bvh"]
     assert report["failed"] == []
     assert cli("generate", "rec/you/a.wav", "-o", "alone.bvh", "-q") == (0, "", "")
@@ -61,7 +61,7 @@ def test_a_folder_goes_into_a_folder(cli, place):
 def test_several_files_by_a_pattern_with_takes_and_words(cli, place):
     Path("words").mkdir()
     for name in ("a", "talk"):
-        Path(f"words/{name}.txt").write_text("hello all of you\n")
+        Path(f"words/{name}.txt").write_text("hello all of you\n", encoding="utf-8")
     line = ["generate", "rec/me/a.wav", "talk.wav", "-o", "out/{name}-new.vrma", "-o", "out/face/{name}.csv"]
     assert cli(*line, "--takes", 2, "--transcript", "words/{name}.txt", "-q") == (0, "", "")
     assert files("out") == sorted(
@@ -74,7 +74,7 @@ def test_one_speech_into_a_folder(cli, place):
     assert cli("generate", "talk.wav", "-o", "there", "-o", "new/{name}.npz", "-q") == (0, "", "")
     assert (files("there"), files("new")) == (["talk.bvh", "talk.glb"], ["talk.npz"])
     report = generate_speeches(["talk.wav"], ["one.bvh"], report="r.json").speeches[0]
-    assert json.loads(Path("r.json").read_text())["outputs"] == report.outputs == ["one.bvh"]
+    assert json.loads(Path("r.json").read_text(encoding="utf-8"))["outputs"] == report.outputs == ["one.bvh"]
 
 
 def test_what_several_speeches_share_need_be_no_file(place):
@@ -85,14 +85,14 @@ def test_what_several_speeches_share_need_be_no_file(place):
 
 
 def test_a_bad_one_does_not_keep_back_the_others(cli, place):
-    Path("rec/me/b.wav").write_text("this is no sound\n" * 100)
+    Path("rec/me/b.wav").write_text("this is no sound\n" * 100, encoding="utf-8")
     code, out, err = cli("generate", "rec", "-o", "out/{name}.bvh", "--report", "r.json")
     assert code == 2
     assert err.startswith("error: 1 of 3 speeches failed: rec/me/b.wav: 'b.wav': not a sound file")
     assert err.count("\n") == 1
     assert files("out") == ["me/a.bvh", "you/a.bvh"]
     assert out.startswith("2 speeches: ")
-    report = json.loads(Path("r.json").read_text())
+    report = json.loads(Path("r.json").read_text(encoding="utf-8"))
     assert [row["speech"] for row in report["failed"]] == ["rec/me/b.wav"]
     for path in Path("rec").rglob("*.wav"):
         path.write_text("nor this\n" * 100)
@@ -169,8 +169,8 @@ BAD = [
 @pytest.mark.parametrize(("line", "said"), BAD, ids=[line for line, _ in BAD])
 def test_what_cannot_be_is_one_line_and_leaves_nothing(cli, place, line, said):
     Path("empty").mkdir()
-    Path("words.srt").write_text("1\n00:00:00,000 --> 00:00:00,500\nhello\n")
-    Path("moods.csv").write_text("time,emotion\n0,anger\n")
+    Path("words.srt").write_text("1\n00:00:00,000 --> 00:00:00,500\nhello\n", encoding="utf-8")
+    Path("moods.csv").write_text("time,emotion\n0,anger\n", encoding="utf-8")
     motion = cospeech.load("rules").generate(cospeech.Speech.load("talk.wav"))
     motion.save("talk.bvh")
     motion.save("talk.csv")
@@ -225,7 +225,7 @@ def test_what_changes_nothing_is_said(cli, place, line, said):
     motion = cospeech.load("rules").generate(cospeech.Speech.load("talk.wav"))
     motion.save("talk.bvh")
     motion.save("talk.csv")
-    Path("m.toml").write_text('[bones]\nhips = "hips"\n')
+    Path("m.toml").write_text('[bones]\nhips = "hips"\n', encoding="utf-8")
     code, out, err = cli(*line.split())
     assert (code, out) == (0, "")
     assert err.startswith("note: ")
@@ -293,7 +293,8 @@ def test_several_processes_make_what_one_makes(cli, place):
     assert files("one") == files("two")
     assert all(Path("one", name).read_bytes() == Path("two", name).read_bytes() for name in files("one"))
     orders = [
-        [row["outputs"][0][4:] for row in json.loads(Path(name).read_text())["speeches"]] for name in ("one.json", "two.json")
+        [row["outputs"][0][4:] for row in json.loads(Path(name).read_text(encoding="utf-8"))["speeches"]]
+        for name in ("one.json", "two.json")
     ]
     assert orders == [["a.bvh", "b.bvh"]] * 2
     assert cli("generate", "rec", "-o", "four/", "--jobs", "0")[0] == 2
@@ -375,7 +376,7 @@ def test_folders_of_plans_are_made(cli, place):
 
 def test_edits_of_the_command_line(cli, place):
     assert cli("generate", "talk.wav", "-o", "a.bvh", "--gesture", "huge@0.4", "--plan-out", "plan.json", "-q") == (0, "", "")
-    forms = [row["form"] for row in json.loads(Path("plan.json").read_text())["gestures"]]
+    forms = [row["form"] for row in json.loads(Path("plan.json").read_text(encoding="utf-8"))["gestures"]]
     assert "big" in forms
     assert cli("generate", "talk.wav", "-o", "b.bvh", "--plan", "plan.json", "-q") == (0, "", "")
     assert Path("a.bvh").read_bytes() == Path("b.bvh").read_bytes()
@@ -397,7 +398,7 @@ def test_gestures_of_the_plan_that_a_command_makes_can_be_named(cli, place):
     words = EXAMPLE.with_suffix(".TextGrid")
     options = [EXAMPLE, "--transcript", words, "--seed", "3", "--style", "lively", "--tail", "1", "--fps", "10", "-q"]
     assert cli("generate", *options, "-o", "a.bvh", "--plan-out", "plan.json") == (0, "", "")
-    ids = [row["id"] for row in json.loads(Path("plan.json").read_text())["gestures"]]
+    ids = [row["id"] for row in json.loads(Path("plan.json").read_text(encoding="utf-8"))["gestures"]]
     edits = ["--remove", "@2.4", "--remove", ids[-1], "--move", f"{ids[3]}@6"]
     assert cli("generate", *options, "-o", "b.bvh", *edits) == (0, "", "")
     own = [EXAMPLE, "--tail", "1", "--fps", "10", "-q"]

@@ -62,7 +62,7 @@ def test_generate_writes_what_is_asked_for(cli, place):
     assert sorted(p.name for p in place.iterdir()) == ["a.bvh", "b.npz", "r.json", "talk.wav"]
     assert frames_of(Path("a.bvh")) == frames_of(Path("b.npz")) == math.ceil(SECONDS * 30)
     assert FORMATS[".bvh"].opens in out
-    report = json.loads(Path("r.json").read_text())
+    report = json.loads(Path("r.json").read_text(encoding="utf-8"))
     assert report["frames"] == math.ceil(SECONDS * 30)
     assert report["outputs"] == ["a.bvh", "b.npz"]
     assert (report["model"], report["style"], report["seed"], report["takes"]) == ("rules", "lively", 0, 1)
@@ -97,7 +97,7 @@ def test_a_tail_lets_the_hands_come_down(cli, place):
     assert cli("generate", "talk.wav", "-o", "a.npz", "--seed", "2", "-q") == (0, "", "")
     assert cli("generate", "talk.wav", "-o", "b.npz", "--seed", "2", "-q", "--tail", "3", "--report", "r.json") == (0, "", "")
     bare, tailed = (cospeech.Motion.load(name) for name in ("a.npz", "b.npz"))
-    assert len(tailed) == json.loads(Path("r.json").read_text())["frames"] == math.ceil((SECONDS + 3) * 30)
+    assert len(tailed) == json.loads(Path("r.json").read_text(encoding="utf-8"))["frames"] == math.ceil((SECONDS + 3) * 30)
     np.testing.assert_array_equal(tailed.rotations[: len(bare) - 30], bare.rotations[:-30])
     index = tailed.skeleton.index
     positions, _ = tailed.skeleton.forward(tailed.rotations, tailed.root)
@@ -123,7 +123,7 @@ def test_convert_and_render(cli, place):
     assert "b.vrma" in out
     assert frames_of(Path("b.vrma")) == pytest.approx(2 * frames_of(Path("a.bvh")), abs=1)
     assert cli("convert", "a.bvh", "c.bvh", "--skeleton", "mixamo", "-q") == (0, "", "")
-    assert "mixamorig" in Path("c.bvh").read_text()
+    assert "mixamorig" in Path("c.bvh").read_text(encoding="utf-8")
     assert cli("render", "a.bvh", "d.png", "--audio", "talk.wav")[0] == 0
     assert Path("d.png").read_bytes().startswith(b"\x89PNG")
 
@@ -372,8 +372,8 @@ def test_interrupted_before_the_command_begins(cli, monkeypatch):
 
 @pytest.mark.slow
 def test_what_was_there_stays_when_it_fails(cli, place, monkeypatch):
-    Path("a.bvh").write_text("mine")
+    Path("a.bvh").write_text("mine", encoding="utf-8")
     assert cli("generate", "talk.wav", "-o", "a.bvh", "--style", "nobody")[0] == 2
-    assert Path("a.bvh").read_text() == "mine"
+    assert Path("a.bvh").read_text(encoding="utf-8") == "mine"
     assert cli("generate", "talk.wav", "-o", "a.bvh", "-q")[0] == 0
-    assert Path("a.bvh").read_text() != "mine"
+    assert Path("a.bvh").read_text(encoding="utf-8") != "mine"

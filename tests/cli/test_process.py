@@ -63,7 +63,7 @@ def test_several_jobs_may_be_stopped_while_their_processes_begin(tmp_path, long_
     for wait in (0.0, 0.1, 0.3):
         process = subprocess.Popen(command, start_new_session=True, **pipes)
         children, until = Path(f"/proc/{process.pid}/task/{process.pid}/children"), time.monotonic() + 60
-        while len(children.read_text().split()) < 3:  # one of them keeps watch over what the others share
+        while len(children.read_text(encoding="utf-8").split()) < 3:  # one of them keeps watch over what the others share
             assert time.monotonic() < until
             time.sleep(0.005)
         time.sleep(wait)

@@ -38,7 +38,7 @@ def described(skeleton: Skeleton, path: Path) -> Path:
         {"name": name, "parent": skeleton.names[p] if p >= 0 else None, "offset": skeleton.offsets[k].tolist()}
         for k, (name, p) in enumerate(zip(skeleton.names, skeleton.parents, strict=True))
     ]
-    path.write_text(json.dumps({"bones": bones}))
+    path.write_text(json.dumps({"bones": bones}), encoding="utf-8")
     return path
 
 

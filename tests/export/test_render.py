@@ -358,7 +358,7 @@ def test_helpers_end_when_their_parent_is_killed(tmp_path):
         except ProcessLookupError:
             return
         status = Path(f"/proc/{child}/status")
-        if status.exists() and "State:\tZ" in status.read_text():  # ended; nobody has asked how
+        if status.exists() and "State:\tZ" in status.read_text(encoding="utf-8"):  # ended; nobody has asked how
             return
         time.sleep(0.1)
     pytest.fail("a helper outlived its parent by 20 s")

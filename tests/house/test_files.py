@@ -7,14 +7,16 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import soundfile
 
 from cospeech.cli.demo import EXAMPLE
 from cospeech.errors import InputError
-from cospeech.files import ABANDONED, PREFIX, all_or_none, atomic, sweep, workplace
+from cospeech.files import ABANDONED, PREFIX, all_or_none, atomic, check_destination, sweep, workplace
 from tests.support.leftovers import abandoned
 
 pytestmark = pytest.mark.slow
@@ -97,18 +99,85 @@ def test_only_what_is_abandoned_goes(tmp_path):
     assert not own.exists()
 
 
-def test_where_nothing_can_be_locked_age_tells(tmp_path, monkeypatch):
-    monkeypatch.setattr("cospeech.files.fcntl", None)
+@pytest.fixture
+def without_locks(monkeypatch) -> set[Path]:
+    """As on Windows: no locks, and a file that is open cannot be removed. The set: what others have open."""
+    monkeypatch.setattr("cospeech.files.workplaces.fcntl", None)
+    held, unlink = set[Path](), os.unlink
+
+    def refuse(path: str | Path, **named: Any) -> None:
+        folder = Path(f"/proc/self/fd/{named['dir_fd']}").resolve() if named.get("dir_fd") is not None else Path()
+        whole = (folder / os.fspath(path)).absolute()
+        if whole in held or whole in {each.resolve() for each in Path("/proc/self/fd").iterdir()}:
+            raise PermissionError(errno.EACCES, "The process cannot access the file", str(path))
+        unlink(path, **named)
+
+    monkeypatch.setattr(os, "unlink", refuse)
+    return held
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="tells what this process has open")
+def test_where_nothing_can_be_locked_an_open_file_tells(tmp_path, without_locks):
     with workplace(tmp_path) as own:
-        assert (own / "lock").exists()
-        young = abandoned(tmp_path)
+        assert {path.name for path in own.iterdir()} == {"lock"}
+        ended, running = abandoned(tmp_path), abandoned(tmp_path, name="a1b2c3d4")
+        theirs = abandoned(tmp_path, machine="another", name="b1b2b3b4")
+        (ended / "0.bvh").write_text("half")
+        without_locks.add(running / "lock")
         sweep(tmp_path)
-        assert {*tmp_path.iterdir()} == {own, young}
-        for path in (young / "lock", young):
+        assert {*tmp_path.iterdir()} == {own, running, theirs}  # of another machine: nobody knows yet
+        for path in (running, running / "lock", theirs, theirs / "lock", own, own / "lock"):
             os.utime(path, (0, 0))
         sweep(tmp_path)
-        assert {*tmp_path.iterdir()} == {own}
+        assert {*tmp_path.iterdir()} == {own, running}
     assert not own.exists()
+
+
+def test_where_rights_move_with_files_folders_have_the_usual_ones(tmp_path, monkeypatch):
+    """Windows: Python gives a folder of mode 0o700 a list of rights that files keep when they are moved out."""
+    (tmp_path / "usual").mkdir()
+    with workplace(tmp_path) as private:
+        assert private.stat().st_mode & 0o777 == 0o700
+    monkeypatch.setattr("cospeech.files.workplaces.fcntl", None)
+    with workplace(tmp_path) as own:
+        assert own.stat().st_mode == (tmp_path / "usual").stat().st_mode
+
+
+def _write_both(first: Path, second: Path, meanwhile: Callable[[], object]) -> None:
+    with all_or_none([first, second]) as place:
+        for path in (first, second):
+            place(path).write_text("new")
+        meanwhile()
+
+
+def test_a_file_that_another_program_has_open_is_told_before_the_work_and_keeps_back_all(tmp_path, monkeypatch):
+    """Windows refuses to replace it; `generate` asks before it begins (`check_destination`)."""
+    monkeypatch.setattr("cospeech.files._REPLACES_OPEN", False)
+    new, kept = tmp_path / "new.bvh", tmp_path / "kept.csv"
+    kept.write_text("kept")
+    opened = {kept}
+    for name in ("rename", "replace"):
+        usual = getattr(Path, name)
+
+        def refuse(path: Path, target: Path, usual: Any = usual) -> Path:
+            if {path, Path(target)} & opened:
+                raise PermissionError(errno.EACCES, "Permission denied", str(path))
+            return usual(path, target)
+
+        monkeypatch.setattr(Path, name, refuse)
+    told = r"cannot write '.*kept.csv': Permission denied \(does another program have it open\?"
+    with pytest.raises(InputError, match=told):
+        check_destination(kept)
+    for write in (atomic(kept), all_or_none([new, kept])):
+        with pytest.raises(InputError, match=told), write:
+            raise AssertionError
+    opened.clear()
+    with pytest.raises(InputError, match=told):
+        _write_both(new, kept, lambda: opened.add(kept))  # while the work goes on
+    assert ({*tmp_path.iterdir()}, kept.read_text()) == ({kept}, "kept")
+    opened.clear()
+    _write_both(new, kept, list)
+    assert (new.read_text(), kept.read_text()) == ("new", "new")
 
 
 def test_a_program_that_was_started_meanwhile_holds_no_lock(tmp_path):

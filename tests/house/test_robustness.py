@@ -119,11 +119,11 @@ def test_what_no_file_can_replace_is_left_alone(tmp_path, write, kind):
 def test_takes_do_not_overwrite_what_is_read_or_written(place, role):
     """With two takes talk.json becomes talk.1.json."""
     words = '[{"word": "hello", "start": 0.1, "end": 0.5}]'
-    Path("talk.1.json").write_text(words)
+    Path("talk.1.json").write_text(words, encoding="utf-8")
     assert "'talk.1.json' would overwrite" in refuse(
         run("generate", "talk.wav", "-o", "talk.json", "--takes", "2", role, "talk.1.json")
     )
-    assert Path("talk.1.json").read_text() == words
+    assert Path("talk.1.json").read_text(encoding="utf-8") == words
     assert names() == ["talk.1.json", "talk.wav"]
 
 
@@ -171,7 +171,7 @@ def test_helpers_take_no_module_from_the_working_folder(place):
     """Two seconds are drawn by processes of their own."""
     gesturing(60).save("a.npz")
     for name in ("json.py", "numpy.py", "cospeech.py"):
-        Path(name).write_text("raise SystemExit('not this one')")
+        Path(name).write_text("raise SystemExit('not this one')", encoding="utf-8")
     script = Path(sys.executable).with_name("cospeech" + (".exe" if os.name == "nt" else ""))
     subprocess.run([script, "render", "a.npz", "a.gif", "-q"], check=True, timeout=60)
     assert Path("a.gif").stat().st_size > 10_000

@@ -53,7 +53,7 @@ def talk(tmp_path, monkeypatch) -> Path:
     monkeypatch.chdir(tmp_path)
     samples, rate = soundfile.read(EXAMPLE / "example.ogg", dtype="float32")
     soundfile.write("talk.wav", samples[: 5 * rate], rate)
-    Path("talk.srt").write_text(SRT)
+    Path("talk.srt").write_text(SRT, encoding="utf-8")
     return tmp_path
 
 
@@ -106,7 +106,7 @@ def test_a_plan_file_alone_gives_the_same_files(talk):
     for a, b in [(f"a.{suffix}", f"b.{suffix}") for suffix in outputs] + [("a-plan.json", "b-plan.json")]:
         assert Path(a).read_bytes() == Path(b).read_bytes(), a
     assert len(Plan.load("b-plan.json").words) == 10
-    assert '"language"' not in Path("a-plan.json").read_text()
+    assert '"language"' not in Path("a-plan.json").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
@@ -134,7 +134,7 @@ def test_a_transcript_of_chinese_signs_changes_no_lips_and_a_note_says_so(talk):
 
 def test_an_edit_on_a_word_takes_the_transcript_that_is_given(talk):
     generate_files("talk.wav", ["a.bvh"], transcript="talk.srt", plan_out="plan.json")
-    Path("other.srt").write_text(SRT.replace("tiny", "cat"))
+    Path("other.srt").write_text(SRT.replace("tiny", "cat"), encoding="utf-8")
     edits = PlanCommands(gesture=["point_left@word:cat"])
     with pytest.warns(CospeechWarning, match="the words of the speech"):
         generate_files(

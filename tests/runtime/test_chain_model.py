@@ -220,7 +220,7 @@ def test_files_are_played_with_all_of_their_speech_heard(tmp_path, monkeypatch):
     monkeypatch.setattr(generating, "load_model", lambda name: gesturer())
     sf.write("talk.wav", talk(2.0).samples, 16_000)
     told = generating.generate_files("talk.wav", ["a.npz"], style=f"ada:0.5,{VOICE}:0.5", report="r.json", seed=3, takes=3)
-    report = json.loads(Path("r.json").read_text())
+    report = json.loads(Path("r.json").read_text(encoding="utf-8"))
     assert report["speaker"] == told.speaker
     assert set(report["speaker"]) == set(NAMES)
     assert report["style_mixture"] == {"ada": 0.5, VOICE: 0.5}

@@ -371,11 +371,11 @@ def test_generate_files(tmp_path, monkeypatch):
     assert plain.style == "ada"
     told = generate_files("talk.wav", ["by_text.bvh"], style="clip.bvh:0.5,ben:0.25", report="r.json", **options)
     assert told.style == "clip.bvh:0.5,ben:0.25"
-    assert json.loads(Path("r.json").read_text())["style"] == told.style
+    assert json.loads(Path("r.json").read_text(encoding="utf-8"))["style"] == told.style
     by_dict = generate_files("talk.wav", ["by_dict.bvh"], style={Path("clip.bvh"): 0.5, "ben": 0.25}, **options)
     assert by_dict.style == "clip.bvh:0.5,ben:0.25"
     assert generate_files("talk.wav", ["by_motion.bvh"], style=acted(0.0), **options).style == "example"
-    texts = [Path(f"{name}.2.bvh").read_text() for name in ("plain", "by_text", "by_dict", "by_motion")]
+    texts = [Path(f"{name}.2.bvh").read_text(encoding="utf-8") for name in ("plain", "by_text", "by_dict", "by_motion")]
     assert texts[1] == texts[2]
     assert len(set(texts)) == 3
     before = Path("clip.bvh").read_bytes()

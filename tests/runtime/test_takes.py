@@ -106,10 +106,10 @@ def test_a_take_that_cannot_be_written_leaves_nothing(place, model, monkeypatch)
 
     monkeypatch.setattr(npz.Writer, "_begin", begins)
     monkeypatch.setattr(npz.Writer, "_write", fails)
-    Path("talk.1.bvh").write_text("of an earlier run")
+    Path("talk.1.bvh").write_text("of an earlier run", encoding="utf-8")
     before = names()
     with pytest.raises(OSError, match="No space left"):
         generate_files("talk.wav", FILES, model=model, takes=4, report="report.json")
     assert names() == before
-    assert Path("talk.1.bvh").read_text() == "of an earlier run"
+    assert Path("talk.1.bvh").read_text(encoding="utf-8") == "of an earlier run"
     assert len(begun) == (4 if model == BUNDLE else 3)

@@ -323,7 +323,7 @@ def test_a_bundle_on_stage(tmp_path, monkeypatch):
     options = {"model": model, "parts": BODY, "style": "clip.bvh:0.5,ben:0.5"}
     told = generating.generate_files("talk.wav", ["a.npz"], seed=3, takes=8, report="r.json", **options)
     assert sum(told.style_mixture.values()) == pytest.approx(1, abs=0.01)
-    assert json.loads(Path("r.json").read_text())["style_mixture"] == told.style_mixture
+    assert json.loads(Path("r.json").read_text(encoding="utf-8"))["style_mixture"] == told.style_mixture
     generating.generate_files("talk.wav", ["alone.npz"], seed=5, **options)
     assert Path("a.3.npz").read_bytes() == Path("alone.npz").read_bytes()
     assert len({Path(f"a.{take}.npz").read_bytes() for take in range(1, 9)}) == 8

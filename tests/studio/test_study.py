@@ -409,6 +409,7 @@ def test_folders_must_match(tmp_path):
     for name, clip in (("a", "x"), ("b", "y")):
         (tmp_path / name).mkdir()
         write_video(tmp_path / name / f"{clip}.mp4")
+    (tmp_path / "a" / "._x.mp4").write_bytes(b"what macOS leaves beside a file on a foreign disc")
     with pytest.raises(InputError, match="different clips: 'x'"):
         make_study([tmp_path / "a", tmp_path / "b"], tmp_path / "study")
     (tmp_path / "b" / "y.mp4").write_bytes(b"no video")

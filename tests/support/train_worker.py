@@ -51,7 +51,9 @@ def do(job: dict) -> None:
         train(read_recipe(job["recipe"]), job["store"], job["out"], resume=resume, progress=progress, notice=said.append)
     finally:
         if "told" in job:
-            Path(job["told"]).write_text(json.dumps([marks[-1] - marks[-2], time.monotonic() - sent[0], said]))
+            Path(job["told"]).write_text(
+                json.dumps([marks[-1] - marks[-2], time.monotonic() - sent[0], said]), encoding="utf-8"
+            )
 
 
 def alone(job: dict) -> int:

@@ -415,6 +415,16 @@ def test_a_damaged_checkpoint_is_told(store, tmp_path, damage):
 # what goes wrong --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.skipif(not Path("/proc/self/maps").is_file(), reason="tells what this process has mapped")
+def test_tensors_of_a_checkpoint_do_not_keep_it_mapped(tmp_path):
+    """Windows replaces no file that is mapped: a run that goes on could not save."""
+    path = tmp_path / "last.safetensors"
+    write_tensors(path, {"x": torch.arange(5000.0)}, {"step": 1})
+    tensors, _ = read_tensors(path)
+    assert str(path) not in Path("/proc/self/maps").read_text("utf-8")
+    assert torch.equal(tensors["x"], torch.arange(5000.0))
+
+
 def test_a_loss_that_is_no_number_ends_the_run(store, tmp_path):
     with pytest.raises(CospeechError, match=r"'nll' of the objective 'flow' is nan in step 13"):
         run(plan(config={"break_at": 12}), store, tmp_path / "run")

@@ -56,7 +56,7 @@ def pace_pieces(
     idle: bool = True,
     slack: float = SLACK,
     waiting: WaitingSound | None = None,
-    clock: Callable[[], float] = time.monotonic,
+    clock: Callable[[], float] = time.perf_counter,
     sleep: Callable[[float], None] = time.sleep,
 ) -> Iterator[Speech]:
     """Pieces of `PIECE` seconds, each when its last sample is due.
@@ -101,7 +101,7 @@ def pace_pieces(
 def wait_for_each(
     pieces: Iterable[Speech],
     *,
-    clock: Callable[[], float] = time.monotonic,
+    clock: Callable[[], float] = time.perf_counter,
     sleep: Callable[[float], None] = time.sleep,
 ) -> Iterator[Speech]:
     """Pieces of a recording, each when its last sample would have been spoken."""

@@ -20,7 +20,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from importlib.util import module_from_spec, spec_from_file_location
 
-from ..errors import InternalError
+from ..errors import InternalError, is_broken_pipe
 
 __all__ = [
     "FileRefused", "TooLong", "Worker", "WorkerEnded", "confine", "main", "message", "requests", "send", "send_json",
@@ -87,7 +87,10 @@ class Worker:
     def __init__(self, command: list[str], environment: Mapping[str, str] | None = None, *, quiet: bool = True) -> None:
         variables = {**os.environ, "OPENBLAS_NUM_THREADS": "1", **(environment or {})}  # a thread of BLAS reserves memory
         pipe, errors = subprocess.PIPE, subprocess.DEVNULL if quiet else None
-        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=errors, env=variables)
+        no_window = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # a program without a console would show one, on Windows
+        self.process = subprocess.Popen(
+            command, stdin=pipe, stdout=pipe, stderr=errors, env=variables, creationflags=no_window
+        )  # fmt: skip
         self._deadline: float | None = None
         self._late, self._done = False, threading.Event()
         threading.Thread(target=self._watch, daemon=True).start()
@@ -207,5 +210,7 @@ def main() -> None:
         module = module_from_spec(spec)
         spec.loader.exec_module(module)
         module.serve(*arguments)
-    except BrokenPipeError:  # the parent has read enough, or is gone
-        os._exit(0)
+    except OSError as error:
+        if is_broken_pipe(error):  # the parent has read enough, or is gone
+            os._exit(0)
+        raise

@@ -116,7 +116,7 @@ def generate_speeches(
             result = _each_in_parallel(work, options, model, progress, jobs)
         if report is not None:
             with atomic(report) as path:
-                path.write_text(result.to_json(), "utf-8")
+                path.write_text(result.to_json(), "utf-8", newline="\n")
         return result
 
 
@@ -172,8 +172,8 @@ def _hold_signals() -> Iterator[None]:
 
 
 def _signals() -> list[signal.Signals]:
-    """What ends the work; Windows has no SIGHUP."""
-    return [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    """What ends the work; SIGBREAK is Windows' SIGHUP."""
+    return [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)]
 
 
 def _watch_signals(told: Callable[[], bool]) -> None:

@@ -204,7 +204,7 @@ def _show(files: Mapping[str, Callable[[], str]], text: str, out: Path | None, a
     typer.echo(files[".json"]() if as_json else text)  # first: a file that cannot be written does not lose it
     if out is not None:
         with atomic(out) as path:
-            path.write_text(files[out.suffix.lower()]() + "\n", "utf-8")
+            path.write_text(files[out.suffix.lower()]() + "\n", "utf-8", newline="\n")
 
 
 def register(app: typer.Typer) -> None:

@@ -71,6 +71,8 @@ __all__ = ["app", "main", "show_outputs"]
 
 INTERRUPTED = 130  # 128 + SIGINT, as shells say
 ALL_PARTS = ",".join(PARTS)
+LOOK_UP = ("generate", "convert", "render")
+"""Commands that look up patterns of files themselves, and name what is written by the folders in which they look."""
 
 app = typer.Typer(
     name="cospeech",
@@ -273,8 +275,8 @@ def _note_signals() -> list[int]:
         came.append(number)
         raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
 
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):  # SIGHUP: the terminal was closed
-        number = getattr(signal, name, None)  # Windows has no SIGHUP
+    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"):  # the last two: the terminal was closed
+        number = getattr(signal, name, None)  # Windows has no SIGHUP, and SIGBREAK alone
         if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as nohup asks for
             signal.signal(number, stop)
     return came
@@ -286,7 +288,8 @@ def main() -> None:
     came = _note_signals()
     try:
         with _noting():
-            code = app(prog_name="cospeech", standalone_mode=False)
+            expand = not {*sys.argv[1:2]} & {*LOOK_UP}  # in place of a shell, as that of Windows does not
+            code = app(prog_name="cospeech", standalone_mode=False, windows_expand_args=expand)
         sys.stdout.flush()  # what cannot be written is told here
     except (Exception, KeyboardInterrupt, SystemExit) as problem:  # of Ctrl-C in the command itself, Typer makes a code
         if not came or isinstance(problem, CospeechError):  # after a signal, libraries may fail in any other way

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import TextIOWrapper
+
+from ..errors import is_broken_pipe
 
 __all__ = ["STANDARD_OUTPUT", "ready_streams"]
 
@@ -31,6 +34,8 @@ def _name_errors() -> Iterator[None]:
     try:
         yield
     except OSError as error:
+        if is_broken_pipe(error):
+            raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE), STANDARD_OUTPUT) from None
         error.filename = STANDARD_OUTPUT
         raise
 
@@ -39,6 +44,8 @@ def ready_streams() -> None:
     """Make the standard streams fit for what is said.
 
     What the shell has closed becomes the null device: a file of ours would get its number else, and a library's complaints.
+    Files and pipes get UTF-8, which JSON must be. On Windows they would get the code page of the machine, which lacks most
+    characters.
     """
     for name in ("stdin", "stdout", "stderr"):
         if getattr(sys, name) is None:
@@ -47,6 +54,8 @@ def ready_streams() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # a terminal that cannot show a character does not end the program
+            if os.name == "nt" and not stream.isatty() and "PYTHONIOENCODING" not in os.environ:
+                stream.reconfigure(encoding="utf-8")
     plain = sys.stdout
     if plain is sys.__stdout__ and isinstance(plain, TextIOWrapper):  # which stays there, so that its buffer stays open
         sys.stdout = _Output(

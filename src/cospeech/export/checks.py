@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import unicodedata
 import warnings
 from collections.abc import Collection, Mapping, Sequence
 from os import PathLike
@@ -101,9 +102,28 @@ def check_files(audio: File, outputs: list[Path], inputs: list[File], report: Fi
 
 def check_apart(outputs: Sequence[Path], inputs: Sequence[File]) -> None:
     """No output would overwrite what is read, or another output."""
-    seen: dict[str, str] = {os.path.realpath(path): "what is read" for path in inputs}
+    seen: dict[str, str] = {_place(path): "what is read" for path in inputs}
     for path in outputs:
-        real = os.path.realpath(path)
-        if real in seen:
-            raise InputError(f"{str(path)!r} would overwrite {seen[real]}", "give the output another name")
-        seen[real] = "another output"
+        place = _place(path)
+        if place in seen:
+            raise InputError(f"{str(path)!r} would overwrite {seen[place]}", "give the output another name")
+        seen[place] = "another output"
+
+
+def _place(path: File) -> str:
+    """A name of a file that no other file has; where the system does not mind capital letters, neither does it."""
+    real = os.path.realpath(os.fsdecode(path))
+    return unicodedata.normalize("NFC", real).casefold() if _ignores_case(Path(real)) else real
+
+
+def _ignores_case(path: Path) -> bool:
+    """Whether capital and small letters are the same in names of files, as Windows and macOS have it.
+
+    Args:
+        path: of a file or folder; it need not be there.
+    """
+    for place in (path, *path.parents):
+        other = place.with_name(place.name.swapcase()) if place.name else place
+        if other.name != place.name and place.exists():
+            return other.exists() and other.samefile(place)
+    return False

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..audio.speech import open_speech
 from ..errors import InputError
+from ..files import repair_text
 from ..motion.motion import Motion
 from . import Writer as BaseWriter
 from .avatar import Avatar, load_avatar
@@ -108,7 +109,7 @@ class Writer(BaseWriter):
 
     def _title(self) -> str:
         """Name of the speech."""
-        return html.escape(Path(self.audio).stem if self.audio is not None else "cospeech")
+        return html.escape(repair_text(Path(self.audio).stem) if self.audio is not None else "cospeech")
 
     def _discard(self) -> None:
         if self._inner is not None:

@@ -81,7 +81,7 @@ class Plan(PlanData):
             InputError: it cannot be written.
         """
         with atomic(path) as temporary:
-            temporary.write_text(self.to_json(), "utf-8")
+            temporary.write_text(self.to_json(), "utf-8", newline="\n")
 
     def to_json(self) -> str:
         """The plan as JSON; what is not given is left out."""

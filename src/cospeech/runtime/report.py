@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Literal, TypedDict
 
 from ..audio.word import Word
+from ..files import repair_text
 
 __all__ = ["Failure", "Report", "Reports", "describe_language"]
 
@@ -33,7 +34,8 @@ def describe_language(words: Sequence[Word] | None, given: str = "") -> _Languag
 class _Facts:
     def to_json(self) -> str:
         """The content of the file."""
-        return json.dumps(asdict(self), indent=2, ensure_ascii=False) + "\n"  # type: ignore[call-overload]  # a dataclass
+        facts = asdict(self)  # type: ignore[call-overload]  # a dataclass
+        return repair_text(json.dumps(facts, indent=2, ensure_ascii=False)) + "\n"
 
 
 @dataclass(frozen=True, kw_only=True)

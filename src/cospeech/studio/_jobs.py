@@ -112,7 +112,7 @@ class Jobs:
             None if by_example else self._find_plan(session, played, words, seconds)
         )  # no plan can say what a clip shows
         if performed is not None:
-            (place / "plan.json").write_text(performed.to_json(), "utf-8")
+            (place / "plan.json").write_text(performed.to_json(), "utf-8", newline="\n")
         write_motion(motion, place / "motion.bin")
         factor = (time.perf_counter() - began) / seconds
         style = "example" if by_example else str(asked.style or "")
@@ -122,7 +122,7 @@ class Jobs:
             style=style or loaded.default_style, style_mixture=session.style_mixture, outputs=[], version=__version__,
             **describe_language(source.words),
         )  # fmt: skip
-        (place / "report.json").write_text(report.to_json(), "utf-8")
+        (place / "report.json").write_text(report.to_json(), "utf-8", newline="\n")
         return {"seconds": seconds, "realtime_factor": factor, "plan": performed is not None}
 
     def file(

@@ -281,7 +281,9 @@ def open_socket(host: str, port: int) -> socket.socket:
     except OSError as error:
         raise InternalError(f"no socket: {error.strerror}") from None
     try:
-        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        # On Windows SO_REUSEADDR lets two programs have one port; without it, a port is free again at once.
+        option = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
+        made.setsockopt(socket.SOL_SOCKET, option, 1)
         made.bind((host, port))
         made.listen(256)
     except (OSError, OverflowError) as error:

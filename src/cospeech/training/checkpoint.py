@@ -118,7 +118,7 @@ def write_facts(folder: Path, facts: Mapping[str, Any], files: Mapping[str, Mapp
     for name, tensors in files.items():
         write_tensors(folder / f"{name}.safetensors", tensors, {})
     with atomic(folder / "config.json") as path:
-        path.write_text(json.dumps({"format": FORMAT, **facts}, indent=1, ensure_ascii=False) + "\n", "utf-8")
+        path.write_text(json.dumps({"format": FORMAT, **facts}, indent=1, ensure_ascii=False) + "\n", "utf-8", newline="\n")
 
 
 def read_facts(folder: Path) -> dict[str, Any]:
@@ -177,7 +177,8 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
         InputError: there is no such file, or it is damaged.
     """
     with _open_checkpoint(path) as file:
-        return {name: file.get_tensor(name) for name in file.keys()}, _state(file)  # noqa: SIM118  # it is no mapping
+        # Copies: the file stays mapped as long as one of its tensors is used, and Windows replaces no such file.
+        return {name: file.get_tensor(name).clone() for name in file.keys()}, _state(file)  # noqa: SIM118  # it is no mapping
 
 
 def read_state(path: Path) -> dict[str, Any]:

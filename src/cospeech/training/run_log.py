@@ -38,8 +38,8 @@ class RunLog:
                     if json.loads(line)["step"] <= step:
                         rows.append(line)
         with atomic(path) as temporary:
-            temporary.write_text("".join(f"{row}\n" for row in rows), "utf-8")
-        self._file = path.open("a", encoding="utf-8")
+            temporary.write_text("".join(f"{row}\n" for row in rows), "utf-8", newline="\n")
+        self._file = path.open("a", encoding="utf-8", newline="\n")
 
     def write(self, step: int, row: Mapping[str, Any]) -> None:
         """A row: ``step``, and numbers or dicts of numbers."""

@@ -210,7 +210,7 @@ def _begin_parts(target: Path, settings: dict[str, Any]) -> Path:
     except OSError as error:
         raise InputError(f"cannot write to {str(target)!r}: {describe_os_error(error)}") from None
     with atomic(note) as temporary:
-        temporary.write_text(text, "utf-8")
+        temporary.write_text(text, "utf-8", newline="\n")
     return parts
 
 

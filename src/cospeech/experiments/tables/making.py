@@ -282,5 +282,5 @@ def write_table(table: Mapping[str, Any], folder: str | PathLike[str]) -> tuple[
     _keep_other(table, paths)
     for path, text in zip(paths, (json.dumps(table, indent=1, ensure_ascii=False) + "\n", to_markdown(table)), strict=True):
         with atomic(path) as temporary:
-            temporary.write_text(text, "utf-8")
+            temporary.write_text(text, "utf-8", newline="\n")
     return paths

@@ -48,7 +48,7 @@ def cache_result(folder: Path, key: Sequence[object], work: Callable[[], Any]) -
     found = work()
     make_folder(folder)
     with atomic(path) as temporary:
-        temporary.write_text(json.dumps(found, indent=1) + "\n", "utf-8")
+        temporary.write_text(json.dumps(found, indent=1) + "\n", "utf-8", newline="\n")
     return found
 
 

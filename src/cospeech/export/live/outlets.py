@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import socket
 import sys
 import threading
@@ -10,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from typing import IO, Protocol
 
+from ...errors import is_broken_pipe
 from ...motion.motion import Motion
 
 __all__ = ["Encoder", "LineWire", "Outlet", "UdpWire", "Wire"]
@@ -69,8 +72,11 @@ class UdpWire:
         return self._refused is not None and time.monotonic() - self._refused < _ANSWERED
 
     def connect(self) -> None:
-        """See `Wire`; the name of the host is looked up."""
-        family, kind, protocol, _, address = socket.getaddrinfo(*self._address, type=socket.SOCK_DGRAM)[0]
+        """See `Wire`; the name of the host is looked up. Of several addresses, such as those of localhost, IPv4's is taken:
+        there receivers of these protocols listen, and nobody would answer that nobody is at the other.
+        """
+        found = socket.getaddrinfo(*self._address, type=socket.SOCK_DGRAM)
+        family, kind, protocol, _, address = min(found, key=lambda each: each[0] != socket.AF_INET)
         self._socket = socket.socket(family, kind, protocol)
         self._socket.connect(address)
 
@@ -79,7 +85,7 @@ class UdpWire:
         assert self._socket is not None
         try:
             self._socket.send(data)
-        except ConnectionRefusedError:  # of an earlier datagram: nobody listens yet
+        except (ConnectionRefusedError, ConnectionResetError):  # of an earlier datagram; the latter is what Windows says
             self._refused = time.monotonic()
 
     def close(self) -> None:
@@ -103,8 +109,13 @@ class LineWire:
 
     def send(self, data: bytes) -> None:
         """See `Wire`."""
-        self._file.write(data + b"\n")
-        self._file.flush()
+        try:
+            self._file.write(data + b"\n")
+            self._file.flush()
+        except OSError as error:
+            if is_broken_pipe(error):
+                raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE)) from None
+            raise
 
     def close(self) -> None:
         """See `Wire`."""

@@ -229,7 +229,8 @@ def _find_clips(folders: Sequence[Path]) -> dict[str, dict[str, Path]]:
             raise InputError(f"there is no folder {str(folder)!r}", "one folder of clips for each system")
         if name in found:
             raise InputError(f"two folders are named {name!r}", "the name of a folder is that of its system")
-        files = sorted(path for path in folder.iterdir() if path.suffix.lower() in {*VIDEOS, *motions} and path.is_file())
+        shown = [path for path in folder.iterdir() if not path.name.startswith(".")]  # macOS' shadow files: ._talk.mp4
+        files = sorted(path for path in shown if path.suffix.lower() in {*VIDEOS, *motions} and path.is_file())
         videos = {path.stem for path in files if path.suffix.lower() in VIDEOS}
         chosen = [path for path in files if path.suffix.lower() in VIDEOS or path.stem not in videos]
         clips = {path.stem: path for path in chosen}

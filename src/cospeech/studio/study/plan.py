@@ -185,4 +185,4 @@ def load_plan(study: Path) -> StudyPlan:
 def save_plan(plan: StudyPlan, study: Path) -> None:
     """Write the plan into the folder of its study."""
     with atomic(study / PLAN) as temporary:
-        temporary.write_text(plan.model_dump_json(indent=2) + "\n", "utf-8")
+        temporary.write_text(plan.model_dump_json(indent=2) + "\n", "utf-8", newline="\n")

@@ -50,7 +50,7 @@ def export_page(study: Path, page: Path, *, sessions: int = 200) -> StudyPlan:
         for name in PAGE_FILES:
             (made / name).write_bytes(page_file(name).replace(b'data-mode="server"', b'data-mode="static"'))
         held = {"study": describe_study(plan), "sessions": orders, "completion": plan.completion}
-        (made / "study.json").write_text(json.dumps(held, ensure_ascii=False), "utf-8")
+        (made / "study.json").write_text(json.dumps(held, ensure_ascii=False), "utf-8", newline="\n")
         for clip in plan.clips:
             source = study / CLIPS / clip.file
             if not source.is_file():

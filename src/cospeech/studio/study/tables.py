@@ -95,7 +95,7 @@ def write_tables(study: Path, folder: Path, *, incomplete: bool = False) -> list
     targets = [folder / name for name in texts]
     with all_or_none(targets) as place:
         for target in targets:
-            place(target).write_text(texts[target.name], "utf-8")
+            place(target).write_text(texts[target.name], "utf-8", newline="\n")
     return targets
 
 

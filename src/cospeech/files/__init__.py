@@ -1,7 +1,6 @@
 """Files: only real ones are opened, and never more is read than is due; no half of one is ever left behind.
 
-Files are made in hidden folders before they get their names. A process holds a lock on a file in each of its folders. The
-system takes the lock away when the process ends, however it ends, so whoever can take it knows that nobody works there.
+Files are made in hidden folders before they get their names (`cospeech.files.workplaces`).
 
 JSON and TOML are looked over before a library parses them: JSON takes thirty bytes of memory for one of text, and a TOML key
 takes the square of its parts in time.
@@ -12,13 +11,8 @@ from __future__ import annotations
 import errno
 import json
 import os
-import platform
 import re
-import secrets
-import shutil
 import stat
-import tempfile
-import time
 import tomllib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -26,33 +20,39 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
 
-from .errors import InputError
-from .limits import TOML_DOTS
-
-try:
-    import fcntl
-except ImportError:  # Windows: a folder's age tells alone
-    fcntl = None  # type: ignore[assignment]
+from ..errors import InputError
+from ..limits import TOML_DOTS
+from .workplaces import ABANDONED, PREFIX, scratch, sweep, workplace
 
 __all__ = [
     "ABANDONED", "PREFIX", "all_or_none", "atomic", "check_destination", "describe_os_error", "make_folders", "open_regular",
-    "parse_json", "parse_toml", "read_regular", "regular_file", "scratch", "sweep", "workplace",
+    "parse_json", "parse_toml", "read_regular", "regular_file", "repair_text", "scratch", "sweep", "workplace",
 ]  # fmt: skip
 
 _SOUND_FILE = "a sound file"
-PREFIX = ".cospeech-"
 _MAY_WRITE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 _FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS)
-ABANDONED = 86_400.0  # seconds without a write; ours: a day, where no lock tells, and for folders of other machines
 _STANDARD_INPUT = ("/dev/stdin", "/dev/fd/0", "/proc/self/fd/0")  # what systems call it; a decoder of ours has another one
 _ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+:/", re.IGNORECASE)  # https://; a path has lost a slash; C:/ is a drive
-_LOCK, _MARK = "lock", b"cospeech "  # the file, and what it begins with; then comes the name of the machine
-_swept: set[Path] = set()  # folders that this process has looked through: once each, they may be large
+_REPLACES_OPEN = os.name != "nt"  # Windows lets no file take the name of one that a program has open
 
 
 def describe_os_error(error: OSError) -> str:
     """A short reason: "No such file or directory", "Permission denied", …"""
     return error.strerror or type(error).__name__
+
+
+def repair_text(text: str) -> str:
+    """A text that can be written: in names of files, Python keeps bytes that are no UTF-8 as halves of characters.
+
+    >>> repair_text("Zo\\udcc3\\udcab, Zo\\udceb")
+    'Zoë, Zo�'
+    """
+    try:
+        data = text.encode("utf-8", "surrogateescape")
+    except UnicodeEncodeError:  # names of Windows may hold any half
+        data = text.encode("utf-8", "replace")
+    return data.decode("utf-8", "replace")
 
 
 # opening --------------------------------------------------------------------------------------------------------------
@@ -183,7 +183,7 @@ def _destination(path: str | PathLike[str]) -> Path:
     """Where a file to be written really lies: at the end of links, which stay links.
 
     Raises:
-        InputError: a folder, a pipe, a device or a read-only file has that name, or no file can have it.
+        InputError: a folder, a pipe, a device, a read-only file or one that is in use has that name, or no file can have it.
     """
     shown = os.fsdecode(path)
     try:
@@ -199,7 +199,29 @@ def _destination(path: str | PathLike[str]) -> Path:
         raise InputError(f"cannot write {shown!r}: it is a pipe or a device", "name a file")
     if not mode & _MAY_WRITE:  # a rename would not ask; the bits count for root, too, who could write
         raise InputError(f"cannot write {shown!r}: the file is read-only", "name another file, or make this one writable")
-    return Path(os.path.realpath(shown))
+    destination = Path(os.path.realpath(shown))
+    _check_free(destination, shown)
+    return destination
+
+
+def _check_free(destination: Path, shown: str) -> None:
+    """Whether a file that is there can be replaced.
+
+    Raises:
+        InputError: another program has it open, on a system where that keeps its name taken.
+    """
+    if not _REPLACES_OPEN and destination.exists():
+        with _explain_refusal(shown):
+            destination.rename(destination)  # needs the same right as to replace it, and changes nothing
+
+
+@contextmanager
+def _explain_refusal(shown: str) -> Iterator[None]:
+    try:
+        yield
+    except PermissionError as error:
+        hint = "does another program have it open? close it there, or name another file"
+        raise InputError(f"cannot write {shown!r}: {describe_os_error(error)}", hint) from None
 
 
 def check_destination(path: str | PathLike[str]) -> None:
@@ -235,7 +257,8 @@ def atomic(path: str | PathLike[str]) -> Iterator[Path]:
         mask = os.umask(0)
         os.umask(mask)
         temporary.chmod(0o666 & ~mask)
-        temporary.replace(target)
+        with _explain_refusal(os.fsdecode(path)):
+            temporary.replace(target)
 
 
 def _is_stuck(path: Path) -> bool:
@@ -273,8 +296,11 @@ def all_or_none(targets: Iterable[Path]) -> Iterator[Callable[[Path], Path]]:
         except OSError as error:
             error.filename = next((str(t) for t, path in staged.items() if str(path) == error.filename), error.filename)
             raise
+        for target in staged:  # one may have been opened meanwhile: then none appears
+            _check_free(destinations[target], str(target))
         for target, path in staged.items():
-            path.replace(destinations[target])
+            with _explain_refusal(str(target)):
+                path.replace(destinations[target])
 
 
 def _workplace(stack: ExitStack, folder: Path, target: str | PathLike[str]) -> Path:
@@ -293,88 +319,7 @@ def _workplace(stack: ExitStack, folder: Path, target: str | PathLike[str]) -> P
         raise InputError(problem, hint) from None
 
 
-# hidden folders -------------------------------------------------------------------------------------------------------
-
-
-@contextmanager
-def workplace(parent: Path) -> Iterator[Path]:
-    """Yield a new hidden folder in ``parent``; it is removed at the end, and before it what killed processes left there.
-
-    Raises:
-        OSError: nothing can be made there.
-    """
-    if not parent.name.startswith(PREFIX) and parent not in _swept:
-        _swept.add(parent)
-        sweep(parent)
-    place, lock = parent / f"{PREFIX}{secrets.token_hex(8)}", None  # named before it is there: no signal comes in between
-    try:
-        place.mkdir(0o700)
-        lock = _claim(place)
-        yield place
-    finally:
-        if lock is not None:
-            os.close(lock)
-        shutil.rmtree(place, ignore_errors=True)
-
-
-def scratch() -> Path:
-    """Where files lie that get no name: the system's folder for temporary ones, as the parent of a `workplace`."""
-    return Path(tempfile.gettempdir())
-
-
-def sweep(parent: Path) -> None:
-    """Remove the workplaces in ``parent`` whose processes have ended; those of running ones stay, and what is not ours."""
-    with suppress(OSError):
-        for place in [path for path in parent.iterdir() if path.name.startswith(PREFIX)]:
-            with suppress(OSError):
-                _remove_abandoned(place)
-
-
-def _claim(place: Path) -> int:
-    """The lock of a folder, as an open file; it gets its name when it is held, so that nobody finds it free before."""
-    new = place / "new"
-    lock = os.open(new, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
-    os.write(lock, _MARK + platform.node().encode())
-    if fcntl is None:  # where an open file cannot be renamed either
-        os.close(lock)
-        new.rename(place / _LOCK)
-        return os.open(place / _LOCK, os.O_RDONLY)
-    with suppress(OSError):  # a file system without locks: age tells
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    new.rename(place / _LOCK)
-    return lock
-
-
-def _remove_abandoned(place: Path) -> None:
-    if not stat.S_ISDIR(place.lstat().st_mode):  # a link, say
-        return
-    try:
-        lock = os.open(place / _LOCK, os.O_RDWR)
-    except FileNotFoundError:  # it was killed before it had a lock, or is about to make it
-        if _is_old(place):
-            place.rmdir()  # not with anything in it: that would not be ours
-        return
-    try:
-        mark = os.read(lock, 1024)
-        if not mark.startswith(_MARK):
-            return
-        here = mark == _MARK + platform.node().encode()
-        if fcntl is not None:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:  # its process runs
-                return
-            except OSError:
-                here = False
-        if (here and fcntl is not None) or _is_old(place):
-            shutil.rmtree(place, ignore_errors=True)
-    finally:
-        os.close(lock)
-
-
-def _is_old(place: Path) -> bool:
-    """Whether nothing was written in it for a day."""
-    return time.time() - max(path.lstat().st_mtime for path in (place, *place.rglob("*"))) > ABANDONED
+# folders --------------------------------------------------------------------------------------------------------------
 
 
 @contextmanager

@@ -151,7 +151,7 @@ def dialogue(
         result = _generate(persons, files, own, angle, mixed=speakers is not None, progress=progress)
     if report is not None:
         with atomic(report) as path:
-            path.write_text(result.to_json(), "utf-8")
+            path.write_text(result.to_json(), "utf-8", newline="\n")
     if not quiet:
         show_outputs(result.speeches)
 

@@ -44,7 +44,7 @@ from .runtime.motion_switch import keep_stretches
 from .runtime.report import Report, describe_language
 from .runtime.styles.style import example_files, read_clip_by_map
 
-__all__ = ["check_request", "generate_files", "open_live_session", "take_path"]
+__all__ = ["check_request", "generate_files", "generate_motion", "open_live_session", "take_path"]
 
 if TYPE_CHECKING:
     from .export.avatar import Avatar
@@ -185,6 +185,29 @@ def _list_gestures(
         for _ in _play_takes(session, speech_chunks(source, silence)):
             pass
     return cast(PlannedSession, session).plan
+
+
+def generate_motion(
+    audio: File, *, model: str | Model = DEFAULT, transcript: File | None = None, language: str = "", tail: float = 0.0,
+    role: DialogueRole | None = None, emotion: str | PathLike[str] | EmotionTrack = "auto", **options: Any,
+) -> Iterator[Motion]:  # fmt: skip
+    """The motion that `generate_files` writes, piece by piece.
+
+    Args:
+        audio, transcript, language, tail, role, emotion: see there.
+        model: a name, a bundle or a run; or a model.
+        options: the others that are fields of `cospeech.rules.options.GenerationOptions`; one take.
+
+    Raises:
+        InputError: something given cannot be used.
+    """
+    loaded = load_model(model) if isinstance(model, str | PathLike) else model
+    asked = GenerationOptions.from_keywords({"emotion": read_emotion(emotion)[0], **options})
+    group, performance = next(_passes(loaded, asked))
+    with _open_source(role, audio, transcript, language) as source:
+        made = _play_takes(performance, speech_chunks(source, Fraction(tail).limit_denominator(1000)))
+        for takes in role.listen(made, asked, group) if role else made:
+            yield takes[0]
 
 
 def check_request(

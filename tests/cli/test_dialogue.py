@@ -105,6 +105,19 @@ def test_one_person_of_several_is_generated_as_among_all(cli, place):
     assert (place / "one" / "call.right.npz").read_bytes() == (place / "all" / "call.right.npz").read_bytes()
 
 
+def test_a_video_without_name_shows_all_persons_and_is_written_beside_other_files(cli, place):
+    av = pytest.importorskip("av", reason="needs PyAV: cospeech[av]")
+    sound, _ = soundfile.read("call.wav")
+    soundfile.write("short.wav", sound[30_000:70_000], RATE)
+    code, out, _ = cli("dialogue", "short.wav", "-o", "both.mp4", "-o", "{name}.bvh")
+    assert code == 0
+    assert "both.mp4  2 persons side by side" in out
+    assert {"both.mp4", "short.left.bvh", "short.right.bvh"} <= {path.name for path in place.iterdir()}
+    with av.open("both.mp4") as film:
+        assert film.streams.audio
+        assert (film.streams.video[0].width, film.streams.video[0].frames) == (1280, 75)
+
+
 def test_without_output_a_bvh_and_a_glb_of_each_are_written_over_nothing(cli, place):
     assert cli("dialogue", "call.wav", "-q")[0] == 0
     assert {path.name for path in place.iterdir() if path.suffix in (".bvh", ".glb")} == {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Argument
 
-from ..errors import InputError
+from ..errors import InputError, say_count
 from ..models import DEFAULT, PARTS
 from .options import Debug, Fps, Parts, Quiet, ReportFile, Seed, Skeleton, Tail, number, option
 from .progress import show_progress
 from .several import NAME
 
 if TYPE_CHECKING:
+    from ..motion.motion import Motion
+    from ..runtime.listening import DialogueRole
     from ..runtime.report import Reports
     from .persons import Person
 
@@ -52,7 +54,8 @@ Outputs = Annotated[
         metavar="FILE",
         help=f"File to write, with {NAME} in it: out/{NAME}.vrma. {NAME} is the name of the sound file; of one file, that name "
         "with .left or .right behind it, or with the name of the speaker. Repeat the option for several formats. Without it, "
-        "the program writes a .bvh and a .glb of each person into this folder, but over no file that is there.",
+        "the program writes a .bvh and a .glb of each person into this folder, but over no file that is there. A video without "
+        f"{NAME} in its name shows all persons: both.mp4.",
     ),
 ]
 _EACH = "Give it once for all, or once for each person, in order."
@@ -143,45 +146,94 @@ def dialogue(
         }
         for k in range(len(persons))
     ]  # fmt: skip
-    files = {k: _outputs_of(persons[k].name, output) for k in chosen}
-    _check_apart([*speech, *([speakers] if speakers else [])], files, own, report)
+    films = [Path(text) for text in output or () if _is_film(text)]
+    output = [text for text in output if not _is_film(text)] if output else None
+    files = {k: _outputs_of(persons[k].name, output) for k in chosen if output != []}
+    _check_apart(
+        [*speech, *([speakers] if speakers else [])], [*films, *(path for each in files.values() for path in each)], own, report
+    )
     if not quiet:
         typer.echo(describe_persons(persons), err=True)
     with show_progress("generating", quiet) as progress:
-        result = _generate(persons, files, own, angle, mixed=speakers is not None, progress=progress)
+        roles = _make_roles(persons, angle, mixed=speakers is not None)
+        result = _generate(persons, roles, files, own, progress)
+        for film in films:
+            _draw_film(film, chosen, persons, roles, own, progress)
     if report is not None:
         with atomic(report) as path:
             path.write_text(result.to_json(), "utf-8", newline="\n")
     if not quiet:
         show_outputs(result.speeches)
+        for film in films:
+            typer.echo(f"  {film}  {say_count(len(chosen), 'person')} side by side")
+
+
+def _make_roles(persons: Sequence[Person], angle: float, *, mixed: bool) -> list[DialogueRole]:
+    from ..audio.conversation import merge_speakers
+    from ..runtime.listening import DialogueRole
+
+    roles = []
+    for k, person in enumerate(persons):
+        others = merge_speakers([each.heard for each in persons if each is not person])
+        roles.append(DialogueRole(person.heard, others, -angle if k else angle, mixed))
+    return roles
 
 
 def _generate(
-    persons: Sequence[Person], files: dict[int, list[Path]], own: Sequence[dict[str, Any]], angle: float, *, mixed: bool,
+    persons: Sequence[Person], roles: Sequence[DialogueRole], files: dict[int, list[Path]], own: Sequence[dict[str, Any]],
     progress: Any,
 ) -> Reports:  # fmt: skip
     """All files of the persons that are wanted, or none."""
-    from ..audio.conversation import merge_speakers
     from ..files import all_or_none, make_folders
     from ..generate import generate_files
-    from ..runtime.listening import DialogueRole
     from ..runtime.report import Reports
 
     every, made = [path for each in files.values() for path in each], []
     with make_folders({path.parent for path in every}), all_or_none(every) as place:
         for k, paths in files.items():
-            one = persons[k]
-            others = merge_speakers([each.heard for each in persons if each is not one])
-            role = DialogueRole(one.heard, others, -angle if k else angle, mixed)
+            one, staged = persons[k], [place(path) for path in paths]
             tell = None if progress is None else _tell(progress, one.name)
-            staged = [place(path) for path in paths]
-            found = generate_files(one.heard.track.path, staged, role=role, progress=tell, **own[k])
+            found = generate_files(one.heard.track.path, staged, role=roles[k], progress=tell, **own[k])
             made.append(replace(found, speech=one.name, outputs=[str(path) for path in paths]))
     return Reports(speeches=made, failed=[])
 
 
 def _tell(progress: Any, name: str) -> Any:
     return lambda done, total: progress(done, total, name)
+
+
+def _draw_film(
+    film: Path, chosen: Sequence[int], persons: Sequence[Person], roles: Sequence[DialogueRole], own: Sequence[dict[str, Any]],
+    progress: Any,
+) -> None:  # fmt: skip
+    """A video of the persons that are wanted, side by side, with the sound of all."""
+    from ..export.group_film import write_group_film
+    from ..files import make_folders
+    from ..generate import generate_motion
+    from ..motion.frame_pieces import cut_alike
+
+    moving = []
+    for k in chosen:
+        options = {key: value for key, value in own[k].items() if key not in ("avatar", "skeleton")}
+        moving.append(generate_motion(persons[k].heard.track.path, role=roles[k], **options))
+    seconds, fps = float(roles[0].own.length) + own[0]["tail"], own[0]["fps"]
+
+    def tell() -> Iterator[list[Motion]]:
+        for pieces in cut_alike(moving):
+            yield pieces
+            if progress is not None:
+                progress(pieces[0].start + pieces[0].duration, seconds, film.name)
+
+    sounds = list(dict.fromkeys(person.heard.track.path for person in persons))
+    with make_folders({film.parent}):
+        write_group_film(
+            film, tell(), fps=fps, sounds=sounds, avatars=[own[k]["avatar"] for k in chosen], angle=abs(roles[0].angle)
+        )
+
+
+def _is_film(text: str) -> bool:
+    """Whether a file shows all persons."""
+    return NAME not in text and Path(text).suffix.lower() == ".mp4" and not _is_folder(text)
 
 
 def _check_outputs(output: Sequence[str] | None) -> None:
@@ -191,7 +243,7 @@ def _check_outputs(output: Sequence[str] | None) -> None:
     for text in output or ():
         if NAME in text:
             format_of(text)
-        elif not _is_folder(text):
+        elif not _is_folder(text) and not _is_film(text):
             suffix = Path(text).suffix or ".bvh"
             raise InputError(f"one file {text!r} for several persons", f"-o '{NAME}{suffix}', or a folder, -o out/")
 
@@ -253,10 +305,10 @@ def _pick_words(values: Sequence[str] | None, k: int, persons: Sequence[Person],
     return found.replace(NAME, persons[k].name) if found else None
 
 
-def _check_apart(read: list[Path], files: dict[int, list[Path]], own: Sequence[dict[str, Any]], report: Path | None) -> None:
+def _check_apart(read: list[Path], written: list[Path], own: Sequence[dict[str, Any]], report: Path | None) -> None:
     """No file is written over another one, or over one that is read."""
     from ..export.checks import check_apart
 
-    written = [path for each in files.values() for path in each] + ([] if report is None else [report])
+    written += [] if report is None else [report]
     read += [Path(options[key]) for options in own for key in ("transcript", "avatar", "style", "emotion") if options[key]]
     check_apart(written, read)

@@ -1,0 +1,131 @@
+"""An ``.mp4`` of several characters side by side, each seen from the side of the others, as in a film of a conversation."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..files import atomic
+from ..motion.motion import Motion
+from .avatar import Avatar
+from .film_encoder import FilmEncoder, import_pyav
+from .pictures import Subject, background_of
+from .render.camera import View, find_view
+from .render.frames import FrameStream
+from .render.light import draw_backdrop
+from .render.patch import Patch
+from .render.worker import Look
+
+__all__ = ["MOST", "write_group_film"]
+
+MOST = 6
+"""Characters in a film [ours: more would be too narrow]."""
+_WIDTHS, _HEIGHT = (
+    {2: 640, 3: 480},
+    720,
+)  # pixels of a pane, by the number of characters; 360 for more [ours: up to 2160 in all]
+_NARROW = 360
+_MOST_RATE = 60.0  # pictures per second; screens show no more
+_SIDE = 26.0  # degrees by which the camera of the outer panes stands to the side [ours: both eyes of a face can still be seen]
+
+
+def write_group_film(
+    path: str | PathLike[str],
+    moving: Iterable[Sequence[Motion]],
+    *,
+    fps: float,
+    sounds: Sequence[str | PathLike[str]] = (),
+    avatars: Sequence[Avatar | str | PathLike[str] | None],
+    camera: str = "body",
+    angle: float = 0.0,
+) -> None:
+    """Draw characters that talk to each other.
+
+    Args:
+        path: of the film.
+        moving: pieces of the motion of all: the same frames of each.
+        fps: of the motion.
+        sounds: files that are heard together.
+        avatars: one for each character, in place of our mannequin; from the left to the right.
+        camera: name of the view, see `cospeech.export.render.camera.CAMERAS`.
+        angle: degrees by which each of two is turned away from the other one.
+
+    Raises:
+        InputError: there are too many characters, PyAV is not installed, or a file cannot be read or written.
+    """
+    import_pyav()
+    if not 2 <= len(avatars) <= MOST:
+        raise InputError(f"a film of {len(avatars)} characters", f"2 … {MOST}")
+    with atomic(path) as temporary:
+        film = _Film(temporary, fps, sounds, avatars, find_view(camera), angle)
+        try:
+            for motions in moving:
+                film.add(motions)
+            film.finish()
+        finally:
+            film.close()
+
+
+class _Film:
+    """A pane for each character."""
+
+    def __init__(
+        self, temporary: Path, fps: float, sounds: Sequence[str | PathLike[str]],
+        avatars: Sequence[Avatar | str | PathLike[str] | None], view: View, angle: float,
+    ) -> None:  # fmt: skip
+        count, rate, colour = len(avatars), min(float(fps), _MOST_RATE), background_of(None)
+        self._width = _WIDTHS.get(count, _NARROW)
+        self._subjects = [Subject(avatar) for avatar in avatars]
+        self._streams, self._waiting = list[FrameStream](), [deque[Patch]() for _ in avatars]
+        side = max(_SIDE - angle, 0.0)
+        for k, subject in enumerate(self._subjects):
+            turned = replace(view, yaw=side * (2 * k / (count - 1) - 1))
+            look = Look(self._width, _HEIGHT, subject.fit(turned), colour, subject.path, subject.bone_map)
+            self._streams.append(FrameStream(look, fps, rate, subject.character))
+        blank = np.concatenate([draw_backdrop(self._width, _HEIGHT, colour)] * count, 1)
+        self._blank = blank
+        self._encoder = FilmEncoder(temporary, (self._width * count, _HEIGHT), rate, blank, sounds)
+
+    def add(self, motions: Sequence[Motion]) -> None:
+        """The next frames of all."""
+        for stream, subject, waiting, motion in zip(self._streams, self._subjects, self._waiting, motions, strict=True):
+            waiting.extend(stream.push(subject.pose(motion)))
+        self._encode()
+
+    def finish(self) -> None:
+        """The rest of the pictures, and the end of the file."""
+        for stream, waiting in zip(self._streams, self._waiting, strict=True):
+            waiting.extend(stream.flush())
+        self._encode()
+        self._encoder.close()
+
+    def _encode(self) -> None:
+        while all(self._waiting):
+            self._encoder.add(self._join([waiting.popleft() for waiting in self._waiting]))
+
+    def _join(self, patches: Sequence[Patch]) -> Patch:
+        """One part of the whole picture, which has those of all panes in it."""
+        placed = [patch._replace(left=patch.left + k * self._width) for k, patch in enumerate(patches) if patch.pixels.size]
+        if not placed:
+            return patches[0]
+        top, left = min(patch.top for patch in placed), min(patch.left for patch in placed)
+        bottom = max(patch.top + patch.pixels.shape[0] for patch in placed)
+        right = max(patch.left + patch.pixels.shape[1] for patch in placed)
+        whole = self._blank[top:bottom, left:right].copy()
+        for patch in placed:
+            patch._replace(top=patch.top - top, left=patch.left - left).paste(whole)
+        return Patch(top, left, whole)
+
+    def close(self) -> None:
+        """End all that is open, also after an error."""
+        for stream in self._streams:
+            with suppress(OSError):
+                stream.close()
+        self._encoder.discard()

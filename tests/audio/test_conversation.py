@@ -56,6 +56,43 @@ def test_the_other_person_in_a_microphone_is_no_speech_of_ones_own(voices, tmp_p
     assert np.abs(own[foreign]).mean() <= 0.25 * leak * np.abs(tracks[1, foreign]).mean() + 3e-4
 
 
+@pytest.mark.parametrize(
+    ("words", "leak", "noise"), [(0.6, 0.12, 2e-4), (0.6, 0.06, 6e-3), (0.0, 0.12, 1e-4), (0.0, 0.12, 3e-3)]
+)
+def test_who_says_a_few_words_or_nothing_has_none_of_the_others_speech(tmp_path, words, leak, noise):
+    """A minute in which one person speaks, and the other one for 0.6 s, or never."""
+    speech = Speech.load(example()[0]).samples
+    tracks = np.zeros((2, 62 * RATE), np.float32)
+    for k in range(3):
+        tracks[0, k * 20 * RATE : k * 20 * RATE + len(speech)] = speech
+    said = round(words * RATE)
+    tracks[1, 60 * RATE : 60 * RATE + said] = speech[4 * RATE : 4 * RATE + said]
+    hiss = np.random.default_rng(1).normal(0, noise, tracks.shape).astype(np.float32)
+    path = write(tmp_path / "call.wav", (tracks + leak * np.roll(tracks[::-1], 60, 1) + hiss).T)
+    host, guest = hear_conversation(VoiceTrack(path, 0), VoiceTrack(path, 1))
+    assert spoken(host, 0, 59) > 30
+    assert spoken(guest, 0, 59.9) < 1.5
+    assert (spoken(guest, 60, 61) > 0.3) == (words > 0)
+
+
+def test_a_soft_recording_of_one_person_changes_nothing(voices, tmp_path):
+    tracks, turns = voices
+    path = write(tmp_path / "call.wav", ((tracks + 0.1 * tracks[::-1]) * np.array([[1.0], [0.06]])).T)
+    heard = hear_conversation(VoiceTrack(path, 0), VoiceTrack(path, 1))
+    for who, low, high in turns:
+        assert spoken(heard[who], low, high) > 0.6 * (high - low)
+        assert spoken(heard[1 - who], low + 0.1, high - 0.1) < 0.1 * (high - low)
+
+
+def test_silent_tracks_and_tracks_of_few_words_are_not_the_same_sound(tmp_path):
+    speech = Speech.load(example()[0]).samples
+    tracks = np.zeros((4, 120 * RATE), np.float32)
+    tracks[0, RATE : 2 * RATE], tracks[1, 90 * RATE : 91 * RATE] = speech[RATE : 2 * RATE], speech[3 * RATE : 4 * RATE]
+    path = write(tmp_path / "four.wav", tracks.T)
+    heard = hear_conversation(*(VoiceTrack(path, channel) for channel in range(4)))
+    assert [bool(each.phrases) for each in heard] == [True, True, False, False]
+
+
 def test_both_at_once_are_both_heard(tmp_path):
     speech = Speech.load(example()[0]).samples[: 6 * RATE]
     first, second = write(tmp_path / "a.wav", speech), write(tmp_path / "b.wav", 0.5 * speech[::-1])

@@ -26,7 +26,11 @@ __all__ = ["HeardSpeaker", "TrackSource", "VoiceTrack", "hear_conversation", "he
 
 _SILENT = -90.0  # dBFS of digital silence [ours: 16-bit sound has nothing softer]
 _STEADY = 21  # rows over which levels are smoothed for the decision [ours: 0.2 s, a syllable]
-_LOUD = 0.99  # quantile of smoothed levels that counts as this speaker's own loud speech [ours: 1 % is enough for a few words]
+_LOUD = 0.99  # quantile of smoothed levels that counts as this speaker's own loud speech [ours]
+_OWN_LOUD = 0.95  # the same, of the moments alone in which this speaker is the one who is heard [ours: stressed syllables]
+_FEW = 30  # rows of the fewest words that are told from the voice of another one [ours: 0.3 s, "mhm"]
+_FLOOR, _OVER = 0.05, 10.0  # quantile that is the noise of a track, and dB above it from which something sounds [ours]
+_SOFTER = 6.0  # dB by which a track without own speech is softer than the one whose sound it has [ours: half a metre and one]
 _SPEECH = 38.0  # dB below loud speech down to which somebody is heard [ours: `EventDetector` believes 22 to 38]
 # A track hears the other one where it is further below its own loud speech than the other one, by so many dB: a share of what
 # is usual where the other one is loud, between two bounds [ours: microphones half a metre from each mouth and two metres apart
@@ -132,7 +136,8 @@ def hear_conversation(*tracks: VoiceTrack) -> tuple[HeardSpeaker, ...]:
     count = max(len(levels) for levels, _ in measured)
     levels = [np.pad(each, (0, count - len(each)), constant_values=_SILENT) for each, _ in measured]
     for one, other in combinations(range(len(tracks)), 2):
-        if float(np.abs(levels[one] - levels[other]).mean()) < _ALIKE:
+        audible = np.maximum(levels[one], levels[other]) > _AUDIBLE
+        if audible.any() and float(np.abs(levels[one] - levels[other])[audible].mean()) < _ALIKE:
             hint = "each person needs a track of their own: a file each, or a stereo file with one person on each channel"
             raise InputError(f"{tracks[one]} and {tracks[other]} are the same sound", hint)
     shares = _find_shares(levels)
@@ -188,17 +193,43 @@ def _measure(track: VoiceTrack) -> tuple[Array, Fraction]:
 def _find_shares(levels: Sequence[Array]) -> list[Array]:
     """(T,) of each track: 1 where it hears its own person."""
     smooth = [_average(each, _STEADY) for each in levels]
-    loud = [float(np.quantile(each, _LOUD)) for each in smooth]
+    loud = _find_loud(smooth)
     below = [top - each if top > _AUDIBLE else np.full(len(each), -_SILENT) for top, each in zip(loud, smooth, strict=True)]
     made = []
     for k, own in enumerate(below):
-        foreign = own > _NOTHING
+        noise = np.quantile(smooth[k], _FLOOR) + _OVER
+        foreign = (own > _NOTHING) | ((smooth[k] < noise) & (own > _LOUDER))
         for other in (*below[:k], *below[k + 1 :]):
             apart = own - other
             usual = np.median(apart[other < _LOUDER]) if (other < _LOUDER).any() else 0.0
             foreign |= (apart > np.clip(_SHARE * usual, *_FOREIGN)) & (other < _SPEECH)
         made.append(_average(np.where(foreign, 0.0, 1.0), _FADE))
     return made
+
+
+def _find_loud(levels: Sequence[Array]) -> list[float]:
+    """dBFS of each person's loud speech in the own track; `_SILENT` of who says nothing.
+
+    The difference of two tracks has one value while one person speaks, and another while the other one does, whatever the
+    gains are. So few words are found among much sound of the other person. Where it has one value only, one of them speaks:
+    in the louder track.
+    """
+    sounds = [each > np.quantile(each, _FLOOR) + _OVER for each in levels]
+    found = []
+    for k, own in enumerate(levels):
+        rows, silent = sounds[k].copy(), sounds[k].sum() < _FEW
+        for other, sounding in zip([*levels[:k], *levels[k + 1 :]], [*sounds[:k], *sounds[k + 1 :]], strict=True):
+            mine, theirs = (np.sort((own - other)[where]) for where in (sounds[k], sounding))
+            if min(len(mine), len(theirs)) < _FEW:
+                continue
+            low, high = float(theirs[_FEW - 1]), float(mine[-_FEW])
+            if high - low > 2 * _FOREIGN[0]:
+                rows &= own - other > (low + high) / 2
+            else:
+                silent |= float(np.median(mine)) < -_SOFTER
+        spoken = float(np.quantile(own[rows], _OWN_LOUD)) if rows.sum() >= _FEW else float(np.quantile(own, _LOUD))
+        found.append(_SILENT if silent else spoken)
+    return found
 
 
 def _average(values: Array, rows: int) -> Array:

@@ -155,6 +155,18 @@ def test_cues_do_not_depend_on_the_size_of_the_pieces():
     assert {cue.kind for cue in found[0]} == {"pause", "low"}
 
 
+def test_a_minute_that_is_heard_at_once_gives_the_cues_of_small_pieces():
+    speech = np.tile(Speech.load(example()[0]).samples, 4)
+    found = []
+    for size in (1_600, len(speech)):
+        detector, cues = CueDetector(), []
+        for at in range(0, len(speech), size):
+            cues += detector.push(speech[at : at + size])
+        found.append((cues + detector.finish(), detector.phrases))
+    assert len(found[0][0]) > 10
+    assert found[0] == found[1]
+
+
 def test_a_pause_cue_is_the_end_of_a_phrase_that_was_long_enough():
     speech = Speech.load(example()[0]).samples
     detector = CueDetector()

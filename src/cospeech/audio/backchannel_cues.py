@@ -21,9 +21,10 @@ _TALKED = 0.7  # s of speech before a cue (Ward & Tsukahara 2000: 700 ms); for p
 _LOW = 0.26  # quantile of the pitch of this voice below which it is low (there: the 26th percentile)
 _LASTS = 11  # rows of 10 ms for which it is low (there: 110 ms)
 _SURE = 200  # voiced rows that must have been heard before a quantile is believed [ours: 2 s]
-_PAUSE = 0.28  # s after the end of a phrase: the pause that `EventDetector` parts phrases by
+_PAUSE = 0.295  # s after the end of a phrase from which `EventDetector` has parted it from the next: 29 rows, all seen
 _SPEAKS = 0.40  # loudness of somebody who speaks, as for phrases in `EventDetector`
 _VOICED = 0.5  # voicing from which a pitch is believed, as there
+_PIECE = 16_000  # samples that are heard at once; the detector keeps some seconds [ours: 1 s]
 _BINS = np.arange(-12.0, 14.01, 0.25)  # semitones about the median; `Heard.tone` has no others
 
 
@@ -52,18 +53,27 @@ class CueDetector:
 
     def push(self, samples: Array) -> list[BackchannelCue]:
         """Hear the next samples, at 16 kHz; gives what became known."""
-        self._detector.push(samples)
-        return self._look()
+        found = list[BackchannelCue]()
+        for at in range(0, len(samples), _PIECE):
+            self._detector.push(samples[at : at + _PIECE])
+            found += self._look()
+        return found
 
     def finish(self) -> list[BackchannelCue]:
         """The sound is over; gives what is left."""
         self._detector.finish()
         return self._look()
 
+    def forget(self) -> None:
+        """Nobody asks for the phrases before the last one any more."""
+        del self.phrases[:-1]
+
     def _look(self) -> list[BackchannelCue]:
         recent = list(self._detector.phrases)
         if recent:
-            self.phrases = [each for each in self.phrases if each.start < recent[0].start] + recent
+            while self.phrases and self.phrases[-1].start >= recent[0].start:
+                self.phrases.pop()
+            self.phrases += recent
         return sorted([*self._find_low(), *self._find_ends(recent)])
 
     def _find_low(self) -> Iterator[BackchannelCue]:

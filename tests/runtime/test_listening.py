@@ -19,6 +19,7 @@ from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import quat_angle, quat_multiply
 from cospeech.motion.skeletons.arkit import ARKIT_INDEX
 from cospeech.runtime.listening import ListeningLayer, Response, find_listening, plan_responses
+from tests.support.rules_laws import babble, broken_laws
 
 NOD = Response(1.0, 2, np.radians(6.0), 0.4, 0.0, 1.0, 0.0, 0.5)
 
@@ -59,6 +60,15 @@ def test_nobody_nods_while_speaking_or_just_before():
     own = [(start - 0.2, start + 3.0) for start in np.arange(10.0, 1200.0, 20.0)]
     for each in plan_responses(person(own), talk(), seed=5):
         assert not any(low - 0.7 < each.time < high for low, high in own), each
+
+
+def test_a_row_of_nods_is_over_when_own_speech_begins():
+    own = [(start - 0.2, start + 3.0) for start in np.arange(10.0, 6000.0, 6.0)]
+    found = plan_responses(person(own), talk(100), seed=5)
+    assert max(each.nods for each in found) == 3
+    starts = np.array([low for low, _ in own] + [np.inf])
+    for each in found:
+        assert each.time + each.nods * each.pace <= starts[np.searchsorted(starts, each.time)], each
 
 
 def test_a_short_sound_while_the_other_one_goes_on_is_a_response_and_is_nodded():
@@ -134,6 +144,16 @@ def test_head_and_eyes_go_to_the_side_where_the_other_one_is(still, angle):
     assert abs(np.median(looks[1] - looks[0]) - angle) < 4
 
 
+@pytest.mark.parametrize("angle", [-60.0, 60.0])
+def test_a_head_that_is_turned_already_turns_no_further_than_a_neck_can(angle):
+    speech = Speech(babble(3, 12.0), 16_000)
+    bare = cospeech.load("rules").generate(speech, seed=3, intensity=2.0).retarget("humanoid")
+    nods = [Response(time, 3, np.radians(8.0), 0.34, 0.4, 2.0, 0.4, 0.9) for time in np.arange(0.5, 12.0, 2.2)]
+    shown = ListeningLayer(nods, [(0.5, 12.0)], seed=4, intensity=2.0, angle=angle).apply(bare)
+    assert not broken_laws(bare, stand=True)
+    assert not broken_laws(shown, stand=True)
+
+
 def test_intensity_0_shows_nothing_and_a_motion_without_a_face_is_taken(still):
     layer = ListeningLayer([replace_smile(NOD)], [(0.0, 3.0)], intensity=0.0)
     shown = layer.apply(still)
@@ -143,6 +163,7 @@ def test_intensity_0_shows_nothing_and_a_motion_without_a_face_is_taken(still):
     assert ListeningLayer([NOD], [(0.0, 3.0)]).apply(bare).face is None
 
 
-def test_an_angle_behind_the_shoulder_is_refused():
-    with pytest.raises(InputError, match=r"75 degrees.*turn the character"):
-        ListeningLayer([], [], angle=75.0)
+@pytest.mark.parametrize("angle", [75.0, float("nan"), "left", None])
+def test_an_angle_behind_the_shoulder_is_refused(angle):
+    with pytest.raises(InputError, match=r"75|nan|left|None.*degrees.*turn the character"):
+        ListeningLayer([], [], angle=angle)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from numbers import Real
 from random import Random
 from typing import NamedTuple
 
@@ -38,7 +39,7 @@ _AFTER = {
     "low": (0.55, 0.85),
 }  # s from the cue to the response [ours; low: Ward & Tsukahara 2000, 700 ms]
 _APART = 2.2  # s between responses at least [ours]
-_BEFORE_OWN = 0.7  # s before own speech in which nobody responds [ours: the turn is taken, then]
+_BEFORE_OWN = 0.7  # s before own speech in which no response begins [ours: the turn is taken, then]
 _SHORT = 0.8  # s; own speech that is no longer, while the other one goes on, is a response by voice: "mhm" [ours]
 _WITH_VOICE = 0.85  # chance that such a response is nodded, too [ours: the two go together, Dittmann & Llewellyn 1968]
 _COUNTS = (1, 1, 1, 2, 2, 3)  # nods in a row [ours]
@@ -54,6 +55,7 @@ _ASLANT, _SLOW = np.radians([3.0, 1.2, 1.5]), 0.10  # sd of roll, yaw and pitch 
 _ATTENDS = 0.05  # browInnerUp while listening [ours: just seen]
 _NECK, _HEAD = 0.35, 0.40  # share of the angle to the other person; the eyes do the rest [ours: the head goes most
 # of the way to a target that is looked at for long]
+_MOST_YAW, _EASES = np.radians([66.0, 4.0])  # of neck and head together, at most, and where it slows down [ours: necks turn 70]
 _KEPT = 40.0  # s for which a live session can take frames back, and the length of what a response shows [ours]
 _STREAM = 4211  # of the noise
 _ROLL, _YAW, _PITCH = range(3)
@@ -121,7 +123,7 @@ class ResponsePlanner:
 def plan_responses(listener: HeardSpeaker, speaker: HeardSpeaker, seed: int) -> list[Response]:
     """All responses of one person to the other, in the order of their times.
 
-    Nobody responds in own speech, or just before it. Own speech that is short, while the other one goes on, is a response.
+    Nobody nods in own speech, or begins to just before it. Short own speech, while the other one goes on, is a response.
     """
     planner, own = ResponsePlanner(seed), listener.phrases
     busy = [phrase for phrase in own if not _is_response(phrase, speaker.phrases)]
@@ -131,8 +133,10 @@ def plan_responses(listener: HeardSpeaker, speaker: HeardSpeaker, seed: int) -> 
     found = list[Response]()
     for time, cue in sorted(moments, key=lambda moment: moment[0]):
         response = planner.accompany(time) if cue is None else planner.answer(cue)
-        if response is not None and not _overlaps(busy, response.time, response.time + _BEFORE_OWN):
-            found.append(response)
+        if response is not None:
+            lasts = max(_BEFORE_OWN, response.nods * response.pace)
+            if not _overlaps(busy, response.time, response.time + lasts):
+                found.append(response)
     return sorted(found)
 
 
@@ -197,8 +201,9 @@ class ListeningLayer:
         angle: float = 0.0,
         turns_head: bool = True,
     ) -> None:
-        if not ANGLE_RANGE[0] <= angle <= ANGLE_RANGE[1]:
-            raise InputError(f"an angle of {angle:g} degrees", "-60 … 60; for more, turn the character itself")
+        if not isinstance(angle, Real) or not ANGLE_RANGE[0] <= angle <= ANGLE_RANGE[1]:
+            shown = f"{angle:g}" if isinstance(angle, Real) else f"{angle!r:.40}"
+            raise InputError(f"an angle of {shown} degrees", "-60 … 60; for more, turn the character itself")
         self._responses, self._listening = list(responses), list(listening)
         self._seed, self._intensity, self._angle = seed, intensity, float(np.radians(angle))
         self._turns_head = turns_head
@@ -254,11 +259,24 @@ class ListeningLayer:
     def _turn(self, rotations: Array, turns: Array) -> Array:
         """Neck and head with (n, 3) turns of listening, and towards the other person."""
         out, joint = rotations.copy(), humanoid().index
+        aside = self._angle * self._spare(rotations)
         for name, own, share in (("neck", 0.3, _NECK), ("head", 0.7, _HEAD)):
-            angles = np.stack([turns[:, _YAW] * own + self._angle * share, turns[:, _PITCH] * own, turns[:, _ROLL] * own], -1)
+            angles = np.stack([turns[:, _YAW] * own + aside * share, turns[:, _PITCH] * own, turns[:, _ROLL] * own], -1)
             turned = quat_multiply(rotations[:, joint[name]].astype(float), euler_to_quat(angles, "YXZ"))
             out[:, joint[name]] = turned
         return out
+
+    def _spare(self, rotations: Array) -> Array:
+        """(n,) 0 … 1: the share of the turn to the other person that the head can do, where the model turned it already."""
+        if not self._angle:
+            return np.zeros(len(rotations))
+        joint = humanoid().index
+        head = quat_multiply(rotations[:, joint["neck"]].astype(float), rotations[:, joint["head"]].astype(float))
+        turned = np.sign(self._angle) * direction_of(head)[:, 0]
+        wanted = abs(self._angle) * (_NECK + _HEAD)
+        room = (_MOST_YAW - turned - wanted) / _EASES
+        less = _EASES * np.logaddexp(0.0, -room)  # 0 where there is room; else what is missing
+        return np.clip(1.0 - less / wanted, 0.0, 1.0)
 
     def _see(self, before: Array, after: Array, face: Array) -> tuple[Array, Array]:
         """Eyes that look at the other person, whatever the head did; and the face that shows it."""

@@ -10,6 +10,7 @@ from cospeech.errors import InputError
 from cospeech.face.gaze import direction_of, head_rotation
 from cospeech.generate import open_live_session
 from cospeech.motion.motion import Motion
+from cospeech.motion.skeletons.arkit import ARKIT_INDEX
 
 RATE, PIECE = 16_000, 320
 
@@ -61,10 +62,75 @@ def test_seeds_differ_and_one_seed_is_always_alike(voice):
     assert np.abs(pitch(first) - pitch(other)).max() > 2
 
 
-def test_who_speaks_does_not_answer_its_own_voice_in_the_microphone(voice):
-    alone = play(np.zeros_like(voice), own=voice)
-    echo = play(0.3 * voice, own=voice)
+@pytest.mark.parametrize("delay", [0.0, 1.0, 1.75])
+def test_who_speaks_does_not_answer_its_own_voice_in_the_microphone(voice, delay):
+    """The voice is heard in the room when the frames are seen, which is a latency after its sound was pushed."""
+    own = np.concatenate([voice[: 8 * RATE], np.zeros(6 * RATE, np.float32)])
+    late = np.concatenate([np.zeros(round(delay * RATE), np.float32), own])[: len(own)]
+    alone, echo = play(np.zeros_like(own), own=own), play(0.3 * late, own=own)
     assert np.abs(pitch(alone) - pitch(echo)).max() < 0.01
+
+
+def test_much_sound_at_once_is_one_row_of_nods_at_most(voice):
+    session = open_live_session("rules", seed=1, fps=30, idle_after=2.0)
+    bare = Motion.concatenate(list(open_live_session("rules", seed=1, fps=30, idle_after=2.0).idle(4.0)))
+    session.listener.hear(np.tile(voice, 4), RATE)
+    nods = pitch(Motion.concatenate(list(session.idle(4.0)))) - pitch(bare)
+    assert nods.max() < 9, "no two rows at the same time"
+    times = np.array([each.time for each in session.listener._layer._responses])
+    assert len(times) < 2
+
+
+def test_listening_ends_where_the_sound_of_the_person_ends(voice):
+    brows = []
+    for partner in (voice, None):
+        session = open_live_session("rules", seed=1, fps=30, idle_after=2.0)
+        for at in range(0, 6 * RATE, PIECE):
+            if partner is not None:
+                session.listener.hear(partner[at : at + PIECE], RATE)
+            for _ in session.push(np.zeros(PIECE, np.float32), RATE):
+                pass
+        gone = Motion.concatenate(list(session.idle(30.0)))
+        brows.append(gone.face[:, ARKIT_INDEX["browInnerUp"]])
+    assert np.abs(brows[0] - brows[1])[gone.times < 6].max() > 0.02, "the person was speaking"
+    assert np.abs(brows[0] - brows[1])[gone.times > 12].max() == 0
+
+
+def test_frames_that_are_taken_back_take_back_what_was_to_be_shown_in_them(voice):
+    session = open_live_session("rules", seed=1, fps=30, idle_after=2.0)
+    for at in range(0, len(voice), RATE // 2):
+        session.listener.hear(voice[at : at + RATE // 2], RATE)
+        for _ in session.idle(0.5):
+            pass
+    session.interrupt(at=4.0)
+    layer = session.listener._layer
+    assert all(each.time < 4 for each in layer._responses)
+    assert layer._listening[-1] == (4.0, np.inf), "the person is still speaking"
+    for at in range(0, len(voice), RATE // 2):
+        session.listener.hear(voice[at : at + RATE // 2], RATE)
+        for _ in session.idle(0.5):
+            pass
+    times = [each.time for each in layer._responses]
+    assert len(times) > 1
+    assert min(np.diff(times)) >= 2.2
+    assert max(times) < session.time + 1
+
+
+def test_intensity_and_parts_are_those_of_the_session(voice):
+    def play_with(change, voice=voice):
+        session, made = open_live_session("rules", seed=1, fps=30, idle_after=2.0), []
+        change(session)
+        for at in range(0, len(voice), PIECE):
+            session.listener.hear(voice[at : at + PIECE], RATE)
+            made += session.push(np.zeros(PIECE, np.float32), RATE)
+        return Motion.concatenate(made)
+
+    still, bare = (play_with(lambda session: session.set_intensity(0), heard) for heard in (voice, np.zeros_like(voice)))
+    assert np.abs(pitch(still) - pitch(bare))[still.times > 1].max() < 0.01
+    faceless = play_with(lambda session: session.set_parts(("body", "hands")))
+    assert np.abs(faceless.face[faceless.times > 1]).max() == 0
+    bodiless = play_with(lambda session: session.set_parts(("face",)))
+    assert np.abs(pitch(bodiless)[bodiless.times > 1]).max() < 1e-3
 
 
 def test_a_character_without_a_body_answers_with_eyes_and_face_alone(voice):
@@ -96,4 +162,4 @@ def test_hours_of_listening_keep_little(voice):
             pass
     layer = session.listener._layer
     assert len(layer._responses) + len(layer._listening) < 40
-    assert len(session.listener._detector.phrases) < 200
+    assert len(session.listener._detector.phrases) < 10

@@ -28,6 +28,7 @@ from ..motion.rotations import Array, euler_to_quat, quat_conjugate, quat_multip
 from ..motion.skeleton import humanoid
 from ..motion.skeletons.arkit import ARKIT_INDEX
 from ..rules.options import GenerationOptions
+from .crossfade import FADE
 from .nods import nod_curve
 
 __all__ = ["ANGLE_RANGE", "DialogueRole", "ListeningLayer", "Response", "ResponsePlanner", "find_listening", "plan_responses"]
@@ -102,6 +103,10 @@ class ResponsePlanner:
         """
         late, chosen = self._random.uniform(*_AFTER[cue.kind]), self._random.random() < _CHANCES[cue.kind]
         return self._respond(max(cue.time + late, earliest)) if chosen else None
+
+    def go_back(self, time: float) -> None:
+        """What was to come from this moment on, in seconds, does not come."""
+        self._last = min(self._last, time)
 
     def accompany(self, time: float) -> Response | None:
         """The response that goes with one by voice, if there is one."""
@@ -205,7 +210,8 @@ class ListeningLayer:
             shown = f"{angle:g}" if isinstance(angle, Real) else f"{angle!r:.40}"
             raise InputError(f"an angle of {shown} degrees", "-60 … 60; for more, turn the character itself")
         self._responses, self._listening = list(responses), list(listening)
-        self._seed, self._intensity, self._angle = seed, intensity, float(np.radians(angle))
+        self._seed, self._angle = seed, float(np.radians(angle))
+        self._intensity = (intensity, intensity, 0.0)  # before, after, and the time of the change
         self._turns_head = turns_head
 
     def add(self, response: Response) -> None:
@@ -221,6 +227,16 @@ class ListeningLayer:
         low, _ = self._listening[-1]
         self._listening[-1] = (low, max(time, low))
 
+    def set_intensity(self, intensity: float, time: float) -> None:
+        """Another size, faded in from this moment on, in seconds."""
+        before = float(self._find_intensity(np.array([time]))[0])
+        self._intensity = (before, intensity, time)
+
+    def go_back(self, time: float) -> None:
+        """What was to come from this moment on, in seconds, does not come."""
+        self._responses = [each for each in self._responses if each.time < time]
+        self._listening = [(low, min(high, time)) for low, high in self._listening if low < time]
+
     def forget(self, time: float) -> None:
         """No more frames are asked for that are far before this moment, in seconds."""
         self._responses = [each for each in self._responses if each.time > time - _KEPT]
@@ -233,13 +249,19 @@ class ListeningLayer:
         nods = np.zeros(len(times))
         for each in near:
             nods += nod_curve(times, each.time, each.nods, each.size, each.pace)
-        turns = self._intensity * share[:, None] * _ASLANT * smooth_noise(self._seed + _STREAM, 3, times, _SLOW, octaves=2)
-        turns[:, _PITCH] += self._intensity * nods
+        intensity = self._find_intensity(times)
+        turns = (intensity * share)[:, None] * _ASLANT * smooth_noise(self._seed + _STREAM, 3, times, _SLOW, octaves=2)
+        turns[:, _PITCH] += intensity * nods
         rotations = self._turn(motion.rotations, turns) if self._turns_head else motion.rotations
         if motion.face is None:
             return replace(motion, rotations=rotations)
         rotations, face = self._see(motion.rotations, rotations, self._show(motion.face, times, share, near))
         return replace(motion, rotations=rotations, face=face)
+
+    def _find_intensity(self, times: Array) -> Array:
+        """(n,) size of all that is shown."""
+        before, after, changed = self._intensity
+        return before + (after - before) * smoothstep(np.clip((times - changed) / FADE, 0.0, 1.0))
 
     def _near(self, times: Array) -> list[Response]:
         """Responses that may show in these frames."""
@@ -297,7 +319,8 @@ class ListeningLayer:
             smile = np.maximum(smile, each.smile * _course(times, each.time, end, _RISE, 2 * _RISE))
             end = each.time + each.brow_seconds
             brows = np.maximum(brows, each.brows * _course(times, each.time, end, _RISE, 2 * _RISE))
-        smile, brows = self._intensity * smile[:, None], self._intensity * brows[:, None]
+        intensity = self._find_intensity(times)
+        smile, brows = (intensity * smile)[:, None], (intensity * brows)[:, None]
         out[:, _SMILE_COLUMNS] = np.maximum(out[:, _SMILE_COLUMNS], smile)
         out[:, _CHEEK_COLUMNS] = np.maximum(out[:, _CHEEK_COLUMNS], 0.6 * smile)
         out[:, _BROW_COLUMNS] = np.maximum(out[:, _BROW_COLUMNS], brows)

@@ -7,7 +7,7 @@ from threading import Lock
 
 import numpy as np
 
-from ..audio.backchannel_cues import CueDetector
+from ..audio.backchannel_cues import BackchannelCue, CueDetector
 from ..audio.features.at_16_khz import At16kHz
 from ..audio.speech import Speech
 from ..errors import InputError
@@ -20,6 +20,12 @@ __all__ = ["LiveListener"]
 
 _ECHO = 0.3  # s after own speech in which its echo may be heard [ours: a large room]
 _TALKS = 1.2  # s of silence in which somebody still has the turn, as in `cospeech.runtime.listening`
+_GONE = (
+    3.0  # s of frames without any sound of the person, silence neither, after which nobody is there [ours: longer than pieces]
+)
+_LATE = (
+    2.0  # s after a cue in which it can be answered [ours: .7 s until it is known, and sound that comes in pieces of a second]
+)
 
 
 class LiveListener:
@@ -55,6 +61,7 @@ class LiveListener:
         self._planner, self._detector, self._sound = ResponsePlanner(seed), CueDetector(), At16kHz()
         self._lock = Lock()
         self._shown = 0.0  # s: end of the frames that were given
+        self._told = 0.0  # the same, when something was heard last
         self._speaks, self._listens = speaks, False
         self._own = -np.inf  # s: until then the character spoke; what is heard may be its own voice
         self._used = angle != 0.0  # without sound of anybody, frames stay as they are, bit for bit
@@ -80,17 +87,43 @@ class LiveListener:
                 raise InputError("samples without a rate", "listener.hear(samples, 16000)")
             sound = Speech(np.asarray(sound), rate)
         cues = self._detector.push(self._sound.push(sound))
+        self._detector.forget()
         self._used = True
         with self._lock:
-            heard = float(self._sound.duration)
+            heard, self._told = float(self._sound.duration), self._shown
             if self._speaks():
                 self._own = heard
             for cue in cues:
-                response = self._planner.answer(cue) if cue.time > self._own + _ECHO else None
-                if response is not None:  # the next frame that is made is the soonest that anybody can see
-                    self._layer.add(response._replace(time=self._shown + max(response.time - heard, 0.0)))
+                if cue.time > max(self._own + _ECHO, heard - _LATE):
+                    self._answer(cue._replace(time=self._shown + cue.time - heard))
             last = self._detector.phrases[-1].end if self._detector.phrases else -np.inf
             self._note_turn(last > self._own + _ECHO and heard - last < _TALKS)
+
+    def _answer(self, cue: BackchannelCue) -> None:
+        """A cue, on the clock of the frames; the next frame that is made is the soonest that anybody can see."""
+        response = self._planner.answer(cue, earliest=self._shown)
+        if response is not None:
+            self._layer.add(response)
+
+    def set_intensity(self, intensity: float) -> None:
+        """Another size of what is shown, 0 … 2, faded in over half a second.
+
+        Raises:
+            InputError: it is no number, or out of range.
+        """
+        check_range("intensity", intensity, INTENSITY_RANGE)
+        with self._lock:
+            self._layer.set_intensity(intensity, self._shown)
+
+    def go_back(self, time: float) -> None:
+        """The frames from this moment on, in seconds, are void, and so is what was to be shown from there on."""
+        with self._lock:
+            if time < self._shown:
+                self._shown = self._told = time
+                self._layer.go_back(time)
+                self._planner.go_back(time)
+                if self._listens:
+                    self._layer.begin(time)
 
     def apply(self, motion: Motion) -> Motion:
         """The next frames of a live session, with what is shown of listening."""
@@ -98,6 +131,9 @@ class LiveListener:
             self._shown = motion.start + motion.duration
             if not self._used:
                 return motion
+            if self._listens and self._shown > self._told + _GONE:
+                self._listens = False
+                self._layer.end(max(self._told + _GONE, motion.start))
             self._layer.forget(motion.start)
             return self._layer.apply(motion)
 

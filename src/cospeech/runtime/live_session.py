@@ -108,8 +108,8 @@ class LiveSession:
 
     @property
     def speaks(self) -> bool:
-        """Whether there is sound, or was half a second ago."""
-        return self._speaking is not None and self._quiet <= _BEFORE
+        """Whether there is sound, or was until its last frame was given, half a second ago: who watches hears it until then."""
+        return self._speaking is not None and float(self._quiet) <= self.latency + float(_BEFORE)
 
     @property
     def emotion(self) -> dict[str, float]:
@@ -202,6 +202,7 @@ class LiveSession:
         self._last = Motion.concatenate(list(self._past)[-2:])[-2:] if self._past else None
         if at is not None:
             self._time = Fraction(first) / Fraction(self._options.fps).limit_denominator(_GRID)
+            self.listener.go_back(first / self._options.fps)
 
     def warm_up(self) -> None:
         """Do once what is slow the first time, so that no push has to: two seconds are played to another session."""
@@ -242,6 +243,7 @@ class LiveSession:
             InputError: it is no number, or out of range.
         """
         self._steer("set_intensity", intensity=intensity)
+        self.listener.set_intensity(intensity)
 
     @one_at_a_time
     def set_parts(self, parts: Iterable[str]) -> None:
@@ -384,7 +386,7 @@ class LiveSession:
         self._past.append(motion)
         while len(self._past) > 1 and self._start_of(self._past[1]) < self._given - _KEPT * motion.fps:
             self._past.popleft()
-        return self.listener.apply(self._fades.apply(motion))
+        return self._fades.apply(self.listener.apply(motion))
 
     def _start_of(self, motion: Motion) -> int:
         return round(motion.start * motion.fps)

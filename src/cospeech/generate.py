@@ -201,6 +201,7 @@ def generate_motion(
     Raises:
         InputError: something given cannot be used.
     """
+    check_range("tail", tail, TAIL_RANGE)
     loaded = load_model(model) if isinstance(model, str | PathLike) else model
     asked = GenerationOptions.from_keywords({"emotion": read_emotion(emotion)[0], **options})
     group, performance = next(_passes(loaded, asked))

@@ -98,6 +98,15 @@ def test_voices_of_webvtt_and_labels_of_subrip(tmp_path):
     check(write(tmp_path, "a.srt", SRT), ("ANN", "BOB"))
 
 
+def test_speaker_is_a_label_of_subtitles_too(tmp_path):
+    check(write(tmp_path, "a.srt", SRT.replace("ANN", "SPEAKER 1").replace("BOB", "SPEAKER 2")), ("SPEAKER 1", "SPEAKER 2"))
+
+
+def test_signs_of_webvtt_in_names_are_read(tmp_path):
+    found = read_speakers(write(tmp_path, "a.vtt", VTT.replace("<v ann>", "<v A &amp; B>")), 60.0)
+    assert next(iter(found)) == "A & B"
+
+
 def test_numbers_are_names_and_0_is_one(tmp_path):
     document = {"words": [{"w": "a", "start": 0, "end": 1, "speaker": 0}, {"w": "b", "start": 2, "end": 3, "speaker": 1}]}
     assert list(read_speakers(write(tmp_path, "a.json", json.dumps(document)), 10.0)) == ["0", "1"]

@@ -98,6 +98,15 @@ def test_one_recording_of_all_with_a_file_that_says_who_speaks(cli, place):
     assert jaws[1][125:190].mean() > 5 * jaws[0][125:190].mean()
 
 
+def test_a_file_that_says_who_speaks_without_words_and_long_names(cli, place):
+    soundfile.write("talk.wav", soundfile.read("host.wav")[0] + soundfile.read("guest.wav")[0], RATE)
+    segments = [{"start": 0.1, "end": 3.0, "speaker": "x" * 300}, {"start": 3.8, "end": 6.7, "speaker": "a/../b"}]
+    (place / "talk.json").write_text(json.dumps({"segments": segments}), "utf-8")
+    code, _, err = cli("dialogue", "talk.wav", "--speakers", "talk.json", "-o", "out/{name}.npz", "-q")
+    assert code == 0, err
+    assert {path.name for path in (place / "out").iterdir()} == {f"talk.{'x' * 40}.npz", "talk.a_.._b.npz"}
+
+
 def test_one_person_of_several_is_generated_as_among_all(cli, place):
     assert cli("dialogue", "call.wav", "-o", "all/{name}.npz", "-q")[0] == 0
     assert cli("dialogue", "call.wav", "-o", "one/{name}.npz", "--person", "right", "-q")[0] == 0
@@ -116,6 +125,24 @@ def test_a_video_without_name_shows_all_persons_and_is_written_beside_other_file
     with av.open("both.mp4") as film:
         assert film.streams.audio
         assert (film.streams.video[0].width, film.streams.video[0].frames) == (1280, 75)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["-o", "{name}.bvh", "--person", "left"], "a film of 1 character (2 … 6"),
+        (["-o", "{name}.bvh", "--avatar", "nope.vrm"], "no avatar at 'nope.vrm'"),
+        (["--avatar", "nope.vrm"], "no avatar at 'nope.vrm'"),
+        (["--tail", "90"], "tail 90 is out of range (0 … 60)"),
+    ],
+)
+def test_a_video_that_cannot_be_made_is_told_before_anything_is_written(cli, place, given, said):
+    pytest.importorskip("av", reason="needs PyAV: cospeech[av]")
+    before = {path.name for path in place.iterdir()}
+    code, out, err = cli("dialogue", "call.wav", "-o", "x.mp4", *given)
+    assert (code, out) == (2, "")
+    assert said in err
+    assert {path.name for path in place.iterdir()} == before
 
 
 def test_without_output_a_bvh_and_a_glb_of_each_are_written_over_nothing(cli, place):

@@ -31,6 +31,7 @@ _LATER = 1.2  # times the length of the sound by which times may be too late [ou
 _JOINS = 0.5  # s between two stretches of a speaker that are one [ours: recognisers part words, and breath lies between them]
 _DEEP = 12  # levels of JSON [ours: documents of recognisers have six]
 _SECONDS = re.compile(r"(\d{1,9}(?:\.\d{1,12})?)s")  # as Google writes them
+_RTTM = re.compile(r"^SPEAKER[ \t]+\S*[^\s:][ \t]+\d+\s", re.MULTILINE)  # no label of a subtitle: SPEAKER 1: Hello
 _HINT = "RTTM, the JSON of a recogniser that names speakers, or subtitles with names (`<v Anna>`, `ANNA: Hello`)"
 
 _Stretch = tuple[str, float, float]
@@ -52,7 +53,7 @@ def read_speakers(path: str | PathLike[str], seconds: float | None = None) -> di
     """
     name = Path(os.fsdecode(path)).name
     text = decode(read_regular(path, "a file that says who speaks", TRANSCRIPT_BYTES), name)
-    if re.search(r"^SPEAKER\s", text, re.MULTILINE):
+    if _RTTM.search(text):
         found = list(_read_rttm(text, name))
     elif text.lstrip()[:1] in ("{", "["):
         found = _scale(list(_walk(parse_json(text, repr(name), TRANSCRIPT_JSON_VALUES), None)), seconds)

@@ -132,7 +132,7 @@ def dialogue(
     if angle and len(persons) != 2:
         raise InputError(f"an angle between {len(persons)} persons", "it is for two; turn the characters themselves")
     chosen = choose_persons(persons, person or ())
-    words = transcript or ([str(speakers)] if speakers is not None and speakers.suffix.lower() != _WORDLESS else None)
+    words = transcript or _find_words(speakers)
     own = [
         {
             "model": _pick("--model", model, k, persons, DEFAULT), "style": _pick("--style", style, k, persons, None),
@@ -147,6 +147,7 @@ def dialogue(
         for k in range(len(persons))
     ]  # fmt: skip
     films = [Path(text) for text in output or () if _is_film(text)]
+    _check_films(films, len(chosen), {own[k]["avatar"] for k in chosen})
     output = [text for text in output if not _is_film(text)] if output else None
     files = {k: _outputs_of(persons[k].name, output) for k in chosen if output != []}
     _check_apart(
@@ -231,6 +232,26 @@ def _draw_film(
         )
 
 
+def _check_films(films: Sequence[Path], count: int, avatars: set[str | None]) -> None:
+    """See, before there is any motion, that videos of so many persons can be made.
+
+    Raises:
+        InputError: they cannot, or an avatar cannot be shown.
+    """
+    from ..export.checks import check_avatar
+    from ..export.group_film import check_group_film
+    from ..files import check_destination
+
+    if not films:
+        return
+    check_group_film(count)
+    for avatar in avatars - {None}:
+        check_avatar(str(avatar), {film.suffix.lower() for film in films})
+    for film in films:
+        if film.parent.is_dir():
+            check_destination(film)
+
+
 def _is_film(text: str) -> bool:
     """Whether a file shows all persons."""
     return NAME not in text and Path(text).suffix.lower() == ".mp4" and not _is_folder(text)
@@ -303,6 +324,19 @@ def _pick_words(values: Sequence[str] | None, k: int, persons: Sequence[Person],
         raise InputError(f"one transcript {values[0]!r} for {len(persons)} persons", f"one of each, or words/{NAME}.srt")
     found = _pick("--transcript", values, k, persons, None)
     return found.replace(NAME, persons[k].name) if found else None
+
+
+def _find_words(speakers: Path | None) -> list[str] | None:
+    """The file that says who speaks when, where it has words, too."""
+    from ..audio.transcripts import load_speech_words
+
+    if speakers is None or speakers.suffix.lower() == _WORDLESS:
+        return None
+    try:
+        load_speech_words(speakers)
+    except InputError:  # it could be read just now: it has no words
+        return None
+    return [str(speakers)]
 
 
 def _check_apart(read: list[Path], written: list[Path], own: Sequence[dict[str, Any]], report: Path | None) -> None:

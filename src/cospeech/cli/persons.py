@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["Person", "choose_persons", "describe_persons", "hear_persons"]
 
 _SIDES = ("left", "right")
+_LETTERS = 40  # of a speaker's name in names of files [ours: systems take 255 bytes, and a letter has up to four]
 _FORBIDDEN = re.compile(r'[\s<>:"/\\|?*\x00-\x1f]+')  # in names of files, of any system
 
 
@@ -104,7 +105,7 @@ def _hear_all(speech: Sequence[Path], speakers: Path) -> list[Person]:
     if len(stretches) < 2:
         raise InputError(f"{speakers.name!r} names only {next(iter(stretches))!r}", "a conversation has two persons or more")
     heard = hear_recording(VoiceTrack(speech[0]), stretches)
-    files = [f"{speech[0].stem}.{_FORBIDDEN.sub('_', label)}" for label in heard]
+    files = [f"{speech[0].stem}.{_FORBIDDEN.sub('_', label)[:_LETTERS]}" for label in heard]
     twice = next((name for name in files if [each.lower() for each in files].count(name.lower()) > 1), None)
     if twice is not None:
         raise InputError(f"{speakers.name!r} names two speakers whose files would be called {twice!r}", "rename one of them")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, say_count
 from ..files import atomic
 from ..motion.motion import Motion
 from .avatar import Avatar
@@ -23,7 +23,7 @@ from .render.light import draw_backdrop
 from .render.patch import Patch
 from .render.worker import Look
 
-__all__ = ["MOST", "write_group_film"]
+__all__ = ["MOST", "check_group_film", "write_group_film"]
 
 MOST = 6
 """Characters in a film [ours: more would be too narrow]."""
@@ -60,9 +60,7 @@ def write_group_film(
     Raises:
         InputError: there are too many characters, PyAV is not installed, or a file cannot be read or written.
     """
-    import_pyav()
-    if not 2 <= len(avatars) <= MOST:
-        raise InputError(f"a film of {len(avatars)} characters", f"2 … {MOST}")
+    check_group_film(len(avatars))
     with atomic(path) as temporary:
         film = _Film(temporary, fps, sounds, avatars, find_view(camera), angle)
         try:
@@ -71,6 +69,19 @@ def write_group_film(
             film.finish()
         finally:
             film.close()
+
+
+def check_group_film(count: int) -> None:
+    """See, before there is any motion, that a film of so many characters can be made.
+
+    Raises:
+        InputError: there are too many or too few, or PyAV is not installed.
+    """
+    import_pyav()
+    if not 2 <= count <= MOST:
+        raise InputError(
+            f"a film of {say_count(count, 'character')}", f"2 … {MOST}; with {{name}} in its name, each has its own"
+        )
 
 
 class _Film:

@@ -89,7 +89,7 @@ def name_speakers(text: str, note: Note) -> Iterator[tuple[str, float, float]]:
     for cue in cues:
         voice = _VOICE.search("\n".join(cue.lines))
         found = [label for label, _ in islice(labels, len(cue.lines)) if label]
-        name = voice[1].strip() if voice else found[0] if found else name
+        name = html.unescape(voice[1]).strip() if voice else found[0] if found else name
         if name:
             yield name, cue.start, cue.end
 

@@ -174,6 +174,7 @@ def test_angle_turns_the_heads_to_each_other(cli, place):
         (["call.wav", "-o", "{name}.xyz"], "cannot tell the format of '{name}.xyz'"),
         (["host.wav", "guest.wav", "-o", "{name}.bvh", "-o", "guest.bvh"], "one file 'guest.bvh' for several persons"),
         (["call.wav", "--person", "lefft"], "nobody is called 'lefft' (did you mean 'left'?"),
+        (["host.wav", "guest.wav", "--person", ""], "nobody is called ''"),
         (["host.wav", "guest.wav", "--speakers", "who.rttm"], "--speakers for 2 sound files"),
         (["host.wav", "--speakers", "host.srt"], "'host.srt' does not say who speaks when"),
         (["host.wav", "--speakers", "alone.rttm"], "'alone.rttm' names only 'ann'"),

@@ -120,7 +120,7 @@ def choose_persons(persons: Sequence[Person], wanted: Sequence[str]) -> list[int
     """
     chosen = []
     for name in wanted:
-        found = [k for k, person in enumerate(persons) if name in (person.name, person.label)]
+        found = [k for k, person in enumerate(persons) if name and name in (person.name, person.label)]
         if not found:
             known = [person.label or person.name for person in persons]
             raise InputError(f"nobody is called {name!r}", nearest(name, known))

@@ -206,8 +206,9 @@ class ListeningLayer:
         angle: float = 0.0,
         turns_head: bool = True,
     ) -> None:
-        if not isinstance(angle, Real) or not ANGLE_RANGE[0] <= angle <= ANGLE_RANGE[1]:
-            shown = f"{angle:g}" if isinstance(angle, Real) else f"{angle!r:.40}"
+        given: object = angle
+        if not isinstance(given, Real) or not ANGLE_RANGE[0] <= float(given) <= ANGLE_RANGE[1]:
+            shown = f"{given:g}" if isinstance(given, Real) else f"{given!r:.40}"
             raise InputError(f"an angle of {shown} degrees", "-60 … 60; for more, turn the character itself")
         self._responses, self._listening = list(responses), list(listening)
         self._seed, self._angle = seed, float(np.radians(angle))

@@ -210,11 +210,9 @@ class LiveSession:
         session = LiveSession(self._model, self._options)
         for k in range(125):
             hum = np.sin(2 * np.pi * 140 * (times + k * 0.02)) * np.sin(np.pi * 4 * k * 0.02) ** 2
-            for _ in session.push(Speech((0.3 * hum).astype(np.float32), RATE)):
-                pass
+            list(session.push(Speech((0.3 * hum).astype(np.float32), RATE)))
         session.interrupt()
-        for _ in session.idle(0.5):
-            pass
+        list(session.idle(0.5))
         self._idle = self._idle or self._open_idle()
 
     @one_at_a_time

@@ -69,7 +69,7 @@ def test_two_are_seen_from_the_side_of_the_other_one(tmp_path):
 
 @pytest.mark.parametrize("count", [1, 7])
 def test_too_few_or_too_many_characters_are_refused(tmp_path, count):
-    with pytest.raises(InputError, match=f"a film of {count} characters"):
+    with pytest.raises(InputError, match=f"a film of {count} character"):
         write_group_film(tmp_path / "x.mp4", [], fps=30, avatars=[None] * count)
 
 

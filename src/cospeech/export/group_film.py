@@ -17,7 +17,7 @@ from ..motion.motion import Motion
 from .avatar import Avatar
 from .film_encoder import FilmEncoder, import_pyav
 from .pictures import Subject, background_of
-from .render.camera import View, find_view
+from .render.camera import View
 from .render.frames import FrameStream
 from .render.light import draw_backdrop
 from .render.patch import Patch
@@ -33,6 +33,8 @@ _WIDTHS, _HEIGHT = (
 )  # pixels of a pane, by the number of characters; 360 for more [ours: up to 2160 in all]
 _NARROW = 360
 _MOST_RATE = 60.0  # pictures per second; screens show no more
+# From the thighs up, with room for arms to both sides, so that all are of one size: the camera follows nobody's hands [ours]
+_VIEW = View(("head",), (-0.62, 0.62, -0.20), (0.62, 1.84, 0.35), 0.06, 0, 3, 24)
 _SIDE = 26.0  # degrees by which the camera of the outer panes stands to the side [ours: both eyes of a face can still be seen]
 
 
@@ -43,7 +45,6 @@ def write_group_film(
     fps: float,
     sounds: Sequence[str | PathLike[str]] = (),
     avatars: Sequence[Avatar | str | PathLike[str] | None],
-    camera: str = "body",
     angle: float = 0.0,
 ) -> None:
     """Draw characters that talk to each other.
@@ -54,7 +55,6 @@ def write_group_film(
         fps: of the motion.
         sounds: files that are heard together.
         avatars: one for each character, in place of our mannequin; from the left to the right.
-        camera: name of the view, see `cospeech.export.render.camera.CAMERAS`.
         angle: degrees by which each of two is turned away from the other one.
 
     Raises:
@@ -64,7 +64,7 @@ def write_group_film(
     if not 2 <= len(avatars) <= MOST:
         raise InputError(f"a film of {len(avatars)} characters", f"2 … {MOST}")
     with atomic(path) as temporary:
-        film = _Film(temporary, fps, sounds, avatars, find_view(camera), angle)
+        film = _Film(temporary, fps, sounds, avatars, angle)
         try:
             for motions in moving:
                 film.add(motions)
@@ -78,7 +78,7 @@ class _Film:
 
     def __init__(
         self, temporary: Path, fps: float, sounds: Sequence[str | PathLike[str]],
-        avatars: Sequence[Avatar | str | PathLike[str] | None], view: View, angle: float,
+        avatars: Sequence[Avatar | str | PathLike[str] | None], angle: float,
     ) -> None:  # fmt: skip
         count, rate, colour = len(avatars), min(float(fps), _MOST_RATE), background_of(None)
         self._width = _WIDTHS.get(count, _NARROW)
@@ -86,8 +86,8 @@ class _Film:
         self._streams, self._waiting = list[FrameStream](), [deque[Patch]() for _ in avatars]
         side = max(_SIDE - angle, 0.0)
         for k, subject in enumerate(self._subjects):
-            turned = replace(view, yaw=side * (2 * k / (count - 1) - 1))
-            look = Look(self._width, _HEIGHT, subject.fit(turned), colour, subject.path, subject.bone_map)
+            turned = replace(_VIEW, yaw=side * (2 * k / (count - 1) - 1))
+            look = Look(self._width, _HEIGHT, subject.fit(turned), colour, subject.path, subject.bone_map, shirt=k)
             self._streams.append(FrameStream(look, fps, rate, subject.character))
         blank = np.concatenate([draw_backdrop(self._width, _HEIGHT, colour)] * count, 1)
         self._blank = blank

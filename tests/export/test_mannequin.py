@@ -323,7 +323,9 @@ def test_shirts_of_further_persons_differ_and_nothing_else_does(character):
     for shirt in range(6):
         for own, other in zip(character.parts, mannequin.build(shirt).parts, strict=True):
             if own.name not in ("shirt", "pocket"):
-                assert own is other
+                assert all(
+                    np.array_equal(getattr(own, name), getattr(other, name)) for name in ("vertices", "colour", "triangles")
+                )
                 continue
             before, after = np.asarray(own.colour), np.asarray(other.colour)
             white = before[:, 2] <= 1.25 * before[:, 0]

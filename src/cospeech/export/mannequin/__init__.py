@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from .character import Character, Part, skin, skin_with_normals
+from .character import Character, Part, pose_surface, skin, skin_with_normals
 
-__all__ = ["Character", "Part", "build", "skin", "skin_with_normals"]
+__all__ = ["Character", "Part", "build", "pose_surface", "skin", "skin_with_normals"]
 
 
 @lru_cache(1)

@@ -12,9 +12,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from .character import Character, Part, skin, skin_with_normals
+from .character import Character, Part, pose_surface, skin, skin_with_normals
 
-__all__ = ["Character", "Part", "build", "skin", "skin_with_normals"]
+__all__ = ["Character", "Part", "build", "pose_surface", "skin", "skin_with_normals"]
 
 
 # Linear RGB of the shirts of further persons in one picture, of the brightness of the first one [ours, by eye]: brick, mustard,

@@ -36,7 +36,7 @@ def main() -> None:
         sound, film = Path(folder) / "call.wav", Path(folder) / "both.mp4"
         soundfile.write(sound, tracks, speech.rate)
         one, other = hear_conversation(VoiceTrack(sound, 0), VoiceTrack(sound, 1))
-        roles = (DialogueRole(one, other), DialogueRole(other, one))
+        roles = (DialogueRole(one, (other,)), DialogueRole(other, (one,)))
         moving = [
             generate_motion(sound, role=role, seed=seed, style=style)
             for role, seed, style in zip(roles, (3, 4), ("lively", "natural"), strict=True)

@@ -23,7 +23,7 @@ from .render.light import draw_backdrop
 from .render.patch import Patch
 from .render.worker import Look
 
-__all__ = ["MOST", "write_group_film"]
+__all__ = ["MOST", "SIDE", "write_group_film"]
 
 MOST = 6
 """Characters in a film [ours: more would be too narrow]."""
@@ -35,7 +35,8 @@ _NARROW = 360
 _MOST_RATE = 60.0  # pictures per second; screens show no more
 # From the thighs up, with room for arms to both sides, so that all are of one size: the camera follows nobody's hands [ours]
 _VIEW = View(("head",), (-0.62, 0.62, -0.20), (0.62, 1.84, 0.35), 0.06, 0, 3, 24)
-_SIDE = 26.0  # degrees by which the camera of the outer panes stands to the side [ours: both eyes of a face can still be seen]
+SIDE = 26.0
+"""Degrees by which the camera of the outer panes stands to the side [ours: both eyes of a face can still be seen]."""
 
 
 def write_group_film(
@@ -84,7 +85,7 @@ class _Film:
         self._width = _WIDTHS.get(count, _NARROW)
         self._subjects = [Subject(avatar) for avatar in avatars]
         self._streams, self._waiting = list[FrameStream](), [deque[Patch]() for _ in avatars]
-        side = max(_SIDE - angle, 0.0)
+        side = max(SIDE - angle, 0.0)
         for k, subject in enumerate(self._subjects):
             turned = replace(_VIEW, yaw=side * (2 * k / (count - 1) - 1))
             look = Look(self._width, _HEIGHT, subject.fit(turned), colour, subject.path, subject.bone_map, shirt=k)

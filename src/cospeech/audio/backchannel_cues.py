@@ -62,8 +62,9 @@ class CueDetector:
 
     def _look(self) -> list[BackchannelCue]:
         recent = list(self._detector.phrases)
-        if recent:
-            self.phrases = [each for each in self.phrases if each.start < recent[0].start] + recent
+        while recent and self.phrases and self.phrases[-1].start >= recent[0].start:
+            self.phrases.pop()  # its end may have changed
+        self.phrases += recent
         return sorted([*self._find_low(), *self._find_ends(recent)])
 
     def _find_low(self) -> Iterator[BackchannelCue]:

@@ -70,7 +70,7 @@ def answered(nods: Array, pauses: Array, seconds: float) -> tuple[float, float]:
 
 def measure(name: str, own: HeardSpeaker, other: HeardSpeaker, seed: int) -> list[str]:
     """A row of the table."""
-    role, options, model = DialogueRole(own, other), GenerationOptions(seed=seed), load(name)
+    role, options, model = DialogueRole(own, (other,)), GenerationOptions(seed=seed), load(name)
     with role.open() as source:
         session = model.session(seed=seed, fps=30, **model.for_files)
 

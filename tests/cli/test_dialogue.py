@@ -165,6 +165,23 @@ def test_angle_turns_the_heads_to_each_other(cli, place):
     assert np.degrees(yaw[1]) < -18
 
 
+def test_three_persons_look_at_the_one_who_speaks(cli, place):
+    """They are around a table: for the first one, the second one is 30° to the left and the third one 30° to the right."""
+    from cospeech.face.gaze import direction_of, head_rotation
+
+    speech, tracks = Speech.load(example()[0]).samples, np.zeros((11 * RATE, 3))
+    for k, begin in enumerate((0, 4, 8)):
+        tracks[begin * RATE : (begin + 3) * RATE, k] = speech[begin * RATE : (begin + 3) * RATE]
+        soundfile.write(f"p{k}.wav", tracks[:, k], RATE)
+    assert cli("dialogue", "p0.wav", "p1.wav", "p2.wav", "-o", "{name}.npz", "-q")[0] == 0
+    head = head_rotation(Motion.load("p0.npz").retarget("humanoid").rotations)
+    yaw = np.degrees(direction_of(head))[:, 0]
+    second, third = np.median(yaw[165:210]), np.median(yaw[285:325])
+    assert second > 5
+    assert third < -5
+    assert second - third > 35, "the head goes three quarters of the way of 60°"
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -319,10 +320,15 @@ def test_a_character_listens_to_its_partner(tmp_path):
     soundfile.write(tmp_path / "partner.wav", speech.samples, speech.rate)
     silence = np.zeros(6 * 8000, "<i2").tobytes()
     command = [*COMMAND, "-i", "-", "--rate", "8000", "--to", "-", "--fps", "30", "--quiet", "--seed", "3"]
+    started = [
+        subprocess.Popen([*command, *more], cwd=tmp_path, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        for more in ([], ["--partner", "partner.wav"])
+    ]
+    with ThreadPoolExecutor() as pool:  # both at the same time: they play by the clock
+        outputs = [output for output, _ in pool.map(lambda process: process.communicate(silence), started)]
     heads = []
-    for more in ([], ["--partner", "partner.wav"]):
-        done = subprocess.run([*command, *more], cwd=tmp_path, input=silence, capture_output=True, check=True)
-        start, frames, _ = lines(done.stdout)
+    for output in outputs:
+        start, frames, _ = lines(output)
         heads.append(np.array([frame["rotations"][start["joints"].index("head")][0] for frame in frames[:170]]))
     assert len(heads[0]) == len(heads[1]) == 170
     difference = np.degrees(2 * np.abs(heads[1] - heads[0]))

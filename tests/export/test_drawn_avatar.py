@@ -16,6 +16,7 @@ from cospeech.export.glb_container import split_glb
 from cospeech.export.gltf_build import GltfBuilder
 from cospeech.export.mannequin.character import skin
 from cospeech.export.pictures import render_motion
+from cospeech.export.render import raster
 from cospeech.export.render.camera import find_view
 from cospeech.export.render.frames import BACKDROP
 from cospeech.export.render.framing import FramedPose, Framing, PoseStage, fit_view
@@ -159,6 +160,16 @@ def test_one_sees_through_holes(still, tmp_path, mode, opacity, share):
     nothing = of_head(changed(still, tmp_path / "c.glb", with_texture(png((0, 0, 0, 0)), alphaMode="MASK"))).mean()
     linear = (np.array([seen, black, nothing]) / 255) ** 2.2
     assert (linear[2] - linear[0]) / (linear[2] - linear[1]) == pytest.approx(share, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    "change", [no_change, with_texture(png((200, 120, 40, 255))), with_texture(png((200, 120, 40, 140)), alphaMode="BLEND")]
+)
+def test_pictures_do_not_depend_on_how_many_places_are_found_at_a_time(still, tmp_path, monkeypatch, change):
+    character = load_character(changed(still, tmp_path / "a.glb", change))
+    whole = picture(character, gesturing(1))
+    monkeypatch.setattr(raster, "_CHUNK", 100)
+    assert np.array_equal(picture(character, gesturing(1)), whole)
 
 
 def test_backs_are_seen_where_the_material_says_so(still, tmp_path):

@@ -316,3 +316,22 @@ def test_body_volume_is_a_slim_adult(character):
     centre, radii = np.array(facts.head.centre), np.array(facts.head.radii)
     np.testing.assert_allclose(centre, (0, 0.088, 0.004), atol=0.012)
     np.testing.assert_allclose(radii, (0.083, 0.123, 0.113), atol=0.012)
+
+
+def test_shirts_of_further_persons_differ_and_nothing_else_does(character):
+    mean = {}
+    for shirt in range(6):
+        for own, other in zip(character.parts, mannequin.build(shirt).parts, strict=True):
+            if own.name not in ("shirt", "pocket"):
+                assert all(
+                    np.array_equal(getattr(own, name), getattr(other, name)) for name in ("vertices", "colour", "triangles")
+                )
+                continue
+            before, after = np.asarray(own.colour), np.asarray(other.colour)
+            white = before[:, 2] <= 1.25 * before[:, 0]
+            assert np.array_equal(before[white], after[white])
+            np.testing.assert_allclose(before.mean(1), after.mean(1), atol=1e-6)
+            mean[own.name, shirt] = after[~white].mean(0)
+    colours = np.array([colour for (name, _), colour in mean.items() if name == "shirt"])
+    apart = np.linalg.norm(colours[:, None] - colours, axis=-1)[np.triu_indices(6, 1)]
+    assert apart.min() > 0.05

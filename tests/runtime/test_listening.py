@@ -18,9 +18,11 @@ from cospeech.face.gaze import direction_of, head_rotation
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import quat_angle, quat_multiply
 from cospeech.motion.skeletons.arkit import ARKIT_INDEX
+from cospeech.runtime.attention import AttentionShift
 from cospeech.runtime.listening import ListeningLayer, Response, find_listening, plan_responses
 from tests.support.rules_laws import babble, broken_laws
 
+SHIFTS = (AttentionShift(0.0, 25.0), AttentionShift(1.0, -30.0), AttentionShift(2.2, 10.0))
 NOD = Response(1.0, 2, np.radians(6.0), 0.4, 0.0, 1.0, 0.0, 0.5)
 
 
@@ -123,7 +125,7 @@ def replace_smile(response):
 
 
 def test_pieces_give_what_the_whole_gives(still):
-    layer = ListeningLayer([NOD, NOD._replace(time=3.1)], [(0.5, 2.7)], seed=4, angle=25.0)
+    layer = ListeningLayer([NOD, NOD._replace(time=3.1)], [(0.5, 2.7)], seed=4, shifts=SHIFTS)
     whole = layer.apply(still)
     parts = Motion.concatenate([layer.apply(still[k : k + 7]) for k in range(0, len(still), 7)])
     assert np.abs(whole.rotations - parts.rotations).max() < 1e-6
@@ -132,7 +134,7 @@ def test_pieces_give_what_the_whole_gives(still):
 
 @pytest.mark.parametrize("angle", [-40.0, 40.0])
 def test_head_and_eyes_go_to_the_side_where_the_other_one_is(still, angle):
-    shown = ListeningLayer([], [], angle=angle).apply(still)
+    shown = ListeningLayer([], [], shifts=[AttentionShift(0.0, angle)]).apply(still)
     head = [np.degrees(direction_of(head_rotation(each.rotations)))[:, 0] for each in (still, shown)]
     turned = np.median(head[1] - head[0])
     assert 0.6 < turned / angle < 0.9
@@ -149,7 +151,7 @@ def test_a_head_that_is_turned_already_turns_no_further_than_a_neck_can(angle):
     speech = Speech(babble(3, 12.0), 16_000)
     bare = cospeech.load("rules").generate(speech, seed=3, intensity=2.0).retarget("humanoid")
     nods = [Response(time, 3, np.radians(8.0), 0.34, 0.4, 2.0, 0.4, 0.9) for time in np.arange(0.5, 12.0, 2.2)]
-    shown = ListeningLayer(nods, [(0.5, 12.0)], seed=4, intensity=2.0, angle=angle).apply(bare)
+    shown = ListeningLayer(nods, [(0.5, 12.0)], seed=4, intensity=2.0, shifts=[AttentionShift(0.0, angle)]).apply(bare)
     assert not broken_laws(bare, stand=True)
     assert not broken_laws(shown, stand=True)
 
@@ -165,5 +167,5 @@ def test_intensity_0_shows_nothing_and_a_motion_without_a_face_is_taken(still):
 
 @pytest.mark.parametrize("angle", [75.0, float("nan"), "left", None])
 def test_an_angle_behind_the_shoulder_is_refused(angle):
-    with pytest.raises(InputError, match=r"75|nan|left|None.*degrees.*turn the character"):
-        ListeningLayer([], [], angle=angle)
+    with pytest.raises(InputError, match=r"(75|nan|'left'|None) degrees.*turn the character"):
+        ListeningLayer([], [], shifts=[AttentionShift(0.0, 0.0), AttentionShift(3.0, angle)])

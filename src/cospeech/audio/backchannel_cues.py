@@ -70,10 +70,9 @@ class CueDetector:
 
     def _look(self) -> list[BackchannelCue]:
         recent = list(self._detector.phrases)
-        if recent:
-            while self.phrases and self.phrases[-1].start >= recent[0].start:
-                self.phrases.pop()
-            self.phrases += recent
+        while recent and self.phrases and self.phrases[-1].start >= recent[0].start:
+            self.phrases.pop()  # its end may have changed
+        self.phrases += recent
         return sorted([*self._find_low(), *self._find_ends(recent)])
 
     def _find_low(self) -> Iterator[BackchannelCue]:

@@ -119,7 +119,9 @@ def dialogue(
     cospeech dialogue podcast.mp3 --speakers podcast.json -o 'out/{name}.glb'
     cospeech dialogue host.wav guest.wav -o '{name}.bvh' --transcript 'words/{name}.srt' --angle 30
     """
+    from ..export.group_film import SIDE
     from ..files import atomic, check_destination
+    from ..runtime.attention import find_row, find_seats
     from .main import show_outputs
     from .persons import choose_persons, describe_persons, hear_persons
 
@@ -128,7 +130,7 @@ def dialogue(
     if report is not None:
         check_destination(report)
     _check_outputs(output)
-    persons = hear_persons(speech, speakers)
+    persons, mixed = hear_persons(speech, speakers), speakers is not None
     if angle and len(persons) != 2:
         raise InputError(f"an angle between {len(persons)} persons", "it is for two; turn the characters themselves")
     chosen = choose_persons(persons, person or ())
@@ -140,7 +142,7 @@ def dialogue(
             "intensity": _pick("--intensity", intensity, k, persons, 1.0),
             "language": _pick("--language", language, k, persons, ""),
             "avatar": _pick("--avatar", avatar, k, persons, None) or None,
-            "transcript": _pick_words(words, k, persons, mixed=speakers is not None), "seed": seed + k,
+            "transcript": _pick_words(words, k, persons, mixed=mixed), "seed": seed + k,
             "parts": [each.strip() for each in parts.split(",") if each.strip()], "skeleton": skeleton, "fps": fps,
             "tail": tail,
         }
@@ -156,10 +158,11 @@ def dialogue(
     if not quiet:
         typer.echo(describe_persons(persons), err=True)
     with show_progress("generating", quiet) as progress:
-        roles = _make_roles(persons, angle, mixed=speakers is not None)
-        result = _generate(persons, roles, files, own, progress)
+        seats = [[0.0, angle], [-angle, 0.0]] if len(persons) == 2 else find_seats(len(persons))
+        result = _generate(persons, _make_roles(persons, seats, mixed=mixed), files, own, progress)
         for film in films:
-            _draw_film(film, chosen, persons, roles, own, progress)
+            row = seats if len(persons) == 2 else find_row(len(persons), SIDE)
+            _draw_film(film, chosen, persons, _make_roles(persons, row, mixed=mixed), own, angle, progress)
     if report is not None:
         with atomic(report) as path:
             path.write_text(result.to_json(), "utf-8", newline="\n")
@@ -169,14 +172,15 @@ def dialogue(
             typer.echo(f"  {film}  {say_count(len(chosen), 'person')} side by side")
 
 
-def _make_roles(persons: Sequence[Person], angle: float, *, mixed: bool) -> list[DialogueRole]:
-    from ..audio.conversation import merge_speakers
+def _make_roles(persons: Sequence[Person], bearings: Sequence[Sequence[float]], *, mixed: bool) -> list[DialogueRole]:
+    """Everybody among the others; ``bearings``: of each person, degrees to the left of every person."""
     from ..runtime.listening import DialogueRole
 
     roles = []
     for k, person in enumerate(persons):
-        others = merge_speakers([each.heard for each in persons if each is not person])
-        roles.append(DialogueRole(person.heard, others, -angle if k else angle, mixed))
+        rest = [j for j in range(len(persons)) if j != k]
+        others, places = (persons[j].heard for j in rest), (bearings[k][j] for j in rest)
+        roles.append(DialogueRole(person.heard, tuple(others), tuple(places), mixed))
     return roles
 
 
@@ -205,7 +209,7 @@ def _tell(progress: Any, name: str) -> Any:
 
 def _draw_film(
     film: Path, chosen: Sequence[int], persons: Sequence[Person], roles: Sequence[DialogueRole], own: Sequence[dict[str, Any]],
-    progress: Any,
+    angle: float, progress: Any,
 ) -> None:  # fmt: skip
     """A video of the persons that are wanted, side by side, with the sound of all."""
     from ..export.group_film import write_group_film
@@ -227,9 +231,7 @@ def _draw_film(
 
     sounds = list(dict.fromkeys(person.heard.track.path for person in persons))
     with make_folders({film.parent}):
-        write_group_film(
-            film, tell(), fps=fps, sounds=sounds, avatars=[own[k]["avatar"] for k in chosen], angle=abs(roles[0].angle)
-        )
+        write_group_film(film, tell(), fps=fps, sounds=sounds, avatars=[own[k]["avatar"] for k in chosen], angle=angle)
 
 
 def _check_films(films: Sequence[Path], count: int, avatars: set[str | None]) -> None:

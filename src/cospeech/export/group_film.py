@@ -17,13 +17,13 @@ from ..motion.motion import Motion
 from .avatar import Avatar
 from .film_encoder import FilmEncoder, import_pyav
 from .pictures import Subject, background_of
-from .render.camera import View, find_view
+from .render.camera import View
 from .render.frames import FrameStream
 from .render.light import draw_backdrop
 from .render.patch import Patch
 from .render.worker import Look
 
-__all__ = ["MOST", "check_group_film", "write_group_film"]
+__all__ = ["MOST", "SIDE", "check_group_film", "write_group_film"]
 
 MOST = 6
 """Characters in a film [ours: more would be too narrow]."""
@@ -33,7 +33,10 @@ _WIDTHS, _HEIGHT = (
 )  # pixels of a pane, by the number of characters; 360 for more [ours: up to 2160 in all]
 _NARROW = 360
 _MOST_RATE = 60.0  # pictures per second; screens show no more
-_SIDE = 26.0  # degrees by which the camera of the outer panes stands to the side [ours: both eyes of a face can still be seen]
+# From the thighs up, with room for arms to both sides, so that all are of one size: the camera follows nobody's hands [ours]
+_VIEW = View(("head",), (-0.62, 0.62, -0.20), (0.62, 1.84, 0.35), 0.06, 0, 3, 24)
+SIDE = 26.0
+"""Degrees by which the camera of the outer panes stands to the side [ours: both eyes of a face can still be seen]."""
 
 
 def write_group_film(
@@ -43,7 +46,6 @@ def write_group_film(
     fps: float,
     sounds: Sequence[str | PathLike[str]] = (),
     avatars: Sequence[Avatar | str | PathLike[str] | None],
-    camera: str = "body",
     angle: float = 0.0,
 ) -> None:
     """Draw characters that talk to each other.
@@ -54,7 +56,6 @@ def write_group_film(
         fps: of the motion.
         sounds: files that are heard together.
         avatars: one for each character, in place of our mannequin; from the left to the right.
-        camera: name of the view, see `cospeech.export.render.camera.CAMERAS`.
         angle: degrees by which each of two is turned away from the other one.
 
     Raises:
@@ -62,7 +63,7 @@ def write_group_film(
     """
     check_group_film(len(avatars))
     with atomic(path) as temporary:
-        film = _Film(temporary, fps, sounds, avatars, find_view(camera), angle)
+        film = _Film(temporary, fps, sounds, avatars, angle)
         try:
             for motions in moving:
                 film.add(motions)
@@ -89,16 +90,16 @@ class _Film:
 
     def __init__(
         self, temporary: Path, fps: float, sounds: Sequence[str | PathLike[str]],
-        avatars: Sequence[Avatar | str | PathLike[str] | None], view: View, angle: float,
+        avatars: Sequence[Avatar | str | PathLike[str] | None], angle: float,
     ) -> None:  # fmt: skip
         count, rate, colour = len(avatars), min(float(fps), _MOST_RATE), background_of(None)
         self._width = _WIDTHS.get(count, _NARROW)
         self._subjects = [Subject(avatar) for avatar in avatars]
         self._streams, self._waiting = list[FrameStream](), [deque[Patch]() for _ in avatars]
-        side = max(_SIDE - angle, 0.0)
+        side = max(SIDE - angle, 0.0)
         for k, subject in enumerate(self._subjects):
-            turned = replace(view, yaw=side * (2 * k / (count - 1) - 1))
-            look = Look(self._width, _HEIGHT, subject.fit(turned), colour, subject.path, subject.bone_map)
+            turned = replace(_VIEW, yaw=side * (2 * k / (count - 1) - 1))
+            look = Look(self._width, _HEIGHT, subject.fit(turned), colour, subject.path, subject.bone_map, shirt=k)
             self._streams.append(FrameStream(look, fps, rate, subject.character))
         blank = np.concatenate([draw_backdrop(self._width, _HEIGHT, colour)] * count, 1)
         self._blank = blank

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..audio.backchannel_cues import BackchannelCue
-from ..audio.conversation import HeardSpeaker
+from ..audio.conversation import HeardSpeaker, merge_speakers
 from ..audio.prosodic_events import Phrase
 from ..audio.speech import File, SpeechSource, add_words, open_speech
 from ..errors import InputError
@@ -28,12 +28,17 @@ from ..motion.rotations import Array, euler_to_quat, quat_conjugate, quat_multip
 from ..motion.skeleton import humanoid
 from ..motion.skeletons.arkit import ARKIT_INDEX
 from ..rules.options import GenerationOptions
+from .attention import Attention, AttentionShift, plan_attention
 from .crossfade import FADE
 from .nods import nod_curve
 
-__all__ = ["ANGLE_RANGE", "DialogueRole", "ListeningLayer", "Response", "ResponsePlanner", "find_listening", "plan_responses"]
+__all__ = [
+    "AHEAD", "ANGLE_RANGE", "DialogueRole", "ListeningLayer", "Response", "ResponsePlanner", "find_listening", "plan_responses",
+]  # fmt: skip
 
 ANGLE_RANGE = (-60.0, 60.0)  # degrees [ours: beyond, a person turns the body, and so should who places the characters]
+AHEAD = AttentionShift(0.0, 0.0)
+"""All the time, the other person is straight ahead."""
 _CHANCES = {"pause": 0.62, "low": 0.30}  # [ours: so that there are some 10 responses in a minute of the other one's speech]
 _AFTER = {
     "pause": (0.05, 0.45),
@@ -189,7 +194,7 @@ class ListeningLayer:
         listening: stretches in seconds, in order, that do not overlap.
         seed: of the take.
         intensity: size of all of it, 0 … 2.
-        angle: degrees to the character's left at which the other person stands or sits; 0 is straight ahead.
+        shifts: at whom the character looks, and when; at least one. An angle of 0 is straight ahead.
         turns_head: whether the body is one of the parts that move; without it, the eyes and the face do all.
 
     Raises:
@@ -203,15 +208,13 @@ class ListeningLayer:
         *,
         seed: int = 0,
         intensity: float = 1.0,
-        angle: float = 0.0,
+        shifts: Sequence[AttentionShift] = (AHEAD,),
         turns_head: bool = True,
     ) -> None:
-        given: object = angle
-        if not isinstance(given, Real) or not ANGLE_RANGE[0] <= float(given) <= ANGLE_RANGE[1]:
-            shown = f"{given:g}" if isinstance(given, Real) else f"{given!r:.40}"
-            raise InputError(f"an angle of {shown} degrees", "-60 … 60; for more, turn the character itself")
+        for shift in shifts:
+            _check_angle(shift.angle)
         self._responses, self._listening = list(responses), list(listening)
-        self._seed, self._angle = seed, float(np.radians(angle))
+        self._seed, self._attention = seed, Attention(shifts)
         self._intensity = (intensity, intensity, 0.0)  # before, after, and the time of the change
         self._turns_head = turns_head
 
@@ -253,10 +256,11 @@ class ListeningLayer:
         intensity = self._find_intensity(times)
         turns = (intensity * share)[:, None] * _ASLANT * smooth_noise(self._seed + _STREAM, 3, times, _SLOW, octaves=2)
         turns[:, _PITCH] += intensity * nods
-        rotations = self._turn(motion.rotations, turns) if self._turns_head else motion.rotations
+        eyes, head = self._attention.find_angles(times)
+        rotations = self._turn(motion.rotations, turns, head) if self._turns_head else motion.rotations
         if motion.face is None:
             return replace(motion, rotations=rotations)
-        rotations, face = self._see(motion.rotations, rotations, self._show(motion.face, times, share, near))
+        rotations, face = _look_at(eyes, motion.rotations, rotations, self._show(motion.face, times, share, near))
         return replace(motion, rotations=rotations, face=face)
 
     def _find_intensity(self, times: Array) -> Array:
@@ -279,37 +283,15 @@ class ListeningLayer:
                 share = np.maximum(share, _course(times, low, high, _TURNS, _TURNS))
         return share
 
-    def _turn(self, rotations: Array, turns: Array) -> Array:
-        """Neck and head with (n, 3) turns of listening, and towards the other person."""
+    def _turn(self, rotations: Array, turns: Array, towards: Array) -> Array:
+        """Neck and head with (n, 3) turns of listening, and towards the other person, who is (n,) radians to the left."""
         out, joint = rotations.copy(), humanoid().index
-        aside = self._angle * self._spare(rotations)
+        aside = _limit_turn(rotations, towards)
         for name, own, share in (("neck", 0.3, _NECK), ("head", 0.7, _HEAD)):
             angles = np.stack([turns[:, _YAW] * own + aside * share, turns[:, _PITCH] * own, turns[:, _ROLL] * own], -1)
             turned = quat_multiply(rotations[:, joint[name]].astype(float), euler_to_quat(angles, "YXZ"))
             out[:, joint[name]] = turned
         return out
-
-    def _spare(self, rotations: Array) -> Array:
-        """(n,) 0 … 1: the share of the turn to the other person that the head can do, where the model turned it already."""
-        if not self._angle:
-            return np.zeros(len(rotations))
-        joint = humanoid().index
-        head = quat_multiply(rotations[:, joint["neck"]].astype(float), rotations[:, joint["head"]].astype(float))
-        turned = np.sign(self._angle) * direction_of(head)[:, 0]
-        wanted = abs(self._angle) * (_NECK + _HEAD)
-        room = (_MOST_YAW - turned - wanted) / _EASES
-        less = _EASES * np.logaddexp(0.0, -room)  # 0 where there is room; else what is missing
-        return np.clip(1.0 - less / wanted, 0.0, 1.0)
-
-    def _see(self, before: Array, after: Array, face: Array) -> tuple[Array, Array]:
-        """Eyes that look at the other person, whatever the head did; and the face that shows it."""
-        joint = humanoid().index
-        eyes = [joint["leftEye"], joint["rightEye"]]
-        about = euler_to_quat(np.array([self._angle, 0.0, 0.0]), "YXZ")
-        back = quat_multiply(quat_conjugate(head_rotation(after)), quat_multiply(about[None], head_rotation(before)))
-        angles = [limit_eyes(direction_of(quat_multiply(back, before[:, eye].astype(float)))) for eye in eyes]
-        both = np.stack(angles, 1)
-        return look(after, both), np.clip(write_looks(face, both), 0.0, 1.0).astype(face.dtype)
 
     def _show(self, face: Array, times: Array, share: Array, near: Sequence[Response]) -> Array:
         """The face with smiles and brows."""
@@ -334,14 +316,14 @@ class DialogueRole:
 
     Args:
         own: this person.
-        other: who this person talks and listens to; several are merged (`cospeech.audio.conversation.merge_speakers`).
-        angle: see `ListeningLayer`.
+        others: those whom this person talks and listens to.
+        bearings: degrees to the left at which each of them is, -60 … 60; all are straight ahead where not given.
         mixed: whether a transcript has the words of all, of which those in own stretches are taken.
     """
 
     own: HeardSpeaker
-    other: HeardSpeaker
-    angle: float = 0.0
+    others: tuple[HeardSpeaker, ...]
+    bearings: tuple[float, ...] = ()
     mixed: bool = False
 
     def open(self, transcript: File | None = None, language: str = "") -> SpeechSource:
@@ -359,16 +341,58 @@ class DialogueRole:
 
     def listen(self, moving: Iterable[list[Motion]], options: GenerationOptions, takes: range) -> Iterator[list[Motion]]:
         """Some takes of a motion as they come, of somebody who listens."""
-        stretches, turns_head = find_listening(self.own, self.other), "body" in options.parts
+        other, turns_head = merge_speakers(self.others), "body" in options.parts
+        stretches, bearings = find_listening(self.own, other), self.bearings or (0.0,) * len(self.others)
         layers = [
             ListeningLayer(
-                plan_responses(self.own, self.other, seed), stretches, seed=seed, intensity=options.intensity, angle=self.angle,
-                turns_head=turns_head,
+                plan_responses(self.own, other, seed), stretches, seed=seed, intensity=options.intensity,
+                shifts=plan_attention(self.own, self.others, bearings, seed), turns_head=turns_head,
             )
             for seed in (options.seed + take for take in takes)
         ]  # fmt: skip
         for pieces in moving:
             yield [layer.apply(piece) for layer, piece in zip(layers, pieces, strict=True)]
+
+
+def _look_at(towards: Array, before: Array, after: Array, face: Array) -> tuple[Array, Array]:
+    """Eyes that look at another person, whatever the head did; and the face that shows it.
+
+    Args:
+        towards: (n,) radians to the left: that person.
+        before: (n, J, 4) with eyes that look at somebody straight ahead.
+        after: the same with another head.
+        face: (n, 52).
+    """
+    joint = humanoid().index
+    eyes = [joint["leftEye"], joint["rightEye"]]
+    about = euler_to_quat(np.stack([towards, np.zeros_like(towards), np.zeros_like(towards)], -1), "YXZ")
+    back = quat_multiply(quat_conjugate(head_rotation(after)), quat_multiply(about, head_rotation(before)))
+    angles = [limit_eyes(direction_of(quat_multiply(back, before[:, eye].astype(float)))) for eye in eyes]
+    both = np.stack(angles, 1)
+    return look(after, both), np.clip(write_looks(face, both), 0.0, 1.0).astype(face.dtype)
+
+
+def _limit_turn(rotations: Array, towards: Array) -> Array:
+    """(n,) radians to the left: another person, as far as a neck can turn there beside what the model turned it already."""
+    if not np.any(towards):
+        return towards
+    joint, share = humanoid().index, _NECK + _HEAD
+    head = quat_multiply(rotations[:, joint["neck"]].astype(float), rotations[:, joint["head"]].astype(float))
+    wanted = share * np.abs(towards)
+    room = (_MOST_YAW - np.sign(towards) * direction_of(head)[:, 0] - wanted) / _EASES
+    less = _EASES * np.logaddexp(0.0, -room)  # 0 where there is room; else what is missing
+    return np.asarray(np.sign(towards) * np.maximum(wanted - less, 0.0) / share)
+
+
+def _check_angle(angle: object) -> None:
+    """See that a head can look there.
+
+    Raises:
+        InputError: it cannot.
+    """
+    if not isinstance(angle, Real) or not ANGLE_RANGE[0] <= float(angle) <= ANGLE_RANGE[1]:
+        shown = f"{angle:g}" if isinstance(angle, Real) else f"{angle!r:.40}"
+        raise InputError(f"an angle of {shown} degrees", "-60 … 60; for more, turn the character itself")
 
 
 def _course(times: Array, start: float, end: float, rise: float, fall: float) -> Array:

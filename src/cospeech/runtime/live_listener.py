@@ -14,6 +14,7 @@ from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.rotations import Array
 from ..rules.options import INTENSITY_RANGE, GenerationOptions, check_range
+from .attention import AttentionShift
 from .listening import ListeningLayer, ResponsePlanner
 
 __all__ = ["LiveListener"]
@@ -57,7 +58,9 @@ class LiveListener:
         speaks: Callable[[], bool] = lambda: False,
     ) -> None:
         check_range("intensity", intensity, INTENSITY_RANGE)
-        self._layer = ListeningLayer([], [], seed=seed, intensity=intensity, angle=angle, turns_head=turns_head)
+        self._layer = ListeningLayer(
+            [], [], seed=seed, intensity=intensity, shifts=[AttentionShift(0.0, angle)], turns_head=turns_head
+        )
         self._planner, self._detector, self._sound = ResponsePlanner(seed), CueDetector(), At16kHz()
         self._lock = Lock()
         self._shown = 0.0  # s: end of the frames that were given

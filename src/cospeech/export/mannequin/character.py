@@ -13,7 +13,7 @@ from ...motion.skeleton import Skeleton
 from ...motion.skeletons.arkit import ARKIT
 from ..surface import Surface
 
-__all__ = ["Character", "Part", "skin", "skin_with_normals"]
+__all__ = ["Character", "Part", "pose_surface", "skin", "skin_with_normals"]
 
 _REST = 1e-4  # ours: a blendshape weight below this moves nothing anyone could see
 
@@ -81,62 +81,77 @@ class Character:
 
 @dataclass(frozen=True, eq=False)
 class Tables:
-    """All parts in one row of vertices, ready for posing."""
+    """All parts in one row of vertices, ready for posing. Coordinates come first: so numpy works on long rows."""
 
     bounds: list[slice]
     weights: Array  # (J, V)
-    vertices: Array  # (V, 3)
-    normals: Array  # (V, 3)
+    vertices: Array  # (3, V)
+    normals: Array  # (3, V)
     moving: Array  # (R,) vertices that some morph moves
-    morphs: Array  # (S, R * 3), by shape
-    triangles: Array  # (F, 3) faces that touch a moving vertex, indices into ``touched``
+    morphs: Array  # (S, 3 * R), by shape
+    faces: _Faces  # those that touch a moving vertex; indices into ``touched``
     touched: Array  # (U,) vertices of those faces
-    neutral: Array  # (U, 3) their face-averaged normals without any morph
+    neutral: Array  # (3, U) their face-averaged normals without any morph
 
     @classmethod
     def of(cls, character: Character) -> Tables:
         parts = character.parts
         ends = np.cumsum([len(p.vertices) for p in parts])
         bounds = [slice(int(e) - len(p.vertices), int(e)) for e, p in zip(ends, parts, strict=True)]
-        vertices = np.concatenate([p.vertices for p in parts])
-        total = len(vertices)
+        vertices = np.concatenate([p.vertices for p in parts]).T.copy()
+        total = vertices.shape[1]
         weights = np.zeros((total, len(character.skeleton)), np.float32)
         joints = np.concatenate([p.joints for p in parts])
         np.add.at(weights, (np.arange(total)[:, None], joints), np.concatenate([p.weights for p in parts]))
         index = {name: k for k, name in enumerate(character.shapes)}
-        dense = np.zeros((len(index), total, 3), np.float32)
+        dense = np.zeros((len(index), 3, total), np.float32)
         for part, where in zip(parts, bounds, strict=True):
             for name, delta in part.morphs.items():
-                dense[index[name], where] = delta
-        moving = np.flatnonzero(dense.any((0, 2)))
+                dense[index[name], :, where] = delta.T
+        moving = np.flatnonzero(dense.any((0, 1)))
         triangles = np.concatenate([p.triangles + b.start for p, b in zip(parts, bounds, strict=True)])
         touched, local = np.unique(triangles[np.isin(triangles, moving).any(1)], return_inverse=True)
-        local = local.reshape(-1, 3)
+        faces = _Faces.of(local.reshape(-1, 3), len(touched))
         return cls(
             bounds=bounds,
             weights=np.ascontiguousarray(weights.T),
             vertices=vertices,
-            normals=np.concatenate([p.normals for p in parts]),
+            normals=np.concatenate([p.normals for p in parts]).T.copy(),
             moving=moving,
-            morphs=dense[:, moving].reshape(len(dense), 3 * len(moving)),
-            triangles=local,
+            morphs=dense[:, :, moving].reshape(len(dense), 3 * len(moving)),
+            faces=faces,
             touched=touched,
-            neutral=_face_normals(vertices[touched], local),
+            neutral=faces.normals(vertices[:, touched]),
         )
 
 
-def _face_normals(points: Array, triangles: Array) -> Array:
-    a, b, c = points[triangles[:, 0]], points[triangles[:, 1]], points[triangles[:, 2]]
-    (ax, ay, az), (bx, by, bz) = (b - a).T, (c - a).T
-    face = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx  # several times faster than np.cross
-    corners = triangles.T.ravel()
-    total = np.stack([np.bincount(corners, np.tile(side, 3), len(points)) for side in face], 1)
-    return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-15)
+@dataclass(frozen=True, eq=False)
+class _Faces:
+    """Triangles of a few vertices, each of which has one at least."""
+
+    corners: Array  # (3, F)
+    around: Array  # (3 * F,) triangles, those around the first vertex first
+    first: Array  # (U,) where in ``around`` those of each vertex begin
+
+    @classmethod
+    def of(cls, triangles: Array, vertices: int) -> _Faces:
+        """From triangles (F, 3) of so many vertices."""
+        order = np.argsort(triangles.ravel(), kind="stable")
+        first = np.searchsorted(triangles.ravel()[order], np.arange(vertices))
+        return cls(np.ascontiguousarray(triangles.T), order // 3, first)
+
+    def normals(self, points: Array) -> Array:
+        """Unit normals (3, U) at the vertices, whose places (3, U) are given: averages over their triangles by area."""
+        if not len(self.first):
+            return np.zeros((3, 0), np.float32)
+        a, b, c = (points.take(corner, 1) for corner in self.corners)
+        (ax, ay, az), (bx, by, bz) = b - a, c - a
+        face = np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])  # several times faster than np.cross
+        total: Array = np.add.reduceat(face.take(self.around, 1), self.first, axis=1)
+        return total / np.maximum(np.sqrt(np.einsum("av,av->v", total, total)), np.float32(1e-15))
 
 
-def skin_with_normals(
-    character: Character, rotations: Array, positions: Array, face: Array | None = None
-) -> tuple[list[Array], list[Array]]:
+def pose_surface(character: Character, rotations: Array, positions: Array, face: Array | None = None) -> tuple[Array, Array]:
     """Pose the character: blendshapes first, then linear blend skinning (what glTF and every engine do).
 
     Args:
@@ -145,7 +160,7 @@ def skin_with_normals(
         face: (52,) ARKit weights, or None for a neutral face.
 
     Returns:
-        per part the vertices (V, 3) in metres and the unit normals (V, 3), float32.
+        the vertices (3, V) of all parts in metres and the unit normals (3, V), float32.
     """
     tables = character._tables
     vertices, normals = tables.vertices, tables.normals
@@ -154,19 +169,27 @@ def skin_with_normals(
         used = np.flatnonzero(np.abs(weights) > _REST)
         vertices, normals = vertices.copy(), normals.copy()
         delta = np.asarray(weights, np.float32)[used] @ tables.morphs[used]
-        vertices[tables.moving] += delta.reshape(-1, 3)
-        bent = _face_normals(vertices[tables.touched], tables.triangles) - tables.neutral
-        normals[tables.touched] += bent
+        vertices[:, tables.moving] += delta.reshape(3, -1)
+        normals[:, tables.touched] += tables.faces.normals(vertices.take(tables.touched, 1)) - tables.neutral
     turn = quat_to_matrix(np.asarray(rotations, np.float32))
     shift = np.asarray(positions - np.einsum("jab,jb->ja", turn, character.skeleton.tpose), np.float32)
     rows = np.concatenate([turn, shift[:, :, None]], 2).reshape(len(turn), 12)
     blend = (rows.T @ tables.weights).reshape(3, 4, -1)
     posed, turned = np.empty_like(vertices), np.empty_like(normals)
     for axis, (x, y, z, by) in enumerate(blend):
-        posed[:, axis] = x * vertices[:, 0] + y * vertices[:, 1] + z * vertices[:, 2] + by
-        turned[:, axis] = x * normals[:, 0] + y * normals[:, 1] + z * normals[:, 2]
-    turned /= np.maximum(np.sqrt(np.einsum("vi,vi->v", turned, turned)), 1e-9)[:, None]
-    return [posed[b] for b in tables.bounds], [turned[b] for b in tables.bounds]
+        posed[axis] = x * vertices[0] + y * vertices[1] + z * vertices[2] + by
+        turned[axis] = x * normals[0] + y * normals[1] + z * normals[2]
+    turned /= np.maximum(np.sqrt(turned[0] * turned[0] + turned[1] * turned[1] + turned[2] * turned[2]), np.float32(1e-9))
+    return posed, turned
+
+
+def skin_with_normals(
+    character: Character, rotations: Array, positions: Array, face: Array | None = None
+) -> tuple[list[Array], list[Array]]:
+    """Per part the vertices (V, 3) and the unit normals (V, 3) of `pose_surface`."""
+    posed, turned = pose_surface(character, rotations, positions, face)
+    bounds = character._tables.bounds
+    return [posed[:, b].T.copy() for b in bounds], [turned[:, b].T.copy() for b in bounds]
 
 
 def skin(character: Character, rotations: Array, positions: Array, face: Array | None = None) -> list[Array]:

@@ -47,17 +47,17 @@ class Camera:
     def project(self, points: Array) -> Array:
         """World points (N, 3) → (N, 3) float32: x and y in pixels (y down), and the inverse depth in 1 / metres.
 
-        Points behind the camera or nearer than 5 cm get the inverse depth −1.
+        Points behind the camera or nearer than 5 cm get the inverse depth −1. Each coordinate lies in one piece of memory.
         """
         matrix = self.axes.astype(np.float32)
         right, up, depth = matrix @ (points - self.position).T.astype(np.float32)
         inverse = np.where(depth > _NEAR, 1 / np.maximum(depth, _NEAR), np.float32(-1))
         focal = np.float32(self.focal)
-        out = np.empty((len(points), 3), np.float32)
-        out[:, 0] = self.width / 2 + right * inverse * focal
-        out[:, 1] = self.height / 2 - up * inverse * focal
-        out[:, 2] = inverse
-        return out
+        out = np.empty((3, len(points)), np.float32)
+        out[0] = self.width / 2 + right * inverse * focal
+        out[1] = self.height / 2 - up * inverse * focal
+        out[2] = inverse
+        return out.T
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...motion.rotations import Array
-from ..mannequin.character import Character, skin_with_normals
+from ..mannequin.character import Character, pose_surface
 from .camera import Camera, View
 from .framing import FramedPose, box_of
 
@@ -47,7 +47,7 @@ def crop_poses(view: View, character: Character, poses: Sequence[FramedPose], ro
         height: of each.
     """
     box = box_of(view, character.skeleton, np.stack([pose.positions for pose in poses]))
-    skins = [np.concatenate(skin_with_normals(character, *pose)[0]) for pose in poses]
+    skins = [pose_surface(character, *pose)[0].T for pose in poses]
     width, far = _WIDE * height, 1.0
     for _ in range(_ROUNDS):
         low, high = np.split(_stand_back(box, far), 2)

@@ -36,13 +36,14 @@ class Slopes:
         return Slopes(self._screen, pick(self._corners, which, 1))
 
     def planes(self, values: Floats) -> Floats:
-        """Values (C, V) of the vertices → (C, K, 4) as `raster.evaluate` takes them."""
+        """Values (C, V) of the vertices → (C, 3, K) as `raster.evaluate` takes them."""
         x1, x2, y1, y2 = self._sides
-        planes = np.zeros((len(values), len(self._x), 4), np.float32)
-        for plane, value in zip(planes, values, strict=True):
+        planes = np.empty((len(values), 3, len(self._x)), np.float32)
+        for (base, across, down), value in zip(planes, values, strict=True):
             v0, v1, v2 = pick(value, self._corners)
-            v1, v2 = v1 - v0, v2 - v0
-            across, down = v1 * y2 - v2 * y1, v2 * x1 - v1 * x2
-            plane[:, 0] = v0 - self._x * across - self._y * down
-            plane[:, 1], plane[:, 2] = across, down
+            v1 -= v0
+            v2 -= v0
+            across[:] = v1 * y2 - v2 * y1
+            down[:] = v2 * x1 - v1 * x2
+            base[:] = v0 - self._x * across - self._y * down
         return planes

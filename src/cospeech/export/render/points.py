@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .raster import SAMPLES, Indices, Ints, Keeps, Raster, VisiblePixels, VisibleSamples, pick
+from .raster import SAMPLES, Floats, Indices, Ints, Keeps, Raster, VisiblePixels, VisibleSamples, chunks, pick
 
 __all__ = ["ShownPoints", "find_points"]
 
@@ -79,26 +79,28 @@ def find_points(drawn: Raster, part: Ints, fine: Bools, holes: Bools | None = No
 
 def _edges(middles: VisiblePixels, part: Ints, fine: Bools, veils: VisiblePixels | None, shape: tuple[int, int]) -> Indices:
     """Pixels, ascending, some of whose samples lie between middles that do not show one smooth piece of closed surface."""
-    shown, edge = np.zeros(shape, np.int32), np.zeros(shape, bool)
-    shown.ravel()[middles.pixel] = _label(middles, pick((part + 2) * (_FARTHEST + 1), middles.triangle))
-    edge.ravel()[pick(middles.pixel, np.flatnonzero(pick(fine, middles.triangle)))] = True
+    shown, edge = (np.zeros(shape[0] * shape[1], kind) for kind in (np.int32, bool))
+    surface = (part + 2) * (_FARTHEST + 1)
+    for some in chunks(len(middles.pixel)):
+        pixel, triangle = middles.pixel[some], middles.triangle[some]
+        shown[pixel] = _label(middles.inverse[some], pick(surface, triangle))
+        edge[pick(pixel, np.flatnonzero(pick(fine, triangle)))] = True
     if veils is not None:
-        behind, before = pick(shown, veils.pixel), _label(veils, 0)
+        behind, before = pick(shown, veils.pixel), _label(veils.inverse, 0)
         nearer = np.flatnonzero((behind == 0) | (before <= (behind & _FARTHEST)))
         pixel = pick(veils.pixel, nearer)
-        shown.ravel()[pixel] = _FARTHEST + 1 + pick(before, nearer)
-        edge.ravel()[pixel] = True
-    beside, below = _differ(shown[:, 1:], shown[:, :-1]), _differ(shown[1:], shown[:-1])
-    edge[:, 1:] |= beside
-    edge[:, :-1] |= beside
-    edge[1:] |= below
-    edge[:-1] |= below
+        shown[pixel] = _FARTHEST + 1 + pick(before, nearer)
+        edge[pixel] = True
+    for step in (1, shape[1]):  # all rows in one, so that the end of each borders on the next: there, too much may be asked
+        differ = _differ(shown[step:], shown[:-step])
+        edge[step:] |= differ
+        edge[:-step] |= differ
     return np.flatnonzero(edge)
 
 
-def _label(pixels: VisiblePixels, surface: Ints | int) -> Ints:
-    """Depth of what is seen, in millimetres, and with it its surface, a multiple of 65,536."""
-    depth = np.clip(_MILLIMETRES / pixels.inverse, 0, _FARTHEST).astype(np.int32)  # faster than `np.minimum`
+def _label(inverse: Floats, surface: Ints | int) -> Ints:
+    """Depth (N,) in millimetres, and with it the surface that is seen, a multiple of 65,536."""
+    depth = np.clip(_MILLIMETRES / inverse, 0, _FARTHEST).astype(np.int32)  # faster than `np.minimum`
     depth += surface
     return depth
 

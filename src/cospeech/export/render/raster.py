@@ -13,13 +13,23 @@ order, so every place along it belongs to one of them: there are no cracks.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SAMPLES", "Raster", "VisiblePixels", "VisibleSamples", "evaluate", "middle_positions", "pick", "sample_positions"]
+__all__ = [
+    "SAMPLES",
+    "Raster",
+    "VisiblePixels",
+    "VisibleSamples",
+    "chunks",
+    "evaluate",
+    "middle_positions",
+    "pick",
+    "sample_positions",
+]
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.integer]
@@ -28,10 +38,12 @@ Keeps = Callable[[Indices, Indices], NDArray[np.bool_]]
 
 SAMPLES = 4  # per pixel
 _SHIFT = np.array([0.25, 0.75], np.float32)  # where a sample lies in its half pixel, in rows above and below; ours
+_BESIDE = np.array([-0.375, 0.125, -0.125, 0.375], np.float32)  # columns from the middle of its pixel
+_BELOW = np.array([-0.25, -0.25, 0.25, 0.25], np.float32)  # rows from there
 # corners of a triangle from top to bottom, by 1 · (1 is above 0) + 2 · (2 is above 1) + 4 · (2 is above 0); 3 and 4 cannot be
 _ORDERS = np.array([(0, 1, 2), (1, 0, 2), (0, 2, 1), (2, 1, 0), (0, 1, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)]).T.copy()
 _CHUNK = 16_384  # places of which values are found at a time, so that these stay in a core's cache: three times faster; ours
-_BLOCK = 2  # pixels along a side of the blocks in which it is looked which triangles matter; ours
+_BLOCK = 4  # pixels along a side of the blocks in which it is looked which triangles matter; ours
 _SLIVER = 1e-3  # samples²; ours: below half this area a triangle's depth is taken as constant
 
 
@@ -64,7 +76,10 @@ class VisiblePixels(NamedTuple):
 
 
 class _Runs(NamedTuple):
-    """Parts of triangles that lie in one row of places: row, first column, the column after the last, triangle."""
+    """Parts of triangles that lie in one row of places: row, first column, the column after the last, triangle.
+
+    Some have no places: their first column is not before the last.
+    """
 
     row: Indices
     start: Ints
@@ -77,14 +92,18 @@ def pick(values: NDArray[Any], index: Ints, axis: int | None = None) -> NDArray[
     return values.take(index, axis, mode="clip")
 
 
-def sample_positions(sample: Ints, width: int) -> tuple[Floats, Floats]:
+def chunks(count: int) -> Iterator[slice]:
+    """Parts of rows of ``count`` places, each so short that what is computed of it stays in a core's cache."""
+    return (slice(start, start + _CHUNK) for start in range(0, count, _CHUNK))
+
+
+def sample_positions(sample: Indices, width: int) -> tuple[Floats, Floats]:
     """x and y in pixels of samples of a picture ``width`` pixels wide."""
-    pixel, k = sample >> 2, sample & 3
-    row = pixel // np.int32(width)
-    lower = k >> 1
-    column = (pixel - row * np.int32(width)).astype(np.float32)
-    x = column + ((k & 1).astype(np.float32) + _SHIFT[lower]) * np.float32(0.5)
-    return x, row.astype(np.float32) + (lower.astype(np.float32) + np.float32(0.5)) * np.float32(0.5)
+    x, y = middle_positions(sample >> 2, width)
+    k = sample & 3
+    x += pick(_BESIDE, k)
+    y += pick(_BELOW, k)
+    return x, y
 
 
 def middle_positions(pixel: Indices, width: int) -> tuple[Floats, Floats]:
@@ -99,20 +118,21 @@ def evaluate(planes: Floats, triangle: Ints, x: Floats, y: Floats) -> Floats:
     """Values (C, N) at places, in pixels, on triangles (N,) over each of which they are linear.
 
     Args:
-        planes: (C, K, 4) value at x = y = 0, change along x, along y, and nothing; four numbers are picked as fast as one.
+        planes: (C, 3, K) value at x = y = 0, change along x, and along y.
         triangle: (N,) indices in these.
         x: (N,)
         y: (N,)
     """
     out = np.empty((len(planes), len(triangle)), np.float32)
-    for start in range(0, len(triangle), _CHUNK):
-        some = slice(start, start + _CHUNK)
+    for some in chunks(len(triangle)):
         index, across, down = triangle[some], x[some], y[some]
-        for plane, row in zip(planes, out[:, some], strict=True):
-            base, step_x, step_y, _ = pick(plane, index, 0).T
-            np.multiply(step_x, across, out=row)
-            row += step_y * down
-            row += base
+        for (base, step_x, step_y), row in zip(planes, out[:, some], strict=True):
+            step_x.take(index, out=row, mode="clip")
+            row *= across
+            along = pick(step_y, index)
+            along *= down
+            row += along
+            row += pick(base, index)
     return out
 
 
@@ -155,8 +175,7 @@ class Raster:
         step_x = ((w1 - w0) * (y2 - y0) - (w2 - w0) * (y1 - y0)) * per_area
         step_y = ((w2 - w0) * (x1 - x0) - (w1 - w0) * (x2 - x0)) * per_area
         self._nearest, self._farthest = np.maximum(np.maximum(w0, w1), w2), np.minimum(np.minimum(w0, w1), w2)
-        self._plane = np.zeros((len(turn), 4), np.float32)  # four numbers are picked as fast as one
-        self._plane[:, :3] = np.stack([w0 - x0 * step_x - y0 * step_y, step_x, step_y], 1)
+        self._plane = np.stack([w0 - x0 * step_x - y0 * step_y, step_x, step_y])
         long, upper, lower = _slope(x0, y0, x2, y2), _slope(x0, y0, x1, y1), _slope(x1, y1, x2, y2)
         bent = turn > 0
         self._rows = np.stack([y0, y1, y2])
@@ -169,26 +188,29 @@ class Raster:
     def see_middles(self, asked: NDArray[np.bool_] | None = None) -> VisiblePixels:
         """Find the nearest triangle in the middle of every pixel; of those ``asked`` (K,) for, all where None."""
         runs = self._runs(1, None if asked is None else np.flatnonzero(asked))
-        length = runs.stop - runs.start
+        length = np.maximum(runs.stop - runs.start, 0)
         first = runs.row * self.width + runs.start - (np.cumsum(length) - length)
-        both = np.repeat(first << 32 | runs.triangle + 1, length)  # in one number, which is repeated once
+        both = np.repeat(first << 32 | runs.triangle, length)  # in one number, which is repeated once
         place, triangle = both >> 32, both.astype(np.int32)
         place += np.arange(len(place))
-        owner = np.zeros(self.width * self.height, np.int32)
+        owner = np.full(self.width * self.height, -1, np.int32)
         owner[place] = triangle
         # what is not seen is few, and most of that lies behind all of the triangle that hides it: only the rest is compared
         lost = np.flatnonzero(pick(owner, place) != triangle)
-        loser, rival = pick(triangle, lost) - 1, pick(owner, pick(place, lost)) - 1
+        loser, rival = pick(triangle, lost), pick(owner, pick(place, lost))
         close = np.flatnonzero(pick(self._nearest, loser) > pick(self._farthest, rival))
         loser, rival, at = pick(loser, close), pick(rival, close), pick(place, pick(lost, close))
         x, y = middle_positions(at, self.width)
         inverse = self._inverse(loser, x, y)
         nearer = np.flatnonzero(inverse > self._inverse(rival, x, y))
         nearer = pick(nearer, _sort(pick(inverse, nearer)))
-        owner[pick(at, nearer)] = pick(loser, nearer) + 1
-        pixel = np.flatnonzero(owner != 0)
-        seen = pick(owner, pixel).astype(np.intp) - 1
-        return VisiblePixels(pixel, seen, self._inverse(seen, *middle_positions(pixel, self.width)))
+        owner[pick(at, nearer)] = pick(loser, nearer)
+        pixel = np.flatnonzero(owner >= 0)
+        seen, depth = np.empty(len(pixel), np.intp), np.empty(len(pixel), np.float32)
+        for some in chunks(len(pixel)):
+            seen[some] = pick(owner, pixel[some])
+            depth[some] = self._inverse(seen[some], *middle_positions(pixel[some], self.width))
+        return VisiblePixels(pixel, seen, depth)
 
     def _inverse(self, triangle: Ints, x: Floats, y: Floats) -> Floats:
         """(N,) inverse depths of triangles, which are indices in `number`, at places in pixels."""
@@ -222,7 +244,9 @@ class Raster:
         if keeps is not None:
             kept = np.flatnonzero(keeps(sample, triangle))
             place, sample, triangle = place[kept], sample[kept], triangle[kept]
-        inverse = self._inverse(triangle, *sample_positions(sample, self.width))
+        inverse = np.empty(len(sample), np.float32)
+        for some in chunks(len(sample)):
+            inverse[some] = self._inverse(triangle[some], *sample_positions(sample[some], self.width))
         seen = _settle(place, inverse, SAMPLES * len(pixels))
         return VisibleSamples(pick(sample, seen), pick(triangle, seen), pick(inverse, seen))
 
@@ -253,7 +277,6 @@ class Raster:
             before: how many of the pixels that matter come before each one, and before the end; rows without one between the
                 sides of the triangle are left out.
         """
-        shifts = _SHIFT if fine == 2 else np.full(2, 0.5, np.float32)
         rows, edges = self._rows, self._edges
         if which is not None:
             rows, edges = pick(rows, which, axis=1), pick(edges, which, axis=1)
@@ -268,7 +291,8 @@ class Raster:
                 first, last = pick(first, which), pick(last, which)
             some = np.flatnonzero(pick(before, line + pick(last + 1, own)) > pick(before, line + pick(first, own)))
             half, row = pick(half, some), pick(row, some)
-        y, shift = (row.astype(np.float32) + np.float32(0.5)) * np.float32(1 / fine), pick(shifts, row & 1)
+        y = (row.astype(np.float32) + np.float32(0.5)) * np.float32(1 / fine)
+        shift = np.float32(0.5) if fine == 1 else pick(_SHIFT, row & 1)
         sides = []
         for at_x, at_y, slope in edges.reshape(2, 3, -1):
             x = y - pick(at_y, half)
@@ -278,10 +302,9 @@ class Raster:
             x -= shift
             np.ceil(x, out=x)
             sides.append(np.clip(x, 0, fine * self.width, out=x).astype(np.int32))  # faster than maximum, then minimum
+        triangle = half >> 1
         start, stop = sides
-        keep = np.flatnonzero(stop > start)
-        triangle = pick(half, keep) >> 1
-        return _Runs(pick(row, keep), pick(start, keep), pick(stop, keep), triangle if which is None else pick(which, triangle))
+        return _Runs(row, start, stop, triangle if which is None else pick(which, triangle))
 
 
 def _ends(values: Floats) -> tuple[Floats, Floats]:

@@ -7,14 +7,14 @@ parts or on a glossy part are shaded at four samples and averaged in linear ligh
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...motion.rotations import Array
-from ..mannequin import Character, skin_with_normals
+from ..mannequin import Character, pose_surface
 from . import light, raster
 from .camera import Camera
 from .patch import Patch
@@ -78,7 +78,7 @@ class Scene:
         self._surfaces = SurfaceTable(character)
         self._casting = _casters(character)
         self._open = _openness(character)
-        self._backdrop = light.backdrop(width, height, background)
+        self._backdrop = light.backdrop(width, height, background)[:, :, 0].copy()  # (3, H): it is the same along a row
         self.blank = light.draw_backdrop(width, height, background)
 
     def draw(self, camera: Camera, rotations: Array, positions: Array, face: Array | None = None) -> NDArray[np.uint8]:
@@ -94,8 +94,7 @@ class Scene:
             positions: (J, 3) their world positions, metres.
             face: (52,) ARKit weights.
         """
-        skin, turned = skin_with_normals(self.character, rotations, positions, face)
-        vertices, normals = np.concatenate(skin), np.concatenate(turned)
+        vertices, normals = (rows.T for rows in pose_surface(self.character, rotations, positions, face))
         screen, shadow = camera.project(vertices), floor_shadow(camera, vertices)
         window = _window(screen, camera.width, camera.height)
         patch = self._bare_patch(window, shadow)
@@ -104,11 +103,12 @@ class Scene:
         screen[:, :2] -= patch.left, patch.top
         seen = self._see(screen, *patch.pixels.shape[1::-1])
         shine = self._shine(camera, vertices, normals, _list_corners(seen))
-        shaded = light.shade(*shine)
+        shading = _Shading(seen, shine, light.shade(*shine))
         canvas, points = patch.pixels.reshape(-1, 3).T, seen.points
-        _paint_whole(canvas, seen, shine, shaded)
-        colour = _shade(seen, points.sampled, *raster.sample_positions(points.sample, seen.width), shine, shaded)
-        behind = self._behind(points.mixed // seen.width + patch.top, points.mixed % seen.width + patch.left, shadow)
+        _paint_whole(canvas, seen, shading)
+        colour = shading.look(points.sampled, *raster.sample_positions(points.sample, seen.width))
+        row, column = np.divmod(points.mixed.astype(np.int32), np.int32(seen.width))
+        behind = self._behind(row + patch.top, column + patch.left, shadow)
         _put(canvas, points.mixed, light.develop(_average(colour, points.covered, behind)))
         return patch
 
@@ -131,13 +131,13 @@ class Scene:
         (top, bottom), (left, right) = (_span([part[axis] for part in parts]) for axis in range(2))
         pixels = self.blank[top:bottom, left:right].copy()
         if shadow is not None:
-            dark = light.develop(self._backdrop[:, shadow.rows, shadow.columns] * shadow.left).transpose(1, 2, 0)
+            dark = light.develop(self._backdrop[:, shadow.rows, None] * shadow.left).transpose(1, 2, 0)
             Patch(shadow.rows.start - top, shadow.columns.start - left, dark).paste(pixels)
         return Patch(top, left, pixels)
 
     def _behind(self, row: raster.Indices, column: raster.Indices, shadow: FloorShadow | None) -> raster.Floats:
         """(3, N) linear colours of the backdrop at pixels."""
-        colour: raster.Floats = self._backdrop[:, row, column]
+        colour: raster.Floats = pick(self._backdrop, row, 1)
         return colour if shadow is None else colour * shadow.share(row, column)
 
     def _shine(self, camera: Camera, vertices: Array, normals: Array, corners: raster.Indices) -> _Shine:
@@ -166,30 +166,32 @@ def _make_keeps(textures: LaidTextures, width: int) -> raster.Keeps:
     def keeps(sample: raster.Indices, triangle: raster.Indices) -> NDArray[np.bool_]:
         kept = np.ones(len(sample), bool)
         asked = np.flatnonzero(pick(textures.open, triangle))
-        own, places = triangle[asked], sample[asked]
-        opacity = textures.opacity(own, *raster.sample_positions(places, width))
-        kept[asked] = textures.shows_surface(own, places, opacity)
+        for some in raster.chunks(len(asked)):
+            own, places = pick(triangle, asked[some]), pick(sample, asked[some])
+            opacity = textures.opacity(own, *raster.sample_positions(places, width))
+            kept[asked[some]] = textures.shows_surface(own, places, opacity)
         return kept
 
     return keeps
 
 
-def _paint_whole(canvas: NDArray[np.uint8], seen: _Seen, shine: _Shine, shaded: raster.Floats) -> None:
+def _paint_whole(canvas: NDArray[np.uint8], seen: _Seen, shading: _Shading) -> None:
     """Paint the pixels of the canvas (3, P) that show one smooth piece of surface."""
     pixel, triangle = seen.points.whole, seen.points.triangle
     textured = pick(seen.textures.textured, triangle)
     exact = np.flatnonzero(textured)
+    for some in raster.chunks(len(exact)):
+        at, own = pick(pixel, exact[some]), pick(triangle, exact[some])
+        _put(canvas, at, light.develop(shading.look(own, *raster.middle_positions(at, seen.width))))
     if len(exact):
-        at, own = pick(pixel, exact), pick(triangle, exact)
-        colour = _shade(seen, own, *raster.middle_positions(at, seen.width), shine, shaded)
-        _put(canvas, at, light.develop(colour))
         plain = np.flatnonzero(~textured)
         pixel, triangle = pick(pixel, plain), pick(triangle, plain)
     if len(pixel):
         half = np.float32(0.5)  # with which the cast to whole numbers rounds
-        planes = seen.slopes.planes(light.tone(shaded) + half)
-        tones = evaluate(planes, triangle, *raster.middle_positions(pixel, seen.width))
-        _put(canvas, pixel, np.clip(tones, 0, 255, out=tones).astype(np.uint8))
+        planes = seen.slopes.planes(light.tone(shading.shaded) + half)
+        for some in raster.chunks(len(pixel)):
+            tones = evaluate(planes, triangle[some], *raster.middle_positions(pixel[some], seen.width))
+            _put(canvas, pixel[some], np.clip(tones, 0, 255, out=tones).astype(np.uint8))
 
 
 def _put(canvas: NDArray[np.uint8], pixel: raster.Indices, colour: NDArray[np.uint8]) -> None:
@@ -198,32 +200,60 @@ def _put(canvas: NDArray[np.uint8], pixel: raster.Indices, colour: NDArray[np.ui
         channel[pixel] = values
 
 
-def _shade(
-    seen: _Seen, triangle: raster.Indices, x: raster.Floats, y: raster.Floats, shine: _Shine, shaded: raster.Floats
-) -> raster.Floats:
-    """Linear colours (3, N) of places x and y, in pixels, on triangles (N,), with their texture and gloss."""
-    colour = evaluate(seen.slopes.planes(shaded), triangle, x, y)
-    textured, texture = np.flatnonzero(pick(seen.textures.textured, triangle)), np.ones((3, 0), np.float32)
-    normal, _, albedo, _, open_sky, lit = shine
-    if len(textured):
-        own = pick(triangle, textured), pick(x, textured), pick(y, textured)
-        texture = seen.textures.look(*own)
-        bare = evaluate(seen.slopes.planes(light.scatter(normal, open_sky, lit) * albedo), *own)
-        bare *= texture - 1
-        colour[:, textured] += bare
-    glossy = np.flatnonzero(pick(seen.glossy, triangle))
-    if len(glossy):
-        values = np.concatenate([np.atleast_2d(value) for value in shine])
-        which = np.flatnonzero(seen.glossy)  # few: planes of so many values are not made of all
-        place = np.searchsorted(which, pick(triangle, glossy))
-        values = evaluate(seen.slopes.some(which).planes(values), place, pick(x, glossy), pick(y, glossy))
-        normal, sight, albedo, others = values[:3], values[3:6], values[6:9], values[9:]
+class _Shading:
+    """What places on the triangles of a picture look like.
+
+    Args:
+        seen: the picture.
+        shine: of all vertices.
+        shaded: (3, V) linear colours of the vertices.
+    """
+
+    def __init__(self, seen: _Seen, shine: _Shine, shaded: raster.Floats) -> None:
+        self._seen, self._shine, self.shaded = seen, shine, shaded
+
+    @cached_property
+    def _planes(self) -> raster.Floats:
+        return self._seen.slopes.planes(self.shaded)
+
+    @cached_property
+    def _bare_planes(self) -> raster.Floats:
+        """Of what scatters to all sides, on which a texture lies."""
+        normal, _, albedo, _, open_sky, lit = self._shine
+        return self._seen.slopes.planes(light.scatter(normal, open_sky, lit) * albedo)
+
+    def look(self, triangle: raster.Indices, x: raster.Floats, y: raster.Floats) -> raster.Floats:
+        """Linear colours (3, N) of places x and y, in pixels, on triangles (N,), with their texture and gloss."""
+        seen = self._seen
+        colour = evaluate(self._planes, triangle, x, y)
+        textured, texture = np.flatnonzero(pick(seen.textures.textured, triangle)), np.ones((3, 0), np.float32)
+        if len(textured):
+            own = pick(triangle, textured), pick(x, textured), pick(y, textured)
+            texture = seen.textures.look(*own)
+            bare = evaluate(self._bare_planes, *own)
+            bare *= texture - 1
+            colour[:, textured] += bare
+        glossy = np.flatnonzero(pick(seen.glossy, triangle))
+        if len(glossy):
+            normal, sight, albedo, others = self._interpolate(pick(triangle, glossy), pick(x, glossy), pick(y, glossy))
+            both = np.searchsorted(textured, glossy)
+            has = np.flatnonzero(np.append(textured, -1)[both] == glossy)
+            albedo[:, has] *= texture[:, both[has]]
+            colour[:, glossy] = light.shade(normal, sight, albedo, *others)
+        return colour
+
+    def _interpolate(
+        self, triangle: raster.Indices, x: raster.Floats, y: raster.Floats
+    ) -> tuple[raster.Floats, raster.Floats, raster.Floats, raster.Floats]:
+        """What `light.shade` wants to know at places: normal, sight, colour, and the rest."""
+        shown = np.zeros(len(self._seen.glossy), bool)
+        shown[triangle] = True
+        which = np.flatnonzero(shown)  # few: planes of so many values are not made of all
+        values = np.concatenate([np.atleast_2d(value) for value in self._shine])
+        values = evaluate(self._seen.slopes.some(which).planes(values), np.searchsorted(which, triangle), x, y)
+        normal = values[:3]
         normal /= np.sqrt(_dot(normal, normal) + np.float32(1e-12))
-        both = np.searchsorted(textured, glossy)
-        has = np.flatnonzero(np.append(textured, -1)[both] == glossy)
-        albedo[:, has] *= texture[:, both[has]]
-        colour[:, glossy] = light.shade(normal, sight, albedo, *others)
-    return colour
+        return normal, values[3:6], values[6:9], values[9:]
 
 
 def _span(parts: list[slice]) -> tuple[int, int]:

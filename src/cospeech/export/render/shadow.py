@@ -5,6 +5,7 @@ Shadows are looked up at the vertices and interpolated over the triangles, like 
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,11 @@ _LIFT = 0.006  # metres along the normal, and again towards the light, by which 
 _NEAREST = 0.4  # 1 + 0.4 / m · height towards the light stands for inverse depth: positive within 2.5 m of the middle
 _TAPS = 16  # looks per vertex; ours
 _STEEPEST = 2.0  # rise over run of the surface that a look beside the point allows for; ours
+# four cells of a block, two by two, lie in one number: compared with a point by one subtraction instead of four comparisons
+_LANE = 16  # bits of a number for each, of which the highest is a guard
+_LEVELS = (1 << _LANE - 1) - 1  # of depth; finer than 0.1 mm on a grown-up
+_ONES = (1 << _LANE * np.arange(4)).sum()
+_GUARDS = _ONES << _LANE - 1
 _DIRECTIONS = 36  # over the sphere; ours: about 18 of them matter to each vertex
 _DARKEST = 0.30  # ours: some light finds its way even into a closed mouth
 
@@ -53,9 +59,7 @@ def measure_light(
     found = np.zeros(len(vertices), np.float32)
     if not len(at):
         return found
-    side = np.cross(towards, (0.0, 0.0, 1.0) if abs(towards[1]) > 0.9 else (0.0, 1.0, 0.0))
-    side /= np.linalg.norm(side)
-    axes = np.stack([side, np.cross(towards, side), towards]).astype(np.float32)
+    axes = _axes_of(*towards.tolist())
     scale, radius = np.float32(_NEAREST * _CELL), blur / _CELL
     flat = (axes / np.float32(_CELL)) @ vertices.T
     flat[2] -= (flat[2].min() + flat[2].max()) / 2
@@ -66,11 +70,12 @@ def measure_light(
     screen = np.stack([flat[0] - np.float32(low[0]), flat[1] - np.float32(low[1]), flat[2] * scale + np.float32(1)], 1)
     # y grows upwards here, so that front is back
     seen = Raster(screen, corners, 2 * across, 2 * down, side=-1).see_middles()
-    cells = np.full(4 * across * down, -np.inf, np.float32)
-    cells[seen.pixel] = (seen.inverse - 1) / scale
-    depth = cells.reshape(down, 2, across, 2).transpose(0, 2, 1, 3).reshape(-1, 4)  # by block
+    levels = np.float32(_LEVELS / (np.ptp(flat[2]) + 1))  # per cell of depth
+    cells = np.zeros(4 * across * down, np.int64)
+    cells[seen.pixel] = ((seen.inverse - 1) / scale - flat[2].min()) * levels
+    packed = _pack(np.clip(cells, 0, _LEVELS).reshape(down, 2, across, 2))
 
-    slope = axes @ normals[at].T
+    slope = axes @ pick(normals.T, at, 1)
     lift = np.float32(_LIFT / _CELL)
     x, y, z = x + slope[0] * lift - np.float32(low[0]), y + slope[1] * lift - np.float32(low[1]), z + (slope[2] + 1) * lift
     fall = -slope[:2] / np.maximum(np.abs(slope[2]), np.float32(1 / _STEEPEST))  # how the surface goes on beside the point
@@ -78,11 +83,34 @@ def measure_light(
     # Vogel's spiral, by the golden angle
     turn, radii = np.exp(2.399963j * taps), radius * np.sqrt(taps / len(taps))
     dx, dy = ((part * radii).astype(np.float32)[:, None] for part in (turn.real, turn.imag))
-    over = z + np.maximum(fall[0] * dx + fall[1] * dy, 0)
-    block = ((y + dy) * np.float32(0.5)).astype(np.int32) * np.int32(across) + ((x + dx) * np.float32(0.5)).astype(np.int32)
-    hidden = (pick(depth, block, 0) > over[:, :, None]).sum(0, dtype=np.uint8).sum(1)
-    found[at] = 1 - hidden * np.float32(1 / (4 * len(taps)))
+    over = fall[0] * dx
+    over += fall[1] * dy
+    np.maximum(over, 0, out=over)
+    over += z - flat[2].min()
+    over *= levels
+    block = (y / 2 + dy / 2).astype(np.int32) * np.int32(across) + (x / 2 + dx / 2).astype(np.int32)
+    # in each lane the guard bit of the cell is left where the cell is not lower than the point, by a level at least
+    left = pick(packed, block) - (np.clip(over, 0, _LEVELS - 1, out=over).astype(np.int64) + 1) * _ONES
+    hidden = ((left >> _LANE - 1) & _ONES).sum(0) * _ONES >> 3 * _LANE  # of all taps, then of all four lanes
+    found[at] = 1 - hidden.astype(np.float32) * np.float32(1 / (4 * len(taps)))
     return found
+
+
+def _axes_of(x: float, y: float, z: float) -> Floats:
+    """(3, 3) rows: two directions (x, y, z) is square to, and itself; by hand, because `np.cross` takes longer."""
+    side = (y, -x, 0.0) if abs(y) > 0.9 else (-z, 0.0, x)
+    length = sqrt(side[0] ** 2 + side[1] ** 2 + side[2] ** 2)
+    a, b, c = (value / length for value in side)
+    return np.array([(a, b, c), (y * c - z * b, z * a - x * c, x * b - y * a), (x, y, z)], np.float32)
+
+
+def _pack(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Depths (H, 2, W, 2) in levels → (H · W,) numbers of four lanes."""
+    packed = cells[:, 0, :, 0] | cells[:, 0, :, 1] << _LANE
+    packed |= cells[:, 1, :, 0] << 2 * _LANE
+    packed |= cells[:, 1, :, 1] << 3 * _LANE
+    packed |= _GUARDS
+    return packed.ravel()
 
 
 def openness(vertices: Floats, normals: Floats, corners: Indices) -> Floats:
@@ -117,6 +145,8 @@ class FloorShadow(NamedTuple):
 
 def floor_shadow(camera: Camera, vertices: Floats) -> FloorShadow | None:
     """The soft shadow where the character touches or nearly touches the floor (y = 0); None where it is not in the picture."""
+    if _is_outside(camera, *camera.project(np.array([(x, 0, z) for x in (-_HALF, _HALF) for z in (-_HALF, _HALF)])).T):
+        return None
     grid = _floor_grid(vertices)
     cell = 2 * _HALF / _GRID
     dark = np.nonzero(grid < _DARK)
@@ -147,6 +177,12 @@ def floor_shadow(camera: Camera, vertices: Floats) -> FloorShadow | None:
     near = pick(flat, at) * (1 - v) + pick(flat, at + 1) * v
     far = pick(flat, at + _GRID) * (1 - v) + pick(flat, at + _GRID + 1) * v
     return FloorShadow(slice(top, bottom), slice(left, right), near * (1 - u) + far * u)
+
+
+def _is_outside(camera: Camera, x: Floats, y: Floats, inverse: Floats) -> bool:
+    """Whether a flat shape with these projected corners, all before the camera, is outside the picture."""
+    beside = x.max() < 0 or x.min() > camera.width or y.max() < 0 or y.min() > camera.height
+    return bool(inverse.min() > 0 and beside)
 
 
 def _floor_grid(vertices: Floats) -> Floats:

@@ -44,6 +44,7 @@ class Look:
         background: 8-bit sRGB colour of the backdrop.
         avatar: the file of the character that is drawn; our mannequin where empty.
         bone_map: of that file.
+        shirt: of our mannequin, see `cospeech.export.mannequin.build`.
     """
 
     width: int
@@ -52,6 +53,7 @@ class Look:
     background: tuple[int, int, int]
     avatar: str = ""
     bone_map: Mapping[str, str] = field(default_factory=dict)
+    shirt: int = 0
 
 
 def pack(pose: FramedPose, box: Array) -> Array:
@@ -59,8 +61,8 @@ def pack(pose: FramedPose, box: Array) -> Array:
     return np.concatenate([pose.rotations.ravel(), pose.positions.ravel(), pose.face, box]).astype("<f4")
 
 
-def find_character(avatar: str, bone_map: Mapping[str, str] | None = None) -> Character:
-    """The character that is drawn: that of the file ``avatar`` with its ``bone_map``, or our mannequin.
+def find_character(avatar: str, bone_map: Mapping[str, str] | None = None, shirt: int = 0) -> Character:
+    """The character that is drawn: that of the file ``avatar`` with its ``bone_map``, or our mannequin in that shirt.
 
     Raises:
         InputError: the file is no character that can be drawn.
@@ -71,7 +73,7 @@ def find_character(avatar: str, bone_map: Mapping[str, str] | None = None) -> Ch
         return load_character(avatar, bone_map)
     from ..mannequin import build
 
-    return build()
+    return build(shirt)
 
 
 class FrameRenderer:
@@ -86,7 +88,9 @@ class FrameRenderer:
         from .scene import Scene
 
         self._look = look
-        self._scene = Scene(character or find_character(look.avatar, look.bone_map), look.width, look.height, look.background)
+        self._scene = Scene(
+            character or find_character(look.avatar, look.bone_map, look.shirt), look.width, look.height, look.background
+        )
         self._camera: Camera | None = None
         self._box = np.empty(0)
 

@@ -268,8 +268,8 @@ def open_live_session(
 ) -> LiveSession:
     """A session whose frames somebody watches while the speech goes on, for hours: it is interrupted, idles and is steered.
 
-    A body without legs has a stance, and hands rest between bouts of gestures. No model has more look-ahead than is usual, and
-    ``look_ahead`` gives it less.
+    A body without legs has a stance, hands rest between bouts of gestures, and arms keep the limits of their joints. No model
+    has more look-ahead than is usual, and ``look_ahead`` gives it less.
 
     Args:
         model: a name, a bundle or a run, as of `generate_files`; or a model.
@@ -286,7 +286,7 @@ def open_live_session(
     if options.get("plan") is not None:
         raise InputError("a live session plays no plan", "a plan is that of one speech: generate, or model.session(plan=…)")
     opened = load_model(model) if isinstance(model, str | PathLike) else model
-    usual = {name: value for name, value in opened.for_files.items() if name in ("stance", "rests")}
+    usual = {name: value for name, value in opened.for_files.items() if name in ("stance", "rests", "arm_limits")}
     given = GenerationOptions.from_keywords({**usual, "emotion": read_emotion(emotion)[0], **options})
     if "rests" not in options and not (given.look_ahead is None and "face" in given.parts):
         given = replace(given, rests=False)  # they would wait for longer than anything else does

@@ -77,7 +77,7 @@ def whole(pieces: list[Motion], live: LiveSession) -> Motion:
 def test_what_nobody_steers_is_what_a_session_of_the_model_gives(name):
     live, speech = session(name), said().window(0, 3)
     made = [motion for piece in speech.chunks(0.1) for motion in live.push(piece)] + list(live.finish())
-    options = {"stance": True} if model(name).for_files.get("stance") else {}
+    options = {layer: True for layer in ("stance", "rests", "arm_limits") if model(name).for_files.get(layer)}
     assert same(whole(made, live), Motion.concatenate(list(model(name).stream(speech.chunks(0.1), fps=30, seed=1, **options))))
 
 

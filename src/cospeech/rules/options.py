@@ -23,7 +23,7 @@ FPS_RANGE = (1.0, 240.0)  # ours: a slide show … the fastest screens; beyond i
 INTENSITY_RANGE = (0.0, 2.0)  # ours: 0 stands still, 1 is the style as it is, beyond 2 joints only meet their limits
 TEMPERATURE_RANGE = (0.0, 2.0)  # ours: 0 always the likeliest choice
 MOST_TAKES = 1000  # ours: more is a slip of the keyboard too
-LAYERS = ("stance", "holds", "beat_alignment", "rests")
+LAYERS = ("stance", "holds", "beat_alignment", "rests", "arm_limits")
 """Options that add to what a trained network makes. Files have them; metrics measure the network without them."""
 SEEDS = 2**63  # non-negative numbers of 64 bits, which every generator of random numbers takes
 
@@ -72,6 +72,10 @@ class GenerationOptions:
     """Whether the hands of a trained model rest between bouts of gestures (`cospeech.runtime.hand_rests`). Files of
     `cospeech generate` have it. So have streams with a face and the usual look-ahead, where it costs no time. In Python it is
     there only when it is asked for."""
+    arm_limits: bool = False
+    """Whether the arms of a trained model are kept within the limits of their joints (`cospeech.runtime.arm_limits`): elbows
+    bend one way. Files of `cospeech generate` and streams have it, at no cost of time. In Python it is there only when it is
+    asked for."""
     calibrated: bool = True
     """Whether a trained model plays what was measured when it was bundled: means and amplitudes of its styles, the size of its
     noise, and hands that rest in silence. Without it, its network plays alone."""

@@ -27,6 +27,7 @@ from ..rules.foresight import LEAST_FACE
 from ..rules.options import GenerationOptions, MotionLike
 from ..rules.stance_layer import REACH, StanceLayer
 from ..rules.streaming import check_speech, stream_motion
+from .arm_limits import ArmLimits
 from .beat_alignment import AccentTrack, BeatAlignment
 from .conditioning import NOTHING, Conditioning, read_conditioning
 from .decoder import Decoder
@@ -148,7 +149,7 @@ class TrainedModel:
 
     def _layers(self, options: GenerationOptions, accents: AccentTrack | None) -> list[LayerStack]:
         """What comes after the network, for each take: hands that hold still; strokes on accents; hands that rest between
-        bouts; and a stance, where a system needs one, the body is wanted and a stance is asked for."""
+        bouts; a stance, where a system needs one, the body is wanted and a stance is asked for; and limits of arms."""
         stands = options.stance and "body" in options.parts and needs_stance(self.system)
         amount, fingers = min(options.intensity, 1.5), "hands" in options.parts
         waits = REACH if _has_time(options) else 0.0
@@ -162,6 +163,8 @@ class TrainedModel:
                 layers += [HandRests(options.fps, accents, seed)] if options.rests else []
             if stands:
                 layers.append(StanceLayer(seed=seed, fps=options.fps, amount=amount, fingers=fingers, waits=waits))
+            if options.arm_limits and self._has_arms(options):
+                layers.append(ArmLimits(options.fps))
             stacks.append(LayerStack(layers))
         return stacks
 
@@ -223,6 +226,8 @@ class TrainedModel:
                 the default, keeps the network's own motion.
             beat_alignment: True moves the arms in time, so that their strokes fall on accents, as `cospeech generate` does for
                 its files. False, the default, keeps the network's own timing.
+            arm_limits: True keeps the arms within the limits of their joints, as files of `cospeech generate` and streams do.
+                False, the default, keeps the network's own motion.
             calibrated: False plays the network alone, without means, amplitudes and noise measured when it was bundled, and
                 without hands that rest in silence.
             continue_from: a `Motion`, or a file of one, at whose last poses the motion begins, so that clips can be joined; for

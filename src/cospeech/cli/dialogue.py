@@ -13,9 +13,8 @@ from typer import Argument
 
 from ..errors import InputError, say_count
 from ..models import DEFAULT, PARTS
-from .options import Debug, Fps, Parts, Quiet, ReportFile, Seed, Skeleton, Tail, number, option
+from .options import NAME, Debug, Fps, Parts, Quiet, ReportFile, Seed, Skeleton, Tail, number, option
 from .progress import show_progress
-from .several import NAME
 
 if TYPE_CHECKING:
     from ..motion.motion import Motion

@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..export.registry import FORMATS
 
 __all__ = [
+    "NAME",
     "Audio", "Avatar", "Clip", "Continue", "Debug", "Drawn", "Emotion", "Face", "FaceGain", "Folder", "Fps", "Intensity",
     "Jobs", "Json", "Language", "Map", "Model", "Motions", "NewFps", "Output", "Parts", "Picture", "Port", "Quiet",
     "ReportFile", "Retarget", "RigMap", "Seed", "Skeleton", "Speaker", "Style", "Tail", "Takes", "Temperature",
@@ -21,6 +22,8 @@ __all__ = [
 ]  # fmt: skip
 
 
+NAME = "{name}"
+"""Stands for the name of a speech, of a motion or of a person in the name of a file."""
 _READABLE = [suffix for suffix, entry in FORMATS.ours.items() if entry.readable]
 
 

@@ -15,6 +15,7 @@ from ..export import FORMATS, format_of
 from ..export.checks import check_apart
 from ..export.registry import reads_body, suffixes
 from ..files import make_folders
+from .options import NAME
 
 __all__ = [
     "NAME",
@@ -28,8 +29,6 @@ __all__ = [
     "put_name",
 ]
 
-NAME = "{name}"
-"""Stands for the name of a speech or of a motion in the name of a file."""
 _SHOWN = 3  # failures, files or names in one message
 _SIGNS = "*?["  # of a pattern
 

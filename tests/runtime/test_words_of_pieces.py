@@ -39,7 +39,7 @@ def words_that_call(session: LiveSession) -> list[tuple[str, float]]:
 def test_pieces_that_count_by_themselves_give_the_motion_of_the_whole(name):
     pieces, model = [own_times(piece) for piece in said().chunks(1.0)], cospeech.load(name)
     streamed = Motion.concatenate(list(model.stream(pieces, seed=2)))
-    session = cospeech.open_live_session(model, fps=30.0, seed=2, stance=False)
+    session = cospeech.open_live_session(model, fps=30.0, seed=2, stance=False, arm_limits=False)
     live = Motion.concatenate(speak(session, pieces) + list(session.finish()))
     whole = model.generate(said(), seed=2)
     for motion in (streamed, live):

@@ -14,6 +14,7 @@ Samples = NDArray[np.float32]
 
 AUDIBLE = 1e-3  # ours: RMS of -60 dBFS, above the noise floor of most microphones
 CANCELLED = 0.14  # ours: of what the mean of as many unrelated channels would have; for two, 20 dB below the louder one
+_MEAN = -1  # in the place of a channel
 
 
 class ChannelMerge:
@@ -27,7 +28,7 @@ class ChannelMerge:
 
     def __init__(self, channels: int, rate: int, pick: int | None = None) -> None:
         self._channels, self._rate = channels, rate
-        self._pick = pick  # -1: mean; None: not decided yet
+        self._pick = pick  # None: not decided yet
         self._waiting: list[Samples] = []
 
     def push(self, block: Samples) -> Iterator[Samples]:
@@ -43,14 +44,18 @@ class ChannelMerge:
             return
         block = np.concatenate(self._waiting) if len(self._waiting) > 1 else self._waiting[0]
         self._waiting = []
-        if self._pick is not None and self._pick >= 0:
-            yield np.ascontiguousarray(block[:, self._pick])
-            return
-        mean = reduce(np.add, block.T) / np.float32(self._channels)  # not through BLAS: the same bits on any number of threads
-        if self._pick is None:
-            loudness = np.sqrt(np.mean(np.square(block), axis=0))
-            if loudness.max() > AUDIBLE:
-                unrelated = loudness.max() / np.sqrt(self._channels)
-                cancelled = np.sqrt(np.mean(np.square(mean))) < CANCELLED * unrelated
-                self._pick = int(loudness.argmax()) if cancelled else -1
-        yield np.ascontiguousarray(block[:, self._pick]) if self._pick is not None and self._pick >= 0 else mean
+        if self._pick is None or self._pick == _MEAN:
+            # not through BLAS: the same bits on any number of threads
+            mean = reduce(np.add, block.T) / np.float32(self._channels)
+            if self._pick is None:
+                self._pick = self._decide(block, mean)
+        yield mean if self._pick in (None, _MEAN) else np.ascontiguousarray(block[:, self._pick])
+
+    def _decide(self, block: Samples, mean: Samples) -> int | None:
+        """What is heard from now on: a channel or the mean; None where nothing is audible yet."""
+        loudness = np.sqrt(np.mean(np.square(block), axis=0))
+        if not loudness.max() > AUDIBLE:
+            return None
+        unrelated = loudness.max() / np.sqrt(self._channels)
+        cancelled = np.sqrt(np.mean(np.square(mean))) < CANCELLED * unrelated
+        return int(loudness.argmax()) if cancelled else _MEAN

@@ -41,9 +41,7 @@ _NOTHING = 40.0  # dB below own loud speech from which nothing of it is left [ou
 _FADE = 5  # rows over which the sound comes and goes [ours: 50 ms]
 _SHORTEST = 0.12  # s; what is shorter is no speech, but what the other one leaves as the sound comes and goes [ours]
 _AUDIBLE = -60.0  # dBFS of the loudest second, below which nobody is heard at all [ours: the noise floor of most microphones]
-_AROUND = (
-    0.1  # s about a stretch that a diarisation tells, in which the speaker is heard, too [ours: their borders are rounded]
-)
+_AROUND = 0.1  # s about a stretch of a diarisation in which the speaker is heard, too [ours: their borders are rounded]
 _ALIKE = 1.0  # dB; two tracks that differ by less on the mean are the same sound [ours]
 
 
@@ -159,7 +157,7 @@ def hear_recording(track: VoiceTrack, stretches: Mapping[str, Sequence[Phrase]])
     for name, spoken in stretches.items():
         own = np.zeros(len(levels))
         for phrase in spoken:
-            own[(times >= phrase.start - _AROUND) & (times < phrase.end + _AROUND)] = 1.0
+            own[slice(*np.searchsorted(times, (phrase.start - _AROUND, phrase.end + _AROUND)))] = 1.0
         found[name] = _hear(HeardSpeaker(track, _average(own, _FADE), length))
     return found
 

@@ -18,7 +18,7 @@ from ..limits import TRANSCRIPT_BYTES, TRANSCRIPT_JSON_VALUES
 from .prosodic_events import Phrase
 from .transcript_formats import subtitles
 from .transcript_formats.text_files import decode
-from .word_entries import read_clock, read_time
+from .word_entries import read_clock, read_google_time, read_time
 
 __all__ = ["read_speakers"]
 
@@ -30,7 +30,6 @@ _UNITS = (1.0, 1e-3, 1e-7)  # seconds, milliseconds, ticks
 _LATER = 1.2  # times the length of the sound by which times may be too late [ours: a wrong unit is off by 1,000]
 _JOINS = 0.5  # s between two stretches of a speaker that are one [ours: recognisers part words, and breath lies between them]
 _DEEP = 12  # levels of JSON [ours: documents of recognisers have six]
-_SECONDS = re.compile(r"(\d{1,9}(?:\.\d{1,12})?)s")  # as Google writes them
 _RTTM = re.compile(r"^SPEAKER[ \t]+\S*[^\s:][ \t]+\d+\s", re.MULTILINE)  # no label of a subtitle: SPEAKER 1: Hello
 _HINT = "RTTM, the JSON of a recogniser that names speakers, or subtitles with names (`<v Anna>`, `ANNA: Hello`)"
 
@@ -116,9 +115,8 @@ def _find_time(node: Mapping[str, Any], keys: tuple[str, ...]) -> float | None:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             continue
         try:
-            match = _SECONDS.fullmatch(value) if isinstance(value, str) else None
             clock = read_clock(value) if isinstance(value, str) else None
-            return float(match[1]) if match else clock if clock is not None else read_time(value)
+            return read_google_time(value) if clock is None else clock
         except InputError:
             continue
     return None

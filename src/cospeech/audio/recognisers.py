@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from ..errors import InputError
 from .forced_alignment import count_syllables
-from .word_entries import Entry, check_number, check_text, read_time
+from .word_entries import Entry, check_number, check_text, read_google_time, read_time
 
 __all__ = ["SHAPES", "Shape"]
 
@@ -21,7 +21,6 @@ _MILLISECOND, _TICK = 1e-3, 1e-7  # seconds
 _LONG = 20.0  # the mean of whole numbers between start and end of a word from which on they are milliseconds [ours]
 _SYLLABLE = 0.3  # seconds of a syllable, at most, where an end is missing [ours, as of `tts_words.polly`]
 _HINT = "a list of words with times"
-_GOOGLE = re.compile(r"(\d{1,9}(?:\.\d{1,12})?)s")
 _SPECIAL = re.compile(r"\s*\[_[A-Z]+_?\d*_?\]")  # tokens of whisper.cpp that are no text: [_BEG_], [_TT_150]
 
 
@@ -136,8 +135,7 @@ def _read_google_time(word: Document, key: str) -> float:
     value = next((word[name] for name in (f"{key}Time", f"{key}Offset", f"{key}_time", f"{key}_offset") if name in word), "0s")
     if isinstance(value, dict):
         return read_time(value.get("seconds", 0)) + read_time(value.get("nanos", 0)) * 1e-9
-    found = _GOOGLE.fullmatch(value) if isinstance(value, str) else None
-    return float(found[1]) if found else read_time(value)
+    return read_google_time(value)
 
 
 def _is_google(document: Document) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from ..errors import InputError
 
-__all__ = ["Entry", "Note", "check_number", "check_text", "read_clock", "read_time"]
+__all__ = ["Entry", "Note", "check_number", "check_text", "read_clock", "read_google_time", "read_time"]
 
 Entry = tuple[str, float, float]
 """Text, start, end; times in seconds."""
@@ -28,6 +28,19 @@ def read_time(text: object) -> float:
         return float(text.replace(",", ".") if isinstance(text, str) else text)
     except (ValueError, OverflowError):
         raise InputError(f"{str(text)[:40]!r} is not a time", "times are in seconds") from None
+
+
+_SECONDS = re.compile(r"(\d{1,9}(?:\.\d{1,12})?)s")
+
+
+def read_google_time(value: object) -> float:
+    """As `read_time`; ``1.25s`` is read, too, as Google writes times.
+
+    Raises:
+        InputError: it is no time.
+    """
+    found = _SECONDS.fullmatch(value) if isinstance(value, str) else None
+    return float(found[1]) if found else read_time(value)
 
 
 _CLOCK = re.compile(r"\s*+(?:(\d{1,4}):)?(\d{1,4}):(\d{1,2})(?:[.,](\d{1,9})\d*+)?\s*+")

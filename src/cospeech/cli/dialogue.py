@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,7 +13,7 @@ import typer
 from typer import Argument
 
 from ..errors import InputError, say_count
-from ..models import DEFAULT, PARTS
+from ..models import DEFAULT, PARTS, Model, load
 from .options import NAME, Debug, Fps, Parts, Quiet, ReportFile, Seed, Skeleton, Tail, number, option
 from .progress import show_progress
 
@@ -90,7 +91,6 @@ Angle = Annotated[
 ]
 
 _ALL_PARTS = ",".join(PARTS)
-_MOST_ANGLE = 60.0  # degrees, see `cospeech.runtime.listening.ANGLE_RANGE`
 _USUAL = (f"{NAME}.bvh", f"{NAME}.glb")
 _WORDLESS = ".rttm"
 
@@ -121,11 +121,12 @@ def dialogue(
     from ..export.group_film import SIDE
     from ..files import atomic, check_destination
     from ..runtime.attention import find_row, find_seats
+    from ..runtime.listening import ANGLE_RANGE
     from .main import show_outputs
     from .persons import choose_persons, describe_persons, hear_persons
 
-    if not 0 <= angle <= _MOST_ANGLE:
-        raise InputError(f"an angle of {angle:g} degrees", f"0 … {_MOST_ANGLE:g}; for more, turn the characters themselves")
+    if not 0 <= angle <= ANGLE_RANGE[1]:
+        raise InputError(f"an angle of {angle:g} degrees", f"0 … {ANGLE_RANGE[1]:g}; for more, turn the characters themselves")
     if report is not None:
         check_destination(report)
     _check_outputs(output)
@@ -158,10 +159,11 @@ def dialogue(
         typer.echo(describe_persons(persons), err=True)
     with show_progress("generating", quiet) as progress:
         seats = [[0.0, angle], [-angle, 0.0]] if len(persons) == 2 else find_seats(len(persons))
-        result = _generate(persons, _make_roles(persons, seats, mixed=mixed), files, own, progress)
+        load_once = cache(load)
+        result = _generate(persons, _make_roles(persons, seats, mixed=mixed), files, own, load_once, progress)
         for film in films:
             row = seats if len(persons) == 2 else find_row(len(persons), SIDE)
-            _draw_film(film, chosen, persons, _make_roles(persons, row, mixed=mixed), own, angle, progress)
+            _draw_film(film, chosen, persons, _make_roles(persons, row, mixed=mixed), own, load_once, angle, progress)
     if report is not None:
         with atomic(report) as path:
             path.write_text(result.to_json(), "utf-8", newline="\n")
@@ -185,7 +187,7 @@ def _make_roles(persons: Sequence[Person], bearings: Sequence[Sequence[float]], 
 
 def _generate(
     persons: Sequence[Person], roles: Sequence[DialogueRole], files: dict[int, list[Path]], own: Sequence[dict[str, Any]],
-    progress: Any,
+    load_once: Callable[[str], Model], progress: Any,
 ) -> Reports:  # fmt: skip
     """All files of the persons that are wanted, or none."""
     from ..files import all_or_none, make_folders
@@ -197,7 +199,9 @@ def _generate(
         for k, paths in files.items():
             one, staged = persons[k], [place(path) for path in paths]
             tell = None if progress is None else _tell(progress, one.name)
-            found = generate_files(one.heard.track.path, staged, role=roles[k], progress=tell, **own[k])
+            found = generate_files(
+                one.heard.track.path, staged, role=roles[k], progress=tell, loaded=load_once(own[k]["model"]), **own[k]
+            )
             made.append(replace(found, speech=one.name, outputs=[str(path) for path in paths]))
     return Reports(speeches=made, failed=[])
 
@@ -208,7 +212,7 @@ def _tell(progress: Any, name: str) -> Any:
 
 def _draw_film(
     film: Path, chosen: Sequence[int], persons: Sequence[Person], roles: Sequence[DialogueRole], own: Sequence[dict[str, Any]],
-    angle: float, progress: Any,
+    load_once: Callable[[str], Model], angle: float, progress: Any,
 ) -> None:  # fmt: skip
     """A video of the persons that are wanted, side by side, with the sound of all."""
     from ..export.group_film import write_group_film
@@ -219,6 +223,7 @@ def _draw_film(
     moving = []
     for k in chosen:
         options = {key: value for key, value in own[k].items() if key not in ("avatar", "skeleton")}
+        options["model"] = load_once(own[k]["model"])
         moving.append(generate_motion(persons[k].heard.track.path, role=roles[k], **options))
     seconds, fps = float(roles[0].own.length) + own[0]["tail"], own[0]["fps"]
 

@@ -39,10 +39,9 @@ def check_sources(
     from ..audio.live_sources import FORMATS
     from ..export.live.addresses import SOURCES, scheme_of
 
-    addresses = ", ".join(f"{scheme}://HOST:PORT" for scheme in SOURCES)
     _check_sound(source)
     if control is not None and control != "-" and scheme_of(control) not in SOURCES:
-        raise InputError(f"cannot hear messages from {control!r}", f"known: -, {addresses}")
+        raise InputError(f"cannot hear messages from {control!r}", f"known: -, {_list_addresses()}")
     if samples not in FORMATS:
         raise InputError(f"samples of kind {samples!r}", f"known: {', '.join(FORMATS)}")
     check_language(language, spoken=is_live(source) or transcript is not None)
@@ -62,11 +61,17 @@ def _check_sound(source: str) -> None:
     Raises:
         InputError: it is an address of another kind.
     """
-    from ..export.live.addresses import SOURCES, scheme_of
+    from ..export.live.addresses import scheme_of
 
     if scheme_of(source) and not is_live(source):
-        addresses = ", ".join(f"{scheme}://HOST:PORT" for scheme in SOURCES)
-        raise InputError(f"cannot hear sound from {source!r}", f"known: mic, a sound file, -, {addresses}")
+        raise InputError(f"cannot hear sound from {source!r}", f"known: mic, a sound file, -, {_list_addresses()}")
+
+
+def _list_addresses() -> str:
+    """Kinds of addresses that something is heard from, for hints."""
+    from ..export.live.addresses import SOURCES
+
+    return ", ".join(f"{scheme}://HOST:PORT" for scheme in SOURCES)
 
 
 def check_partner(partner: str | None, source: str, control: str | None, unpaced: bool) -> None:

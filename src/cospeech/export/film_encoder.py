@@ -16,7 +16,10 @@ from ..audio.sound_mix import SoundMix
 from ..errors import InputError, describe_extra
 from .render.patch import Patch
 
-__all__ = ["MADE_BY", "FilmEncoder", "import_pyav"]
+__all__ = ["MADE_BY", "MOST_RATE", "FilmEncoder", "import_pyav"]
+
+MOST_RATE = 60.0
+"""Pictures per second; screens show no more [ours]."""
 
 _AUDIO_RATE = 48_000  # Hz; what every player expects beside video
 _AUDIO_BITS = 128_000  # bit/s; mono speech is transparent at this

@@ -15,7 +15,7 @@ from ..errors import InputError, say_count
 from ..files import atomic
 from ..motion.motion import Motion
 from .avatar import Avatar
-from .film_encoder import FilmEncoder, import_pyav
+from .film_encoder import MOST_RATE, FilmEncoder, import_pyav
 from .pictures import Subject, background_of
 from .render.camera import View
 from .render.frames import FrameStream
@@ -32,7 +32,6 @@ _WIDTHS, _HEIGHT = (
     720,
 )  # pixels of a pane, by the number of characters; 360 for more [ours: up to 2160 in all]
 _NARROW = 360
-_MOST_RATE = 60.0  # pictures per second; screens show no more
 # From the thighs up, with room for arms to both sides, so that all are of one size: the camera follows nobody's hands [ours]
 _VIEW = View(("head",), (-0.62, 0.62, -0.20), (0.62, 1.84, 0.35), 0.06, 0, 3, 24)
 SIDE = 26.0
@@ -92,7 +91,7 @@ class _Film:
         self, temporary: Path, fps: float, sounds: Sequence[str | PathLike[str]],
         avatars: Sequence[Avatar | str | PathLike[str] | None], angle: float,
     ) -> None:  # fmt: skip
-        count, rate, colour = len(avatars), min(float(fps), _MOST_RATE), background_of(None)
+        count, rate, colour = len(avatars), min(float(fps), MOST_RATE), background_of(None)
         self._width = _WIDTHS.get(count, _NARROW)
         self._subjects = [Subject(avatar) for avatar in avatars]
         self._streams, self._waiting = list[FrameStream](), [deque[Patch]() for _ in avatars]

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..motion.skeleton import Skeleton
-from .film_encoder import MADE_BY, FilmEncoder, import_pyav
+from .film_encoder import MADE_BY, MOST_RATE, FilmEncoder, import_pyav
 from .render.camera import View
 from .render.patch import Patch
 from .video_writer import MovingWriter
@@ -19,7 +19,6 @@ from .video_writer import MovingWriter
 __all__ = ["Writer", "is_own_film"]
 
 _SIZE = (720, 720)  # ours: square shows arms spread wide and a face of 100 pixels, and suits phones and slides alike
-_MOST_RATE = 60.0  # pictures per second; screens show no more
 
 
 class Writer(MovingWriter):
@@ -49,7 +48,7 @@ class Writer(MovingWriter):
         **look: Any,
     ) -> None:
         import_pyav()
-        rate = min(float(fps), _MOST_RATE) if rate is None else rate
+        rate = min(float(fps), MOST_RATE) if rate is None else rate
         super().__init__(path, skeleton=skeleton, fps=fps, audio=audio, rate=rate, size=size, camera=camera, **look)
         self._encoder: FilmEncoder | None = None
 

@@ -6,6 +6,7 @@ In conversations of four, the person who speaks is looked at in most of the time
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from random import Random
 from typing import NamedTuple
@@ -129,7 +130,8 @@ def plan_attention(
     at, shifts = (wanted[0][1] if wanted and wanted[0][1] >= 0 else 0), list[AttentionShift]()
     shifts.append(AttentionShift(0.0, bearings[at]))
     for time, who in wanted:
-        speaks = any(phrase.start <= time < phrase.end for phrase in own.phrases)
+        last = bisect_right(own.phrases, time, key=lambda phrase: phrase.start) - 1
+        speaks = last >= 0 and time < own.phrases[last].end
         if who == at or (speaks and who >= 0) or time < shifts[-1].time + _HOLDS:
             continue
         at = who if who >= 0 else draw.choice([k for k in range(len(others)) if k != at])

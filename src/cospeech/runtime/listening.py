@@ -40,10 +40,7 @@ ANGLE_RANGE = (-60.0, 60.0)  # degrees [ours: beyond, a person turns the body, a
 AHEAD = AttentionShift(0.0, 0.0)
 """All the time, the other person is straight ahead."""
 _CHANCES = {"pause": 0.62, "low": 0.30}  # [ours: so that there are some 10 responses in a minute of the other one's speech]
-_AFTER = {
-    "pause": (0.05, 0.45),
-    "low": (0.55, 0.85),
-}  # s from the cue to the response [ours; low: Ward & Tsukahara 2000, 700 ms]
+_AFTER = {"pause": (0.05, 0.45), "low": (0.55, 0.85)}  # s from the cue on [ours; low: Ward & Tsukahara 2000, 700 ms]
 _APART = 2.2  # s between responses at least [ours]
 _BEFORE_OWN = 0.7  # s before own speech in which no response begins [ours: the turn is taken, then]
 _SHORT = 0.8  # s; own speech that is no longer, while the other one goes on, is a response by voice: "mhm" [ours]
@@ -260,13 +257,13 @@ class ListeningLayer:
         rotations = self._turn(motion.rotations, turns, head) if self._turns_head else motion.rotations
         if motion.face is None:
             return replace(motion, rotations=rotations)
-        rotations, face = _look_at(eyes, motion.rotations, rotations, self._show(motion.face, times, share, near))
+        rotations, face = _look_at(eyes, motion.rotations, rotations, self._show(motion.face, times, share, intensity, near))
         return replace(motion, rotations=rotations, face=face)
 
     def _find_intensity(self, times: Array) -> Array:
         """(n,) size of all that is shown."""
         before, after, changed = self._intensity
-        return before + (after - before) * smoothstep(np.clip((times - changed) / FADE, 0.0, 1.0))
+        return before + (after - before) * smoothstep((times - changed) / FADE)
 
     def _near(self, times: Array) -> list[Response]:
         """Responses that may show in these frames."""
@@ -293,7 +290,7 @@ class ListeningLayer:
             out[:, joint[name]] = turned
         return out
 
-    def _show(self, face: Array, times: Array, share: Array, near: Sequence[Response]) -> Array:
+    def _show(self, face: Array, times: Array, share: Array, intensity: Array, near: Sequence[Response]) -> Array:
         """The face with smiles and brows."""
         out = face.copy()
         smile, brows = np.zeros(len(times)), _ATTENDS * share
@@ -302,7 +299,6 @@ class ListeningLayer:
             smile = np.maximum(smile, each.smile * _course(times, each.time, end, _RISE, 2 * _RISE))
             end = each.time + each.brow_seconds
             brows = np.maximum(brows, each.brows * _course(times, each.time, end, _RISE, 2 * _RISE))
-        intensity = self._find_intensity(times)
         smile, brows = (intensity * smile)[:, None], (intensity * brows)[:, None]
         out[:, _SMILE_COLUMNS] = np.maximum(out[:, _SMILE_COLUMNS], smile)
         out[:, _CHEEK_COLUMNS] = np.maximum(out[:, _CHEEK_COLUMNS], 0.6 * smile)
@@ -397,4 +393,4 @@ def _check_angle(angle: object) -> None:
 
 def _course(times: Array, start: float, end: float, rise: float, fall: float) -> Array:
     """(n,) 0 … 1: comes within ``rise`` seconds after the start, and goes within ``fall`` after the end."""
-    return smoothstep(np.clip(np.minimum((times - start) / rise, (end + fall - times) / fall), 0.0, 1.0))
+    return smoothstep(np.minimum((times - start) / rise, (end + fall - times) / fall))

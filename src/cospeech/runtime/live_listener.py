@@ -21,12 +21,8 @@ __all__ = ["LiveListener"]
 
 _ECHO = 0.3  # s after own speech in which its echo may be heard [ours: a large room]
 _TALKS = 1.2  # s of silence in which somebody still has the turn, as in `cospeech.runtime.listening`
-_GONE = (
-    3.0  # s of frames without any sound of the person, silence neither, after which nobody is there [ours: longer than pieces]
-)
-_LATE = (
-    2.0  # s after a cue in which it can be answered [ours: .7 s until it is known, and sound that comes in pieces of a second]
-)
+_GONE = 3.0  # s of frames without any piece of sound, silent or not, after which nobody is there [ours: longer than pieces]
+_LATE = 2.0  # s after a cue in which it can be answered [ours: .7 s until it is known, and pieces of a second]
 
 
 class LiveListener:

@@ -33,8 +33,10 @@ def build(shirt: int = 0) -> Character:
     """
     from .asset import load
 
-    character = load()
-    return replace(character, parts=tuple(_dye(part, shirt) for part in character.parts)) if shirt else character
+    if not shirt:
+        return load()
+    character = build()
+    return replace(character, parts=tuple(_dye(part, shirt) for part in character.parts))
 
 
 def _dye(part: Part, shirt: int) -> Part:

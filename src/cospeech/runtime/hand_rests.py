@@ -2,7 +2,8 @@
 
 The hands of a network hover in front of the body for as long as there is speech. People gesture for some seconds, let the hands
 down, and take them up again. Here bouts are drawn as the rules draw them (`cospeech.rules.bouts`), and the speech says when
-exactly they end and begin: hands go down where no accent is near, and come up on an accent.
+exactly they end and begin: hands go down where no accent is near, and come up on an accent. Often one hand goes down, and the
+other one goes on.
 """
 
 from __future__ import annotations
@@ -36,6 +37,9 @@ _PAUSE = 1.6
 """Seconds without any accent after which a bout begins. [ours: hands have rested in silence then, see `RestInSilence`]"""
 _LATE = 2.0  # seconds by which a bout ends later, at most, because accents follow; and begins later, until one comes [ours]
 _WEAK = 0.3  # strength up to which an accent counts for nothing here [ours]
+_BOTH = 0.5
+"""How often both hands go down, and not one of them. [of the time in which some hand of two recorded people is at rest, both are
+for one half: `cospeech.metrics.REFERENCE`]"""
 _MOST = 0.9  # how far hands come to rest [ours: as hands that are held, they live a little]
 
 
@@ -55,11 +59,14 @@ class HandRests:
     """Seconds of 16 kHz sound after a frame that must have been heard."""
 
     def __init__(self, fps: float, track: AccentTrack, seed: int) -> None:
-        self._track, self._decisions = track, FrameDecisions(fps)
+        self._track = track
+        self._decisions = FrameDecisions(fps), FrameDecisions(fps)  # of the left hand, and of the right one
         self._random = Random(f"{seed}/rests")
         self._joints = arm_joints()
+        self._side = np.array([humanoid().names[joint].startswith("right") for joint in self._joints], int)
         self._rests, self._until = False, self._random.uniform(*_BUSY)
-        self._place, self._heard = 0.0, 0.0  # of the last accent, seconds
+        self._resting = [False, False]  # which hands the rest is of
+        self._places, self._heard = [0.0, 0.0], 0.0  # of the last accent, seconds
         self._rotations, self._root = np.zeros((0, len(humanoid()), 4), np.float32), np.zeros((0, 3), np.float32)
 
     def push(self, rotations: Array, root: Array) -> tuple[Array, Array]:
@@ -73,24 +80,28 @@ class HandRests:
 
     def _give(self) -> tuple[Array, Array]:
         """The frames of which it is known whether hands rest."""
-        while self._decisions.lack(len(self._rotations)):
-            now = self._decisions.count / DECISION_RATE
+        left = self._decisions[0]
+        while left.lack(len(self._rotations)):
+            now = left.count / DECISION_RATE
             if self._track.known < now + self._foreseen:
                 break
-            self._decisions.add(self._decide(now))
-        share = _MOST * minimum_jerk(self._decisions.take(len(self._rotations)))
+            self._decide(now)
+            for decisions, place in zip(self._decisions, self._places, strict=True):
+                decisions.add(place)
+        places = np.stack([decisions.take(len(self._rotations)) for decisions in self._decisions], 1)
+        share = _MOST * minimum_jerk(places)[:, self._side]  # (n, joints)
         made, root = self._rotations[: len(share)], self._root[: len(share)]
         if share.any():
             made = made.copy()
             rest = np.broadcast_to(resting_pose()[self._joints], (len(made), len(self._joints), 4)).astype(float)
             own = made[:, self._joints]
-            led = quat_slerp(own.astype(float), rest, share[:, None])
-            made[:, self._joints] = np.where(share[:, None, None] > 0, led, own)  # the bits of frames without a rest stay
+            led = quat_slerp(own.astype(float), rest, share)
+            made[:, self._joints] = np.where(share[..., None] > 0, led, own)  # the bits of frames without a rest stay
         self._rotations, self._root = self._rotations[len(share) :], self._root[len(share) :]
         return made, root
 
-    def _decide(self, now: float) -> float:
-        """How far the hands are on their way to rest at this time, 0 … 1."""
+    def _decide(self, now: float) -> None:
+        """Move each hand on its way to rest, 0 … 1, to where it is at this time."""
         seen = now + _COMES
         coming = self._track.between(seen - 1 / DECISION_RATE, seen)
         if coming:
@@ -100,8 +111,17 @@ class HandRests:
         if now >= self._until and self._is_time(now, coming):
             self._rests = not self._rests
             self._until = now + self._random.uniform(*(_QUIET if self._rests else _BUSY))
-        self._place = min(max(self._place + (1 / _DOWN if self._rests else -1 / _UP) / DECISION_RATE, 0.0), 1.0)
-        return self._place
+            if self._rests:
+                self._resting = self._draw_hands()
+        steps = [1 / _DOWN if self._rests and rests else -1 / _UP for rests in self._resting]
+        self._places = [min(max(p + s / DECISION_RATE, 0.0), 1.0) for p, s in zip(self._places, steps, strict=True)]
+
+    def _draw_hands(self) -> list[bool]:
+        """Which hands go down: left, right."""
+        if self._random.random() < _BOTH:
+            return [True, True]
+        left = self._random.random() < 0.5
+        return [left, not left]
 
     def _is_time(self, now: float, coming: Sequence[Accent]) -> bool:
         """Whether the speech lets hands go down, or up, now; ``coming`` are the accents on which they can come up."""

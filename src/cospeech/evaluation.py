@@ -154,15 +154,18 @@ def evaluate(
     seed: int = 0,
     features: str | PathLike[str] | FeatureNet | None = None,
 ) -> Table:
-    """A table of one system and the control rows: ``cospeech.evaluate(model, "stores/beat", raw="raw/beat")``.
+    """Compare one system with recordings: ``cospeech.evaluate(model, "stores/beat", raw="raw/beat")``.
 
     Args:
-        model: what `cospeech.load` gives or takes, a folder of motions, or None: the control rows alone.
+        model: a model, or what `cospeech.load` takes; a folder of motions; or None for the control rows alone.
         corpus: a prepared store, or recordings with speech and motion.
         metrics, raw, split, takes, seed, features: see `evaluate_store`.
 
+    Returns:
+        A table of metrics with a row for the system and the control rows; ``print(table.to_text())`` shows it.
+
     Raises:
-        InputError: anything of these cannot be used.
+        InputError: an argument cannot be used; the message says which one, and why.
     """
     model = fspath(model) if isinstance(model, PathLike) else model
     if isinstance(model, str) and isinstance(corpus, str | PathLike):

@@ -73,28 +73,28 @@ def generate_files(
 
     Args:
         audio: the speech; any sound file that `open_speech` reads.
-        outputs: files to write, or one; the suffix picks the format.
+        outputs: files to write, or one; the suffix chooses the format.
         model: registry name, bundle (``mine.cospeech``) or folder of a run.
         style: a style by name; for trained systems also a motion file or a `Motion` whose manner to follow, and mixtures:
             ``"ada:0.7,clip.bvh:0.3"``, or a dict from these to weights. The model's default where not given.
-        emotion: one of `cospeech.audio.emotions.EMOTIONS`, or ``auto``: the arousal of the voice; or one that changes over
+        emotion: one of `cospeech.audio.emotions.EMOTIONS`, or ``auto``, which follows the voice; or one that changes over
             time: an `EmotionTrack`, or the ``.csv`` file of one (`read_emotion_track`).
         speaker: a speaker by name; for the rule-based model speakers are its styles.
         transcript: words of the speech, with times or without; where not given, those of the plan.
-        transcribe: hear the words with faster-whisper (the extra ``asr``) instead.
+        transcribe: recognise the words with faster-whisper (the extra ``asr``) instead.
         language: of the words, a code of `cospeech.audio.languages.LANGUAGES`; found from them where not given.
         seed: of the first take; the next take has the next seed.
         takes: how many; from two on, ``talk.bvh`` becomes ``talk.1.bvh``, ``talk.2.bvh`` …
-        temperature: how far choices stray from the likeliest, 0 … 2.
+        temperature: size of the random variation, 0 … 2; with 0, choices are the likeliest ones.
         intensity: size of the motion, 0 … 2.
         parts: of `PARTS`.
         face_gain: how strong the mouth is, 0 … 2, or single channels are: see `cospeech.face.gains.face_gains`.
         face: motion with a face, or a file of one, from which body and hands follow and which is shown; for chains.
         continue_from: motion, or a file of one, at whose last poses it begins; for chains.
-        plan: what is gestured when, a `Plan` or the file of one; style, emotion, seed, intensity and temperature are its own.
-        plan_out: write what was performed here, as such a file.
-        plan_edits: what is changed of the plan before it is played; without a plan, of what would be performed.
-        keep: stretches of ``keep_from`` that the files have in the place of new motion: ``0:3.2,5:7``, seconds.
+        plan: a `Plan` of the gestures, or the file of one; its style, emotion, seed, intensity and temperature are used.
+        plan_out: write the plan that was performed to this file.
+        plan_edits: changes of the plan before it is played; without a plan, of the plan that the seed gives.
+        keep: stretches of ``keep_from`` that the files have instead of new motion: ``0:3.2,5:7``, seconds.
         keep_from: a motion, or a file of one.
         skeleton: of the BVH files: a name, or a rig to take it from (``my_rig.bvh``, ``.glb``, ``.vrm``).
         bone_map: a TOML file that gives the joints of such a rig, or of the avatar, our names, if they are not recognised.
@@ -102,7 +102,7 @@ def generate_files(
         tail: seconds of silence after the speech, 0 … 60, in which the hands come down.
         avatar: a VRM, GLB or FBX character to show in the place of ours.
         report: write the `Report` as JSON here too.
-        special: suffix → keywords for the writer of that format, as ``{".bvh": {"units": "m"}}``.
+        special: suffix → keywords for the writer of that format, such as ``{".bvh": {"units": "m"}}``.
         progress: called with (seconds done, seconds in all or None).
         loaded: the model itself, where it is loaded already; ``model`` is its name then.
         role: who this is in a conversation; the voice is that of the role, and it listens while the other one speaks.
@@ -266,20 +266,23 @@ def open_live_session(
     angle: float = 0.0,
     **options: Any,
 ) -> LiveSession:
-    """A session whose frames somebody watches while the speech goes on, for hours: it is interrupted, idles and is steered.
+    """Open a session for a character that is on for hours: it speaks, is interrupted and steered, listens and idles.
 
-    A body without legs has a stance, hands rest between bouts of gestures, and arms keep the limits of their joints. No model
-    has more look-ahead than is usual, and ``look_ahead`` gives it less.
+    A trained body without legs gets a stance. Its arms keep the limits of their joints. Its hands rest between bouts of
+    gestures, if the session has a face and the usual look-ahead. ``look_ahead`` can only make the look-ahead shorter.
 
     Args:
-        model: a name, a bundle or a run, as of `generate_files`; or a model.
+        model: a name, a bundle or the folder of a run, as for `generate_files`; or a model.
         emotion: see `generate_files`.
         idle_after, angle: see `LiveSession`.
-        options: of `GenerationOptions`.
+        options: fields of `GenerationOptions`.
+
+    Returns:
+        A session: ``push``, ``idle``, ``interrupt`` and ``finish`` it, see `LiveSession`.
 
     Raises:
-        InputError: an option is out of range, or a name unknown, also that of an option; or a plan is given, which is that of
-            one speech.
+        InputError: an option is out of range; a name is unknown, of an option, too; or you give a plan, which only fits one
+            speech.
     """
     from .runtime.live_session import LiveSession
 

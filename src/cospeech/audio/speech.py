@@ -76,11 +76,11 @@ class Speech:
     Args:
         samples: (N,) float32, mono, full scale ±1.
         rate: samples per second.
-        words: what is said and when, in order of their starts; None where not known.
-        seconds: how long it is; N / rate where not given. Of a file: its frames over its own rate, before resampling.
+        words: what is said and when, in order of their starts; None if not known.
+        seconds: its length; None: N / rate. For a file: its number of frames over its own rate, before resampling.
         name: for reports and messages.
-        start: time of the first sample in seconds (chunks of a stream carry theirs).
-        duration: ``seconds`` as an exact fraction; worked out where not given.
+        start: time of the first sample in seconds; the chunks of a stream have theirs.
+        duration: ``seconds`` as an exact fraction; None: it is computed.
     """
 
     samples: Samples = field(repr=False)
@@ -142,10 +142,10 @@ class Speech:
         return count_frames(self.duration, fps)
 
     def window(self, start: float, end: float) -> Speech:
-        """The speech from ``start`` to ``end`` seconds, cut to what there is, with the words that overlap it.
+        """The part of this speech from ``start`` to ``end`` seconds, as far as there is speech, with the words that overlap it.
 
-        Times are kept: they count from the beginning of the whole speech, in a window too, as those of its words do. A window
-        of a window, or of a chunk, is given in the same seconds as of the whole.
+        The times of a window, and of its words, count from the beginning of the whole speech. So do ``start`` and ``end`` if
+        you take a window of a window, or of a chunk.
 
         Raises:
             InputError: times that are no numbers, an end that is not after the start, or no sample of this speech in between.

@@ -30,7 +30,8 @@ def is_spoken(text: str) -> bool:
 class Word:
     """A word and when it is spoken, in seconds from the start of the speech.
 
-    What is heard but not said is a word, too: its text stands in square brackets (`is_spoken`). The face laughs at `LAUGHTER`.
+    A sound that is no word, such as laughter, is a `Word`, too: its text is in square brackets (`is_spoken`). At `LAUGHTER`,
+    the face laughs.
     """
 
     text: str

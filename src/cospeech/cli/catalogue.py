@@ -66,7 +66,7 @@ def _styles() -> list[Row]:
 def _emotions() -> list[Row]:
     from ..audio.emotions import EMOTIONS
 
-    return [{"name": "auto", "what": "arousal of the voice, no category; the default"}] + [
+    return [{"name": "auto", "what": "follows the arousal of the voice, and an emotion that is surely heard; the default"}] + [
         {"name": name, "what": f"{name}, independent of the speech"} for name in EMOTIONS
     ]
 

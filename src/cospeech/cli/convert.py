@@ -33,7 +33,7 @@ Blend = Annotated[
         "--blend",
         metavar="SECONDS",
         parser=number,
-        help="Length of the transitions of --join and --loop, 0 … 10. If not given: 0.4, or more for long ways.",
+        help="Length of the transitions of --join and --loop, 0 … 10. Without it: 0.4, or more if the poses are far apart.",
     ),
 ]
 

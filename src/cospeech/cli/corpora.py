@@ -54,7 +54,7 @@ Encoder = Annotated[
     Option("--wav2vec", metavar="NAME", help="Also store the features of a wav2vec 2.0: its folder, or its name on the hub."),
 ]
 Waveform = Annotated[
-    bool, Option("--waveform", help="Also store the samples of the speech: the trimodal and joint-embedding models hear them.")
+    bool, Option("--waveform", help="Also store the samples of the speech, which the trimodal and joint-embedding models need.")
 ]
 Overwrite = Annotated[bool, Option("--overwrite", help="Replace a store that exists.")]
 Layout = Annotated[str, Option("--layout", metavar="NAME", help="File layout: ted, trinity, pats or beat.")]
@@ -76,14 +76,14 @@ Gestures = Annotated[
     ),
 ]
 Tts = Annotated[bool, Option("--tts/--no-tts", help="Also use the speech programs espeak-ng and flite, if they are installed.")]
-Act = Annotated[bool, Option("--act/--no-act", help="Let the voices act the emotions. Without it, nobody can hear them.")]
+Act = Annotated[bool, Option("--act/--no-act", help="Change the voices so that the emotions can be heard.")]
 Calm = Annotated[bool, Option("--neutral", help="Make all takes neutral.")]
 Coupling = Annotated[
     float | None,
     Option(
         "--coupling",
         metavar="NUMBER",
-        help="How closely brows, nods and blinks go along with strokes, 0 … 1. The default is that of the styles.",
+        help="How often brows, nods and blinks come with strokes, 0 … 1. The default is that of the styles.",
     ),
 ]
 Variation = Annotated[

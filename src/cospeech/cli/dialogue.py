@@ -39,12 +39,12 @@ Speakers = Annotated[
         "--speakers",
         metavar="FILE",
         help="Who speaks when in one recording of all: .rttm, .json of a recogniser that names speakers, .srt or .vtt with "
-        "names. Its words are those of the characters, too, where it has words, and no --transcript is given.",
+        "names. If it has words and you give no --transcript, its words are used, too.",
     ),
 ]
 Chosen = Annotated[
     list[str] | None,
-    option("--person", metavar="NAME", help="Generate this person only. Repeat the option for several. The others are heard."),
+    option("--person", metavar="NAME", help="Generate this person only, who hears all others. Repeat the option for several."),
 ]
 Outputs = Annotated[
     list[str] | None,
@@ -52,10 +52,10 @@ Outputs = Annotated[
         "--output",
         "-o",
         metavar="FILE",
-        help=f"File to write, with {NAME} in it: out/{NAME}.vrma. {NAME} is the name of the sound file; of one file, that name "
-        "with .left or .right behind it, or with the name of the speaker. Repeat the option for several formats. Without it, "
-        "the program writes a .bvh and a .glb of each person into this folder, but over no file that is there. A video without "
-        f"{NAME} in its name shows all persons: both.mp4.",
+        help=f"File to write, with {NAME} in it: out/{NAME}.vrma. {NAME} is the name of the sound file. If all persons are in "
+        "one file, .left, .right or the name of the speaker comes behind it. Repeat the option for several formats. Without "
+        "it, the program writes a .bvh and a .glb of each person into this folder; it replaces no file that is there. A video "
+        f"without {NAME} in its name shows all persons: both.mp4.",
     ),
 ]
 _EACH = "Give it once for all, or once for each person, in order."

@@ -43,7 +43,7 @@ Features = Annotated[
 ]
 HearingGain = Annotated[
     bool,
-    Option("--hearing", help="Measure how much runs hear: their loss with another's speech, less that with their own."),
+    Option("--hearing", help="Measure how well runs follow speech: loss with another window's speech minus loss with its own."),
 ]
 Out = Annotated[
     Path | None,
@@ -61,11 +61,11 @@ Table = Annotated[
     Option("--table", metavar="NAME", help="Reproduce a table of a paper: flow-1, mix-1, cog-1 and so on; see docs/tables.md."),
 ]
 Seeds = Annotated[
-    str, Option("--seeds", metavar="LIST", help="With --table: seeds; each row has one run per seed. A verdict takes five.")
+    str, Option("--seeds", metavar="LIST", help="With --table: seeds; each row has one run per seed. A verdict needs five.")
 ]
 Rows = Annotated[
     list[str] | None,
-    Option("--rows", metavar="TEXT", help="With --table: make only rows whose names contain this. Repeatable."),
+    Option("--rows", metavar="TEXT", help="With --table: make only rows whose names contain this. Repeat it for several."),
 ]
 Runs = Annotated[Path, Option("--runs", metavar="FOLDER", help="With --table: folder of the runs and of the table's files.")]
 Recipes = Annotated[
@@ -89,15 +89,15 @@ Change = Annotated[
     Option(
         "--set",
         metavar="[RECIPE:]KEY=VALUE",
-        help="With --table: change a key in the recipe of every row, or of one recipe. Networks that rows share, such as "
-        "fgd_beat, change by name only.",
+        help="With --table: change a key in the recipe of every row, or of one recipe. To change a network that rows share, "
+        "such as fgd_beat, write its recipe before the key.",
     ),
 ]
 Threads = Annotated[
     int, Option("--threads", metavar="NUMBER", min=0, help="With --table: threads of PyTorch. 0: PyTorch chooses.")
 ]
 About = Annotated[
-    str, Option("--about", metavar="TEXT", help="With --table: words for the head that describe the store, such as synthetic.")
+    str, Option("--about", metavar="TEXT", help="With --table: text for the head that describes the store, such as synthetic.")
 ]
 Figure = Annotated[Path | None, Option("--figure", metavar="FILE", help="With --table: draw its figure into this PNG.")]
 

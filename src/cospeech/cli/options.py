@@ -75,8 +75,8 @@ Audio = Annotated[
     Argument(
         metavar="SPEECH",
         help="Sound files (WAV, FLAC, OGG, MP3, AIFF; with the extra `av` also M4A, AAC, WebM and video, such as MP4 and MOV), "
-        "folders of sound files, patterns ('talks/*.wav', 'talks/**/*.wav'), or - for standard input. In a folder, those in "
-        "folders below count too; {name} then has these folders in it.",
+        "folders of sound files, patterns ('talks/*.wav', 'talks/**/*.wav'), or - for standard input. A folder includes the "
+        "folders in it; {name} then has their names in it.",
     ),
 ]
 Motions = Annotated[
@@ -84,7 +84,8 @@ Motions = Annotated[
     Argument(
         metavar="MOTION",
         help=f"Motion file to read: {' '.join(_READABLE)}. Or several, folders of them, or patterns ('takes/*.bvh'). "
-        "In a folder, those in folders below count too; of files of one name, one is taken, with its face where it has one.",
+        "A folder includes the folders in it. If files have the same name and different suffixes, only one is read, with its "
+        "face if it has one.",
     ),
 ]
 Output = Annotated[
@@ -95,7 +96,7 @@ Output = Annotated[
         metavar="FILE",
         help="File to write. The suffix chooses the format. Repeat the option for several files. For several speeches, "
         "name a folder, out/, or write {name} for the name of the speech: out/{name}.vrma. Without this option, the program "
-        "writes a .bvh and a .glb with the name of the speech into this folder, but over no file that is there.",
+        "writes a .bvh and a .glb with the name of the speech into this folder; it replaces no file that is there.",
     ),
 ]
 Model = Annotated[
@@ -120,7 +121,7 @@ Emotion = Annotated[
     option(
         "--emotion",
         metavar="NAME|FILE",
-        help="auto (arousal of the voice), neutral, happiness, anger, sadness, contempt, surprise, fear or disgust; "
+        help="auto (follows the voice), neutral, happiness, anger, sadness, contempt, surprise, fear or disgust; "
         "or a .csv file with the emotion over time.",
     ),
 ]
@@ -141,8 +142,8 @@ Language = Annotated[
     option(
         "--language",
         metavar="CODE",
-        help="Language of the words: de, fr, ja and so on. Without it, the transcript tells; live words in Latin letters are "
-        "English.",
+        help="Language of the words: de, fr, ja and so on. Without it, the program finds the language of a transcript; it "
+        "reads live words in Latin letters as English.",
     ),
 ]
 Transcribe = Annotated[
@@ -178,7 +179,7 @@ Face = Annotated[
     option(
         "--face",
         metavar="FILE",
-        help="Motion of a face (.json, .csv, .glb), shown in place of the model's own; body and hands follow it. "
+        help="Motion of a face (.json, .csv, .glb). It replaces the model's own face, and body and hands follow it. "
         "Only some models take it, such as chain-of-generation.",
     ),
 ]
@@ -214,7 +215,7 @@ RigMap = Annotated[
     option(
         "--map",
         metavar="FILE",
-        help="TOML file that gives our names to the joints of --skeleton's rig or of the avatar.",
+        help="TOML file that gives our names to the joints of the rig (--skeleton) or of the avatar.",
     ),
 ]
 Tail = Annotated[
@@ -223,7 +224,7 @@ Tail = Annotated[
         "--tail",
         metavar="SECONDS",
         parser=number,
-        help="Silence after the speech, 0 … 60 seconds, in which the hands come down; 3 are enough.",
+        help="Add silence after the speech, 0 … 60 seconds, in which the hands come down. 3 seconds are enough.",
     ),
 ]
 Fps = Annotated[float, option("--fps", metavar="NUMBER", parser=rate, help="Frames per second, 1 … 240: 24, or 30000/1001.")]
@@ -235,12 +236,12 @@ Avatar = Annotated[
     option(
         "--avatar",
         metavar="FILE",
-        help="VRM, GLB or FBX character for .glb files and pictures, or FBX for .fbx files, in place of our mannequin.",
+        help="Your character, instead of our mannequin: VRM, GLB or FBX for .glb files and pictures, FBX for .fbx files.",
     ),
 ]
 Clip = Annotated[
     str | None,
-    option("--clip", metavar="NAME|NUMBER", help="Animation of a .glb file that has several: name, or number from 0."),
+    option("--clip", metavar="NAME|NUMBER", help="Which animation of a .glb file that has several: name, or number from 0."),
 ]
 Picture = Annotated[
     Path, Argument(metavar="PICTURE", help="Picture to write: .mp4 (video), .gif (animation) or .png (strip of frames).")

@@ -19,7 +19,7 @@ PlanFile = Annotated[
 ]
 PlanOut = Annotated[
     str | None,
-    option("--plan-out", metavar="FILE", help="Write what is gestured when as a plan (.json), to be edited and played again."),
+    option("--plan-out", metavar="FILE", help="Write the plan of the gestures (.json). You can edit it and play it again."),
 ]
 AddGesture = Annotated[
     list[str] | None,
@@ -34,12 +34,12 @@ RemoveGesture = Annotated[
     option(
         "--remove",
         metavar="ID|@TIME|FROM:TO",
-        help="Remove a gesture of the plan: g3, @2.4 for the one nearest to 2.4 s, or all from 15 to 30 s: 15:30.",
+        help="Remove a gesture of the plan: g3; @2.4 for the one nearest to 2.4 s; 15:30 for all from 15 to 30 s.",
     ),
 ]
 MoveGesture = Annotated[
     list[str] | None,
-    option("--move", metavar="ID@TIME", help="Move a gesture of the plan, so that it strokes at this time: g3@2.6."),
+    option("--move", metavar="ID@TIME", help="Move a gesture of the plan, so that its stroke is at this time: g3@2.6."),
 ]
 Reseed = Annotated[
     list[str] | None,
@@ -50,7 +50,8 @@ SetStretch = Annotated[
     option(
         "--stretch",
         metavar="FROM:TO:VALUES",
-        help="Give a stretch its own style, emotion, intensity or seed: 3.2:5:style=lively,intensity=1.3. For all models.",
+        help="Give the speech from 3.2 to 5 s its own style, emotion, intensity or seed: 3.2:5:style=lively,intensity=1.3. For "
+        "all models.",
     ),
 ]
 Lock = Annotated[

@@ -28,7 +28,7 @@ Trajectory = Annotated[
     Path,
     Argument(metavar="FILE", help="File to write: .csv (a column for each joint), .json (the shape of ROS' JointTrajectory)."),
 ]
-Robot = Annotated[str, option("--robot", metavar="NAME", help="nao, pepper, reachy, or the URDF of yours: my_robot.urdf.")]
+Robot = Annotated[str, option("--robot", metavar="NAME", help="nao, pepper, reachy, or the URDF of your robot: my_robot.urdf.")]
 Channels = Annotated[
     Path | None,
     option(
@@ -45,8 +45,8 @@ Rest = Annotated[
         "--rest",
         metavar="SECONDS",
         parser=number,
-        help="Idle so long after the motion, 0 … 60; the hands come down in 1.5 s. Where it is not given: 1.5 after speech, 0 "
-        "after a motion file.",
+        help="Seconds of idling after the motion, 0 … 60. The hands need 1.5 s to come down. Without the option: 1.5 after "
+        "speech, 0 after a motion file.",
     ),
 ]
 Rate = Annotated[float, option("--fps", metavar="NUMBER", parser=rate, help="Commands per second, 1 … 240.")]

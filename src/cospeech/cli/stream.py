@@ -50,7 +50,7 @@ Avatar = Annotated[
     option(
         "--avatar",
         metavar="FILE",
-        help="VRM, GLB or FBX character that vmc:// moves, with its lengths of bones; without it, they are our mannequin's.",
+        help="VRM, GLB or FBX character that vmc:// moves: its bones have other lengths than those of our mannequin.",
     ),
 ]
 AvatarMap = Annotated[
@@ -63,8 +63,8 @@ Source = Annotated[
         "--input",
         "-i",
         metavar="SOURCE",
-        help="mic; a sound file, at the speed of its clock; - for raw samples on standard input; ws://HOST:PORT for a "
-        "WebSocket server that sends raw samples; listen://HOST:PORT to wait for a client that does.",
+        help="mic; a sound file, as fast as it is spoken; - for raw samples on standard input; ws://HOST:PORT for a "
+        "WebSocket server that sends raw samples; listen://HOST:PORT to wait for a client that sends them.",
     ),
 ]
 Targets = Annotated[
@@ -85,7 +85,7 @@ Transcript = Annotated[
     option(
         "--transcript",
         metavar="FILE",
-        help="Words of the speech, where they are known beforehand; every file that `generate` reads. For raw samples, times "
+        help="Words of the speech, if you know them before: every file that `generate` reads. For raw samples, times "
         "count from the first sample.",
     ),
 ]
@@ -94,7 +94,7 @@ Words = Annotated[
     option(
         "--words",
         metavar="FILE",
-        help="File or named pipe of words that come beside raw samples, as JSON lines: "
+        help="File or named pipe of words that come while raw samples come, as JSON lines: "
         '{"word": "huge", "start": 0.5, "end": 0.9}, in seconds from the first sample (docs/guides/live.md).',
     ),
 ]
@@ -113,8 +113,8 @@ IdleAfter = Annotated[
         "--idle-after",
         metavar="SECONDS",
         parser=number,
-        help="Silence after which the character listens and idles: the latency of the model, 1.63 s with a face, or more. "
-        "Where it is not given: 3 s of live sound, never for a file.",
+        help="Seconds of silence after which the character listens and idles. At least the latency of the model, 1.63 s with "
+        "a face. Without the option: 3 s for live sound, never for a file.",
     ),
 ]
 Partner = Annotated[
@@ -141,12 +141,13 @@ LookAhead = Annotated[
         "--look-ahead",
         metavar="SECONDS",
         parser=number,
-        help="Seconds of speech that a frame waits for. Less makes the character quicker to answer; its gestures come later "
-        "than the words. rules: 0.4 … 1.48, and 0.2 for --parts face; trained models: 0 and more (docs/runtime.md).",
+        help="Seconds of later speech on which a frame depends. With less, the character answers sooner, but its gestures come "
+        "later than the words. rules: 0.4 … 1.48, and from 0.2 on for --parts face; trained models: 0 and more "
+        "(docs/runtime.md).",
     ),
 ]
 Unpaced = Annotated[
-    bool, typer.Option("--unpaced", help="Send frames when they are made, and read a file as fast as it can be played.")
+    bool, typer.Option("--unpaced", help="Send each frame as soon as it is made, and read a file as fast as possible.")
 ]
 
 

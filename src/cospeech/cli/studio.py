@@ -24,7 +24,7 @@ Host = Annotated[
 ]
 Token = Annotated[
     str | None,
-    option("--token", metavar="TEXT", help="Secret that every client must bring. Default: a random one where one is needed."),
+    option("--token", metavar="TEXT", help="Secret that every client must send. Default: a random one if one is needed."),
 ]
 NoBrowser = Annotated[bool, Option("--no-browser", help="Do not open the page in a browser.")]
 _TOKEN = (8, 128)  # characters; ours: shorter ones are guessed
@@ -44,7 +44,7 @@ def studio(
 ) -> None:
     """Open a local page to make, edit and compare motion.
 
-    It runs on this machine until Ctrl-C, and keeps no file.
+    It runs on this machine until Ctrl-C. When it ends, it keeps no file.
 
     \b
     cospeech studio

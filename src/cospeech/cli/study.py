@@ -47,7 +47,7 @@ Transfer = Annotated[
 ]
 SpeechFolder = Annotated[
     Path | None,
-    option("--speech", metavar="FOLDER", help="Sound files with the names of the motion files. Default: beside them."),
+    option("--speech", metavar="FOLDER", help="Sound files with the names of the motion files. Default: the same folders."),
 ]
 Each = Annotated[
     int | None,
@@ -61,17 +61,17 @@ Each = Annotated[
 Checks = Annotated[int, option("--checks", metavar="NUMBER", parser=whole, help="Attention checks in each session, 0 … 20.")]
 StudySeed = Annotated[
     int | None,
-    option("--seed", metavar="NUMBER", parser=whole, help="Fixes orders and blind names. Drawn where not given."),
+    option("--seed", metavar="NUMBER", parser=whole, help="Seed of orders and blind names. Default: a random one."),
 ]
 Completion = Annotated[
-    str, option("--completion", metavar="URL", help="Address to which raters go on at the end, of a recruiting platform.")
+    str, option("--completion", metavar="URL", help="Address of a recruiting platform, to which the last page leads.")
 ]
 Faces = Annotated[
     str,
     option(
         "--faces",
         metavar="NAME",
-        help="Faces of motion files: show, hide, or auto, which hides all of them where a clip has none.",
+        help="Faces of motion files: show, hide, or auto, which hides all faces if one clip has none.",
     ),
 ]
 Differences = Annotated[

@@ -29,8 +29,8 @@ class Motion:
         rotations: (T, J, 4) local rotations, xyzw, unit length, without sign flips from frame to frame.
         root: (T, 3) position of the root joint in metres, Y up, the character facing +Z.
         face: (T, 52) ARKit weights in 0 … 1 in the order of `cospeech.motion.skeletons.arkit.ARKIT`, or None.
-        skeleton: its J joints; ours where not given.
-        start: time of the first frame in seconds (chunks of a stream carry theirs).
+        skeleton: its J joints; our humanoid if not given.
+        start: time of the first frame in seconds; the chunks of a stream have theirs.
 
     Raises:
         InputError: shapes disagree, rotations are not of unit length, fps is not 0.0001 … 10,000, or a value is not a finite

@@ -31,12 +31,13 @@ class Skeleton:
         names: J unique joint names, parents before children; the first is the root.
         parents: J indices, −1 for the root.
         offsets: (J, 3) metres, from the parent joint in the parent's frame. The root's offset is its T-pose position.
-        rest: (J, 4) local rotations that put this skeleton into the T-pose (facing +Z, Y up); identity for ours.
+        rest: (J, 4) local rotations, xyzw, that put this skeleton into the T-pose (facing +Z, Y up); identity for our humanoid.
         ends: leaf name → (3,) offset of the bone's tip, metres.
         kind: which table the names follow: ``"humanoid"``, ``"mixamo"``, …; ``"custom"`` for files of unknown make.
-        floor: height on which the T-pose stands, metres; not 0 where a file's own floor is elsewhere.
-        bone_map: our name → their name, where it was found when the file was read; else it is looked for when needed.
-        layout: how the BVH that it was read from says a motion; None where there is none. Equal skeletons may differ in it.
+        floor: height on which the T-pose stands, metres; 0 unless the file that it was read from has another floor.
+        bone_map: our name → its name, as found when the file was read; empty: it is found when it is needed.
+        layout: the order, units and channels of the BVH file that it was read from; None without such a file. Skeletons with
+            other layouts may be equal.
 
     Raises:
         InputError: names repeat, a parent comes after its child, shapes disagree, or a value is not finite.

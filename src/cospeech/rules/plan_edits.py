@@ -44,10 +44,11 @@ class Setting(NamedTuple):
 
 
 class Plan(PlanData):
-    """What is gestured when: phrases, accents, gestures, gaze, emotions, seeds.
+    """Which gestures a performance has, and when: gestures, gaze, phrases, accents, emotions, seeds.
 
-    A new plan is open: nothing is listed, and all is planned from the seed when it is played. `RuleBasedModel.plan` gives the
-    plan of a speech with all gestures listed; each has an ``id`` that no edit changes.
+    A plan never changes: each edit returns a new plan. A new plan is *open*: it lists no gestures, and the model plans them
+    from the seed when it plays the plan. `RuleBasedModel.plan` returns the plan of a speech, which lists all gestures. Each
+    gesture has an ``id`` that no edit changes.
 
     >>> plan = Plan(seed=3).add("huge", at=2.4).add("point_left", at=5.0, size=1.3)
     >>> [(gesture.id, gesture.form, gesture.stroke, gesture.hands) for gesture in plan.gestures]
@@ -75,7 +76,7 @@ class Plan(PlanData):
             raise InputError(f"{shown} is nested too deeply", "is it a plan?") from None
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the plan as JSON: a line for each entry, so that it can be edited in any editor.
+        """Write the plan as JSON, with a line for each entry, so that you can edit it in any editor.
 
         Raises:
             InputError: it cannot be written.
@@ -84,7 +85,7 @@ class Plan(PlanData):
             temporary.write_text(self.to_json(), "utf-8", newline="\n")
 
     def to_json(self) -> str:
-        """The plan as JSON; what is not given is left out."""
+        """The plan as JSON, without fields that are None."""
         import json
 
         data = self.model_dump(by_alias=True, exclude_none=True)
@@ -120,7 +121,7 @@ class Plan(PlanData):
         return _moods(self.emotion)
 
     def settings(self) -> list[Setting]:
-        """What holds when: style, emotion, intensity and seed at each border of a stretch."""
+        """The values from each time on: style, emotion, intensity and seed at each border of a stretch."""
         usual = Setting(0.0, self.style, self.emotion, self.intensity, self.seed)
         found = list[Setting]()
         ordered = sorted(self.stretches, key=lambda each: each.start)
@@ -134,10 +135,13 @@ class Plan(PlanData):
     # ------------------------------------------------------------------------------------------------ gestures
 
     def find(self, gesture: str) -> PlannedGesture:
-        """A gesture by its id, or the one whose stroke is the nearest: ``"@2.4"``.
+        """A gesture of this plan.
+
+        Args:
+            gesture: its id, ``"g3"``; or a time, ``"@2.4"``, for the gesture whose stroke is nearest to 2.4 s.
 
         Raises:
-            InputError: there is none.
+            InputError: the plan has no such gesture.
         """
         if not isinstance(gesture, str):
             hint = 'such as "g3", or "@2.4" for the one nearest to 2.4 s'
@@ -155,14 +159,14 @@ class Plan(PlanData):
     def add(
         self, form: str, *, at: float | None = None, word: str | None = None, hands: str | None = None, **fields: Any
     ) -> Plan:
-        """Another gesture. It takes the place of those of its hands that would be less than 0.6 s away.
+        """This plan with one more gesture. It replaces gestures of the same hands that are less than 0.6 s away.
 
         Args:
-            form: of `find_form`: a form, with ``_left``, ``_right`` or ``_both`` where you like; or a word of the lexicon.
-            at: seconds of its stroke.
-            word: or a word of the transcript on which it strokes: ``"there"``; the second one is ``"there:2"``.
-            hands: left, right or both; where not given, by the form or the planner.
-            fields: others of `PlannedGesture`.
+            form: a form, with ``_left``, ``_right`` or ``_both`` if you like; or a word of the lexicon (see `find_form`).
+            at: time of its stroke in seconds. Give this or ``word``.
+            word: the word of the transcript on which the stroke comes: ``"there"``; the second one is ``"there:2"``.
+            hands: left, right or both; None: the form or the planner decides.
+            fields: other fields of `PlannedGesture`.
 
         Raises:
             InputError: no such form or word, a value out of range, or a locked time.
@@ -185,7 +189,7 @@ class Plan(PlanData):
         return self._with([*(each for each in self.gestures if each not in near), added])
 
     def remove(self, gesture: str) -> Plan:
-        """Without a gesture; for names see `find`. Beats that were superimposed on it go, too.
+        """This plan without a gesture, and without the beats on it. ``gesture`` is named as for `find`.
 
         Raises:
             InputError: there is no such gesture, or it is locked.
@@ -196,7 +200,9 @@ class Plan(PlanData):
         return self._with(each for each in self.gestures if each not in gone)
 
     def remove_between(self, start: float, end: float) -> Plan:
-        """Without the gestures that stroke from ``start`` to ``end`` seconds, and the beats on them; locked ones stay.
+        """This plan without the gestures whose stroke is from ``start`` to ``end`` seconds, and the beats on them.
+
+        Locked gestures stay.
 
         Raises:
             InputError: no stretch of time, all of it is locked, or the plan lists no gesture at all.
@@ -210,10 +216,10 @@ class Plan(PlanData):
         return self._with(each for each in self.gestures if each not in gone)
 
     def move(self, gesture: str, to: float) -> Plan:
-        """A gesture whose stroke is at another time in seconds; it keeps its length.
+        """This plan with the stroke of a gesture at the time ``to``, seconds. The gesture keeps its length.
 
         Raises:
-            InputError: there is no such gesture, it would meet another of its hands, or one of the times is locked.
+            InputError: there is no such gesture, another gesture has the same hands at that time, or a time is locked.
         """
         old = self.find(gesture)
         by = to - old.stroke
@@ -222,7 +228,7 @@ class Plan(PlanData):
         return self.change(old.id, stroke=to, **moved)
 
     def change(self, gesture: str, **fields: Any) -> Plan:
-        """A gesture with other fields of `PlannedGesture`; with another form, its place is that of the form.
+        """This plan with other fields of a gesture, see `PlannedGesture`. If the form changes, the place is that of the form.
 
         Raises:
             InputError: there is no such gesture or field, a value is out of range, or a time is locked.
@@ -242,11 +248,11 @@ class Plan(PlanData):
     # ------------------------------------------------------------------------------------------------ stretches
 
     def reseed(self, start: float, end: float, seed: int | None = None) -> Plan:
-        """Another performance from ``start`` to ``end`` seconds: gestures and gaze are planned anew there, locked ones stay.
+        """This plan with new gestures and gaze from ``start`` to ``end`` seconds. Locked gestures stay.
 
         Args:
             start, end: seconds.
-            seed: that of the plan, and those of other stretches, count up by one where it is not given.
+            seed: of the stretch; None: one more than the largest seed of the plan and its stretches.
 
         Raises:
             InputError: no stretch of time, or all of it is locked.
@@ -256,7 +262,7 @@ class Plan(PlanData):
         return self.set(start, end, seed=seed, open=True)
 
     def set(self, start: float, end: float, **values: Any) -> Plan:
-        """Values of their own for a stretch, except where it is locked: seed, style, emotion, intensity.
+        """This plan with own values for a stretch: seed, style, emotion, intensity. Locked parts of it do not change.
 
         Raises:
             InputError: no stretch of time, all of it is locked, or a value is out of range.
@@ -280,11 +286,12 @@ class Plan(PlanData):
         )
 
     def clear(self, start: float, end: float, names: Iterable[str] = VALUES) -> Plan:
-        """The plan's own values again for a stretch, except where it is locked.
+        """This plan with the values of the plan again in a stretch. Locked parts of it do not change.
 
         Args:
             start, end: seconds.
-            names: of values: style, emotion, intensity; or seed: what had a seed of its own is planned anew with the plan's.
+            names: the values to clear: style, emotion, intensity, seed. With ``"seed"``, parts that had a seed of their own are
+                planned anew with the seed of the plan.
 
         Raises:
             InputError: no stretch of time, all of it is locked, or no such value.
@@ -305,10 +312,10 @@ class Plan(PlanData):
         return plan._with_fields(stretches=[each.model_dump() for each in stretches if not each.is_empty])
 
     def lock(self, start: float, end: float) -> Plan:
-        """Edits of gestures from ``start`` to ``end`` seconds are refused, and `reseed` leaves them.
+        """This plan with locked gestures from ``start`` to ``end`` seconds: edits refuse them, and `reseed` keeps them.
 
         A gesture is locked if any part of it lies there, from its preparation to the end of its hold or of the last beat on it.
-        No new one reaches into the stretch.
+        No new gesture reaches into the stretch.
 
         Raises:
             InputError: no stretch of time.
@@ -316,16 +323,16 @@ class Plan(PlanData):
         return self._with_fields(locked=[*(each.model_dump() for each in self.locked), {"from": start, "to": end}])
 
     def unlock(self) -> Plan:
-        """Nothing is locked."""
+        """This plan without locks."""
         return self._with_fields(locked=())
 
     def with_words(self, words: Iterable[Word]) -> Plan:
-        """The plan with the words of a transcript."""
+        """This plan with the words of a transcript."""
         return self.model_copy(update={"words": words_of(words)})
 
     @property
     def speech_words(self) -> tuple[Word, ...]:
-        """Its words, as a speech has them."""
+        """The words of the plan, as `Word`."""
         return tuple(Word(word.text, word.start, word.end, word.language or "") for word in self.words)
 
     # ------------------------------------------------------------------------------------------------ parts of them

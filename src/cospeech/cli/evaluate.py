@@ -65,7 +65,9 @@ Seeds = Annotated[
 ]
 Rows = Annotated[
     list[str] | None,
-    Option("--rows", metavar="TEXT", help="With --table: make only rows whose names contain this. Repeat it for several."),
+    Option(
+        "--rows", metavar="TEXT", help="With --table: make only rows whose names contain this. Repeat the option for several."
+    ),
 ]
 Runs = Annotated[Path, Option("--runs", metavar="FOLDER", help="With --table: folder of the runs and of the table's files.")]
 Recipes = Annotated[

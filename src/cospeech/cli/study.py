@@ -43,7 +43,11 @@ Reference = Annotated[
 ]
 Transfer = Annotated[
     list[str] | None,
-    option("--transfer", metavar="NAME", help="A system whose style should differ from the reference's. Repeat for several."),
+    option(
+        "--transfer",
+        metavar="NAME",
+        help="A system whose style should differ from the reference's. Repeat the option for several.",
+    ),
 ]
 SpeechFolder = Annotated[
     Path | None,

@@ -37,7 +37,7 @@ Store = Annotated[
 ]  # fmt: skip
 Set = Annotated[
     list[str] | None,
-    Option("--set", metavar="KEY=VALUE", help="Change a key of the recipe: train.steps=2000. Repeat it for several."),
+    Option("--set", metavar="KEY=VALUE", help="Change a key of the recipe: train.steps=2000. Repeat the option for several."),
 ]
 Resume = Annotated[bool, Option("--resume", help="Continue the run in the folder, if there is one.")]
 Out = Annotated[

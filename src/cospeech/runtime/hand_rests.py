@@ -38,8 +38,8 @@ _PAUSE = 1.6
 _LATE = 2.0  # seconds by which a bout ends later, at most, because accents follow; and begins later, until one comes [ours]
 _WEAK = 0.3  # strength up to which an accent counts for nothing here [ours]
 _BOTH = 0.5
-"""How often both hands go down, and not one of them. [of the time in which some hand of two recorded people is at rest, both are
-for one half: `cospeech.metrics.REFERENCE`]"""
+"""How often both hands go down, and not one of them. [both hands of two recorded people are at rest for one half of the time in
+which some hand is: `cospeech.metrics.REFERENCE`]"""
 _MOST = 0.9  # how far hands come to rest [ours: as hands that are held, they live a little]
 
 

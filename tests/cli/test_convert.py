@@ -36,6 +36,22 @@ def test_cut_join_and_loop(cli, place):
     assert step < 0.15
 
 
+@pytest.mark.parametrize(
+    "words", ["-o out.bvh talk.bvh", "talk.bvh --output=out.bvh", "talk.bvh --to 1 -o out.bvh", "-o out.bvh -- talk.bvh"]
+)
+def test_the_file_to_write_may_be_named_as_in_generate(cli, place, words):
+    assert cli("convert", "-q", *words.split()) == (0, "", "")
+    assert load("out.bvh").fps == load("talk.bvh").fps
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    ("talk.bvh -o", "-o without a file"), ("talk.bvh -o a.bvh -o b.bvh", "names 2 files"), ("-o a.bvh", "missing argument"),
+])  # fmt: skip
+def test_one_file_is_written(cli, place, words, said):
+    code, _, err = cli("convert", *words.split())
+    assert (code, said in err, [*place.glob("?.bvh")]) == (2, True, [])
+
+
 @pytest.mark.slow
 def test_a_part_of_a_motion_is_drawn_with_that_part_of_the_speech(cli, place):
     av = pytest.importorskip("av")

@@ -9,6 +9,7 @@ import typer
 from typer import Argument, Option
 
 from ..errors import InputError, say_count
+from .last_output import LastOutputCommand
 from .options import Avatar, Clip, Debug, Drawn, Map, Motions, NewFps, Picture, Quiet, Retarget, View, number, option
 
 __all__ = ["register"]
@@ -40,8 +41,8 @@ Blend = Annotated[
 
 def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
-    app.command()(convert)
-    app.command()(render)
+    app.command(cls=LastOutputCommand)(convert)
+    app.command(cls=LastOutputCommand)(render)
 
 
 def convert(
@@ -50,7 +51,8 @@ def convert(
         Path,
         Argument(
             metavar="FILE",
-            help="File to write. The suffix chooses the format. {name} stands for the name of the motion: out/{name}.glb.",
+            help="File to write, here or after -o. The suffix chooses the format. {name} stands for the name of the motion: "
+            "out/{name}.glb.",
         ),
     ],
     skeleton: Retarget = None,

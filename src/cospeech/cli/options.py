@@ -244,7 +244,10 @@ Clip = Annotated[
     option("--clip", metavar="NAME|NUMBER", help="Which animation of a .glb file that has several: name, or number from 0."),
 ]
 Picture = Annotated[
-    Path, Argument(metavar="PICTURE", help="Picture to write: .mp4 (video), .gif (animation) or .png (strip of frames).")
+    Path,
+    Argument(
+        metavar="PICTURE", help="Picture to write, here or after -o: .mp4 (video), .gif (animation) or .png (strip of frames)."
+    ),
 ]
 View = Annotated[
     str | None, option("--camera", metavar="NAME", help="body (the default of videos), full (of .png), face or hands.")

@@ -231,6 +231,7 @@ def test_a_sound_file_without_a_name_writes_nothing_around_the_folder(cli, place
         (["call.wav", "-o", "{name}.bvh", "--transcript", "host.srt", "--transcript", "missing.srt"], "'missing.srt'"),
         (["call.wav", "-o", "{name}.bvh", "--angle", "75"], "an angle of 75 degrees"),
         (["call.wav", "-o", "{name}.bvh", "--model", "nope"], "'nope'"),
+        (["call.wav", "-o", "{name}" + 250 * "x" + ".bvh"], "too long (choose a shorter one)"),
         (["same.wav", "-o", "{name}.bvh"], "are the same sound (each person needs a track of their own"),
         (["call.wav", "-o", "missing/x/{name}.bvh", "--report", "nowhere/r.json"], "nowhere/r.json"),
     ],

@@ -225,6 +225,21 @@ def test_atomic_leaves_no_trace(tmp_path):
     assert ([*tmp_path.iterdir()], target.read_text()) == ([target], "whole")
 
 
+@pytest.mark.parametrize("mask", [0o077, 0o002])
+def test_a_file_has_the_rights_of_any_new_file_and_the_process_keeps_its_mask(tmp_path, monkeypatch, mask):
+    """The mask is of the process: while it is changed, files of other threads would be open to all."""
+    before = os.umask(mask)
+    try:
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "umask", None)
+            with atomic(tmp_path / "a.txt") as path:
+                path.unlink()
+                path.touch(0o600)
+    finally:
+        os.umask(before)
+    assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o666 & ~mask
+
+
 def test_a_read_only_file_is_not_replaced(tmp_path):
     target = tmp_path / "kept.bvh"
     target.write_text("kept")

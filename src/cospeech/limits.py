@@ -16,8 +16,8 @@ __all__ = [
     "LIMITS", "LINE_CHARACTERS", "LONGEST_ENTRY_BYTES", "LONGEST_MESSAGE_BYTES", "MOTION_BYTES", "MOTION_RATES", "NPZ_BYTES",
     "NPZ_MEMBERS", "OPEN_TIMEOUT", "PIPED_BYTES", "PLAN_BYTES", "PLAN_VALUES",
     "PLAUSIBLE_SECONDS", "RECIPE_BYTES", "RUN_BYTES", "SECONDS_IN_MEMORY",
-    "SOUND_RATES", "SPEECH_RATES", "STORE_INDEX_BYTES", "TENSORS_HEAD_BYTES", "TEXTURES_PIXELS", "TEXTURE_PIXELS",
-    "TOML_DOTS", "TRANSCRIPT_BYTES", "TRANSCRIPT_JSON_VALUES", "WORDS", "WORD_VECTOR_WIDTH", "Limit",
+    "SOUND_RATES", "SPEAKERS", "SPEECH_RATES", "STORE_INDEX_BYTES", "TENSORS_HEAD_BYTES", "TEXTURES_PIXELS", "TEXTURE_PIXELS",
+    "TOML_DOTS", "TRANSCRIPT_BYTES", "TRANSCRIPT_JSON_VALUES", "URDF_BYTES", "WORDS", "WORD_VECTOR_WIDTH", "Limit",
     "most_joint_frames",
 ]  # fmt: skip
 
@@ -105,6 +105,8 @@ SPEECH_RATES = (100, 10_000_000)
 """Samples per second of a `Speech` made in a program; below and beyond it is a mistake."""
 CHANNELS = 1024
 """Of a sound file; libsndfile's own limit."""
+SPEAKERS = 64
+"""Who talk in a conversation: each of them is heard for itself, and listens to all others. A large meeting has some 30."""
 SECONDS_IN_MEMORY = 2 * 3600.0
 """Of speech that is read as a whole: 460 MB at 16 kHz; longer speech is streamed, of any length."""
 OPEN_TIMEOUT = 30.0
@@ -137,6 +139,8 @@ PLAN_VALUES = 4_000_000
 
 # ---- settings, bundles, runs ----
 
+URDF_BYTES = 16 << 20
+"""Of a robot's URDF; a large robot has some 200 kB."""
 BONE_MAP_BYTES = 1 << 16
 """Of a file for ``--map``; one that names all joints has 2 kB."""
 RECIPE_BYTES = 1 << 18
@@ -229,6 +233,7 @@ LIMITS = (
     Limit("Speech made in Python, lowest rate", SPEECH_RATES[0], "samples per second", "a lower rate is taken for a mistake"),
     Limit("Speech made in Python, highest rate", SPEECH_RATES[1], "samples per second", "a higher rate is taken for a mistake"),
     Limit("sound file", CHANNELS, "channels", "libsndfile's own limit"),
+    Limit("conversation", SPEAKERS, "persons", "a large meeting has some 30"),
     Limit("speech read as a whole", SECONDS_IN_MEMORY, "seconds", "streams have no limit"),
     Limit("decoder, until the first sound", OPEN_TIMEOUT, "seconds", "a long MP3 is scanned first"),
     Limit("sound on standard input", PIPED_BYTES, "bytes", "6 hours of uncompressed stereo"),
@@ -244,6 +249,7 @@ LIMITS = (
     Limit("plan of gestures", PLAN_BYTES, "bytes", "a day of speech has some 40 MB"),
     Limit("plan of gestures", PLAN_VALUES, "commas, lists and objects", "a day of speech has some 2 million"),
     Limit("bone map (--map)", BONE_MAP_BYTES, "bytes", "a map of all joints has 2 kB"),
+    Limit("URDF of a robot", URDF_BYTES, "bytes", "a large robot has some 200 kB"),
     Limit("recipe", RECIPE_BYTES, "bytes", "our longest recipe has 2 kB"),
     Limit("line of a bone map or recipe", TOML_DOTS, "dots", "the time to read a key grows with the square of its dots"),
     Limit("bundle", BUNDLE_MEMBERS, "members", "our bundles have seven"),

@@ -222,3 +222,12 @@ def test_one_recording_of_all_is_parted_by_who_speaks_when(tmp_path, voices):
         own = np.concatenate(list(source.blocks()))
     low, high = (round(time * RATE) for time in turns[1][1:])
     assert np.allclose(own[low:high], tracks[1, low:high], atol=1e-4)
+
+
+def test_a_crowd_is_no_conversation(tmp_path, voices):
+    """Each person is heard for itself: a file of a few bytes could keep the machine at work for a day."""
+    path = write(tmp_path / "all.wav", voices[0][0, :RATE])
+    with pytest.raises(InputError, match=r"a conversation of 65 persons \(64 at most"):
+        hear_recording(VoiceTrack(path), {f"s{k}": (Phrase(0.01 * k, 0.01 * k + 0.01),) for k in range(65)})
+    with pytest.raises(InputError, match="a conversation of 65 persons"):
+        hear_conversation(*(VoiceTrack(path, k) for k in range(65)))

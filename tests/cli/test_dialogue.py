@@ -182,6 +182,34 @@ def test_three_persons_look_at_the_one_who_speaks(cli, place):
     assert second - third > 35, "the head goes three quarters of the way of 60°"
 
 
+def test_a_name_from_a_file_is_one_of_a_file_in_the_folder_that_was_named(cli, place):
+    names = ["../../\ud800up", "A\x9b2J\u202egpj\x7f", "علی\u200cرضا", "con\0.", "{name}", ".."]
+    said = [{"speaker": name, "start": k, "end": k + 0.9} for k, name in enumerate(names)]
+    (place / "who.json").write_text(json.dumps(said), "utf-8")
+    code, out, err = cli("dialogue", "host.wav", "--speakers", "who.json", "-o", "out/{name}.csv")
+    assert code == 0
+    made = ["host..._..__up", "host.A_2J_gpj_", "host.علی\u200cرضا", "host.con_.", "host.{name}", "host..."]
+    assert {path.name for path in (place / "out").iterdir()} == {f"{name}.csv" for name in made}
+    assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202e]", out + err), "nothing that a terminal obeys"
+
+
+def test_names_that_are_one_on_other_systems_are_told(cli, place):
+    said = [{"speaker": name, "start": k, "end": k + 0.9} for k, name in enumerate(("ZO\u00cb", "zoe\u0308"))]
+    (place / "who.json").write_text(json.dumps(said), "utf-8")
+    code, _, err = cli("dialogue", "host.wav", "--speakers", "who.json", "-o", "{name}.csv")
+    assert code == 2
+    assert "two speakers whose files would be called 'host.ZOË' (rename one of them)" in err
+
+
+def test_a_sound_file_without_a_name_writes_nothing_around_the_folder(cli, place):
+    (place / "host.wav").rename("...wav")
+    for command in (["dialogue", "...wav", "guest.wav"], ["generate", "...wav"]):
+        code, _, err = cli(*command, "-o", "out/{name}/talk.csv")
+        assert code == 2
+        assert "'...wav' has no name before its suffix (rename it)" in err
+    assert not list(place.rglob("talk.csv"))
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [
@@ -203,6 +231,7 @@ def test_three_persons_look_at_the_one_who_speaks(cli, place):
         (["call.wav", "-o", "{name}.bvh", "--transcript", "host.srt", "--transcript", "missing.srt"], "'missing.srt'"),
         (["call.wav", "-o", "{name}.bvh", "--angle", "75"], "an angle of 75 degrees"),
         (["call.wav", "-o", "{name}.bvh", "--model", "nope"], "'nope'"),
+        (["call.wav", "-o", "{name}" + 250 * "x" + ".bvh"], "too long (choose a shorter one)"),
         (["same.wav", "-o", "{name}.bvh"], "are the same sound (each person needs a track of their own"),
         (["call.wav", "-o", "missing/x/{name}.bvh", "--report", "nowhere/r.json"], "nowhere/r.json"),
     ],

@@ -99,6 +99,19 @@ def test_only_what_is_abandoned_goes(tmp_path):
     assert not own.exists()
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no such pipes")
+@pytest.mark.parametrize("lead", ["pipe", "link"])
+def test_a_folder_of_somebody_else_keeps_nobody_waiting(tmp_path, lead):
+    """In a folder where all may write, such as that for temporary files, anybody can make one with our prefix."""
+    trap = tmp_path / f"{PREFIX}a1a2a3a4"
+    trap.mkdir()
+    os.mkfifo(tmp_path / "pipe")
+    (trap / "lock").symlink_to(tmp_path / "pipe") if lead == "link" else (tmp_path / "pipe").rename(trap / "lock")
+    code = "import sys; from pathlib import Path; from cospeech.files import sweep; sweep(Path(sys.argv[1]))"
+    subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=True, timeout=20)
+    assert trap.is_dir()
+
+
 @pytest.fixture
 def without_locks(monkeypatch) -> set[Path]:
     """As on Windows: no locks, and a file that is open cannot be removed. The set: what others have open."""
@@ -210,6 +223,21 @@ def test_atomic_leaves_no_trace(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         _interrupted(target)
     assert ([*tmp_path.iterdir()], target.read_text()) == ([target], "whole")
+
+
+@pytest.mark.parametrize("mask", [0o077, 0o002])
+def test_a_file_has_the_rights_of_any_new_file_and_the_process_keeps_its_mask(tmp_path, monkeypatch, mask):
+    """The mask is of the process: while it is changed, files of other threads would be open to all."""
+    before = os.umask(mask)
+    try:
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "umask", None)
+            with atomic(tmp_path / "a.txt") as path:
+                path.unlink()
+                path.touch(0o600)
+    finally:
+        os.umask(before)
+    assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o666 & ~mask
 
 
 def test_a_read_only_file_is_not_replaced(tmp_path):

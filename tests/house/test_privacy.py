@@ -30,6 +30,8 @@ COMMANDS = [
     "convert rules.bvh other.vrma",
     "render rules.glb other.mp4 --audio talk.wav",
     *(f"list {what}" for what in ("models", "styles", "formats", "metrics", "corpora")),
+    "dialogue talk.wav guest.wav -o {name}.pair.bvh -o pair.mp4",
+    "robot talk.wav robot.csv",
     "bench --seconds 2 --json",
     "synthesise raw --layout trinity --speech speech --hours 0.004 --no-tts",
     "prepare trinity raw store --fps 10 --jobs 2",
@@ -60,6 +62,7 @@ def desk(tmp_path):
     for folder in ("home", "temporary", "work/speech"):
         (tmp_path / folder).mkdir(parents=True)
     soundfile.write(tmp_path / "work" / "talk.wav", samples[: 2 * rate], rate)
+    soundfile.write(tmp_path / "work" / "guest.wav", samples[4 * rate : 6 * rate], rate)
     soundfile.write(tmp_path / "work" / "speech" / "a.wav", samples[: 6 * rate], rate)
     return tmp_path
 
@@ -90,7 +93,8 @@ def test_commands_write_what_was_asked_for_and_open_no_socket(desk):
     assert_nothing_happened(desk, "all commands", trace)
     made = {path.name for path in (desk / "work").iterdir()}
     written = {part for command in COMMANDS for part in command.split() if part.startswith(("rules.", "talk.", "other."))}
-    assert made >= written | {"raw", "store", "report.json"}
+    others = {"raw", "store", "report.json", "guest.pair.bvh", "pair.mp4", "robot.csv"}
+    assert made >= written | others
 
 
 def test_training_writes_its_run_and_opens_no_socket(desk):

@@ -238,3 +238,17 @@ def test_a_server_of_a_network_names_an_address_that_other_computers_can_open(mo
         monkeypatch.setattr(server, "_find_outward", lambda far: "2001:db8::7")
         assert server.list_addresses("::", listening, None) == [f"http://[::1]:{port}/", f"http://[2001:db8::7]:{port}/"]
         assert server.list_addresses("127.0.0.1", listening, None) == [f"http://127.0.0.1:{port}/"]
+
+
+@pytest.mark.parametrize(("given", "is_asked"), [([], False), (["--token", "auto"], True), (["--host", "0.0.0.0"], True)])
+def test_a_studio_asks_other_users_of_the_machine_for_a_token_too(cli, monkeypatch, given, is_asked):
+    pytest.importorskip("websockets", reason="the studio needs websockets (the studio extra)")
+    asked = []
+    monkeypatch.setattr("cospeech.studio.state.StudioState.start_warm_up", lambda state: None)
+    monkeypatch.setattr(
+        "cospeech.studio.server.run_server", lambda app, listening, **more: asked.append(app._token) or listening.close()
+    )
+    code, out, _ = cli("studio", "--no-browser", "--port", 0, *given)
+    assert code == 0
+    assert (asked[0] is not None) is is_asked is ("?token=" in out)
+    assert not is_asked or (len(asked[0]) > 20 and asked[0] in out)

@@ -337,6 +337,18 @@ def test_a_rater_goes_on_after_a_pause(study):
         assert other["trials"] != first["trials"]
 
 
+def test_a_link_among_the_clips_shows_no_other_file(study, tmp_path):
+    clip = study / "clips" / load_plan(study).clips[0].file
+    (tmp_path / "secret.txt").write_text("a secret")
+    clip.unlink()
+    clip.symlink_to(tmp_path / "secret.txt")
+    with serving(study) as port:
+        assert ask(port, f"/clips/{clip.name}")[0] == 404
+    with pytest.raises(InputError, match=r"the clip '.*\.mp4' is a link"):
+        export_page(study, tmp_path / "page")
+    assert not (tmp_path / "page").exists()
+
+
 def test_an_exported_page_and_its_answers(study, tmp_path):
     plan = export_page(study, tmp_path / "page", sessions=3)
     files = {path.name for path in (tmp_path / "page").iterdir()}

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..limits import SPEAKERS
 from ..motion.rotations import Array
 from .backchannel_cues import BackchannelCue, CueDetector
 from .prosodic_events import RATE, Phrase
@@ -127,8 +128,9 @@ def hear_conversation(*tracks: VoiceTrack) -> tuple[HeardSpeaker, ...]:
         tracks: two or more, which begin at the same moment. Where one is shorter, silence follows.
 
     Raises:
-        InputError: a file cannot be read, or two tracks are the same sound.
+        InputError: a file cannot be read, two tracks are the same sound, or there are more than `SPEAKERS`.
     """
+    _check_count(len(tracks))
     measured = [_measure(track) for track in tracks]
     length = max(seconds for _, seconds in measured)
     count = max(len(levels) for levels, _ in measured)
@@ -150,8 +152,9 @@ def hear_recording(track: VoiceTrack, stretches: Mapping[str, Sequence[Phrase]])
         stretches: name → when this person speaks, see `cospeech.audio.diarisation.read_speakers`.
 
     Raises:
-        InputError: the file cannot be read.
+        InputError: the file cannot be read, or more than `SPEAKERS` persons speak.
     """
+    _check_count(len(stretches))
     levels, length = _measure(track)
     times, found = np.arange(len(levels)) / RATE, dict[str, HeardSpeaker]()
     for name, spoken in stretches.items():
@@ -160,6 +163,12 @@ def hear_recording(track: VoiceTrack, stretches: Mapping[str, Sequence[Phrase]])
             own[slice(*np.searchsorted(times, (phrase.start - _AROUND, phrase.end + _AROUND)))] = 1.0
         found[name] = _hear(HeardSpeaker(track, _average(own, _FADE), length))
     return found
+
+
+def _check_count(persons: int) -> None:
+    """Raise an InputError where there are more than are heard in a sensible time."""
+    if persons > SPEAKERS:
+        raise InputError(f"a conversation of {persons:,} persons", f"{SPEAKERS} at most; are its speakers told apart well?")
 
 
 def merge_speakers(speakers: Sequence[HeardSpeaker]) -> HeardSpeaker:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+import unicodedata
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError, nearest, say_count
+from .several import check_name
 
 if TYPE_CHECKING:
     from ..audio.conversation import HeardSpeaker
@@ -18,6 +21,7 @@ __all__ = ["Person", "choose_persons", "describe_persons", "hear_persons"]
 _SIDES = ("left", "right")
 _LETTERS = 40  # of a speaker's name in names of files [ours: systems take 255 bytes, and a letter has up to four]
 _FORBIDDEN = re.compile(r'[\s<>:"/\\|?*\x00-\x1f]+')  # in names of files, of any system
+_JOINERS = "\u200c\u200d"  # of letters, in Persian and Indic names: the only signs that cannot be seen and stay
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,7 @@ def hear_persons(speech: Sequence[Path], speakers: Path | None) -> list[Person]:
     if len(speech) == 1:
         labels = _label_channels(speech[0])
         tracks = [VoiceTrack(speech[0], channel) for channel in range(len(labels))]
-        names = [f"{speech[0].stem}.{label}" for label in labels]
+        names = [f"{check_name(speech[0]).stem}.{label}" for label in labels]
     else:
         labels, tracks, names = [""] * len(speech), [VoiceTrack(path) for path in speech], _name_files(speech)
     heard = hear_conversation(*tracks)
@@ -83,7 +87,7 @@ def _name_files(speech: Sequence[Path]) -> list[str]:
     Raises:
         InputError: two are called alike then, too.
     """
-    names = [path.stem for path in speech]
+    names = [check_name(path).stem for path in speech]
     if len(set(names)) < len(names):
         names = [f"{path.absolute().parent.name}.{path.stem}" for path in speech]
     twice = next((path for path, name in zip(speech, names, strict=True) if names.count(name) > 1), None)
@@ -105,11 +109,23 @@ def _hear_all(speech: Sequence[Path], speakers: Path) -> list[Person]:
     if len(stretches) < 2:
         raise InputError(f"{speakers.name!r} names only {next(iter(stretches))!r}", "a conversation has two persons or more")
     heard = hear_recording(VoiceTrack(speech[0]), stretches)
-    files = [f"{speech[0].stem}.{_FORBIDDEN.sub('_', label)[:_LETTERS]}" for label in heard]
-    twice = next((name for name in files if [each.lower() for each in files].count(name.lower()) > 1), None)
+    files = [f"{check_name(speech[0]).stem}.{_name_file(label)}" for label in heard]
+    alike = [unicodedata.normalize("NFC", name).lower() for name in files]  # as macOS and Windows compare names
+    count = Counter(alike)
+    twice = next((name for name, key in zip(files, alike, strict=True) if count[key] > 1), None)
     if twice is not None:
         raise InputError(f"{speakers.name!r} names two speakers whose files would be called {twice!r}", "rename one of them")
     return [Person(name, *each) for name, each in zip(files, heard.items(), strict=True)]
+
+
+def _name_file(label: str) -> str:
+    """What a speaker is called in names of files.
+
+    A file may call a speaker anything. So what no system takes is left out, and what changes how a terminal or a folder shows a
+    name: control characters, and signs that turn the direction of letters.
+    """
+    seen = "".join(letter if letter.isprintable() or letter in _JOINERS else "_" for letter in _FORBIDDEN.sub("_", label))
+    return seen[:_LETTERS]
 
 
 def choose_persons(persons: Sequence[Person], wanted: Sequence[str]) -> list[int]:

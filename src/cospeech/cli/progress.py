@@ -6,6 +6,8 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from .standard_streams import find_bar_stream
+
 __all__ = ["show_progress"]
 
 
@@ -27,15 +29,16 @@ def show_progress(title: str, quiet: bool) -> Iterator[Callable[..., None] | Non
     from time import monotonic
 
     from rich.console import Console
+    from rich.markup import escape
     from rich.progress import Progress
 
-    bar, began = Progress(console=Console(stderr=True), transient=True), monotonic()
+    bar, began = Progress(console=Console(file=find_bar_stream()), transient=True), monotonic()
     task = bar.add_task(title, total=None)
 
     def tell(done: float, total: float | None, word: str = "") -> None:
         if not bar.live.is_started and monotonic() - began > 1:
             bar.start()
-        bar.update(task, completed=done, total=total, description=f"{title} {word}".rstrip())
+        bar.update(task, completed=done, total=total, description=escape(f"{title} {word}".rstrip()))
 
     try:
         yield tell

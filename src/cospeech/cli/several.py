@@ -22,6 +22,7 @@ __all__ = [
     "FoundFiles",
     "ListFolder",
     "MotionFile",
+    "check_name",
     "convert_each",
     "describe_failures",
     "find_files",
@@ -102,6 +103,18 @@ def find_files(given: Iterable[Path], list_folder: ListFolder, what: str, known:
     return FoundFiles({name: paths[0] for name, paths in found.items()}, left_out)
 
 
+def check_name(path: Path) -> Path:
+    """The same file, if `NAME` can stand for its name.
+
+    Raises:
+        InputError: it is called nothing but dots and spaces, as ``...wav`` is. As the name of a folder, that leads out of the
+            one that is written to.
+    """
+    if path.stem and not path.stem.strip(" ."):
+        raise InputError(f"{path.name!r} has no name before its suffix", "rename it")
+    return path
+
+
 def _list_files(path: Path, list_folder: ListFolder, left_out: LeftOut) -> list[tuple[str, Path]]:
     """Names and files of what was given: a file, a folder, or a pattern that the shell has not looked up.
 
@@ -111,7 +124,7 @@ def _list_files(path: Path, list_folder: ListFolder, left_out: LeftOut) -> list[
     if path.is_dir():
         return list_folder(path, left_out)
     if path.exists() or not any(sign in str(path) for sign in _SIGNS):
-        return [(path.stem, path)]
+        return [(check_name(path).stem, path)]
     root = next(folder for folder in path.parents if folder.is_dir())  # what is there may have such signs in its name
     below = path.relative_to(root)
     if ".." in below.parts:  # names of files would lead out of the folder that is written to
@@ -120,7 +133,7 @@ def _list_files(path: Path, list_folder: ListFolder, left_out: LeftOut) -> list[
     folders = [match for match in matches if (root / match).is_dir()]
     found = [(Path(each, name).as_posix(), file) for each in folders for name, file in list_folder(root / each, left_out)]
     alone = [match for match in matches if (root / match).is_file() and not {*match.parents} & {*folders}]
-    found += [(match.with_suffix("").as_posix(), root / match) for match in alone]
+    found += [(check_name(match).with_suffix("").as_posix(), root / match) for match in alone]
     if not found:
         what = f"the folders {str(path)!r} hold no such file" if folders else f"no file is called {str(path)!r}"
         raise InputError(what, "is the pattern right?")

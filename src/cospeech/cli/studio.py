@@ -24,9 +24,15 @@ Host = Annotated[
 ]
 Token = Annotated[
     str | None,
-    option("--token", metavar="TEXT", help="Secret that every client must send. Default: a random one if one is needed."),
+    option(
+        "--token",
+        metavar="TEXT",
+        help="Secret that every client must send. auto makes a random one, which also keeps out other users of this machine. "
+        "Default: auto for a --host that others can reach.",
+    ),
 ]
 NoBrowser = Annotated[bool, Option("--no-browser", help="Do not open the page in a browser.")]
+_RANDOM = "auto"
 _TOKEN = (8, 128)  # characters; ours: shorter ones are guessed
 
 
@@ -55,10 +61,10 @@ def studio(
 
     for module in ("starlette.applications", "uvicorn", "websockets"):
         load_web(module)
-    if token is not None and not (_TOKEN[0] <= len(token) <= _TOKEN[1] and token.isascii() and token.isalnum()):
-        raise InputError("the token cannot be used", f"{_TOKEN[0]} … {_TOKEN[1]} letters and digits")
-    if token is None and not is_loopback(host):
+    if token == _RANDOM or (token is None and not is_loopback(host)):
         token = make_token()
+    elif token is not None and not (_TOKEN[0] <= len(token) <= _TOKEN[1] and token.isascii() and token.isalnum()):
+        raise InputError("the token cannot be used", f"{_TOKEN[0]} … {_TOKEN[1]} letters and digits")
     listening = open_socket(host, port)
     from ..studio.app import make_app
     from ..studio.state import StudioState

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sysconfig
 import traceback
@@ -43,12 +44,14 @@ def explain(error: Exception, command: str) -> CospeechError:
     return InternalError(what, f"{whose}; --debug shows where")
 
 
-def _explain_os_error(error: OSError) -> InternalError:
-    """The error that is told where the system refuses something: of a full disk, say."""
+def _explain_os_error(error: OSError) -> CospeechError:
+    """The error that is told where the system refuses something: a name, or of a full disk, say."""
     reason, name = error.strerror or str(error), error.filename
     if name == STANDARD_OUTPUT:
         return InternalError(f"cannot write {name}: {reason}", "files that were made before are complete")
     where = f"{os.fsdecode(name)!r}: " if isinstance(name, str | bytes) else ""  # writing to an open file tells no name
+    if error.errno == errno.ENAMETOOLONG:
+        return InputError(f"{where}{reason}", "choose a shorter one")
     return InternalError(f"{where}{reason}", "is there room on the disk, and in memory?")
 
 

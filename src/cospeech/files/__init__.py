@@ -248,15 +248,14 @@ def atomic(path: str | PathLike[str]) -> Iterator[Path]:
     with ExitStack() as stack:
         temporary = _workplace(stack, target.parent, path) / f"0{Path(path).suffix[-20:]}"
         temporary.touch()
+        rights = stat.S_IMODE(temporary.stat().st_mode)  # those of a new file here; a writer may put another one in its place
         try:
             yield temporary
         except OSError as error:
             if error.filename == str(temporary) or (error.filename is None and _is_stuck(temporary)):
                 error.filename = os.fsdecode(path)
             raise
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
+        temporary.chmod(rights)
         with _explain_refusal(os.fsdecode(path)):
             temporary.replace(target)
 

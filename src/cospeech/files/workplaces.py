@@ -28,6 +28,7 @@ __all__ = ["ABANDONED", "PREFIX", "scratch", "sweep", "workplace"]
 PREFIX = ".cospeech-"
 ABANDONED = 86_400.0  # seconds without a write; ours: a day, where no lock tells, and for folders of other machines
 _LOCK, _MARK = "lock", b"cospeech "  # the file, and what it begins with; then comes the name of the machine
+_AS_IT_IS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)  # no link is followed, and no device waited for
 _swept: set[Path] = set()  # folders that this process has looked through: once each, they may be large
 
 
@@ -88,13 +89,14 @@ def _remove_abandoned(place: Path) -> None:
     if not stat.S_ISDIR(place.lstat().st_mode):  # a link, say
         return
     try:
-        lock = os.open(place / _LOCK, os.O_RDWR)
+        lock = os.open(place / _LOCK, os.O_RDWR | _AS_IT_IS)
     except FileNotFoundError:  # it was killed before it had a lock, or is about to make it
         if _is_old(place):
             place.rmdir()  # not with anything in it: that would not be ours
         return
     try:
-        mark = os.read(lock, 1024)
+        is_file = stat.S_ISREG(os.fstat(lock).st_mode)  # of others' folders it may be a pipe, from which nothing ever comes
+        mark = os.read(lock, 1024) if is_file else b""
         if not mark.startswith(_MARK):
             return
         here = mark == _MARK + platform.node().encode()

@@ -8,6 +8,7 @@ import queue
 import socket
 import threading
 import time
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from websockets.sync.client import connect
 from websockets.sync.server import serve
 
 from cospeech.errors import InputError
+from cospeech.export.live import receiver, websocket
 from cospeech.export.live.addresses import split_address
 from cospeech.export.live.json_frames import JsonEncoder
 from cospeech.export.live.outlets import Outlet, UdpWire
@@ -506,3 +508,33 @@ def test_a_second_client_that_waits_is_told_of_once():
         while next(messages) != b"two":  # the third may be heard first; it says nothing
             pass
     assert notes == [f"a second client waits at {address} until the first one has gone"]
+
+
+def test_a_flood_of_clients_is_cut_off_and_one_that_says_nothing_does_not_hold_up_the_end(monkeypatch):
+    """The library has two threads for each client, and waits 10 s for one that does not say what it wants."""
+    monkeypatch.setattr(websocket, "MOST_CLIENTS", 2)
+    monkeypatch.setattr(websocket, "_PATIENCE", 0.2)
+    wire = WebSocketServer("listen://127.0.0.1:0")
+    wire.send(b'{"type": "start"}')
+    with connect(f"ws://127.0.0.1:{wire.port}") as good, socket.create_connection(("127.0.0.1", wire.port)):
+        with socket.create_connection(("127.0.0.1", wire.port), timeout=3) as third:
+            assert third.recv(1) == b"", "it is cut off"
+        assert good.recv(timeout=10) == '{"type": "start"}'
+        began = time.monotonic()
+        wire.close()
+        assert time.monotonic() - began < 5
+
+
+def test_messages_that_nobody_takes_do_not_hold_up_the_end(monkeypatch):
+    monkeypatch.setattr(websocket, "_PATIENCE", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    with ExitStack() as stack:
+        stack.enter_context(open_receiver(f"listen://127.0.0.1:{port}"))
+        with connect(f"ws://127.0.0.1:{port}", close_timeout=0.2) as client:
+            for _ in range(receiver._MESSAGES + 5):
+                client.send(b"00")
+            end = threading.Thread(target=stack.pop_all().close, daemon=True)
+            end.start()
+            end.join(10)
+            assert not end.is_alive()

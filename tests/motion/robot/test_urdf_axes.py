@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.motion.robot import read_urdf
+from cospeech.motion.robot import read_urdf, urdf_axes
+from cospeech.motion.robot.urdf import list_joints
 
 ENDS = '<limit lower="-1.5" upper="1.5" velocity="3"/>'
 
@@ -69,6 +70,23 @@ def test_a_joint_that_turns_about_another_axis_is_not_recognised(tmp_path):
 def test_what_no_urdf_says(tmp_path, text, what):
     with pytest.raises(InputError, match=what):
         read_urdf(write(tmp_path, text))
+
+
+def test_a_document_type_is_refused_in_any_encoding(tmp_path):
+    text = f'<?xml version="1.0" encoding="utf-16"?><!DOCTYPE r [<!ENTITY a "b">]><robot>{joint("&a;", "0 0 1")}</robot>'
+    (tmp_path / "r.urdf").write_bytes(text.encode("utf-16"))
+    with pytest.raises(InputError, match="has a document type"):
+        list_joints(tmp_path / "r.urdf")
+
+
+def test_a_chain_of_joints_is_gone_through_once(tmp_path, monkeypatch):
+    """From each joint to the base, the work of a chain grew with the square of its length: 400 joints took seconds."""
+    chain = [joint(f"j{k}", "0 0 1", parent=f"j{k - 1}_link", rpy="0 0 1.5707963") for k in range(1, 40)]
+    last = joint("LShoulderPitch", "0 1 0", parent="j39_link", rpy="0 0 1.5707963")
+    looks, plain = [], urdf_axes.euler_to_quat
+    monkeypatch.setattr(urdf_axes, "euler_to_quat", lambda *given: looks.append(1) or plain(*given))
+    assert [each.sign for each in read_urdf(write(tmp_path, *chain, last))] == [1], "ten whole turns"
+    assert len(looks) == 40
 
 
 def test_what_is_no_urdf(tmp_path):

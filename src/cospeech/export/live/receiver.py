@@ -14,7 +14,8 @@ from .websocket import CLIENT, import_websockets, serve_here
 
 __all__ = ["open_receiver"]
 
-_MESSAGES = 1500  # that may wait to be heard: half a minute of pieces (ours)
+_MESSAGES = 64  # that may wait to be heard, of 1 MiB at most; then their sender waits (ours: a second of pieces)
+_LOOK = 0.1  # seconds between two looks whether the server ends, while messages wait (ours)
 
 
 @contextmanager
@@ -61,20 +62,29 @@ def _listening(address: str, note: Callable[[str], object]) -> Iterator[Iterator
     from websockets.sync.server import serve
 
     arrived: queue.Queue[str | bytes] = queue.Queue(_MESSAGES)
-    one, told = threading.Lock(), threading.Event()
+    one, told, over = threading.Lock(), threading.Event(), threading.Event()
+
+    def pass_on(message: str | bytes) -> bool:
+        while not over.is_set():
+            with suppress(queue.Full):
+                arrived.put(message, timeout=_LOOK)
+                return True
+        return False
 
     def hear(connection: Any) -> None:
         if one.locked() and not told.is_set():
             told.set()
             note(f"a second client waits at {address} until the first one has gone")
         with one:  # one voice at a time
-            arrived.put(b"")  # a new voice begins with a whole sample
+            pass_on(b"")  # a new voice begins with a whole sample
             for message in _hear_to_the_end(connection):
-                arrived.put(message)
+                if not pass_on(message):
+                    return
 
     server = serve_here(serve, hear, address, note)
     threading.Thread(target=server.serve_forever, name="cospeech sound server", daemon=True).start()
     try:
         yield iter(arrived.get, None)
     finally:
+        over.set()
         server.shutdown()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import socket
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
@@ -12,7 +13,7 @@ from typing import Any
 from ...errors import InputError, describe_extra
 from .addresses import split_address
 
-__all__ = ["CLIENT", "ORIGIN", "WebSocketServer", "WebSocketWire", "import_websockets", "serve_here"]
+__all__ = ["CLIENT", "MOST_CLIENTS", "ORIGIN", "WebSocketServer", "WebSocketWire", "import_websockets", "serve_here"]
 
 MESSAGE = 1 << 20  # bytes of a message that is received, at most
 _PATIENCE = 2.0  # seconds until an attempt to connect is given up (ours)
@@ -23,6 +24,8 @@ _LOCAL = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?")
 """Origins of pages that may connect: those of this machine. Programs send no origin. Files say ``null``, but so does a page of
 any site that puts itself into a frame (HTML standard, sandboxed origin). So they may connect only if they are named."""
 _ORIGIN = re.compile(r"null|file://|[a-z][a-z0-9+.-]*://[^/?#\s]+", re.IGNORECASE)  # RFC 6454, section 6.1
+MOST_CLIENTS = 64
+"""At once, also before they have said what they want [ours: pages, games and tools of one stage]. Others are cut off."""
 _TOLD = 8  # refused origins that are told ([ours]: a page that tries on has one)
 
 Note = Callable[[str], object]
@@ -67,12 +70,32 @@ def serve_here(serve: Any, handler: Any, address: str, note: Note) -> Any:
             note(f"{what} was refused at {address} (to let it in: {address.split('?')[0]}?{ORIGIN}={names})")
         return connection.respond(HTTPStatus.FORBIDDEN, f"pages of {origin[:80]!r} may not connect\n")
 
+    patience = {"open_timeout": _PATIENCE, "close_timeout": _PATIENCE}
     try:
-        return serve(handler, host, port, process_request=check_origin, max_size=MESSAGE, close_timeout=_PATIENCE)
+        server = serve(handler, host, port, process_request=check_origin, max_size=MESSAGE, **patience)
     except OSError as error:
         raise InputError(
             f"cannot listen on {host}:{port}: {error.strerror or error}", "choose another port, or an address of this machine"
         ) from None
+    server.handler = _limit_clients(server.handler)
+    return server
+
+
+def _limit_clients(serve_client: Callable[[socket.socket, Any], None]) -> Callable[[socket.socket, Any], None]:
+    """The same work of the library, which has two threads for a client, for so many at once."""
+    free = threading.BoundedSemaphore(MOST_CLIENTS)
+
+    def serve_if_free(client: socket.socket, address: Any) -> None:
+        is_free = free.acquire(blocking=False)
+        if not is_free:
+            client.close()  # the library sees that, and forgets the client
+        try:
+            serve_client(client, address)
+        finally:
+            if is_free:
+                free.release()
+
+    return serve_if_free
 
 
 def _read_origins(text: str, address: str) -> set[str]:

@@ -7,18 +7,19 @@ from collections.abc import Mapping
 from dataclasses import replace
 from os import PathLike
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 import numpy as np
 
 from ...errors import InputError, nearest
 from ...files import read_regular
+from ...limits import URDF_BYTES
 from .joints import RobotJoint, check_limits
 from .robots import ROBOTS, TURNS
 from .urdf_axes import Axis, read_axes
 
 __all__ = ["list_followers", "list_joints", "read_urdf"]
 
-_URDF = 16 << 20  # bytes; ours: a large robot has some 200 kB
 _MOVING = ("revolute", "continuous", "prismatic")
 _ANY = {"lower": -np.inf, "upper": np.inf, "velocity": np.inf}
 _OTHERS = ("fixed", "floating", "planar")  # the other types of the specification, which take no angle
@@ -116,12 +117,17 @@ def _read_joints(
 
 
 def _read_root(path: str | PathLike[str]) -> ElementTree.Element:
-    data = read_regular(path, "a URDF", _URDF)
-    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+    data = read_regular(path, "a URDF", URDF_BYTES)
+
+    def refuse_doctype(*given: object) -> None:
         raise InputError(f"{str(path)!r} has a document type", "remove <!DOCTYPE …>; a URDF needs none")
+
+    parser = expat.ParserCreate()  # which finds it in any encoding
+    parser.StartDoctypeDeclHandler = refuse_doctype
     try:
+        parser.Parse(data, True)
         root = ElementTree.fromstring(data)
-    except ElementTree.ParseError as error:
+    except (expat.ExpatError, ElementTree.ParseError) as error:
         raise InputError(f"{str(path)!r} is no XML: {error}", "is it a .urdf, not a .xacro?") from None
     if (tag := root.tag.rpartition("}")[2]) != "robot":
         raise InputError(f"{str(path)!r} is no URDF: it begins with <{tag[:40]}>", "a URDF begins with <robot>")

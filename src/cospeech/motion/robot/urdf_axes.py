@@ -39,7 +39,8 @@ def read_axes(root: ElementTree.Element, types: tuple[str, ...]) -> dict[str, Ax
     joints = root.findall("{*}joint")
     above = {link: joint for joint in joints if (link := _link_of(joint, "child"))}
     moving = {joint.get("name", ""): joint for joint in joints if joint.get("type") in types}
-    return {name: _axis_of(name, joint, _turn_of(joint, above)) for name, joint in moving.items()}
+    turns: dict[str, Array] = {}
+    return {name: _axis_of(name, joint, _turn_of(joint, above, turns)) for name, joint in moving.items()}
 
 
 def _axis_of(name: str, joint: ElementTree.Element, frame: Array) -> Axis:
@@ -54,19 +55,29 @@ def _axis_of(name: str, joint: ElementTree.Element, frame: Array) -> Axis:
     return Axis("xyz"[k], bool(axis[k] < 0)) if abs(axis[k]) >= _ALONG else Axis("", False)
 
 
-def _turn_of(joint: ElementTree.Element, above: dict[str, ElementTree.Element]) -> Array:
-    """(3, 3) from the frame of a joint to that of the base."""
-    turn, at, seen = np.eye(3), joint, 0
-    while True:
-        name = at.get("name", "")
-        rpy = _numbers(name, at.find("{*}origin"), "rpy", "0 0 0", 'write <origin rpy="0 0 1.5708"/>')
-        turn = quat_to_matrix(euler_to_quat(rpy[None, ::-1], "ZYX"))[0] @ turn  # about the fixed x, then y, then z
-        parent, seen = above.get(_link_of(at, "parent")), seen + 1
-        if parent is None:
-            return turn
-        if seen > len(above):
-            raise InputError(f"the links above joint {name!r} go in a circle", "each link of a URDF has one parent")
-        at = parent
+def _turn_of(joint: ElementTree.Element, above: dict[str, ElementTree.Element], turns: dict[str, Array]) -> Array:
+    """(3, 3) from the frame of a joint to that of the base.
+
+    Args:
+        joint: whose frame.
+        above: link → the joint that carries it.
+        turns: link → (3, 3) of its frame; those on the way are added, so that a long chain is gone through once.
+    """
+    way, link = [joint], _link_of(joint, "parent")
+    while link not in turns and (upper := above.get(link)) is not None:
+        if len(way) > len(above):
+            raise InputError(
+                f"the links above joint {joint.get('name', '')!r} go in a circle", "each link of a URDF has one parent"
+            )
+        way.append(upper)
+        link = _link_of(upper, "parent")
+    turn = turns.get(link, np.eye(3))
+    for each in reversed(way):
+        rpy = _numbers(each.get("name", ""), each.find("{*}origin"), "rpy", "0 0 0", 'write <origin rpy="0 0 1.5708"/>')
+        turn = turn @ quat_to_matrix(euler_to_quat(rpy[None, ::-1], "ZYX"))[0]  # about the fixed x, then y, then z
+        if above.get(carried := _link_of(each, "child")) is each:
+            turns[carried] = turn
+    return turn
 
 
 def _link_of(joint: ElementTree.Element, end: str) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 from ...errors import InputError
 from ..server import Guard, load_web
 from .answers import Answers, Rater, check_answers
-from .plan import CLIPS, StudyPlan
+from .plan import CLIPS, StudyPlan, is_clip
 from .session import describe_study, describe_trial, make_session
 
 Call = Callable[[dict[str, Any], str], dict[str, Any]]
@@ -61,7 +61,7 @@ def make_app(study: Path, plan: StudyPlan, answers: Answers, *, token: str | Non
 
     def give_clip(request: Any) -> Any:
         path = files.get(request.path_params["name"])  # a name that is not in the plan is no path
-        if path is None or not path.is_file():
+        if path is None or not is_clip(path):
             return _refuse(404, "there is no such clip")
         return responses.FileResponse(path, media_type=MEDIA[path.suffix])
 

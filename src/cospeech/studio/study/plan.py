@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from ...errors import InputError
 from ...files import atomic, parse_json, read_regular
 
-__all__ = ["StudyClip", "StudyPlan", "Question", "load_plan", "save_plan"]
+__all__ = ["StudyClip", "StudyPlan", "Question", "is_clip", "load_plan", "save_plan"]
 
 PLAN, CLIPS = "plan.json", "clips"
 PLAN_BYTES = 1 << 24
@@ -180,6 +180,11 @@ def load_plan(study: Path) -> StudyPlan:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"])) or "the plan"
         raise InputError(f"{str(path)!r}: {where}: {first['msg']}", "mend it, or make the study again") from None
+
+
+def is_clip(path: Path) -> bool:
+    """Whether a clip is there, and is no link: in a study of somebody else's, a link could show any file of the machine."""
+    return path.is_file() and not path.is_symlink()
 
 
 def save_plan(plan: StudyPlan, study: Path) -> None:

@@ -13,7 +13,7 @@ from ...errors import InputError
 from ...files import parse_json, read_regular, workplace
 from .answers import Answers, Rater, check_answers
 from .app import PAGE_FILES, is_code, page_file
-from .plan import CLIPS, StudyPlan, load_plan
+from .plan import CLIPS, StudyPlan, is_clip, load_plan
 from .session import describe_study, describe_trial, make_session
 
 __all__ = ["Imported", "export_page", "import_answers"]
@@ -53,8 +53,9 @@ def export_page(study: Path, page: Path, *, sessions: int = 200) -> StudyPlan:
         (made / "study.json").write_text(json.dumps(held, ensure_ascii=False), "utf-8", newline="\n")
         for clip in plan.clips:
             source = study / CLIPS / clip.file
-            if not source.is_file():
-                raise InputError(f"the clip {str(source)!r} is missing", "make the study again")
+            if not is_clip(source):
+                what = "a link" if source.is_symlink() else "missing"
+                raise InputError(f"the clip {str(source)!r} is {what}", "make the study again")
             shutil.copyfile(source, made / CLIPS / clip.file)
         made.rename(page)
     return plan

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from numbers import Real
 from os import PathLike
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from ..limits import JOINT_FRAMES, MOTION_RATES
 from .rotations import Array, quat_continuous, quat_slerp
 from .skeleton import Skeleton, humanoid
 from .skeletons.arkit import ARKIT, ARKIT_MIRROR
+
+if TYPE_CHECKING:
+    from ..export.notebook import NotebookView
 
 __all__ = ["Motion"]
 
@@ -180,6 +184,20 @@ class Motion:
         from ..export import save
 
         save(self, path, **options)
+
+    def show(self, audio: object = None, **options: object) -> NotebookView:
+        """This motion as the output of a notebook's cell: a character to play, to turn and to hear.
+
+        Args:
+            audio: the speech that plays with it: a file or a `cospeech.Speech`.
+            options: ``avatar``, the file of a character in place of our mannequin; ``height`` of the view, 120 … 4096 pixels.
+
+        Raises:
+            InputError: the audio or the avatar cannot be read, or the height is too small or too large.
+        """
+        from ..export.notebook import show
+
+        return show(self, audio, **options)  # type: ignore[arg-type]
 
 
 def _check_rate(fps: object) -> None:

@@ -1,7 +1,7 @@
 """A motion in the output of a notebook's cell: the page of `cospeech.export.html_page` in a frame.
 
-The page is part of the notebook, so it works without cospeech and without a network. Where the viewer has not been built, a strip
-of pictures takes its place.
+The page is part of the notebook, so it works without cospeech and without a network. Where the viewer has not been built, a
+strip of pictures takes its place.
 """
 
 from __future__ import annotations

@@ -451,3 +451,13 @@ def test_what_is_no_word_is_told_at_once(words, told):
     with pytest.raises(InputError) as caught:
         Speech(np.zeros(16000, np.float32), words=words)
     assert told in str(caught.value)
+
+
+@pytest.mark.parametrize(("module", "imported"), [("", False), ("import numpy\nnumpy.linspace(0, 1)\n", True)])
+def test_the_decoder_imports_numpy_only_for_a_soundfile_that_needs_it(tmp_path, module, imported):
+    if module:
+        (tmp_path / "soundfile.py").write_text(module)
+    paths = os.pathsep.join([str(tmp_path), *sys.path])
+    code = "import sys; from cospeech.audio._decode import import_soundfile; import_soundfile(); print('numpy' in sys.modules)"
+    said = subprocess.run([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": paths}, capture_output=True)
+    assert said.stdout.split() == [str(imported).encode()]

@@ -22,6 +22,7 @@ from cospeech.models.nn.objective import Batch, StepRandom
 __all__ = ["Hearing", "follow_speech", "measure_hearing"]
 
 WORDS, HOLD = 6, 5  # of the toy language: so many words, each held for so many frames
+LOOK = 20  # steps of training from one look at what the network hears to the next
 HELD_OUT = 1_000_000  # seed of the windows that are not trained on
 
 MakeBatch = Callable[..., Batch]
@@ -61,7 +62,7 @@ def follow_speech(data: Batch, follows: str, seed: int) -> dict[str, Tensor]:
 
 def measure_hearing(
     net: Any, make_batch: MakeBatch, *, term: str, follows: str = "audio", swaps: Sequence[str] = ("audio", "text"),
-    steps: int = 150, lr: float = 5e-3, rows: int = 8, first_step: int = 0,
+    steps: int = 150, lr: float = 5e-3, rows: int = 8, first_step: int = 0, enough: float = 0.0,
 ) -> Hearing:  # fmt: skip
     """Train a network on the toy corpus and compare own speech with another's.
 
@@ -73,22 +74,31 @@ def measure_hearing(
         swaps: arrays that another window's are put in the place of.
         steps, lr, rows: of training, by Adam; every step has new windows.
         first_step: number of the first step, for a loss that changes with it.
+        enough: share of another speech's loss that ends the training; it is looked at every `LOOK` steps.
     """
     objectives = {name: o._replace(parameters=[*o.parameters]) for name, o in net.objectives().items()}
     optimisers = {name: torch.optim.Adam(o.parameters, lr) for name, o in objectives.items()}
-    net.train()
-    for step in range(first_step, first_step + steps):
-        arrays = follow_speech(make_batch(net, seed=step, rows=rows), follows, step)
-        for name, objective in objectives.items():
-            if objective.is_active_at(step):
-                optimisers[name].zero_grad()
-                sum(objective.loss(Batch(arrays, StepRandom(0, step)), step).values()).backward()
-                optimisers[name].step()
-    net.eval()
     arrays = follow_speech(make_batch(net, seed=HELD_OUT, rows=2 * rows), follows, HELD_OUT)
     swapped = arrays | {name: arrays[name].roll(1, 0) for name in swaps if name in arrays}
     which, _, part = term.partition(".")
-    with torch.no_grad():
-        pair = [Batch(some, StepRandom(0, 0)) for some in (arrays, swapped)]
-        losses = [objectives[which].loss(one, first_step + steps)[part] if part else net.validate(one)[which] for one in pair]
-    return Hearing(losses[0].item(), losses[1].item())
+
+    def look() -> Hearing:
+        net.eval()
+        with torch.no_grad():
+            pair = [Batch(some, StepRandom(0, 0)) for some in (arrays, swapped)]
+            last = first_step + steps
+            own, other = [objectives[which].loss(one, last)[part] if part else net.validate(one)[which] for one in pair]
+        net.train()
+        return Hearing(own.item(), other.item())
+
+    net.train()
+    for step in range(first_step, first_step + steps):
+        if (step - first_step) % LOOK == LOOK - 1 and (hearing := look()).own < enough * hearing.other:
+            return hearing
+        data = follow_speech(make_batch(net, seed=step, rows=rows), follows, step)
+        for name, objective in objectives.items():
+            if objective.is_active_at(step):
+                optimisers[name].zero_grad()
+                sum(objective.loss(Batch(data, StepRandom(0, step)), step).values()).backward()
+                optimisers[name].step()
+    return look()

@@ -11,6 +11,7 @@ from typer import Argument, Option
 
 from ..errors import InputError
 from ..export.registry import FORMATS
+from ..motion.named_numbers import read_seconds
 
 __all__ = [
     "NAME",
@@ -18,7 +19,7 @@ __all__ = [
     "Jobs", "Json", "Language", "Map", "Model", "Motions", "NewFps", "Output", "Parts", "Picture", "Port", "Quiet",
     "ReportFile", "Retarget", "RigMap", "Seed", "Skeleton", "Speaker", "Style", "Tail", "Takes", "Temperature",
     "Transcribe", "Transcript",
-    "View", "check_idle", "number", "option", "rate", "whole",
+    "View", "check_idle", "number", "option", "rate", "seconds", "whole",
 ]  # fmt: skip
 
 
@@ -36,6 +37,14 @@ def number(text: str) -> float:
         return float(text)
     except ValueError:
         raise typer.BadParameter(f"{text!r} is not a number") from None
+
+
+def seconds(text: str) -> float:
+    """A time: 2230, 37:10, 0:37:10.5 or 37m10s."""
+    try:
+        return read_seconds(text, f"{text!r} is not a number of seconds", "")
+    except InputError as error:
+        raise typer.BadParameter(f"{error.problem}, such as 2230, or a time, such as 37:10 or 37m10s") from None
 
 
 def rate(text: str | float) -> float:

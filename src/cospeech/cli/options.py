@@ -17,7 +17,7 @@ __all__ = [
     "NAME",
     "Audio", "Avatar", "Clip", "Continue", "Debug", "Drawn", "Emotion", "Face", "FaceGain", "Folder", "Fps", "Intensity",
     "Jobs", "Json", "Language", "Map", "Model", "Motions", "NewFps", "Output", "Parts", "Picture", "Port", "Quiet",
-    "ReportFile", "Retarget", "RigMap", "Seed", "Skeleton", "Speaker", "Style", "Tail", "Takes", "Temperature",
+    "ReportFile", "Resume", "Retarget", "RigMap", "Seed", "Skeleton", "Speaker", "Style", "Tail", "Takes", "Temperature",
     "Transcribe", "Transcript",
     "View", "check_idle", "number", "option", "rate", "seconds", "whole",
 ]  # fmt: skip
@@ -275,6 +275,14 @@ ReportFile = Annotated[
 Folder = Annotated[Path, option("--to", metavar="FOLDER", help="Folder for the files. It is made if it is missing.")]
 Jobs = Annotated[
     int, option("--jobs", metavar="NUMBER", parser=whole, help="How many speeches are generated at the same time, 1 … 64.")
+]
+Resume = Annotated[
+    bool,
+    Option(
+        "--resume",
+        help="Leave out speeches whose files are all there, and newer than the speech: after an interruption, run the same "
+        "command with --resume. It does not notice other options than before.",
+    ),
 ]
 Json = Annotated[bool, option("--json", help="Print JSON, for programs.")]
 Port = Annotated[int, option("--port", metavar="NUMBER", parser=whole, help="Port, 0 for any that is free.")]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,13 +9,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from .audio.speech import Speech
 from .errors import CospeechWarning, InputError
 from .export import FORMATS, check_parts, format_of, load, read, suffixes
 from .export.checks import File, check_avatar, check_files, check_map, check_skeleton
 from .export.clips import holds_other_figure
 from .export.render.camera import find_view
-from .export.sound_file import as_sound_file
+from .export.sound_file import cut_sound_file
 from .export.target_skeleton import rig_files
 from .motion import edit
 from .motion.bone_mapping import load_map, names_joints
@@ -188,11 +186,7 @@ def _cut_sound(audio: File | None, edits: Edits, start: float) -> Iterator[File 
     if audio is None or (edits.start is None and edits.end is None):
         yield audio
         return
-    speech = Speech.load(audio)
-    if start >= speech.duration:
-        yield None
-        return
-    with as_sound_file(speech.window(start, math.inf if edits.end is None else edits.end)) as path:
+    with cut_sound_file(audio, start, edits.end) as path:
         yield path
 
 

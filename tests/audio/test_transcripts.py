@@ -482,3 +482,23 @@ def test_a_text_that_is_too_long_for_the_speech_is_told_of(tmp_path):
     soundfile.write(tmp_path / "part.wav", part.samples, part.rate)
     with pytest.warns(CospeechWarning, match=r"68 syllables for 5\.\d s of voice, faster than people speak: does it belong"):
         Speech.load(tmp_path / "part.wav", transcript=text)
+
+
+def test_sentences_of_a_long_text_are_found_though_the_speaker_becomes_quicker():
+    random, energy, tokens, starts = np.random.default_rng(0), [], [], []
+    for k in range(40):
+        starts.append((len(tokens), len(energy) / 100))
+        for _ in range(random.integers(4, 12)):
+            tokens.append("banana")
+            energy += [
+                -50.0,
+                *[-20.0] * (20 - 2 * (k // 8)),
+                -45.0,
+            ] * 3  # a syllable takes .22 s at first, and .14 s at the end
+        tokens[-1] += "."
+        energy += [-90.0] * int(random.integers(30, 60))
+    heard = np.array(energy)
+    none = np.zeros(len(heard))
+    words = align(tokens, Features(heard, none, none, none, np.zeros((len(heard), 5)), fps=100.0))
+    off = np.abs([words[first].start - time for first, time in starts])
+    assert (np.median(off), off.max()) == (pytest.approx(0, abs=0.1), pytest.approx(0, abs=0.5))

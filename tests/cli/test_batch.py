@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 import warnings
 from pathlib import Path
 
@@ -100,6 +101,27 @@ def test_a_bad_one_does_not_keep_back_the_others(cli, place):
     assert (code, out) == (2, "")
     assert "3 of 3 speeches failed" in err
     assert not Path("none").exists()
+
+
+def test_an_interrupted_run_goes_on(cli, place):
+    line = ["generate", "rec", "-o", "out/{name}.csv", "--plan-out", "plans/{name}.json", "--parts", "face,body"]
+    Path("rec/me/b.wav").rename("b.wav")
+    Path("rec/me/b.wav").write_text("this is no sound\n" * 100, encoding="utf-8")
+    assert cli(*line, "-q")[0] == 2
+    Path("b.wav").replace("rec/me/b.wav")
+    done = {path: path.stat().st_mtime_ns for path in (Path("out/me/a.csv"), Path("out/you/a.csv"))}
+    code, out, err = cli(*line, "--resume")
+    assert (code, err) == (0, "note: 2 of 3 speeches left out: their files are there (--resume)\n")
+    assert files("out") == ["me/a.csv", "me/b.csv", "you/a.csv"]
+    assert re.findall(r"out/\S+", out) == ["out/me/b.csv"]
+    assert {path: path.stat().st_mtime_ns for path in done} == done
+    code, out, err = cli(*line, "--resume")
+    assert (code, out, err) == (0, "", "note: 3 of 3 speeches left out: their files are there (--resume)\n")
+    os.utime("rec/you/a.wav", (time.time() + 9, time.time() + 9))  # it was recorded again
+    Path("plans/me/a.json").unlink()
+    assert "1 of 3 speeches left out" in cli(*line, "--resume", "-q")[2]
+    assert files("plans") == ["me/a.json", "me/b.json", "you/a.json"]
+    assert Path("out/you/a.csv").stat().st_mtime_ns > done[Path("out/you/a.csv")]
 
 
 BAD = [

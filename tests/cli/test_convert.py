@@ -75,21 +75,23 @@ def test_a_part_of_a_motion_is_drawn_with_that_part_of_the_speech(cli, place):
     assert (code, "no frame from 9 s to the end" in err, (place / "late.mp4").exists()) == (2, True, False)
 
 
-def test_the_speech_of_a_part_begins_with_its_first_frame(cli, place, monkeypatch):
+@pytest.mark.parametrize(
+    ("start", "end", "first", "last"), [(0.51, 1.0, 25600, 48000), (None, 1.0, 0, 48000), (0.51, None, 25600, 96000)]
+)
+def test_a_part_of_any_speech_is_heard_as_it_is(place, monkeypatch, start, end, first, last):
     import soundfile
 
     from cospeech import convert
 
-    soundfile.write("talk.wav", np.arange(32000) / 32000, 16000)
+    ramp = (np.arange(96000) / 96000).astype(np.float32)
+    soundfile.write("talk.wav", ramp, 48000, subtype="FLOAT")
     heard = []
-    real = soundfile.write
-    monkeypatch.setattr(
-        "soundfile.write",
-        lambda path, samples, *more, **options: (heard.append(samples[0]), real(path, samples, *more, **options)),
-    )
-    edits = convert.Edits(start=0.51, end=1.0)  # at 30 frames a second the next frame is at 0.533 s
-    convert.convert_file("talk.bvh", "part.png", audio="talk.wav", edits=edits, fps=60)
-    assert heard == [pytest.approx(16 / 30 / 2, abs=1e-4)]
+    monkeypatch.setattr("cospeech.motion.motion.Motion.save", lambda *_, audio, **more: heard.append(soundfile.read(audio)))
+    monkeypatch.setattr("cospeech.audio.speech.SECONDS_IN_MEMORY", 1.0)  # as if the recording took three hours
+    convert.convert_file("talk.bvh", "part.png", audio="talk.wav", edits=convert.Edits(start=start, end=end), fps=60)
+    ((samples, rate),) = heard
+    assert rate == 48000  # what a film of the whole has
+    np.testing.assert_array_equal(samples, ramp[first:last])  # at 30 frames a second the first frame from .51 s is at .533 s
 
 
 def test_a_strip_of_a_part_has_the_times_of_the_whole(cli, place):

@@ -444,6 +444,33 @@ def test_a_command_that_cannot_be_done_names_its_option(commands, said):
         PlanCommands(**commands).apply(plan())
 
 
+@pytest.mark.parametrize(
+    ("minutes", "seconds"),
+    [
+        ({"gesture": ["huge@1:02.5"], "move": ["g1@1m1s"]}, {"gesture": ["huge@62.5"], "move": ["g1@61"]}),
+        ({"remove": ["@1:02", "0m1s:0m3s"]}, {"remove": ["@62", "1:3"]}),
+        ({"reseed": ["1m:1m5s:7"], "lock": ["1m6s:1m8s"]}, {"reseed": ["60:65:7"], "lock": ["66:68"]}),
+    ],
+)
+def test_times_of_edits_may_have_minutes(minutes, seconds):
+    long = Plan(seconds=80.0, open=False).add("beat", at=2.0).add("big", at=62.2).add("beat", at=72.0)
+    first = long.gestures[0].id
+    told = [
+        PlanCommands(**{name: [text.replace("g1", first) for text in texts] for name, texts in edits.items()})
+        for edits in (minutes, seconds)
+    ]
+    assert told[0].apply(long) == told[1].apply(long) != long
+
+
+def test_an_unknown_gesture_of_a_long_plan_is_told_in_a_line_that_can_be_read():
+    many = Plan().model_copy(
+        update={"gestures": tuple(plan().gestures[0].model_copy(update={"id": f"g{k}"}) for k in range(3000))}
+    )
+    with pytest.raises(InputError) as told:
+        many.find("g2999x")
+    assert told.value.hint == "did you mean 'g2999'? known: g0 … g2999; @37:10 is the one nearest to this time"
+
+
 def test_words_that_have_a_form_are_suggested_and_listed():
     with pytest.raises(InputError) as told:
         Plan().add("hug", at=2.4)

@@ -10,7 +10,7 @@ import pytest
 from cospeech.audio.speech import Speech
 from cospeech.errors import InputError
 from cospeech.generate import check_request, open_live_session
-from cospeech.motion.named_numbers import read_named_numbers
+from cospeech.motion.named_numbers import read_named_numbers, read_seconds
 from cospeech.motion.parts import PARTS
 from cospeech.rules import GenerationOptions, RuleBasedModel
 from cospeech.runtime.model import TrainedModel
@@ -118,3 +118,19 @@ def test_what_is_no_options_is_told(wrong, tmp_path):
     for model in (RuleBasedModel(), TrainedModel.open(write_small(tmp_path / "a.cospeech"))):
         with pytest.raises(InputError, match="where options of a session belong"):
             model.session(wrong)
+
+
+@pytest.mark.parametrize(("text", "seconds"), [
+    ("2230", 2230), ("-1", -1), ("37:10", 2230), ("0:37:10.5", 2230.5), ("00:37:10,500", 2230.5), ("2:00:00", 7200),
+    ("90:00", 5400), ("37m10s", 2230), ("37m10", 2230), ("1h2m3.5s", 3723.5), ("2h", 7200), ("5m", 300), ("7s", 7), (" 5 ", 5),
+])  # fmt: skip
+def test_a_time_is_read_as_seconds_as_a_clock_or_with_letters(text, seconds):
+    assert read_seconds(text, "no time", "") == seconds
+
+
+@pytest.mark.parametrize(
+    "text", ["", "x", "nan", "inf", "37:", ":10", "37:1", "37:60", "1:2:30", "1:2:3:4", "10s37m", "h", "1m-3s", "-1:10"]
+)
+def test_what_is_no_time_is_refused(text):
+    with pytest.raises(InputError, match="no time"):
+        read_seconds(text, "no time", "")

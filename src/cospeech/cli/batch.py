@@ -15,7 +15,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..errors import CospeechError, CospeechWarning, InputError, InternalError
+from ..errors import CospeechError, CospeechWarning, InputError, InternalError, say_count
 from ..export import FORMATS
 from ..export.checks import check_apart, check_files
 from ..files import atomic, check_destination, make_folders, regular_file, scratch, workplace
@@ -69,6 +69,7 @@ def generate_speeches(
     report: str | PathLike[str] | None = None,
     progress: Progress | None = None,
     jobs: int = 1,
+    resume: bool = False,
     **options: Any,
 ) -> Reports:
     """Generate motion for several sound files, each by itself; what is wrong with one does not keep back the others.
@@ -84,6 +85,7 @@ def generate_speeches(
         report: write the `Report` of one speech, or the `Reports` of several, as JSON here too.
         progress: called with (seconds done, seconds in all or None, which speech).
         jobs: how many speeches are generated at the same time, 1 … 64, each in a process of its own.
+        resume: leave out speeches whose files are all there, and newer than the speech; a note tells how many.
         options: as for `generate_files`; transcript, emotion, face, continue_from, plan, plan_out and keep_from may have
             ``{name}`` in them.
 
@@ -100,7 +102,12 @@ def generate_speeches(
             _check_new(work, options)
         if left_out:
             _check_left_out(work, options, report, left_out)
-        if len(work) == 1:
+        if resume:
+            _check(work, options, report)
+            work = _list_undone(work, options)
+            if not work:
+                return Reports(speeches=[], failed=[])
+        if len(found) == 1:
             tell = None if progress is None else lambda done, total: progress(done, total, "")
             return Reports(
                 speeches=[_generate(work[0], options, model=model, loaded=loaded, report=report, progress=tell)], failed=[]
@@ -353,6 +360,25 @@ def _check_left_out(
 
 def _takes(job: _Job, takes: int) -> list[Path]:
     return [take_path(path, take, takes) for take in range(1, takes + 1) for path in job.outputs]
+
+
+def _list_undone(jobs: list[_Job], options: Mapping[str, Any]) -> list[_Job]:
+    """Those of which a file is missing, or older than the speech or what is read for it alone; a note tells of the rest."""
+    left = [job for job in jobs if not _is_done(job, options)]
+    if len(left) < len(jobs):
+        made = f"{len(jobs) - len(left)} of {say_count(len(jobs), 'speech', 'speeches')} left out: their files are there"
+        warnings.warn(f"{made} (--resume)", CospeechWarning, stacklevel=3)
+    return left
+
+
+def _is_done(job: _Job, options: Mapping[str, Any]) -> bool:
+    given = {key: job.own.get(key, options.get(key)) for key in _OF_ONE_SPEECH}
+    own = {key: Path(value) for key, value in given.items() if isinstance(value, str | PathLike)}
+    written = [*_takes(job, int(options.get("takes", 1))), *([own.pop("plan_out")] if "plan_out" in own else [])]
+    if not all(path.is_file() for path in written):
+        return False
+    read = [path.stat().st_mtime for path in (job.speech, *own.values()) if path.exists()]
+    return max(read) <= min(path.stat().st_mtime for path in written)
 
 
 def _is_folder(text: str) -> bool:

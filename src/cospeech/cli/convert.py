@@ -10,14 +10,17 @@ from typer import Argument, Option
 
 from ..errors import InputError, say_count
 from .last_output import LastOutputCommand
-from .options import Avatar, Clip, Debug, Drawn, Map, Motions, NewFps, Picture, Quiet, Retarget, View, number, option
+from .options import Avatar, Clip, Debug, Drawn, Map, Motions, NewFps, Picture, Quiet, Retarget, View, number, option, seconds
 
 __all__ = ["register"]
 
 From = Annotated[
-    float | None, option("--from", metavar="SECONDS", parser=number, help="Leave out what comes before this time of MOTION.")
+    float | None,
+    option(
+        "--from", metavar="TIME", parser=seconds, help="Leave out what comes before this time of MOTION: 40 (seconds), 37:10."
+    ),
 ]
-To = Annotated[float | None, option("--to", metavar="SECONDS", parser=number, help="Leave out what comes from this time on.")]
+To = Annotated[float | None, option("--to", metavar="TIME", parser=seconds, help="Leave out what comes from this time on.")]
 Join = Annotated[
     list[Path] | None,
     option("--join", metavar="FILE", help="Motion that goes on after MOTION. Repeat the option for several."),

@@ -47,6 +47,7 @@ from .options import (  # fmt: skip
     Parts,
     Quiet,
     ReportFile,
+    Resume,
     RigMap,
     Seed,
     Skeleton,
@@ -105,7 +106,7 @@ def generate(
     fps: Fps = 30.0, tail: Tail = 0.0, avatar: Avatar = None, report: ReportFile = None, plan: PlanFile = None,
     plan_out: PlanOut = None, gesture: AddGesture = None, remove: RemoveGesture = None, move: MoveGesture = None,
     stretch: SetStretch = None, reseed: Reseed = None, lock: Lock = None, keep: Keep = None, jobs: Jobs = 1,
-    quiet: Quiet = False, debug: Debug = False,
+    resume: Resume = False, quiet: Quiet = False, debug: Debug = False,
 ) -> None:  # fmt: skip
     """Generate motion for one speech or for several.
 
@@ -134,6 +135,7 @@ def generate(
             parts=[p.strip() for p in parts.split(",") if p.strip()], face_gain=face_gain, face=face,
             continue_from=continue_from, skeleton=skeleton, bone_map=names, fps=fps, tail=tail, avatar=avatar, report=report,
             progress=progress, plan=plan, plan_out=plan_out, plan_edits=edits, keep=stretches, keep_from=old, jobs=jobs,
+            resume=resume,
         )  # fmt: skip
     if not quiet:
         show_outputs(results.speeches)

@@ -11,14 +11,15 @@ from typer import Argument, Option
 
 from ..errors import InputError
 from ..export.registry import FORMATS
+from ..motion.named_numbers import read_seconds
 
 __all__ = [
     "NAME",
     "Audio", "Avatar", "Clip", "Continue", "Debug", "Drawn", "Emotion", "Face", "FaceGain", "Folder", "Fps", "Intensity",
     "Jobs", "Json", "Language", "Map", "Model", "Motions", "NewFps", "Output", "Parts", "Picture", "Port", "Quiet",
-    "ReportFile", "Retarget", "RigMap", "Seed", "Skeleton", "Speaker", "Style", "Tail", "Takes", "Temperature",
+    "ReportFile", "Resume", "Retarget", "RigMap", "Seed", "Skeleton", "Speaker", "Style", "Tail", "Takes", "Temperature",
     "Transcribe", "Transcript",
-    "View", "check_idle", "number", "option", "rate", "whole",
+    "View", "check_idle", "number", "option", "rate", "seconds", "whole",
 ]  # fmt: skip
 
 
@@ -36,6 +37,14 @@ def number(text: str) -> float:
         return float(text)
     except ValueError:
         raise typer.BadParameter(f"{text!r} is not a number") from None
+
+
+def seconds(text: str) -> float:
+    """A time: 2230, 37:10, 0:37:10.5 or 37m10s."""
+    try:
+        return read_seconds(text, f"{text!r} is not a number of seconds", "")
+    except InputError as error:
+        raise typer.BadParameter(f"{error.problem}, such as 2230, or a time, such as 37:10 or 37m10s") from None
 
 
 def rate(text: str | float) -> float:
@@ -266,6 +275,14 @@ ReportFile = Annotated[
 Folder = Annotated[Path, option("--to", metavar="FOLDER", help="Folder for the files. It is made if it is missing.")]
 Jobs = Annotated[
     int, option("--jobs", metavar="NUMBER", parser=whole, help="How many speeches are generated at the same time, 1 … 64.")
+]
+Resume = Annotated[
+    bool,
+    Option(
+        "--resume",
+        help="Leave out speeches whose files are all there, and newer than the speech: after an interruption, run the same "
+        "command with --resume. It does not notice other options than before.",
+    ),
 ]
 Json = Annotated[bool, option("--json", help="Print JSON, for programs.")]
 Port = Annotated[int, option("--port", metavar="NUMBER", parser=whole, help="Port, 0 for any that is free.")]

@@ -26,7 +26,7 @@ AddGesture = Annotated[
     option(
         "--gesture",
         metavar="FORM@TIME",
-        help="Add a gesture to the plan: huge@2.4 (seconds), point_left@word:there. Repeat the option for several.",
+        help="Add a gesture to the plan: huge@2.4 (seconds), huge@37:10, point_left@word:there. Repeat the option for several.",
     ),
 ]
 RemoveGesture = Annotated[
@@ -34,7 +34,8 @@ RemoveGesture = Annotated[
     option(
         "--remove",
         metavar="ID|@TIME|FROM:TO",
-        help="Remove a gesture of the plan: g3; @2.4 for the one nearest to 2.4 s; 15:30 for all from 15 to 30 s.",
+        help="Remove a gesture of the plan: g3; @2.4 for the one nearest to 2.4 s; 15:30 for all from 15 to 30 s. "
+        "With minutes: @37:10, or 37m10s:37m25s.",
     ),
 ]
 MoveGesture = Annotated[

@@ -1,4 +1,4 @@
-"""The speech that belongs to a motion, as a file: that is what writers of pictures and pages take."""
+"""The speech that belongs to a motion, or to a part of it, as a file: that is what writers of pictures and pages take."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from ..audio.speech import Speech
+from ..audio.speech import Speech, SpeechSource
 from ..errors import InputError
 
-__all__ = ["as_sound_file"]
+__all__ = ["as_sound_file", "cut_sound_file"]
+
+_FILM_RATE = 48_000  # Hz; that of the sound of a film: a part sounds as it does in the film of the whole
 
 
 @contextmanager
@@ -32,3 +34,33 @@ def as_sound_file(audio: Speech | str | PathLike[str] | None) -> Iterator[str | 
         path = Path(folder) / "speech.wav"
         soundfile.write(path, audio.samples, audio.rate, subtype="FLOAT")
         yield path
+
+
+@contextmanager
+def cut_sound_file(audio: str | PathLike[str], start: float, end: float | None = None) -> Iterator[Path | None]:
+    """The path of a file with a part of a sound, which is there until the end; in constant memory, however long the sound is.
+
+    Args:
+        audio: a sound file.
+        start, end: seconds; to the end of the sound where no end is given.
+
+    Yields:
+        The path; None where the sound is over before ``start``.
+
+    Raises:
+        InputError: the sound cannot be read.
+    """
+    import soundfile
+
+    first, last = round(start * _FILM_RATE), None if end is None else round(end * _FILM_RATE)
+    heard = written = 0
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "speech.wav"
+        with SpeechSource(audio, _FILM_RATE) as source, soundfile.SoundFile(path, "w", _FILM_RATE, 1, "FLOAT") as file:
+            for block in source.blocks():
+                part = block[max(first - heard, 0) : None if last is None else max(last - heard, 0)]
+                heard, written = heard + len(block), written + len(part)
+                file.write(part)
+                if last is not None and heard >= last:
+                    break
+        yield path if written else None

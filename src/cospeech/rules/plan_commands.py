@@ -6,13 +6,12 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
-from math import isfinite
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from ..audio.speech import open_speech
 from ..errors import CospeechWarning, InputError, nearest
-from ..motion.named_numbers import read_number
+from ..motion.named_numbers import read_seconds
 from .gesture import CROWDED
 from .options import GenerationOptions
 
@@ -37,7 +36,7 @@ class PlanCommands:
     reseed: Sequence[str] = ()
     """``3.2:5`` or ``3.2:5:7``: a stretch, and its seed."""
     gesture: Sequence[str] = ()
-    """``huge@2.4`` or ``point_left@word:there``: what is added, and when."""
+    """``huge@2.4``, ``huge@37:10`` or ``point_left@word:there``: what is added, and when."""
 
     @property
     def any(self) -> bool:
@@ -119,20 +118,18 @@ def with_plan(
 
 
 def read_stretch(text: str) -> tuple[float, float, str]:
-    """From and to in seconds, and what comes behind: ``3.2:5:seed=7``.
+    """From and to in seconds, and what comes behind: ``3.2:5:seed=7``. Minutes have their letter: ``37m10s:37m25s``.
 
     Raises:
         InputError: no stretch of time.
     """
     low, _, rest = text.partition(":")
     high, _, more = rest.partition(":")
-    try:
-        times = float(low or "0"), float(high)
-    except ValueError:
-        times = (float("nan"), 0.0)
-    if not (isfinite(times[0]) and isfinite(times[1]) and 0 <= times[0] < times[1]):
-        raise InputError(f"{text[:40]!r} is no stretch of time", "seconds from and to: 3.2:5")
-    return *times, more
+    wrong = f"{text[:40]!r} is no stretch of time", "seconds from and to: 3.2:5; with minutes: 37m10s:37m25s"
+    start, end = read_seconds(low or "0", *wrong), read_seconds(high, *wrong)
+    if not 0 <= start < end:
+        raise InputError(*wrong)
+    return start, end, more
 
 
 @contextmanager
@@ -155,7 +152,7 @@ def _remove(plan: Plan, text: str, seconds: float | None) -> tuple[Plan, str]:
     if text[:1] in ":.0123456789" and ":" in text and text not in {each.id for each in plan.gestures}:
         low, high, rest = _stretch(text, seconds)
         if rest:
-            raise InputError(f"{text[:40]!r} is no stretch of time", "seconds from and to: 15:30")
+            raise InputError(f"{text[:40]!r} is no stretch of time", "seconds from and to: 15:30; with minutes: 37m10s:37m25s")
         return plan.remove_between(low, high), ""
     return plan.remove(text), ""
 
@@ -201,7 +198,7 @@ def _halves(text: str, hint: str) -> tuple[str, str]:
 
 
 def _time(text: str) -> float:
-    return read_number(text, f"{text[:40]!r} is no time", "seconds: 2.4")
+    return read_seconds(text, f"{text[:40]!r} is no time", "seconds: 2.4; or 37:10, 37m10s")
 
 
 def _moment(text: str, seconds: float | None) -> float:

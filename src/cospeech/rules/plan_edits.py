@@ -11,10 +11,10 @@ import numpy as np
 
 from ..audio.emotions import EMOTIONS, EmotionTrack
 from ..audio.speech import Word
-from ..errors import InputError, nearest
+from ..errors import InputError, guess, nearest
 from ..files import atomic, parse_json, read_regular
 from ..limits import PLAN_BYTES, PLAN_VALUES
-from ..motion.named_numbers import read_number
+from ..motion.named_numbers import read_number, read_seconds
 from .gesture import RUN_UP
 from .options import SEEDS, GenerationOptions
 from .plan_locks import beats_on, check_free, find_lock, start_after_lock
@@ -24,6 +24,7 @@ from .repertoire import FORMS, LEXICAL_FORMS
 
 __all__ = ["VALUES", "Plan", "Setting"]
 
+_SHOWN = 40  # ids in a message, at most [ours: some lines of a terminal]
 VALUES = ("style", "emotion", "intensity")
 """What a stretch may have of its own and `Plan.clear` takes off."""
 
@@ -147,13 +148,15 @@ class Plan(PlanData):
             hint = 'such as "g3", or "@2.4" for the one nearest to 2.4 s'
             raise InputError(f"{str(gesture)[:40]} is no id of a gesture", hint)
         if gesture.startswith("@") and self.gestures:
-            time = _number(gesture[1:], "a time in seconds")
+            time = read_seconds(gesture[1:], f"{gesture[1:41]!r} is not a time in seconds", "such as 2")
             return min(self.gestures, key=lambda each: abs(each.stroke - time))
         for each in self.gestures:
             if each.id == gesture:
                 return each
         known = [each.id for each in self.gestures]
         hint = nearest(gesture[:40], known) if known else "no gesture is listed: save the plan of a speech first"
+        if len(known) > _SHOWN:  # that of an hour has a thousand
+            hint = f"{guess(gesture[:40], known)}known: {known[0]} … {known[-1]}; @37:10 is the one nearest to this time"
         raise InputError(f"no gesture of the plan is called {gesture[:40]!r}", hint)
 
     def add(

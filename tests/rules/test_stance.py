@@ -38,6 +38,18 @@ def stood(seed: int = 0, **amounts: float) -> np.ndarray:
     return track.at(TIMES)
 
 
+def turns(seed: int, minutes: int) -> np.ndarray:
+    """(minutes, 60) degrees that both feet are turned away from the listener, once a second."""
+    random = Random(seed)
+    track = MinimumJerkTrack(first_body(random, seated=False))
+    stance, found = Stance(track, random, StanceAmounts()), []
+    for tick in range(600 * minutes):
+        stance.decide(tick * 0.1)
+        if tick % 10 == 0:
+            found.append((track.target[Body.LEFT_FOOT][2] + track.target[Body.RIGHT_FOOT][2]) / 2)
+    return np.reshape(found, (minutes, 60))
+
+
 def upper_body(seconds: float = 20.0) -> Motion:
     """Somebody else's motion: swinging arms on a stiff trunk and planted feet."""
     s, times = humanoid(), np.arange(round(seconds * 30)) / 30
@@ -65,6 +77,13 @@ def shares_of_motion(motion: Motion) -> np.ndarray:
 
 
 class TestStance:
+    def test_nobody_stands_turned_away_for_minutes(self):
+        """They turn, and turn back: without a way back, turns are beyond 12° for two fifths of the time."""
+        found = np.concatenate([turns(seed, 12) for seed in range(3)])
+        assert 5 < found.std() < 10
+        assert (abs(found) > 12).mean() < 0.25
+        assert abs(found.mean(1)).mean() < 6.5
+
     def test_the_weight_goes_from_leg_to_leg(self):
         b = stood(steps=0.0)
         assert b[:, Body.HIPS_X].max() > 0.5 * STANCE

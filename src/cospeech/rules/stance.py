@@ -41,6 +41,7 @@ DRIFT_HZ, DRIFT = 0.25, 0.012
 """How often, and how far in metres, hips drift between shifts of the weight. [ours: a recorded hip never waits: in its
 slowest tenth it has a fifth of its mean speed]"""
 _MOST_TURN = 17.0  # degrees that pelvis and feet turn away from the listener
+_KEPT = 0.5  # share of that turn that a step keeps [ours: without it, somebody stands turned away for minutes]
 _OVER = 0.175  # metres above the floor of the sole of a leg that lies over the other's knee: thigh over thigh
 _WIDTHS = (1.0, 1.7)  # of a stance, over `STANCE`: ankles .21 to .36 m apart (CMU's takes that stand: .24 to .59)
 _BEFORE = 0.02  # metres by which hips are before the ankles, beside the skeleton's own: weight lies on the middle of the foot
@@ -341,7 +342,7 @@ class Stance:
         """The unloaded foot steps towards where the pelvis is turned; the weight follows, and often the other foot."""
         self._next["step"] = now + self._step_gap()
         if self._follow is None:
-            turned = self._heading + 0.7 * float(self.track.target[Body.HIPS_YAW]) + self._gauss(5.0)
+            turned = _KEPT * self._heading + 0.7 * float(self.track.target[Body.HIPS_YAW]) + self._gauss(5.0)
             self._heading = float(np.clip(turned, -_MOST_TURN, _MOST_TURN))
             self._follow = self._heading if self._random.random() < 0.6 else None
             if self._follow is not None:

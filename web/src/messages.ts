@@ -219,7 +219,7 @@ export interface OpenedPlan {
   note: string;
 }
 
-/** What is gestured when: phrases, accents, gestures, gaze, emotions, seeds. */
+/** Which gestures a performance has, and when: gestures, gaze, phrases, accents, emotions, seeds. */
 export interface Plan {
   cospeech_plan?: 1;
   seconds?: number | null;

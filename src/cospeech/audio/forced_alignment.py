@@ -256,12 +256,12 @@ def _search(tokens: Sequence[str], loudness: Floats, peaks: Floats, pauses: Floa
     syllables = [count_syllables(token) for token in tokens]
     total = len(loudness)
     expected = lengths * (total / lengths.sum())
-    centres = np.cumsum(expected)
-    half = int(np.clip(BAND_SHARE * total * step, *BAND) / step)
     if total * step > LONG:
         is_punctuated = sum(token[-1] in ENDS for token in tokens) * _MOST_WORDS > len(tokens)
-        half = int(BAND[0 if is_punctuated else 1] / step)
-        centres = _lay_sentences(tokens, lengths, syllables, peaks, pauses, step)
+        centres, band = _lay_sentences(tokens, lengths, syllables, peaks, pauses, step), BAND[0 if is_punctuated else 1]
+    else:
+        centres, band = np.cumsum(expected), np.clip(BAND_SHARE * total * step, *BAND)
+    half = int(band / step)
     at_edge = DIP * np.append(loudness, 0) - PAUSE_GAIN * np.append(np.minimum(pauses / 0.3, 1), 1)
     at_edge[0] = 0
     no_pause = np.append(pauses <= 0, False)

@@ -102,8 +102,9 @@ def generate_speeches(
             _check_new(work, options)
         if left_out:
             _check_left_out(work, options, report, left_out)
-        if resume:
+        if resume or len(found) > 1:
             _check(work, options, report)
+        if resume:
             work = _list_undone(work, options)
             if not work:
                 return Reports(speeches=[], failed=[])
@@ -112,7 +113,6 @@ def generate_speeches(
             return Reports(
                 speeches=[_generate(work[0], options, model=model, loaded=loaded, report=report, progress=tell)], failed=[]
             )
-        _check(work, options, report)
         asked = {key: value for key, value in options.items() if key in _OF_MODELS and NAME not in str(value)}
         check_request(loaded, **asked)
         if report is not None:

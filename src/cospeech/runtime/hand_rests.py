@@ -64,9 +64,8 @@ class HandRests:
         self._random = Random(f"{seed}/rests")
         self._joints = arm_joints()
         self._side = np.array([humanoid().names[joint].startswith("right") for joint in self._joints], int)
-        self._rests, self._until = False, self._random.uniform(*_BUSY)
-        self._resting = [False, False]  # which hands the rest is of
-        self._places, self._heard = [0.0, 0.0], 0.0  # of the last accent, seconds
+        self._resting, self._until = [False, False], self._random.uniform(*_BUSY)  # which hands; until when, seconds
+        self._places, self._heard = [0.0, 0.0], 0.0  # of the hands on their way; of the last accent, seconds
         self._rotations, self._root = np.zeros((0, len(humanoid()), 4), np.float32), np.zeros((0, 3), np.float32)
 
     def push(self, rotations: Array, root: Array) -> tuple[Array, Array]:
@@ -106,14 +105,13 @@ class HandRests:
         coming = self._track.between(seen - 1 / DECISION_RATE, seen)
         if coming:
             if seen - self._heard > _PAUSE:
-                self._rests, self._until = False, now + self._random.uniform(*_BUSY)
+                self._resting, self._until = [False, False], now + self._random.uniform(*_BUSY)
             self._heard = seen
         if now >= self._until and self._is_time(now, coming):
-            self._rests = not self._rests
-            self._until = now + self._random.uniform(*(_QUIET if self._rests else _BUSY))
-            if self._rests:
-                self._resting = self._draw_hands()
-        steps = [1 / _DOWN if self._rests and rests else -1 / _UP for rests in self._resting]
+            ends = any(self._resting)
+            self._until = now + self._random.uniform(*(_BUSY if ends else _QUIET))
+            self._resting = [False, False] if ends else self._draw_hands()
+        steps = [1 / _DOWN if rests else -1 / _UP for rests in self._resting]
         self._places = [min(max(p + s / DECISION_RATE, 0.0), 1.0) for p, s in zip(self._places, steps, strict=True)]
 
     def _draw_hands(self) -> list[bool]:
@@ -127,7 +125,7 @@ class HandRests:
         """Whether the speech lets hands go down, or up, now; ``coming`` are the accents on which they can come up."""
         if now >= self._until + _LATE:
             return True
-        if self._rests:
+        if any(self._resting):
             return _strong(coming)
         return not _strong(self._track.between(now, now + _CLEAR))
 

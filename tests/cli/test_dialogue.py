@@ -118,8 +118,12 @@ def test_a_video_without_name_shows_all_persons_and_is_written_beside_other_file
     av = pytest.importorskip("av", reason="needs PyAV: cospeech[av]")
     sound, _ = soundfile.read("call.wav")
     soundfile.write("short.wav", sound[30_000:70_000], RATE)
-    code, out, _ = cli("dialogue", "short.wav", "-o", "both.mp4", "-o", "{name}.bvh")
+    code, out, _ = cli(
+        "dialogue", "short.wav", "-o", "both.mp4", "-o", "{name}.bvh", "--report", "r.json", "--skeleton", "mixamo"
+    )
     assert code == 0
+    told = json.loads((place / "r.json").read_text("utf-8"))["speeches"]
+    assert [each["outputs"] for each in told] == [["short.left.bvh", "both.mp4"], ["short.right.bvh", "both.mp4"]]
     assert "both.mp4  2 persons side by side" in out
     assert {"both.mp4", "short.left.bvh", "short.right.bvh"} <= {path.name for path in place.iterdir()}
     with av.open("both.mp4") as film:
@@ -134,6 +138,9 @@ def test_a_video_without_name_shows_all_persons_and_is_written_beside_other_file
         (["-o", "{name}.bvh", "--avatar", "nope.vrm"], "no avatar at 'nope.vrm'"),
         (["--avatar", "nope.vrm"], "no avatar at 'nope.vrm'"),
         (["--tail", "90"], "tail 90 is out of range (0 … 60)"),
+        (["--skeleton", "nope"], "'nope'"),
+        (["--skeleton", "mixamo"], "skeleton 'mixamo' would not be seen in .mp4"),
+        (["--report", "r.json"], "'r.json' reports on the files of each person, and there are none (add -o '{name}.bvh')"),
     ],
 )
 def test_a_video_that_cannot_be_made_is_told_before_anything_is_written(cli, place, given, said):

@@ -9,11 +9,13 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
 from cospeech.cli.demo import EXAMPLE
+from cospeech.export.html_page import VIEWER
 from tests.support.command_line import heed
 
 pytestmark = pytest.mark.slow
@@ -186,7 +188,9 @@ def test_full_disk(tmp_path):
     def little_room() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
 
-    for suffix in (".bvh", ".glb", ".csv", ".npz", ".png"):
+    film = [".mp4"] if find_spec("av") else []
+    page = [".html"] if (VIEWER / "viewer.js").is_file() else []
+    for suffix in (".bvh", ".glb", ".csv", ".npz", ".png", *film, *page):
         command = [*COSPEECH, "generate", str(EXAMPLE), "-o", f"a{suffix}"]
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, preexec_fn=little_room)
         assert (done.returncode, done.stdout) == (1, ""), suffix

@@ -25,6 +25,7 @@ from ..models import DEFAULT, PARTS, Model, load
 from ..rules.options import GenerationOptions, check_range
 from ..runtime.report import Failure, Report, Reports
 from ..runtime.styles.style import example_files
+from ..training.interrupts import list_stop_signals
 from .several import NAME, FoundFiles, LeftOut, find_files, put_name
 
 __all__ = ["STANDARD_INPUT", "generate_speeches"]
@@ -171,26 +172,20 @@ def _hold_signals() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _signals())
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, list_stop_signals())
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _signals() -> list[signal.Signals]:
-    """What ends the work; SIGBREAK is Windows' SIGHUP."""
-    return [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)]
-
-
 def _watch_signals(told: Callable[[], bool]) -> None:
     """At the start of a worker process: a signal ends its work at the next piece, so that nothing half-written is left."""
     _reasons_to_stop.append(told)
-    for number in _signals():
-        if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup asks for
-            signal.signal(number, lambda *_: _reasons_to_stop.append(lambda: True))
+    for number in list_stop_signals():
+        signal.signal(number, lambda *_: _reasons_to_stop.append(lambda: True))
     if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, _signals())
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, list_stop_signals())
 
 
 def _check_stop(done: float = 0.0, total: float | None = None) -> None:

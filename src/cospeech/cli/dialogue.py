@@ -119,7 +119,7 @@ def dialogue(
     cospeech dialogue host.wav guest.wav -o '{name}.bvh' --transcript 'words/{name}.srt' --angle 30
     """
     from ..export.group_film import SIDE
-    from ..files import atomic, check_destination
+    from ..files import check_destination
     from ..runtime.attention import find_row, find_seats
     from ..runtime.listening import ANGLE_RANGE
     from .main import show_outputs
@@ -152,6 +152,7 @@ def dialogue(
     _check_films(films, len(chosen), {own[k]["avatar"] for k in chosen})
     output = [text for text in output if not _is_film(text)] if output else None
     files = {k: _outputs_of(persons[k].name, output) for k in chosen if output != []}
+    _check_use(files, films, skeleton, report)
     _check_apart(
         [*speech, *([speakers] if speakers else [])], [*films, *(path for each in files.values() for path in each)], own, report
     )
@@ -165,8 +166,7 @@ def dialogue(
             row = seats if len(persons) == 2 else find_row(len(persons), SIDE)
             _draw_film(film, chosen, persons, _make_roles(persons, row, mixed=mixed), own, load_once, angle, progress)
     if report is not None:
-        with atomic(report) as path:
-            path.write_text(result.to_json(), "utf-8", newline="\n")
+        _write_report(report, result, films)
     if not quiet:
         show_outputs(result.speeches)
         for film in films:
@@ -206,6 +206,15 @@ def _generate(
     return Reports(speeches=made, failed=[])
 
 
+def _write_report(path: Path, result: Reports, films: Sequence[Path]) -> None:
+    """Write what was made; a video of all is among the files of each person."""
+    from ..files import atomic
+
+    told = [replace(each, outputs=[*each.outputs, *map(str, films)]) for each in result.speeches]
+    with atomic(path) as file:
+        file.write_text(replace(result, speeches=told).to_json(), "utf-8", newline="\n")
+
+
 def _tell(progress: Any, name: str) -> Any:
     return lambda done, total: progress(done, total, name)
 
@@ -236,6 +245,18 @@ def _draw_film(
     sounds = list(dict.fromkeys(person.heard.track.path for person in persons))
     with make_folders({film.parent}):
         write_group_film(film, tell(), fps=fps, sounds=sounds, avatars=[own[k]["avatar"] for k in chosen], angle=angle)
+
+
+def _check_use(files: dict[int, list[Path]], films: Sequence[Path], skeleton: str, report: Path | None) -> None:
+    """Raise an InputError for options that are about the files of each person, where there are only videos of all."""
+    from ..export.checks import check_skeleton
+
+    if files:
+        return
+    if report is not None:
+        raise InputError(f"{str(report)!r} reports on the files of each person, and there are none", f"add -o '{_USUAL[0]}'")
+    if skeleton != "humanoid":
+        check_skeleton(skeleton, {film.suffix.lower() for film in films})
 
 
 def _check_films(films: Sequence[Path], count: int, avatars: set[str | None]) -> None:

@@ -19,6 +19,7 @@ from typer import Argument, Option
 from .. import __version__
 from ..errors import CospeechError, CospeechWarning, InputError, InternalError, say_count
 from ..models import DEFAULT, PARTS
+from ..training.interrupts import list_stop_signals
 from . import convert as cli_convert
 from . import corpora as cli_corpora
 from . import dialogue as cli_dialogue
@@ -277,10 +278,8 @@ def _note_signals() -> list[int]:
         came.append(number)
         raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
 
-    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"):  # the last two: the terminal was closed
-        number = getattr(signal, name, None)  # Windows has no SIGHUP, and SIGBREAK alone
-        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as nohup asks for
-            signal.signal(number, stop)
+    for each in list_stop_signals():
+        signal.signal(each, stop)
     return came
 
 

@@ -164,5 +164,5 @@ def import_pyav() -> ModuleType:
     try:
         import av
     except ImportError:
-        raise InputError("writing .mp4 needs PyAV, which is not installed", describe_extra("av")) from None
+        raise InputError("videos need PyAV, which is not installed", describe_extra("av")) from None
     return av

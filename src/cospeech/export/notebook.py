@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import html
 from os import PathLike
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from ..audio.speech import Speech
 from ..errors import InputError
+from ..files import scratch, workplace
 from ..motion.motion import Motion
 from . import html_page, save
 
@@ -61,8 +60,8 @@ def show(
     if not _HEIGHTS[0] <= height <= _HEIGHTS[1]:
         raise InputError(f"a view {height} pixels high", f"{_HEIGHTS[0]} … {_HEIGHTS[1]}")
     built = (html_page.VIEWER / "viewer.js").is_file()
-    with TemporaryDirectory(prefix="cospeech-") as folder:
-        path = Path(folder) / ("motion.html" if built else "motion.png")
+    with workplace(scratch()) as folder:
+        path = folder / ("motion.html" if built else "motion.png")
         save(motion, path, audio=audio, avatar=avatar)
         if built:
             return NotebookView(path.read_text("utf-8"), None, height)

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from ..audio.speech import Speech, SpeechSource
 from ..errors import InputError
+from ..files import scratch, workplace
 
 __all__ = ["as_sound_file", "cut_sound_file"]
 
@@ -30,8 +30,8 @@ def as_sound_file(audio: Speech | str | PathLike[str] | None) -> Iterator[str | 
         raise InputError(f"audio is of type {type(audio).__name__}", "name a sound file, or give a cospeech.Speech")
     import soundfile
 
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "speech.wav"
+    with workplace(scratch()) as folder:
+        path = folder / "speech.wav"
         soundfile.write(path, audio.samples, audio.rate, subtype="FLOAT")
         yield path
 
@@ -54,8 +54,8 @@ def cut_sound_file(audio: str | PathLike[str], start: float, end: float | None =
 
     first, last = round(start * _FILM_RATE), None if end is None else round(end * _FILM_RATE)
     heard = written = 0
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "speech.wav"
+    with workplace(scratch()) as folder:
+        path = folder / "speech.wav"
         with SpeechSource(audio, _FILM_RATE) as source, soundfile.SoundFile(path, "w", _FILM_RATE, 1, "FLOAT") as file:
             for block in source.blocks():
                 part = block[max(first - heard, 0) : None if last is None else max(last - heard, 0)]

@@ -252,12 +252,17 @@ def atomic(path: str | PathLike[str]) -> Iterator[Path]:
         try:
             yield temporary
         except OSError as error:
-            if error.filename == str(temporary) or (error.filename is None and _is_stuck(temporary)):
-                error.filename = os.fsdecode(path)
+            if _is_in(error.filename, temporary.parent) or (not error.filename and _is_stuck(temporary)):
+                raise OSError(error.errno, describe_os_error(error), os.fsdecode(path)) from error
             raise
         temporary.chmod(rights)
         with _explain_refusal(os.fsdecode(path)):
             temporary.replace(target)
+
+
+def _is_in(name: object, folder: Path) -> bool:
+    """Whether the file that an error names is one of a folder: writers have files of their own beside the one they make."""
+    return isinstance(name, str | bytes) and folder in Path(os.fsdecode(name)).parents
 
 
 def _is_stuck(path: Path) -> bool:
@@ -293,7 +298,9 @@ def all_or_none(targets: Iterable[Path]) -> Iterator[Callable[[Path], Path]]:
         try:
             yield place
         except OSError as error:
-            error.filename = next((str(t) for t, path in staged.items() if str(path) == error.filename), error.filename)
+            for target, path in staged.items():
+                if str(path) == error.filename:
+                    raise OSError(error.errno, describe_os_error(error), str(target)) from error
             raise
         for target in staged:  # one may have been opened meanwhile: then none appears
             _check_free(destinations[target], str(target))

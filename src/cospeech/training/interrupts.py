@@ -1,4 +1,4 @@
-"""Signals that would end the program, noted so that what is under way can be ended first, or given up in order."""
+"""Signals that would end the program: which there are, and how what is under way is ended first, or given up in order."""
 
 from __future__ import annotations
 
@@ -8,7 +8,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-__all__ = ["SignalWatch", "Stopped", "defer_signals"]
+__all__ = ["SignalWatch", "Stopped", "defer_signals", "list_stop_signals"]
+
+
+def list_stop_signals() -> list[signal.Signals]:
+    """The signals of this system that ask a program to end: Ctrl-C, `kill`, and a terminal that is closed.
+
+    One that the program was started to ignore, as nohup asks for, is not among them.
+    """
+    names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # Windows has no SIGHUP, and SIGBREAK alone
+    there = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    return [number for number in there if signal.getsignal(number) is not signal.SIG_IGN]
 
 
 class Stopped(BaseException):
@@ -71,9 +81,8 @@ def defer_signals(tell: Callable[[], None] | None = None) -> Iterator[SignalWatc
             signal.signal(number, handler)
 
     if threading.current_thread() is threading.main_thread():
-        for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"):
-            number = getattr(signal, name, None)  # SIGBREAK is Windows' SIGHUP
-            if number is not None and signal.getsignal(number) not in (signal.SIG_IGN, None):
+        for number in list_stop_signals():
+            if signal.getsignal(number) is not None:  # None: whoever runs Python handles it, and it could not be put back
                 before[number] = signal.signal(number, note)
     try:
         yield watch

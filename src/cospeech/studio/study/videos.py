@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from ...errors import CospeechWarning, InputError, describe_extra
+from ...errors import CospeechWarning, InputError
+from ...export.film_encoder import import_pyav
 
 __all__ = ["VIDEOS", "check_alike", "copy_video", "look_at_video"]
 
@@ -46,7 +46,7 @@ def look_at_video(path: Path, *, muted: bool = False) -> VideoFacts:
     Raises:
         InputError: PyAV is not installed, it cannot be read, or browsers do not play it.
     """
-    av = _load_av()
+    av = import_pyav()
     try:
         with av.open(str(path)) as read:
             if not read.streams.video:
@@ -104,7 +104,7 @@ def copy_video(source: Path, target: Path, *, sound: bool) -> None:
     Raises:
         InputError: PyAV is not installed, or the video cannot be read.
     """
-    av = _load_av()
+    av = import_pyav()
     try:
         with av.open(str(source)) as read, av.open(str(target), "w", format=target.suffix[1:]) as written:
             streams = [*read.streams.video[:1], *(read.streams.audio[:1] if sound else ())]
@@ -121,10 +121,3 @@ def copy_video(source: Path, target: Path, *, sound: bool) -> None:
 
 
 _PLAYED = "is it H.264 in .mp4, or VP9 in .webm?"
-
-
-def _load_av() -> Any:
-    try:
-        return import_module("av")
-    except ModuleNotFoundError:
-        raise InputError("videos need PyAV", describe_extra("av")) from None

@@ -1,12 +1,16 @@
 """Results of tables into the documentation, no figure by hand: ``python tools/write_tables.py FILE.json …``.
 
+Each file is what ``cospeech evaluate --table NAME --out FILE.json`` wrote; it is kept in ``benchmarks/tables/``, and its
+figure, where a PNG of the same name lies beside it, in ``docs/media/``. Without files the pages are written anew from what is
+kept. ``--check`` writes nothing, and names the pages that are not as they would be written.
+
+A table stands where a page in ``docs/results/`` has the line ``<!-- table: NAME -->``; NAME is that of the file, without
+``.json``. The tool writes heading and figures there. Text between the heading and ``<!-- figures -->`` is by hand, and stays.
+Tables below the heading "Earlier runs" are not current. ``docs/results.md`` gets the overview and the decided claims.
+
 ``python tools/write_tables.py --join OUT.json PART.json …`` makes one table of parts: the same rows on the same corpus with
 other seeds, made on several machines or one after the other. It writes nothing else; parts are kept in
 ``benchmarks/tables/parts/``.
-
-Each file is what ``cospeech evaluate --table NAME --out FILE.json`` wrote; it is kept in ``benchmarks/tables/``, and its
-figure, where a PNG of the same name lies beside it, in ``docs/media/``. Without files the page is written anew from what is
-kept.
 """
 
 from __future__ import annotations
@@ -15,25 +19,32 @@ import json
 import re
 import shutil
 import sys
+from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from cospeech.errors import InputError
 from cospeech.experiments.tables import TABLES
+from cospeech.experiments.tables.paper_tables import TableSplit
 from cospeech.experiments.tables.report import summary, to_markdown
-from cospeech.experiments.tables.verdicts import Evidence, below, judge
+from cospeech.experiments.tables.verdicts import CONTRADICTED, HOLDS, WORDS, Evidence, below, judge
 from cospeech.files import atomic
 
 ROOT = Path(__file__).resolve().parents[1]
-KEPT, MEDIA, PAGE = ROOT / "benchmarks" / "tables", ROOT / "docs" / "media", ROOT / "docs" / "results.md"
+KEPT, DOCS = ROOT / "benchmarks" / "tables", ROOT / "docs"
 NUMBERS = re.compile(r"\[[-+.\deE,\s]+\]")  # a list of numbers alone: it is kept in one line
-BLOCK = re.compile(r"(<!-- results -->\n).*?(<!-- end of results -->)", re.S)
+MARK = re.compile(r"^(?:## (.+)|<!-- table: (\S+) -->)$", re.M)  # a section, or a place for a table
+PIECE = re.compile(r"<!-- table: (\S+) -->\n?(.*?)(?=<!-- table: |\Z)", re.S)
+BLOCK = re.compile(r"(<!-- (overview|decided|decided earlier) -->\n).*?(<!-- end of \2 -->)", re.S)
+HEADING = re.compile(r"\A\s*### .*\n")
+FIGURES, END, EARLIER = "<!-- figures -->", "<!-- end of figures -->", "Earlier runs"
+CORPORA = {"ted": "TED", "trinity": "Trinity", "beat": "BEAT", "pats": "PATS"}
+DECIDED = (HOLDS, CONTRADICTED)
 
 
 def judge_again(table: dict[str, Any]) -> dict[str, Any]:
     """Verdicts and note of a table that is kept, by the code of today; of figures with each seed, and of draws of clips."""
-    parts = [part for part in TABLES[table["table"]].parts if part.corpus == table["corpus"]]
-    part = max(parts, key=lambda part: len({row.name for row in part.rows} & {*table["rows"]}))
+    part = find_part(table)
     rows = {name: of_seeds(row["cells"], len(table["seeds"])) for name, row in table["rows"].items() if row.get("cells")}
     controls = {
         name: {metric: {"value": cell["mean"]} for metric, cell in cells.items() if "mean" in cell}
@@ -41,6 +52,14 @@ def judge_again(table: dict[str, Any]) -> dict[str, Any]:
     }
     evidence = Evidence(rows, controls, table["columns"], table["faults"], table.get("leak", ""))
     return {"note": part.note, "verdicts": judge(part.claims, evidence), "below": below(part.claims, evidence)}
+
+
+def find_part(table: dict[str, Any]) -> TableSplit:
+    """The part of the paper's table that a kept table is of: that with most of its rows, and where several have, its note."""
+    parts = [part for part in TABLES[table["table"]].parts if part.corpus == table["corpus"]]
+    return max(
+        parts, key=lambda part: (len({row.name for row in part.rows} & {*table["rows"]}), part.note == table.get("note", ""))
+    )
 
 
 def own(cell: dict[str, Any]) -> dict[str, Any]:
@@ -87,21 +106,165 @@ def join(parts: list[dict[str, Any]]) -> dict[str, Any]:
     return table | judge_again(table)
 
 
-def results() -> str:
-    """The tables that are kept, as markdown."""
-    parts = []
-    for path in sorted(KEPT.glob("*.json")):
-        table = json.loads(path.read_text("utf-8"))
-        parts.append(to_markdown(table | judge_again(table)))
-        if (MEDIA / f"{path.stem}.png").is_file():
-            parts.append(f"![{TABLES[table['table']].shown}](media/{path.stem}.png)\n")
-    return "\n".join(parts) if parts else "None yet.\n"
+# pages --------------------------------------------------------------------------------------------------------------------
 
 
-def page() -> str:
-    """The page with its results."""
-    text = PAGE.read_text("utf-8")
-    return BLOCK.sub(lambda found: f"{found[1]}\n{results()}\n{found[2]}", text)
+class Shown(NamedTuple):
+    """A table where a page shows it.
+
+    Args:
+        name: of its file.
+        page: name of the page.
+        section: the heading above it.
+        table: with today's verdicts.
+    """
+
+    name: str
+    page: str
+    section: str
+    table: dict[str, Any]
+
+    @property
+    def title(self) -> str:
+        """What its heading says: no two tables have the same."""
+        hours = re.search(r"[\d.]+ h(?= for training)", self.table["head"])
+        told = [hours[0]] if hours else []
+        return f"{self.table['table']} on {CORPORA[self.table['corpus']]}: {', '.join([*told, say_seeds(self.table['seeds'])])}"
+
+    @property
+    def link(self) -> str:
+        """To its heading, from the page of all results."""
+        anchor = re.sub(r"[-\s]+", "-", re.sub(r"[^a-z0-9\s-]", "", self.title.lower()))
+        return f"results/{self.page}#{anchor}"
+
+
+def say_seeds(seeds: list[int]) -> str:
+    """In words."""
+    if len(seeds) > 2 and seeds == [*range(seeds[0], seeds[-1] + 1)]:
+        return f"seeds {seeds[0]} to {seeds[-1]}"
+    return f"seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds))}"
+
+
+def find_shown() -> list[Shown]:
+    """All tables that are kept, in the order of the pages that show them.
+
+    Raises:
+        InputError: a table has no place or two, a place has no table or is in the wrong section, or two titles are the same.
+    """
+    kept = {path.stem: json.loads(path.read_text("utf-8")) for path in sorted(KEPT.glob("*.json"))}
+    found: list[Shown] = []
+    for path in sorted((DOCS / "results").glob("*.md")):
+        section = ""
+        for heading, name in MARK.findall(path.read_text("utf-8")):
+            section = heading or section
+            if name and name not in kept:
+                raise InputError(f"<!-- table: {name} --> in {path.name}", f"there is no benchmarks/tables/{name}.json")
+            if name and section not in (kept[name]["table"], EARLIER):
+                raise InputError(f"<!-- table: {name} --> in {path.name}", f"move it below '## {kept[name]['table']}'")
+            if name:
+                found.append(Shown(name, path.name, section, kept[name] | judge_again(kept[name])))
+    places = Counter(each.name for each in found)
+    for name in kept:
+        if places[name] != 1:
+            do = f"one page in docs/results/ must have the line <!-- table: {name} -->; {places[name]} have"
+            raise InputError(f"benchmarks/tables/{name}.json", do)
+    titles: dict[str, str] = {}
+    for each in found:
+        other = titles.setdefault(each.title, each.name)
+        if other != each.name:
+            raise InputError(f"{other} and {each.name}", f"both would be called {each.title!r}")
+    return found
+
+
+def fill(text: str, shown: dict[str, Shown]) -> str:
+    """A page with its tables."""
+
+    def write_piece(found: re.Match[str]) -> str:
+        head, mark, after = found[2].partition(FIGURES)
+        words = HEADING.sub("", head).strip() if mark else ""
+        _, end, rest = after.partition(END)
+        if mark and not end:
+            raise InputError(f"<!-- table: {found[1]} -->", f"{END} is missing")
+        each = shown[found[1]]
+        lines = [f"<!-- table: {each.name} -->\n\n### {each.title}\n", *([f"{words}\n"] if words else []), f"{FIGURES}\n"]
+        lines.append(to_markdown(each.table).partition("\n\n")[2])
+        if (DOCS / "media" / f"{each.name}.png").is_file():
+            lines.append(f"![{TABLES[each.table['table']].shown}](../media/{each.name}.png)\n")
+        return "\n".join([*lines, END]) + (rest if mark else f"\n{found[2]}")
+
+    return PIECE.sub(write_piece, text)
+
+
+def judged(runs: list[Shown]) -> dict[str, tuple[Shown, dict[str, Any]]]:
+    """Claim → the run that judges it, and the verdict; where several runs do, that of the first."""
+    found: dict[str, tuple[Shown, dict[str, Any]]] = {}
+    for run in runs:
+        for told in run.table["verdicts"]:
+            found.setdefault(told["claim"], (run, told))
+    return found
+
+
+def current_runs(shown: list[Shown]) -> dict[tuple[str, str], list[Shown]]:
+    """(table, corpus) → its current runs, in the order of the papers."""
+    found: dict[tuple[str, str], list[Shown]] = {(name, part.corpus): [] for name in TABLES for part in TABLES[name].parts}
+    for each in shown:
+        if each.section != EARLIER:
+            found[each.table["table"], each.table["corpus"]].append(each)
+    return found
+
+
+def overview(shown: list[Shown]) -> str:
+    """How many claims of each table got which verdict."""
+    lines = [
+        "| table | of | corpus | " + " | ".join([*WORDS, "not run"]) + " | current runs |",
+        "|---|---|---|" + "---:|" * 5 + "---|",
+    ]
+    totals: Counter[str] = Counter()
+    for (name, corpus), runs in current_runs(shown).items():
+        authors, _, what = TABLES[name].title.partition(",")
+        counts = Counter(told["verdict"] for _, told in judged(runs).values())
+        part = find_part(runs[0].table) if runs else next(p for p in TABLES[name].parts if p.corpus == corpus)
+        counts["not run"] = len(part.claims) - counts.total()
+        totals += counts
+        where = f"[{name}](results/{runs[0].page}#{name})" if runs else name
+        links = "; ".join(f"[{run.title.partition(': ')[2]}]({run.link})" for run in runs)
+        lines.append(row([where, f"{authors}: {what.rpartition(': ')[2]}", CORPORA[corpus]], counts, links))
+    return "\n".join([*lines, row(["**all**", "", ""], totals, "")]) + "\n"
+
+
+def row(heads: list[str], counts: Counter[str], links: str) -> str:
+    """One of the overview; what is decided is in bold type."""
+    told = [f"**{counts[word]}**" if counts[word] and word in DECIDED else str(counts[word]) for word in [*WORDS, "not run"]]
+    return "| " + " | ".join([*heads, *told, links]) + " |"
+
+
+def decided(found: list[tuple[Shown, dict[str, Any]]]) -> str:
+    """The claims that hold or are contradicted, a line each."""
+    lines = [
+        f"* **{told['verdict']}**: {told['claim']}"
+        + (f" [expected: {told['expected']}]" if "expected" in told else "")
+        + f": {told['because']} ([{run.title}]({run.link}))"
+        for run, told in found
+        if told["verdict"] in DECIDED
+    ]
+    return "\n".join(lines or ["None."]) + "\n"
+
+
+def pages() -> dict[Path, str]:
+    """Path → text of every page of results, as it should be."""
+    shown = find_shown()
+    earlier = [(each, told) for each in shown if each.section == EARLIER for told in each.table["verdicts"]]
+    current = [pair for runs in current_runs(shown).values() for pair in judged(runs).values()]
+    blocks = {"overview": overview(shown), "decided": decided(current), "decided earlier": decided(earlier)}
+    index = DOCS / "results.md"
+    text = BLOCK.sub(lambda found: f"{found[1]}\n{blocks[found[2]]}\n{found[3]}", index.read_text("utf-8"))
+    by_name = {each.name: each for each in shown}
+    return {index: text} | {path: fill(path.read_text("utf-8"), by_name) for path in sorted((DOCS / "results").glob("*.md"))}
+
+
+def stale() -> dict[Path, str]:
+    """Path → text of the pages that are not as they should be."""
+    return {path: text for path, text in pages().items() if path.read_text("utf-8") != text}
 
 
 def main(files: list[Path]) -> None:
@@ -112,19 +275,24 @@ def main(files: list[Path]) -> None:
         write(KEPT / path.name, NUMBERS.sub(lambda found: " ".join(found[0].split()), text))
         picture = path.with_suffix(".png")
         if picture.is_file():
-            shutil.copyfile(picture, MEDIA / picture.name)
-    write(PAGE, page())
+            shutil.copyfile(picture, DOCS / "media" / picture.name)
+    for path, text in stale().items():
+        write(path, text)
+        print(f"wrote {path.relative_to(ROOT)}")
 
 
 def write(path: Path, text: str) -> None:
     """A file, whole or not at all."""
     with atomic(path) as part:
-        part.write_text(text, "utf-8")
+        part.write_text(text, "utf-8", newline="\n")
 
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--join"]:
         whole = join([json.loads(Path(name).read_text("utf-8")) for name in sys.argv[3:]])
         write(Path(sys.argv[2]), json.dumps(whole, indent=1, ensure_ascii=False) + "\n")
+    elif sys.argv[1:] == ["--check"]:
+        if wrong := [str(path.relative_to(ROOT)) for path in stale()]:
+            sys.exit(f"not as python tools/write_tables.py writes them: {', '.join(wrong)}")
     else:
         main([Path(name) for name in sys.argv[1:]])

@@ -555,18 +555,6 @@ def test_maps_show_every_group():
         draw_map([])
 
 
-# the page -----------------------------------------------------------------------------------------------------------------
-
-
-def test_results_on_the_page_are_those_that_are_kept():
-    spec = spec_from_file_location("write_tables", ROOT / "tools" / "write_tables.py")
-    tool = module_from_spec(spec)
-    spec.loader.exec_module(tool)
-    assert tool.page() == tool.PAGE.read_text("utf-8"), "run tools/write_tables.py"
-    how = (ROOT / "docs" / "tables.md").read_text("utf-8")
-    assert all(f"| `{name}` |" in how for name in TABLES)
-
-
 # plans --------------------------------------------------------------------------------------------------------------------
 
 

@@ -288,7 +288,9 @@ def write(path: Path, text: str) -> None:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["--join"]:
+    if {"-h", "--help"} & {*sys.argv[1:]}:
+        print(__doc__)
+    elif sys.argv[1:2] == ["--join"]:
         whole = join([json.loads(Path(name).read_text("utf-8")) for name in sys.argv[3:]])
         write(Path(sys.argv[2]), json.dumps(whole, indent=1, ensure_ascii=False) + "\n")
     elif sys.argv[1:] == ["--check"]:

@@ -1,6 +1,6 @@
 """Any folder of sound files, searched to the bottom: how users bring a style of their own.
 
-Beside ``talk.wav`` may lie its motion, ``talk.{bvh,glb,vrma,npz}``, its words, ``talk.srt`` or another of `WORDS`, and
+Beside ``talk.wav`` may lie its motion, ``talk.{bvh,glb,fbx,vrma,npz}``, its words, ``talk.srt`` or another of `WORDS`, and
 its face, ``talk.json`` in BEAT's layout or ``talk.csv`` of Live Link Face. The first folder below the given one names the
 speaker; without one the folder does. ``emotions.csv`` in the given folder may tell emotions: a recording, or a folder of them,
 and its emotion, in each line.

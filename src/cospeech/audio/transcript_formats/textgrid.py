@@ -58,8 +58,10 @@ def read(text: str, note: Note) -> Iterator[Entry]:
     def take(kind: type) -> str | float:
         value = next(values, None)
         if value is None or not isinstance(value, kind):
-            found = "its end" if value is None else repr(value)[:40]
-            raise InputError(f"a TextGrid with {found} where a {'text' if kind is str else 'number'} belongs", "is it cut off?")
+            value_name = "its end" if value is None else repr(value)[:40]
+            raise InputError(
+                f"a TextGrid with {value_name} where a {'text' if kind is str else 'number'} belongs", "is it cut off?"
+            )
         return value
 
     if (take(str), take(str)) != ("ooTextFile", "TextGrid"):
@@ -113,12 +115,12 @@ def _find_word_tier(tiers: Sequence[_Tier], note: Note) -> list[Entry]:
     words = [tier for tier in full if _WORDS.search(tier.name)]
     words = [tier for tier in words if not _NO_WORDS.search(tier.name)] or words
     others = [tier for tier in full if not _NO_WORDS.search(tier.name)] or full
-    chosen = words or [tier for tier in others if not _holds_sounds(tier)] or others
-    found = max(chosen, key=lambda tier: count[id(tier)])
-    if len(chosen if words else full) > 1:
+    candidates = words or [tier for tier in others if not _holds_sounds(tier)] or others
+    best = max(candidates, key=lambda tier: count[id(tier)])
+    if len(candidates if words else full) > 1:
         names = ", ".join(repr(tier.name[:40]) for tier in full[:5])
-        note(f"the words are those of the tier {found.name[:40]!r}, of {names}{' …' if len(full) > 5 else ''}")
-    return found.entries
+        note(f"the words are those of the tier {best.name[:40]!r}, of {names}{' …' if len(full) > 5 else ''}")
+    return best.entries
 
 
 def _holds_sounds(tier: _Tier) -> bool:

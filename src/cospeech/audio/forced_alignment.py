@@ -255,12 +255,12 @@ def _search(tokens: Sequence[str], loudness: Floats, peaks: Floats, pauses: Floa
     lengths = np.array([_sounds(token) for token in tokens])
     syllables = [count_syllables(token) for token in tokens]
     total = len(loudness)
-    durations = lengths * (total / lengths.sum())
+    spans = lengths * (total / lengths.sum())
     if total * step > LONG:
         is_punctuated = sum(token[-1] in ENDS for token in tokens) * _MOST_WORDS > len(tokens)
         centres, band = _lay_sentences(tokens, lengths, syllables, peaks, pauses, step), BAND[0 if is_punctuated else 1]
     else:
-        centres, band = np.cumsum(durations), np.clip(BAND_SHARE * total * step, *BAND)
+        centres, band = np.cumsum(spans), np.clip(BAND_SHARE * total * step, *BAND)
     half = int(band / step)
     at_edge = DIP * np.append(loudness, 0) - PAUSE_GAIN * np.append(np.minimum(pauses / 0.3, 1), 1)
     at_edge[0] = 0
@@ -275,15 +275,13 @@ def _search(tokens: Sequence[str], loudness: Floats, peaks: Floats, pauses: Floa
         until = total if last else max(min(int(centres[i]) + half, total - (len(tokens) - 1 - i)), first)
         ends = np.arange(first, until + 1)
         # Up to SLOWEST times its length, and far enough that every end has a start that can be reached.
-        longest = max(int(SLOWEST * durations[i]), until - low - len(cost) + 2, first - low, MANY_STEPS)
+        longest = max(int(SLOWEST * spans[i]), until - low - len(cost) + 2, first - low, MANY_STEPS)
         nearest = max(1, first - low - len(cost) + 1)  # what is shorter begins behind all places where a word may begin
         sizes = np.arange(nearest, min(longest, until - low) + 1)
         starts = ends[:, None] - sizes
         possible = (starts >= low) & (starts < low + len(cost))
         starts = np.clip(starts, low, low + len(cost) - 1)
-        price = (
-            PEAKS * (counts[ends][:, None] - counts[starts] - syllables[i]) ** 2 + LENGTH * np.log(sizes / durations[i]) ** 2
-        )
+        price = PEAKS * (counts[ends][:, None] - counts[starts] - syllables[i]) ** 2 + LENGTH * np.log(sizes / spans[i]) ** 2
         price += INNER_PAUSE * np.maximum(breaks[ends - 1][:, None] - breaks[starts], 0) + cost[starts - low]
         price[~possible] = np.inf
         best = price.argmin(axis=1)

@@ -48,7 +48,7 @@ def _rows(value: object, name: str) -> list[Document]:
 
 
 def _best(row: Document) -> Document:
-    """The first of the alternatives of a row; an empty one where there is none."""
+    """The first alternative of a row; an empty one where there is none."""
     return next(iter(_rows(row.get("alternatives", []), "alternatives")), {})
 
 

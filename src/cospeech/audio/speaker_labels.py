@@ -1,4 +1,4 @@
-"""Who speaks, written before what is said: ``ANNA: Hello``, ``>> BOB: Hi``, ``Dr. Smith: …``. A name is not spoken."""
+"""Names of speakers before the text: ``ANNA: Hello``, ``>> BOB: Hi``, ``Dr. Smith: …``. They are not spoken."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is said and when, from the files people have: subtitles, TextGrid, tables, JSON, lyrics, plain text.
+"""Read what is said and when from subtitles, TextGrid, tables, JSON, lyrics or plain text.
 
 Every reader (`transcript_formats`) gives (text, start, end) in seconds. Then `settle` turns them into words that the rest may
 rely on: sorted, not overlapping, inside the speech, without silences. Entries of several words are laid on the sound where it

@@ -37,7 +37,7 @@ __all__ = [
 ]
 
 CATEGORIES = (*EMOTIONS, "boredom")
-"""What the classifier tells apart. Boredom is EmoDB's, is no emotion of ours, and counts as neutral."""
+"""The categories of the classifier. Boredom is from EmoDB; it is no emotion of ours, and counts as neutral."""
 LOOKS = 0.5  # seconds between two looks [ours]
 WINDOW = 2.0  # seconds of speech that a look rests on: the length of the clips that it was trained on
 _PRIOR = 8.0  # windows that the usual voice of the training data counts for at first [ours: 16 s]

@@ -1,4 +1,4 @@
-"""What a stretch of speech sounds like in a hundred numbers: means, spreads and ranges of pitch, loudness, timbre and rhythm.
+"""Describe a stretch of speech by a hundred numbers: means, spreads and ranges of pitch, loudness, timbre and rhythm.
 
 Such numbers are called functionals (Schuller et al. 2013, "The INTERSPEECH 2013 computational paralinguistics challenge"). The
 choice is ours.
@@ -26,7 +26,7 @@ _MODULATIONS = (0.8, 2.0, 4.0, 6.0, 9.0, 13.0, 20.0)  # Hz, edges of bands of th
 _TRANSFORM = 512  # frames: at least the longest stretch; longer ones are cut to it
 _REFERENCE = 100.0  # Hz: pitch is in semitones above it
 FUNCTIONALS = 2 * _CEPSTRA + _CEPSTRA + 14 + 7 + 12 + 4 + 4 + 11 + 6 + 4
-"""How many numbers."""
+"""How many numbers there are."""
 LEVELS = (3 * _CEPSTRA + 14, 3 * _CEPSTRA + 14 + 4)
 """First and end of those that are levels of loudness: they rise by the gain of the microphone, in dB."""
 
@@ -140,7 +140,7 @@ def _balance(bands: Array, is_speech: Array, voiced: Array) -> Array:
 
 @cache
 def _modulation_bins() -> list[slice]:
-    """Of the transform, by band."""
+    """Bins of the transform, by band."""
     hertz = np.arange(_TRANSFORM // 2 + 1) * (100.0 / _TRANSFORM)
     return [slice(*np.searchsorted(hertz, edges).tolist()) for edges in pairwise(_MODULATIONS)]
 

@@ -1,4 +1,4 @@
-"""What every reader of a transcript gives: a text, and when it is said."""
+"""Entries, which every reader of a transcript gives: a text, and when it is said; and readers of times."""
 
 from __future__ import annotations
 

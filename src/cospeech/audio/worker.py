@@ -145,7 +145,7 @@ class Worker:
         self.process.kill()
         self.process.wait()
         for pipe in (self.process.stdin, self.process.stdout):
-            with suppress(OSError):  # what was not yet written cannot be any more
+            with suppress(OSError):  # bytes that were not written yet are lost
                 pipe.close()  # type: ignore[union-attr]
 
 
@@ -153,7 +153,7 @@ class Worker:
 
 
 class FileRefused(Exception):
-    """What to tell the user: problem and hint; ours where the file is not to blame; detail, the words of a library."""
+    """A message for the user: problem and hint; ``ours``: the file is not to blame; ``detail``: the words of a library."""
 
     def __init__(self, problem: str, hint: str = "", ours: bool = False, detail: object = "") -> None:
         self.message = {"problem": problem, "hint": hint, "ours": ours, "detail": str(detail)}

@@ -89,7 +89,7 @@ class LogMelFeatures(StreamingFeatures):
         return samples
 
     def _rest(self) -> Floats:
-        """As much silence as the first spectrum lacks."""
+        """Silence, as many samples as the first spectrum lacks."""
         return np.zeros(max(0, SPAN - self._end), np.float32)
 
     @property

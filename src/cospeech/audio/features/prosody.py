@@ -1,4 +1,4 @@
-"""What the voice does, 100 times a second: energy, pitch, voicing, onsets, log bands; whole or streamed, with the same bits.
+"""Features of the voice, 100 times a second: energy, pitch, voicing, onsets, log bands; whole or streamed, with the same bits.
 
 Frame k describes time k / 100 s; there is a frame for every k / 100 s up to the end of the speech. A frame comes out of the
 stream once the samples up to 45 ms after it are in (`DELAY`): half the pitch window, and two frames for mending octave jumps.
@@ -279,7 +279,7 @@ def _log_bands() -> Bands[np.float32]:
 
 @cache
 def _window_autocorrelation() -> Floats:
-    """Of the Hann window, at the lags of LAG_RATE, 1 at lag 0. That of a frame is divided by it (Boersma 1993, eq. 9)."""
+    """Autocorrelation of the Hann window at lags of LAG_RATE, 1 at lag 0: divides that of a frame (Boersma 1993, eq. 9)."""
     spectrum = np.fft.rfft(hann(PITCH_WINDOW), 2 * PITCH_WINDOW)
     lags = np.fft.irfft(np.square(np.abs(spectrum)))[:: RATE // LAG_RATE]
     return (lags / lags[0]).astype(np.float32)

@@ -214,7 +214,7 @@ def audio_columns(name: str) -> tuple[str, ...]:
 
 
 def louder(name: str) -> tuple[float, ...]:
-    """By how much each column that `reduce_audio` gives grows, when speech is 10 dB louder: logarithms of power by ln 10.
+    """How much each column of `reduce_audio` grows when speech is 10 dB louder: logarithms of power grow by ln 10.
 
     >>> [round(step, 3) for step in louder("prosody")]
     [10.0, 0.0, 0.0, 0.0]

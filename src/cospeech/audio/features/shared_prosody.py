@@ -13,7 +13,7 @@ __all__ = ["Prosody", "SharedProsody"]
 
 
 class Prosody(Protocol):
-    """What `ProsodyStream` offers."""
+    """The interface of `ProsodyStream`."""
 
     def push(self, samples: Floats) -> Features:
         """The frames that become certain; possibly none."""

@@ -32,7 +32,7 @@ FORMATS: dict[str, TranscriptFormat] = {
 }
 """Name → format; where the suffix says nothing, the first that fits is read."""
 SUFFIXES = (*(suffix for each in FORMATS.values() for suffix in each.suffixes), ".txt")
-"""Of all transcripts, plain text as well."""
+"""Suffixes of all transcripts, also of plain text."""
 
 
 def find_format(suffix: str, text: str) -> TranscriptFormat | None:

@@ -53,7 +53,7 @@ def fits_sbv(text: str) -> bool:
 
 
 def read(text: str, note: Note) -> Iterator[Entry]:
-    """What the cues of SubRip or WebVTT say; words with times of their own inside a cue are entries of their own.
+    """The texts of the cues of SubRip or WebVTT; words with times of their own inside a cue are entries of their own.
 
     Raises:
         InputError: no cue has times.
@@ -62,7 +62,7 @@ def read(text: str, note: Note) -> Iterator[Entry]:
 
 
 def read_sbv(text: str, note: Note) -> Iterator[Entry]:
-    """What the cues of SubViewer say.
+    """The texts of the cues of SubViewer.
 
     Raises:
         InputError: no cue has times.
@@ -78,7 +78,7 @@ def say_cues(cues: Sequence[Cue]) -> Iterator[Entry]:
 
 
 def name_speakers(text: str, note: Note) -> Iterator[tuple[str, float, float]]:
-    """Who speaks in SubRip or WebVTT, and when: by the voice of a cue, or the label before its lines; else as before.
+    """Who speaks in SubRip or WebVTT, and when: by the voice of a cue or the label before its lines; else, the speaker before.
 
     Raises:
         InputError: no cue has times.

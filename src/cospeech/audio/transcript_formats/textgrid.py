@@ -23,7 +23,7 @@ _WORDS = re.compile(
     r"|单词|單詞|単語|단어|어절|词语|詞語|^[语語词詞]$|^分[词詞]$|كلم|מילים|शब्द",
     re.IGNORECASE,
 )
-# Names of tiers of smaller things, or of what is not said
+# Names of tiers of smaller units, or of annotations that are not said
 _NO_WORDS = re.compile(
     r"phon|seg|syl|silb|tone|tobi|break|pitch|point|gest|state|\bmau\b|\bkan\b|\bmas\b|laut|\bapi\b|\bipa\b|sampa"
     r"|\bsons?\b|stress|accent|wortart|klasse|sound|fonem|lemma|\bpos\b|pinyin|romaji|^音$|音素|音节|音節|音韻|拼音|음소|음절|звук",

@@ -35,7 +35,7 @@ def fits(text: str) -> bool:
 
 
 def read(text: str, note: Note) -> Iterator[Entry]:
-    """What the paragraphs say.
+    """The texts of the paragraphs.
 
     Raises:
         InputError: it is no XML, has a document type or elements nested too deeply, or no paragraph has times.

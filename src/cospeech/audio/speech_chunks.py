@@ -43,7 +43,8 @@ class PieceTimes:
     one that a text-to-speech begins at 0.
 
     >>> pieces, times = [Speech(np.zeros(1600, np.float32), start=start) for start in (4.0, 4.1, 0.0)], PieceTimes()
-    >>> [times.count(piece, before).start for piece, before in zip(pieces, (0.0, 0.1, 0.25), strict=True)][::2] [0.0, 0.25]
+    >>> [times.count(piece, before).start for piece, before in zip(pieces, (0.0, 0.1, 0.25), strict=True)][::2]
+    [0.0, 0.25]
     """
 
     def __init__(self) -> None:

@@ -340,7 +340,7 @@ def _style_text(style: StyleLike) -> str:
 
 def _check_rivals(style: StyleLike, speaker: str | None, transcript: File | None, transcribe: bool, language: str) -> None:
     """Two ways of saying one thing must not disagree, and a language is that of words."""
-    check_language(language, spoken=transcript is not None or transcribe)
+    check_language(language, has_words=transcript is not None or transcribe)
     if transcribe and transcript is not None:
         raise InputError("both a transcript and transcribe are given", "choose one of them")
     if style is not None and speaker is not None and style != speaker:

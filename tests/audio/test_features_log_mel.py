@@ -92,7 +92,7 @@ def test_little_is_kept_of_long_speech():
     stream, piece = LogMelFeatures(15.0), voice(10.0)
     for _ in range(12):
         stream.push(piece)
-        assert len(stream._heard) <= 2 * 1067 + 512
+        assert len(stream._data) <= 2 * 1067 + 512
 
 
 def test_bad_use():
@@ -100,7 +100,7 @@ def test_bad_use():
     stream.push(voice(0.5))
     with pytest.raises(InputError, match="16000 Hz"):
         stream.push(voice(0.5, 8000))
-    assert len(stream.finish()) + stream._given >= 8
+    assert len(stream.finish()) + stream._next >= 8
     assert len(stream.finish()) == 0
     with pytest.raises(InputError, match="over"):
         stream.push(voice(0.5))

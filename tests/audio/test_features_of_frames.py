@@ -95,7 +95,7 @@ def test_memory_does_not_grow_with_the_speech():
     stream = FrameFeatures(20)
     for chunk in voice(20.0).chunks(0.1):
         stream.push(chunk)
-        assert len(stream._heard) < 30
+        assert len(stream._data) < 30
 
 
 def test_end_and_rates_are_kept():
@@ -103,7 +103,7 @@ def test_end_and_rates_are_kept():
     stream.push(voice(0.5))
     with pytest.raises(InputError, match="16000 Hz"):
         stream.push(voice(0.5, 8000))
-    assert len(stream.finish()) + stream._given >= 10
+    assert len(stream.finish()) + stream._next >= 10
     with pytest.raises(InputError, match="over"):
         stream.push(voice(0.5))
     with pytest.raises(InputError, match="frames per second"):

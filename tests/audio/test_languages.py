@@ -57,7 +57,7 @@ def test_a_code_is_known_or_an_error_names_the_nearest():
     with pytest.raises(InputError, match=r"'xx'.*known: en"):
         check_language("xx")
     with pytest.raises(InputError, match=r"the language 'de' of no words"):
-        check_language("de", spoken=False)
+        check_language("de", has_words=False)
 
 
 def test_scripts_and_what_is_of_none():

@@ -123,10 +123,10 @@ def test_all_outlines_and_borders_are_looked_at_by_samples():
     shown = shown.reshape(-1, 4)
     found = find_points(drawn, part[drawn.number], np.zeros(8, bool))
     mixed = np.zeros(len(shown), bool)
-    mixed[found.mixed] = True
-    assert np.array_equal(np.flatnonzero(mixed), found.mixed)
-    assert np.array_equal(found.covered, (shown[mixed] >= 0).sum(1))
-    assert np.array_equal(found.sampled, shown[mixed][shown[mixed] >= 0])
+    mixed[found.edge] = True
+    assert np.array_equal(np.flatnonzero(mixed), found.edge)
+    assert np.array_equal(found.coverage, (shown[mixed] >= 0).sum(1))
+    assert np.array_equal(found.sample_triangle, shown[mixed][shown[mixed] >= 0])
     some = (shown >= 0).any(1)
     left_out = some & ~mixed
     left_out[found.whole] = False  # thinner than a pixel, between four middles
@@ -431,7 +431,7 @@ def test_moments_are_the_telling_ones_in_constant_memory():
     stage, moments = PoseStage(humanoid(), fps), Keyframes(humanoid(), fps)
     for k in range(0, 3000, 111):
         moments.push(stage.place(motion[k : k + 111]))
-    assert len(moments._kept) <= 192
+    assert len(moments._entries) <= 192
     best = moments.best(6)
     frames = [frame for frame, _ in best]
     assert frames == sorted(frames)

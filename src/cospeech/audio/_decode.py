@@ -28,11 +28,11 @@ __all__ = ["serve"]
 
 BLOCK_SAMPLES = 1 << 17  # ours: samples per message over all channels (512 KiB)
 STEP_FRAMES = 2048  # ours: frames per read; at most so many are lost before a damaged place
-MP3_FRAME = 64  # bytes of the first frame of an MP3 in which it says how long it is; the format: at most 42
-MOST_FRAMES = 1 << 48  # ours: more stands for a length that the file does not tell
-AV_SECOND = 1_000_000  # FFmpeg's AV_TIME_BASE: in such parts of a second it tells when a film begins
-LATEST = 3600.0  # seconds; ours: a sound that begins later is damage
-HOLE = 0.05  # seconds; ours: below two frames of motion nobody sees that speech and motion part
+MP3_FRAME = 64  # bytes of the first frame of an MP3 that may state its length; the format: at most 42
+MOST_FRAMES = 1 << 48  # ours: a larger number means that the file does not state its length
+AV_SECOND = 1_000_000  # FFmpeg's AV_TIME_BASE: units in a second, for the time at which a film begins
+LATEST = 3600.0  # seconds; ours: if the sound begins later, the file is damaged
+HOLE = 0.05  # seconds; ours: a shift of speech against motion by less than two frames is not seen
 
 # First bytes → FFmpeg's name for the demuxer. Offset 4 for ISO media ("....ftyp").
 CONTAINERS = (
@@ -65,10 +65,10 @@ def demuxer(head: bytes) -> str | None:
 
 
 def import_soundfile() -> Any:
-    """soundfile, without numpy if it can do without.
+    """Import soundfile, without numpy if that is possible.
 
-    It names types of numpy when it is imported, and needs nothing of numpy to fill a buffer. To import numpy takes half of the
-    time until a file is open.
+    When it is imported, soundfile names types of numpy; to fill a buffer it needs nothing of numpy. Importing numpy takes half
+    of the time until a file is open.
     """
     if "numpy" not in sys.modules and "soundfile" not in sys.modules:
         sys.modules["numpy"] = stand_in = ModuleType("numpy")
@@ -85,19 +85,19 @@ def import_soundfile() -> Any:
 
 
 def decode(path: bytes) -> tuple[int, int]:
-    """Send the header and blocks of one file; how many frames came, and how many it announces if these are more, else -1."""
+    """Send the header and blocks of one file; give the number of frames, and the number that it announces (-1 if not more)."""
     soundfile = import_soundfile()
 
     class Straight(soundfile.SoundFile):  # type: ignore[name-defined]  # imported there
-        """Read from start to end. soundfile seeks to where it is after every read, which in MP3 and Vorbis moves the sound."""
+        """Reads from start to end. After every read, soundfile seeks to its place, which shifts the sound in MP3 and Vorbis."""
 
         def seekable(self) -> bool:
             return False
 
-    # Opened by number, so that libsndfile has no name whose suffix it could believe.
+    # Opened by number: libsndfile would trust the suffix of a name.
     with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0)), "rb") as file:
         head = file.read(16)
-        factor, known = find_overstatement(file, head), has_length(file)
+        factor, is_exact = find_overstatement(file, head), has_length(file)
         file.seek(0)
         container = demuxer(head)
         try:
@@ -108,16 +108,16 @@ def decode(path: bytes) -> tuple[int, int]:
                 return decode_container(file, container)
             raise FileRefused("not a sound file that can be read", "WAV, FLAC, OGG, MP3 and AIFF can", detail=error) from None
         with sound:
-            if sound.format == "MP3" and not known:  # libsndfile guesses its end, and often in its midst
+            if sound.format == "MP3" and not is_exact:  # libsndfile guesses its end, often too early
                 file.seek(0)
                 return decode_container(file, "mp3")
             frames = decode_sound(sound, file)
-            said = sound.frames * (factor if factor > 1 else known)
-            return frames, round(said) if HOLE * sound.samplerate < said - frames < MOST_FRAMES else -1
+            claim = sound.frames * (factor if factor > 1 else is_exact)
+            return frames, round(claim) if HOLE * sound.samplerate < claim - frames < MOST_FRAMES else -1
 
 
 def has_length(file) -> bool:  # type: ignore[no-untyped-def]
-    """Whether a FLAC or an MP3 says how long it is; of other MP3 it is guessed."""
+    """Whether a FLAC or an MP3 states its length; libsndfile guesses the length of other MP3."""
     file.seek(0)
     head, at = file.read(10), 0
     if head[:3] == b"ID3":  # a tag before the sound, whose size has seven bits in each byte
@@ -128,7 +128,7 @@ def has_length(file) -> bool:  # type: ignore[no-untyped-def]
 
 
 def find_overstatement(file, head: bytes) -> float:  # type: ignore[no-untyped-def]
-    """How many times the samples that are there a WAV or AIFF says that it has; 1 where all are there, or nobody can tell."""
+    """The length that a WAV or AIFF states, over the length that it has; 1 where nothing is missing, or nobody can tell."""
     if (head[:4], head[8:12]) not in CHUNKS:
         return 1.0
     order, name = CHUNKS[head[:4], head[8:12]]
@@ -147,50 +147,50 @@ def find_overstatement(file, head: bytes) -> float:  # type: ignore[no-untyped-d
 
 
 def decode_sound(sound, file) -> int:  # type: ignore[no-untyped-def]  # soundfile is imported where it is needed
-    """Whole messages, read in small steps: an error costs the step in which it happens."""
+    """Send a sound in whole messages, and count its frames. It is read in small steps: an error costs one step."""
     channels, frames = sound.channels, 0
     send_json(b"H", rate=sound.samplerate, channels=channels, frames=min(sound.frames, 1 << 62), lead=0)
     steps = max(1, BLOCK_SAMPLES // (channels * STEP_FRAMES))
     buffer = memoryview(bytearray(steps * STEP_FRAMES * channels * 4))
     while True:
-        filled, more = fill(sound, file, buffer, frames)
-        frames += filled // (channels * 4)
-        if filled:
-            send(b"B", buffer[:filled])
+        size, more = fill(sound, file, buffer, frames)
+        frames += size // (channels * 4)
+        if size:
+            send(b"B", buffer[:size])
         if not more:
             break
-    # An Ogg file says at its end how long it is: with holes in it, what follows a hole would come too early.
-    lost = (sound.frames - frames) / sound.samplerate if sound.format == "OGG" else 0
-    if frames and lost > HOLE:
-        raise FileRefused(f"damaged: {lost:.1f} s in the midst of it cannot be decoded", "re-save it from its source")
+    # An Ogg file states its length at its end. If a part is missing, the sound after it would come too early.
+    gap = (sound.frames - frames) / sound.samplerate if sound.format == "OGG" else 0
+    if frames and gap > HOLE:
+        raise FileRefused(f"damaged: {gap:.1f} s in the midst of it cannot be decoded", "re-save it from its source")
     return frames
 
 
 def fill(sound, file, buffer: memoryview, before: int) -> tuple[int, bool]:  # type: ignore[no-untyped-def]
-    """How many bytes of the buffer could be filled, and whether there may be more.
+    """Fill the buffer; give the number of bytes, and whether there may be more.
 
-    A decoder that stumbles with all of the file behind it has found a file that was cut off: what came until there counts.
+    An error behind the last byte of the file means that the file is cut off: the samples before the error count.
     """
     import soundfile
 
     width = sound.channels * 4
-    filled = 0
-    while filled < len(buffer):
+    size = 0
+    while size < len(buffer):
         try:
-            count = sound.buffer_read_into(buffer[filled : filled + STEP_FRAMES * width], dtype="float32")
+            count = sound.buffer_read_into(buffer[size : size + STEP_FRAMES * width], dtype="float32")
         except soundfile.LibsndfileError as error:
-            if file.tell() >= os.fstat(file.fileno()).st_size and before + filled > 0:
-                return filled, False
-            at = (before + filled // width) / max(sound.samplerate, 1)
+            if file.tell() >= os.fstat(file.fileno()).st_size and before + size > 0:
+                return size, False
+            at = (before + size // width) / max(sound.samplerate, 1)
             raise FileRefused(f"damaged at {at:.1f} s", "re-save it from its source, or cut it there", detail=error) from None
-        filled += count * width
+        size += count * width
         if count <= 0:  # a smaller count than asked for may be a hole in a damaged Vorbis stream
-            return filled, False
-    return filled, True
+            return size, False
+    return size, True
 
 
 def decode_container(file, container: str) -> tuple[int, int]:  # type: ignore[no-untyped-def]
-    """MP4, WebM and the like through PyAV; the first audio stream, with silence until it begins."""
+    """Decode MP4, WebM and the like by PyAV: the first audio stream, with silence until it begins."""
     try:
         import av
     except ImportError:
@@ -210,9 +210,9 @@ def decode_container(file, container: str) -> tuple[int, int]:  # type: ignore[n
             for start in range(0, lead, BLOCK_SAMPLES // channels):
                 send(b"B", bytes(min(BLOCK_SAMPLES // channels, lead - start) * channels * 4))
             frames += lead
-            packed = av.AudioResampler(format="flt", layout=stream.codec_context.layout, rate=rate)
+            resampler = av.AudioResampler(format="flt", layout=stream.codec_context.layout, rate=rate)
             for frame in media.decode(stream):
-                for piece in packed.resample(frame):
+                for piece in resampler.resample(frame):
                     frames += piece.samples
                     send(b"B", memoryview(piece.planes[0])[: piece.samples * channels * 4])
             return frames, -1
@@ -233,14 +233,14 @@ def serve() -> None:
     """Decode the files that are asked for."""
     for _, path in requests():
         try:
-            frames, announced = decode(path)
-            send_json(b"E", frames=frames, announced=announced)
-        except Exception as error:  # whatever a damaged file brings a library to raise
+            frames, claim = decode(path)
+            send_json(b"E", frames=frames, announced=claim)
+        except Exception as error:  # a damaged file may bring a library to raise anything
             send_json(b"X", **refusal(error).message)
 
 
 def refusal(error: Exception) -> FileRefused:
-    """What to tell the user of any error."""
+    """Make a message for the user of any error."""
     if isinstance(error, FileRefused):
         return error
     if isinstance(error, OSError):

@@ -1,4 +1,4 @@
-"""Channels of a sound file become one."""
+"""Merge the channels of a sound file."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ __all__ = ["ChannelMerge"]
 Samples = NDArray[np.float32]
 
 AUDIBLE = 1e-3  # ours: RMS of -60 dBFS, above the noise floor of most microphones
-CANCELLED = 0.14  # ours: of what the mean of as many unrelated channels would have; for two, 20 dB below the louder one
-_MEAN = -1  # in the place of a channel
+CANCELLATION = 0.14  # ours: share of the RMS of a mean of as many unrelated channels; for two, 20 dB below the louder one
+_MEAN = -1  # instead of the number of a channel
 
 
 class ChannelMerge:
-    """Channels to one, in a stream: the mean, or the loudest if they cancel out (decided once, in the first audible second).
+    """Merges channels in a stream: to the mean, or to the loudest if they cancel out (decided once, in the first audible
+    second).
 
     Args:
         channels: how many there are.
         rate: samples per second.
-        pick: the only channel that is wanted, from 0 on.
+        pick: the only channel to use, from 0 on.
     """
 
     def __init__(self, channels: int, rate: int, pick: int | None = None) -> None:
@@ -52,10 +53,10 @@ class ChannelMerge:
         yield mean if self._pick in (None, _MEAN) else np.ascontiguousarray(block[:, self._pick])
 
     def _decide(self, block: Samples, mean: Samples) -> int | None:
-        """What is heard from now on: a channel or the mean; None where nothing is audible yet."""
+        """Choose a channel or the mean; None where nothing is audible yet."""
         loudness = np.sqrt(np.mean(np.square(block), axis=0))
         if not loudness.max() > AUDIBLE:
             return None
-        unrelated = loudness.max() / np.sqrt(self._channels)
-        cancelled = np.sqrt(np.mean(np.square(mean))) < CANCELLED * unrelated
-        return int(loudness.argmax()) if cancelled else _MEAN
+        reference = loudness.max() / np.sqrt(self._channels)
+        is_cancelled = np.sqrt(np.mean(np.square(mean))) < CANCELLATION * reference
+        return int(loudness.argmax()) if is_cancelled else _MEAN

@@ -28,19 +28,20 @@ __all__ = ["HeardSpeaker", "TrackSource", "VoiceTrack", "hear_conversation", "he
 _SILENT = -90.0  # dBFS of digital silence [ours: 16-bit sound has nothing softer]
 _STEADY = 21  # rows over which levels are smoothed for the decision [ours: 0.2 s, a syllable]
 _LOUD = 0.99  # quantile of smoothed levels that counts as this speaker's own loud speech [ours]
-_OWN_LOUD = 0.95  # the same, of the moments alone in which this speaker is the one who is heard [ours: stressed syllables]
-_FEW = 30  # rows of the fewest words that are told from the voice of another one [ours: 0.3 s, "mhm"]
+_OWN_LOUD = 0.95  # the same, over the moments at which only this speaker is heard [ours: stressed syllables]
+_FEW = 30  # rows of the shortest speech that is told apart from another voice [ours: 0.3 s, "mhm"]
 _FLOOR, _OVER = 0.05, 10.0  # quantile that is the noise of a track, and dB above it from which something sounds [ours]
-_SOFTER = 6.0  # dB by which a track without own speech is softer than the one whose sound it has [ours: half a metre and one]
+_SOFTER = 6.0  # dB by which a track without speech is softer than the one that it picks up [ours: half a metre and one]
 _SPEECH = 38.0  # dB below loud speech down to which somebody is heard [ours: `EventDetector` believes 22 to 38]
-# A track hears the other one where it is further below its own loud speech than the other one, by so many dB: a share of what
-# is usual where the other one is loud, between two bounds [ours: microphones half a metre from each mouth and two metres apart
-# differ by 12 dB, headsets and separate rooms by far more; two who speak at once, by less than 7]
+# Levels are taken below a track's own loud speech. A track picks up the other person where its level is lower than that of the
+# other track by so many dB: a share of the usual difference while the other person is loud, between two bounds [ours:
+# microphones half a metre from each mouth and two metres apart differ by 12 dB, headsets and separate rooms by far more; two
+# who speak at once, by less than 7]
 _SHARE, _FOREIGN = 0.6, (7.0, 12.0)
 _LOUDER = 15.0  # dB below loud speech down to which somebody is loud [ours: stressed syllables]
 _NOTHING = 40.0  # dB below own loud speech from which nothing of it is left [ours: a soft end of a phrase is 30 below]
 _FADE = 5  # rows over which the sound comes and goes [ours: 50 ms]
-_SHORTEST = 0.12  # s; what is shorter is no speech, but what the other one leaves as the sound comes and goes [ours]
+_SHORTEST = 0.12  # s; shorter sound is no speech: it is left of another person where the sound comes and goes [ours]
 _AUDIBLE = -60.0  # dBFS of the loudest second, below which nobody is heard at all [ours: the noise floor of most microphones]
 _AROUND = 0.1  # s about a stretch of a diarisation in which the speaker is heard, too [ours: their borders are rounded]
 _ALIKE = 1.0  # dB; two tracks that differ by less on the mean are the same sound [ours]
@@ -48,11 +49,11 @@ _ALIKE = 1.0  # dB; two tracks that differ by less on the mean are the same soun
 
 @dataclass(frozen=True)
 class VoiceTrack:
-    """Where the voice of one person is.
+    """The file and the channel with the voice of one person.
 
     Args:
         path: sound file.
-        channel: the one of that file, from 0 on; all are merged where not given.
+        channel: of that file, from 0 on; all are merged where not given.
     """
 
     path: str | PathLike[str]
@@ -92,14 +93,14 @@ class HeardSpeaker:
 
 
 class TrackSource(SpeechSource):
-    """A track in which only its own person is heard, as long as the conversation."""
+    """Reads a track in which only its own person is heard; it is as long as the conversation."""
 
     def __init__(self, speaker: HeardSpeaker) -> None:
         super().__init__(speaker.track.path, channel=speaker.track.channel)
         self._share, self._length = speaker.share, speaker.length
 
     def blocks(self) -> Iterator[Samples]:
-        """As of `SpeechSource`, with silence where the other person is heard, and at the end."""
+        """Blocks as of `SpeechSource`, with silence where another person is heard, and at the end."""
         count = 0
         for block in super().blocks():
             yield block * self._shares(count, len(block))
@@ -110,7 +111,7 @@ class TrackSource(SpeechSource):
             count += min(self.rate, whole - count)
 
     def _shares(self, first: int, count: int) -> Samples:
-        """(count,) of the samples from ``first`` on."""
+        """(count,) shares of the samples from ``first`` on."""
         at = np.clip((first + np.arange(count)) * (RATE / self.rate) - 0.5, 0, len(self._share) - 1)
         low = int(at[0])
         near = self._share[low : int(at[-1]) + 2]
@@ -122,7 +123,7 @@ class TrackSource(SpeechSource):
 
 
 def hear_conversation(*tracks: VoiceTrack) -> tuple[HeardSpeaker, ...]:
-    """Hear people who have a track each.
+    """Analyse a conversation of people who have a track each.
 
     Args:
         tracks: two or more, which begin at the same moment. Where one is shorter, silence follows.
@@ -131,10 +132,10 @@ def hear_conversation(*tracks: VoiceTrack) -> tuple[HeardSpeaker, ...]:
         InputError: a file cannot be read, two tracks are the same sound, or there are more than `SPEAKERS`.
     """
     _check_count(len(tracks))
-    measured = [_measure(track) for track in tracks]
-    length = max(seconds for _, seconds in measured)
-    count = max(len(levels) for levels, _ in measured)
-    levels = [np.pad(each, (0, count - len(each)), constant_values=_SILENT) for each, _ in measured]
+    measurements = [_measure(track) for track in tracks]
+    length = max(seconds for _, seconds in measurements)
+    count = max(len(levels) for levels, _ in measurements)
+    levels = [np.pad(each, (0, count - len(each)), constant_values=_SILENT) for each, _ in measurements]
     for one, other in combinations(range(len(tracks)), 2):
         audible = np.maximum(levels[one], levels[other]) > _AUDIBLE
         if audible.any() and float(np.abs(levels[one] - levels[other])[audible].mean()) < _ALIKE:
@@ -145,7 +146,7 @@ def hear_conversation(*tracks: VoiceTrack) -> tuple[HeardSpeaker, ...]:
 
 
 def hear_recording(track: VoiceTrack, stretches: Mapping[str, Sequence[Phrase]]) -> dict[str, HeardSpeaker]:
-    """Hear people who are mixed in one recording.
+    """Analyse a conversation of people who are mixed in one recording.
 
     Args:
         track: the recording.
@@ -156,23 +157,23 @@ def hear_recording(track: VoiceTrack, stretches: Mapping[str, Sequence[Phrase]])
     """
     _check_count(len(stretches))
     levels, length = _measure(track)
-    times, found = np.arange(len(levels)) / RATE, dict[str, HeardSpeaker]()
-    for name, spoken in stretches.items():
+    times, speakers = np.arange(len(levels)) / RATE, dict[str, HeardSpeaker]()
+    for name, phrases in stretches.items():
         own = np.zeros(len(levels))
-        for phrase in spoken:
+        for phrase in phrases:
             own[slice(*np.searchsorted(times, (phrase.start - _AROUND, phrase.end + _AROUND)))] = 1.0
-        found[name] = _hear(HeardSpeaker(track, _average(own, _FADE), length))
-    return found
+        speakers[name] = _hear(HeardSpeaker(track, _average(own, _FADE), length))
+    return speakers
 
 
 def _check_count(persons: int) -> None:
-    """Raise an InputError where there are more than are heard in a sensible time."""
+    """Raise an InputError where there are too many persons to analyse in a sensible time."""
     if persons > SPEAKERS:
         raise InputError(f"a conversation of {persons:,} persons", f"{SPEAKERS} at most; are its speakers told apart well?")
 
 
 def merge_speakers(speakers: Sequence[HeardSpeaker]) -> HeardSpeaker:
-    """Several persons as one, to whom somebody listens: what any of them says, and the moments of all."""
+    """Join several persons into one, for somebody who listens to all: the phrases of any of them, and the cues of all."""
     phrases = list[Phrase]()
     for phrase in sorted(phrase for each in speakers for phrase in each.phrases):
         if phrases and phrase.start <= phrases[-1].end:
@@ -184,15 +185,15 @@ def merge_speakers(speakers: Sequence[HeardSpeaker]) -> HeardSpeaker:
 
 
 def _measure(track: VoiceTrack) -> tuple[Array, Fraction]:
-    """(T,) dBFS at 100 Hz, and seconds."""
+    """Levels of a track, (T,) dBFS at 100 Hz, and its length in seconds."""
     with SpeechSource(track.path, channel=track.channel) as source:
         hop, rest, levels = source.rate // round(RATE), np.zeros(0, np.float32), list[Array]()
         for block in source.blocks():
-            joined = np.concatenate([rest, block])
-            whole = len(joined) // hop * hop
-            power = np.square(joined[:whole].reshape(-1, hop), dtype=np.float64).mean(1)
+            samples = np.concatenate([rest, block])
+            whole = len(samples) // hop * hop
+            power = np.square(samples[:whole].reshape(-1, hop), dtype=np.float64).mean(1)
             levels.append(np.maximum(10 * np.log10(power + 1e-12), _SILENT))
-            rest = joined[whole:]
+            rest = samples[whole:]
         assert source.duration is not None
         return np.concatenate([*levels, [_SILENT]]), source.duration
 
@@ -202,7 +203,7 @@ def _find_shares(levels: Sequence[Array]) -> list[Array]:
     smooth = [_average(each, _STEADY) for each in levels]
     loud = _find_loud(smooth)
     below = [top - each if top > _AUDIBLE else np.full(len(each), -_SILENT) for top, each in zip(loud, smooth, strict=True)]
-    made = []
+    shares = []
     for k, own in enumerate(below):
         noise = np.quantile(smooth[k], _FLOOR) + _OVER
         foreign = (own > _NOTHING) | ((smooth[k] < noise) & (own > _LOUDER))
@@ -210,19 +211,19 @@ def _find_shares(levels: Sequence[Array]) -> list[Array]:
             apart = own - other
             usual = np.median(apart[other < _LOUDER]) if (other < _LOUDER).any() else 0.0
             foreign |= (apart > np.clip(_SHARE * usual, *_FOREIGN)) & (other < _SPEECH)
-        made.append(_average(np.where(foreign, 0.0, 1.0), _FADE))
-    return made
+        shares.append(_average(np.where(foreign, 0.0, 1.0), _FADE))
+    return shares
 
 
 def _find_loud(levels: Sequence[Array]) -> list[float]:
-    """dBFS of each person's loud speech in the own track; `_SILENT` of who says nothing.
+    """Level of each person's loud speech in their own track, dBFS; `_SILENT` of a person who says nothing.
 
-    The difference of two tracks has one value while one person speaks, and another while the other one does, whatever the
-    gains are. So few words are found among much sound of the other person. Where it has one value only, one of them speaks:
-    in the louder track.
+    The difference between the levels of two tracks has one value while one person speaks, and another value while the other
+    one does, whatever the gains are. So a few words are found among much sound of the other person. Where there is one value
+    only, one person speaks: the one of the louder track.
     """
     sounds = [each > np.quantile(each, _FLOOR) + _OVER for each in levels]
-    found = []
+    loud = []
     for k, own in enumerate(levels):
         rows, silent = sounds[k].copy(), sounds[k].sum() < _FEW
         for other, sounding in zip([*levels[:k], *levels[k + 1 :]], [*sounds[:k], *sounds[k + 1 :]], strict=True):
@@ -234,15 +235,15 @@ def _find_loud(levels: Sequence[Array]) -> list[float]:
                 rows &= own - other > (low + high) / 2
             else:
                 silent |= float(np.median(mine)) < -_SOFTER
-        spoken = float(np.quantile(own[rows], _OWN_LOUD)) if rows.sum() >= _FEW else float(np.quantile(own, _LOUD))
-        found.append(_SILENT if silent else spoken)
-    return found
+        level = float(np.quantile(own[rows], _OWN_LOUD)) if rows.sum() >= _FEW else float(np.quantile(own, _LOUD))
+        loud.append(_SILENT if silent else level)
+    return loud
 
 
 def _average(values: Array, rows: int) -> Array:
-    """(T,) means over so many rows about each; the ends are held."""
-    padded = np.pad(values, rows // 2, mode="edge")
-    sums = np.concatenate([[0.0], np.cumsum(padded)])
+    """(T,) means over so many rows about each row; the end values are repeated."""
+    signal = np.pad(values, rows // 2, mode="edge")
+    sums = np.concatenate([[0.0], np.cumsum(signal)])
     return (sums[rows:] - sums[:-rows]) / rows
 
 

@@ -1,7 +1,7 @@
-"""Running the decoder: a child process (`_decode.py`) that may crash, hang or lie without harm to us.
+"""Run the decoder: a child process (`_decode.py`) that may crash, hang or send nonsense without harm to us.
 
-Everything that it sends is checked; a crash, ten seconds of silence or nonsense is an `InputError` about the file. The process
-is gone when the work is done or given up, whatever the reason.
+Everything that it sends is checked. A crash, ten seconds of silence or nonsense is an `InputError` about the file. The process
+ends when the work is done or given up, whatever the reason.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ def _command() -> list[str]:
 
 
 class SoundDecoder:
-    """One decoder process at work on one file; see `_decode.py` for what it sends.
+    """A decoder process for one file; `_decode.py` says what it sends.
 
     Args:
         path: of the file.
         name: how messages call it.
-        notes: whether it is told that a file is cut short, or its sound late; not where it is read again.
+        notes: whether to warn that a file is cut short, or that its sound is late; not when it is read again.
     """
 
     def __init__(self, path: Path, name: str, notes: bool = True) -> None:
@@ -71,7 +71,7 @@ class SoundDecoder:
         return rate, channels, claim
 
     def blocks(self) -> Iterator[bytes]:
-        """Interleaved float32 of whole frames, until the decoder says that this is all; a note if the file announced more."""
+        """Interleaved float32 of whole frames, until the decoder says that this is all. Warns if the file announced more."""
         frames = 0
         while True:
             kind, payload = self._message()
@@ -79,10 +79,10 @@ class SoundDecoder:
                 end = self._json(payload)
                 if end.get("frames") != frames:
                     raise self._make_error("lost samples on the way")
-                announced = end.get("announced")
-                if self._notes and frames and isinstance(announced, int) and announced > frames:
-                    said, there = announced / self._rate, frames / self._rate
-                    problem = f"{self.name!r} is cut short: its header says {said:.4g} s, and {there:.4g} s are there"
+                claim = end.get("announced")
+                if self._notes and frames and isinstance(claim, int) and claim > frames:
+                    length, there = claim / self._rate, frames / self._rate
+                    problem = f"{self.name!r} is cut short: its header says {length:.4g} s, and {there:.4g} s are there"
                     warnings.warn(problem, CospeechWarning, stacklevel=2)
                 return
             if kind != b"B" or len(payload) % self._width:

@@ -1,6 +1,6 @@
-"""Who speaks when in one recording, from the files that tell it: RTTM, JSON of recognisers, subtitles with names.
+"""Read who speaks when in one recording: from RTTM, JSON of recognisers, or subtitles with names.
 
-Programs that part the speakers of a recording write these files; nothing here parts them.
+Programs that tell speakers apart (diarisation) write these files; nothing here does.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ _START_KEYS = ("start", "start_time", "startTime", "begin", "ts", "offsetInTicks
 _END_KEYS = ("end", "end_time", "endTime", "stop", "end_ts")
 _LENGTH_KEYS = ("duration", "durationInTicks", "dur")
 _UNITS = (1.0, 1e-3, 1e-7)  # seconds, milliseconds, ticks
-_LATER = 1.2  # times the length of the sound by which times may be too late [ours: a wrong unit is off by 1,000]
-_JOINS = 0.5  # s between two stretches of a speaker that are one [ours: recognisers part words, and breath lies between them]
+_LATER = 1.2  # lengths of the sound up to which times are believed [ours: a wrong unit is off by 1,000]
+_JOINS = 0.5  # s; stretches of a speaker that are closer are joined [ours: recognisers give words, with breaths between them]
 _DEEP = 12  # levels of JSON [ours: documents of recognisers have six]
 _RTTM = re.compile(r"^SPEAKER[ \t]+\S*[^\s:][ \t]+\d+\s", re.MULTILINE)  # no label of a subtitle: SPEAKER 1: Hello
 _HINT = "RTTM, the JSON of a recogniser that names speakers, or subtitles with names (`<v Anna>`, `ANNA: Hello`)"
@@ -37,15 +37,15 @@ _Stretch = tuple[str, float, float]
 
 
 def read_speakers(path: str | PathLike[str], seconds: float | None = None) -> dict[str, tuple[Phrase, ...]]:
-    """Who speaks when.
+    """Read who speaks when.
 
     Args:
         path: ``.rttm``; ``.json`` in which words, segments or utterances have a speaker and times, of WhisperX, Deepgram,
             AssemblyAI, AWS Transcribe, Azure, Google, Speechmatics, Rev and others; ``.srt`` or ``.vtt`` with names.
-        seconds: length of the sound; it tells seconds from milliseconds.
+        seconds: length of the sound; it shows whether times are in seconds or in milliseconds.
 
     Returns:
-        Name → stretches in order, that do not overlap; who speaks first comes first.
+        Name → stretches in order, without overlaps; the first speaker comes first.
 
     Raises:
         InputError: the file cannot be read, or names nobody.
@@ -53,23 +53,23 @@ def read_speakers(path: str | PathLike[str], seconds: float | None = None) -> di
     name = Path(os.fsdecode(path)).name
     text = decode(read_regular(path, "a file that says who speaks", TRANSCRIPT_BYTES), name)
     if _RTTM.search(text):
-        found = list(_read_rttm(text, name))
+        stretches = list(_read_rttm(text, name))
     elif text.lstrip()[:1] in ("{", "["):
-        found = _scale(list(_walk(parse_json(text, repr(name), TRANSCRIPT_JSON_VALUES), None)), seconds)
+        stretches = _scale(list(_walk(parse_json(text, repr(name), TRANSCRIPT_JSON_VALUES), None)), seconds)
     elif subtitles.fits(text):
-        found = list(subtitles.name_speakers(text, lambda told: None))
+        stretches = list(subtitles.name_speakers(text, lambda message: None))
     else:
-        found = []
-    if not found:
+        stretches = []
+    if not stretches:
         raise InputError(f"{name!r} does not say who speaks when", _HINT)
     speakers: dict[str, list[Phrase]] = {}
-    for who, start, end in sorted(found, key=lambda each: each[1:]):
-        said = speakers.setdefault(who, [])
-        if said and start <= said[-1].end + _JOINS:
-            said[-1] = Phrase(said[-1].start, max(said[-1].end, end))
+    for who, start, end in sorted(stretches, key=lambda each: each[1:]):
+        phrases = speakers.setdefault(who, [])
+        if phrases and start <= phrases[-1].end + _JOINS:
+            phrases[-1] = Phrase(phrases[-1].start, max(phrases[-1].end, end))
         else:
-            said.append(Phrase(start, end))
-    return {who: tuple(said) for who, said in speakers.items()}
+            phrases.append(Phrase(start, end))
+    return {who: tuple(phrases) for who, phrases in speakers.items()}
 
 
 def _read_rttm(text: str, name: str) -> Iterator[_Stretch]:
@@ -86,7 +86,7 @@ def _read_rttm(text: str, name: str) -> Iterator[_Stretch]:
 
 
 def _walk(node: Any, speaker: str | None, depth: int = 0) -> Iterator[_Stretch]:
-    """Stretches of all objects that have times, and a speaker of their own or of what they are in."""
+    """Stretches of all objects that have times and a speaker: their own, or that of the object around them."""
     if depth > _DEEP:
         return
     if isinstance(node, list):
@@ -122,8 +122,8 @@ def _find_time(node: Mapping[str, Any], keys: tuple[str, ...]) -> float | None:
     return None
 
 
-def _scale(found: list[_Stretch], seconds: float | None) -> list[_Stretch]:
+def _scale(stretches: list[_Stretch], seconds: float | None) -> list[_Stretch]:
     """Stretches in seconds, by the first unit that fits the length of the sound."""
-    last = max((end for _, _, end in found), default=0.0)
+    last = max((end for _, _, end in stretches), default=0.0)
     unit = next((unit for unit in _UNITS if seconds is None or last * unit <= _LATER * seconds), 1.0)
-    return [(who, start * unit, end * unit) for who, start, end in found]
+    return [(who, start * unit, end * unit) for who, start, end in stretches]

@@ -36,15 +36,15 @@ BLEND = 0.5
 _ALIKE = {
     "joy": "happiness", "fun": "happiness", "sorrow": "sadness", "scared": "fear", "afraid": "fear", "calm": "neutral"
 }  # fmt: skip
-"""Names that VRM 0.x and people give to some of them, and that no spelling leads to."""
-_REMEMBERED = 10.0  # seconds for which moods that were replaced are kept [ours: the longest look-ahead of a session is 2.3]
+"""Other names of some emotions, by VRM 0.x and by people; their spelling is not similar."""
+_MEMORY = 10.0  # seconds for which moods that were replaced are kept [ours: the longest look-ahead of a session is 2.3]
 
 _SUM = 1e-6  # how far the weights of a moment may be from 1
 
 
 @runtime_checkable
 class Moods(Protocol):
-    """What tells the emotions of a time: an `EmotionTrack`, or whoever hears them."""
+    """What gives the emotions at a time: an `EmotionTrack`, or a detector that hears them in a voice."""
 
     def at(self, times: Array) -> Array:
         """(…, 8) weights at these times (…) in seconds; they sum to 1."""
@@ -53,7 +53,7 @@ class Moods(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class EmotionTrack:
-    """How much of each emotion there is, over time: linear between the moments given, held at the ends.
+    """Weights of the emotions over time: linear between the given moments, and constant before the first and after the last.
 
     >>> track = EmotionTrack([0, 10], [[1, 0, 0, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0, 0, 0]])
     >>> track.at([5, 60])[:, :2].tolist()
@@ -64,7 +64,7 @@ class EmotionTrack:
         weights: (n, 8) in the order of `EMOTIONS`, 0 … 1, each row with the sum 1.
 
     Raises:
-        InputError: they are of other shapes, or break what is said above.
+        InputError: they have other shapes or other values than these.
     """
 
     times: Array
@@ -99,11 +99,11 @@ class EmotionTrack:
 
     def at(self, times: Array) -> Array:
         """(T, 8) weights at these times in seconds; they sum to 1."""
-        wanted, last = np.asarray(times, float), len(self.times) - 1
-        after = np.searchsorted(self.times, wanted, side="right")
+        seconds, last = np.asarray(times, float), len(self.times) - 1
+        after = np.searchsorted(self.times, seconds, side="right")
         low, high = np.clip(after - 1, 0, last), np.clip(after, 0, last)
         length = np.where(low < high, self.times[high] - self.times[low], 1.0)
-        share = np.clip((wanted - self.times[low]) / length, 0.0, 1.0)[..., None]
+        share = np.clip((seconds - self.times[low]) / length, 0.0, 1.0)[..., None]
         return self.weights[low] + share * (self.weights[high] - self.weights[low])
 
 
@@ -116,15 +116,15 @@ class SteeredMoods:
     [0.0, 0.5, 1.0]
 
     Args:
-        first: hold from the beginning.
+        first: the moods at the beginning.
     """
 
     def __init__(self, first: Moods) -> None:
         self._layers: list[tuple[float, Moods]] = [(-np.inf, first)]
 
     def change(self, moods: Moods, time: float) -> None:
-        """Other moods from ``time`` seconds on; they take over within `BLEND`. Times of changes ascend."""
-        while len(self._layers) > 1 and self._layers[1][0] < time - _REMEMBERED:
+        """Blend to other moods from ``time`` seconds on, within `BLEND`. Times of changes ascend."""
+        while len(self._layers) > 1 and self._layers[1][0] < time - _MEMORY:
             del self._layers[0]
         self._layers.append((time, moods))
 
@@ -138,17 +138,17 @@ class SteeredMoods:
         return weights
 
 
-def suggest_emotion(word: str, known: Iterable[str]) -> str:
-    """A hint for a name that is no emotion: the one that is meant, where that can be told, and all that are ``known``.
+def suggest_emotion(word: str, names: Iterable[str]) -> str:
+    """A hint for a word that is no emotion: the emotion that is probably meant, and all ``names``.
 
     >>> suggest_emotion("joy", ["neutral", "happiness"])
     "did you mean 'happiness'? known: neutral, happiness"
     """
-    return nearest(_ALIKE.get(word.lower(), word), known)
+    return nearest(_ALIKE.get(word.lower(), word), names)
 
 
 def emotion_track(emotion: object) -> Moods | None:
-    """What a session's ``emotion`` asks for: a track or the like, or None for "auto", which follows the arousal of the voice.
+    """The moods of a session's option ``emotion``; None for "auto", which follows the arousal of the voice.
 
     Raises:
         InputError: neither "auto", nor the name of an emotion, nor a track or the ``.csv`` file of one.
@@ -157,24 +157,24 @@ def emotion_track(emotion: object) -> Moods | None:
         return emotion
     if isinstance(emotion, PathLike) or (isinstance(emotion, str) and emotion.lower().endswith(".csv")):
         return read_emotion_track(emotion)
-    known = ("auto", *EMOTIONS)
+    names = ("auto", *EMOTIONS)
     if not isinstance(emotion, str):
-        raise InputError(f"an emotion that is {emotion!r:.60}", f"one of {', '.join(known)}, or a track")
+        raise InputError(f"an emotion that is {emotion!r:.60}", f"one of {', '.join(names)}, or a track")
     if emotion == "auto":
         return None
     if emotion in EMOTIONS:
         return EmotionTrack.constant(emotion)
-    raise InputError(f"no emotion is called {emotion[:60]!r}", suggest_emotion(emotion[:60], known))
+    raise InputError(f"no emotion is called {emotion[:60]!r}", suggest_emotion(emotion[:60], names))
 
 
 def read_emotion_track(path: str | PathLike[str]) -> EmotionTrack:
-    """The track that a CSV file holds, in one of two layouts.
+    """Read the track of a CSV file, in one of two layouts.
 
-    ``time,emotion`` or ``time,emotion,weight``: from each row's time on its emotion takes over, in half a second (less where
-    the next row comes sooner); a weight below 1 leaves the rest to neutral. Before the first row there is its emotion.
+    ``time,emotion`` or ``time,emotion,weight``: from its time on, the emotion of a row takes over within half a second (less
+    where the next row comes sooner). A weight below 1 leaves the rest to neutral. Before the first row, its emotion holds.
 
-    ``time`` and any of the emotions' names as columns: shares at that moment, linear in between; what they lack to 1 is
-    neutral, and where they exceed it they are scaled down.
+    ``time`` and any names of emotions as columns: weights at that moment, linear in between. Where their sum is below 1, the
+    rest is neutral; where it is above 1, they are scaled down.
 
     Columns may be separated by semicolons or tabs, too; numbers may then have a decimal comma, as spreadsheets of many
     countries write them.
@@ -185,15 +185,15 @@ def read_emotion_track(path: str | PathLike[str]) -> EmotionTrack:
     Raises:
         InputError: it cannot be read, or a row is wrong: the message says which line.
     """
-    shown = fsdecode(path)[-80:]
-    rows = _rows(path, shown)
+    name = fsdecode(path)[-80:]
+    rows = _rows(path, name)
     if not rows:
-        raise InputError(f"{shown!r} is empty", "a header, time,emotion, and a row for every change")
+        raise InputError(f"{name!r} is empty", "a header, time,emotion, and a row for every change")
     header = [cell.strip() for cell in rows[0][1]]
-    read = _layout(header, f"{shown!r} line {rows[0][0]}")
+    read = _layout(header, f"{name!r} line {rows[0][0]}")
     keys: list[tuple[float, Array]] = []
     for line, cells in rows[1:]:
-        place = f"{shown!r} line {line}"
+        place = f"{name!r} line {line}"
         if len(cells) != len(header):
             raise InputError(f"{place}: {len(cells)} cells", f"{len(header)}, as in the header")
         time = _number(cells[0], f"{place}: time")
@@ -203,16 +203,16 @@ def read_emotion_track(path: str | PathLike[str]) -> EmotionTrack:
             raise InputError(f"{place}: time {time:g} after {keys[-1][0]:g}", "each row is later than the one before")
         keys.append((time, read(cells[1:], place)))
     if not keys:
-        raise InputError(f"{shown!r} has a header and no row", "a row for every change")
+        raise InputError(f"{name!r} has a header and no row", "a row for every change")
     return _blend_emotions(keys) if "emotion" in header else EmotionTrack(*map(np.array, zip(*keys, strict=True)))
 
 
-def _rows(path: str | PathLike[str], shown: str) -> list[tuple[int, list[str]]]:
+def _rows(path: str | PathLike[str], name: str) -> list[tuple[int, list[str]]]:
     """(line, cells) of every line that is not blank."""
     try:
         text = read_regular(path, "an emotion track", EMOTION_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(f"{shown!r} is no UTF-8 text at byte {error.start}", "save it as CSV in UTF-8") from None
+        raise InputError(f"{name!r} is no UTF-8 text at byte {error.start}", "save it as CSV in UTF-8") from None
     first = text.lstrip().partition("\n")[0]
     mark = next((each for each in ";\t" if each in first), ",")
     reader, rows = csv.reader(io.StringIO(text, newline=None), delimiter=mark), list[tuple[int, list[str]]]()
@@ -221,14 +221,14 @@ def _rows(path: str | PathLike[str], shown: str) -> list[tuple[int, list[str]]]:
             if any(cell.strip() for cell in cells):
                 rows.append((reader.line_num, cells))
             if len(rows) > EMOTION_ROWS + 1 or reader.line_num > 2 * EMOTION_ROWS:  # blank lines count, too
-                raise InputError(f"{shown!r} has more than {EMOTION_ROWS:,} rows", "is it an emotion track?")
+                raise InputError(f"{name!r} has more than {EMOTION_ROWS:,} rows", "is it an emotion track?")
     except csv.Error as error:
-        raise InputError(f"{shown!r} line {reader.line_num}: {error}", "is it CSV?") from None
+        raise InputError(f"{name!r} line {reader.line_num}: {error}", "is it CSV?") from None
     return rows
 
 
 def _layout(header: list[str], place: str) -> Callable[[list[str], str], Array]:
-    """What reads the cells behind the time as (8,) weights."""
+    """The function that reads the cells behind the time as (8,) weights."""
     hint = f"time,emotion or time,emotion,weight or time and some of {', '.join(EMOTIONS)}"
     if header[0] != "time" or len(header) < 2:
         raise InputError(f"{place}: header {','.join(header)[:80]!r}", hint)
@@ -273,21 +273,21 @@ def _number(text: str, place: str) -> float:
 
 
 def _blend_emotions(keys: list[tuple[float, Array]]) -> EmotionTrack:
-    """Named emotions that take over from their time on, in `BLEND` seconds, or as far as they come till the next."""
+    """A track of named emotions. Each takes over from its time on, in `BLEND` seconds or until the next one begins."""
     times, weights = [keys[0][0]], [keys[0][1]]
-    for k, (time, wanted) in enumerate(keys[1:], start=1):
+    for k, (time, target) in enumerate(keys[1:], start=1):
         until = keys[k + 1][0] if k + 1 < len(keys) else np.inf
-        done = min(time + BLEND, until)
+        end = min(time + BLEND, until)
         if time > times[-1]:
             times.append(time)
             weights.append(weights[-1])
-        times.append(done)
-        weights.append(weights[-1] + min((done - time) / BLEND, 1.0) * (wanted - weights[-1]))
+        times.append(end)
+        weights.append(weights[-1] + min((end - time) / BLEND, 1.0) * (target - weights[-1]))
     return EmotionTrack(np.array(times), np.array(weights))
 
 
 def read_emotion(emotion: str | PathLike[str] | EmotionTrack) -> tuple[str | EmotionTrack, str | None]:
-    """What a session understands: of a file its track, anything else as it is; and the file, where there is one.
+    """An emotion as a session takes it: the track of a file, or the value as it is; and the name of the file, or None.
 
     Raises:
         InputError: as of `read_emotion_track`.

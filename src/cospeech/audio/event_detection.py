@@ -1,7 +1,7 @@
 """Listening: speech in pieces → normalised prosody, accents and phrases, with a bounded delay.
 
-Everything is worked out in ticks of 0.1 s from what has been heard up to then, so the result does not depend on the size
-of the pieces: streamed equals offline.
+Everything is computed in ticks of 0.1 s from the sound up to then. So the result does not depend on the size of the pieces: a
+stream equals the whole.
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ __all__ = ["ENVELOPE_DELAY", "LEVEL_DELAY", "PEAK_DELAY", "TICK", "EventDetector
 
 TICK = 0.1  # seconds between two decisions; ours
 LEVEL_DELAY = 0.25  # seconds the running level sees ahead of the frame that it scales (ours)
-PEAK_DELAY = 0.20  # seconds after a peak that its prominence is judged on (ours)
+PEAK_DELAY = 0.20  # seconds after a peak over which its prominence is measured (ours)
 _KEEP = (
     20.0  # seconds of the past that stay in memory (ours: `cospeech.audio.speech_chunks.MOST_AT_ONCE` and what is heard around)
 )
 _WEAKEST = -58.0  # dBFS; a peak level below this is treated as silence (ours: room noise of a quiet microphone)
 _RANGE = (22.0, 38.0)  # dB between the floor and the loud syllables: least and most that are believed
 _SPEAKING = 0.40  # loudness above which somebody speaks (≈ 20 dB under the loud syllables)
-_PAUSE = 0.28  # seconds of silence that part two phrases; shorter ones are stops and hesitations
+_PAUSE = 0.28  # seconds of silence that separate two phrases; shorter ones are stops and hesitations
 _SMOOTH = np.hanning(21)[1:-1] / np.hanning(21)[1:-1].sum()  # ≈ 6 Hz low-pass at 100 Hz (motion.md: accents)
 _HALF = len(_SMOOTH) // 2
 ENVELOPE_DELAY = _HALF / RATE
 """Seconds by which the envelope is known later than the energy."""
 _LEVEL_SPAN = round((TICK + LEVEL_DELAY) * RATE)  # rows that the level is taken from at every tick
-_ROOM = 500  # rows that there is room for behind those that are kept (ours)
-_SURE = round(PEAK_DELAY * RATE)  # rows after a peak that tell how far it falls
+_ROOM = 500  # free rows behind those in memory (ours)
+_SURE = round(PEAK_DELAY * RATE)  # rows after a peak that show how far it falls
 
 
 class _Buffer:
     """Rows appended at the end, dropped from the front; addressed by absolute index.
 
-    There is room behind the rows, so that few appends copy what is there. What was handed out is never written to again.
+    There is free room behind the rows, so that few appends copy them. Rows that were handed out are never overwritten.
     """
 
     def __init__(self, width: int = 0) -> None:
@@ -54,9 +54,9 @@ class _Buffer:
 
     def append(self, rows: Array) -> None:
         if self.end + len(rows) - self._begin > len(self._rows):
-            kept = self._rows[self.first - self._begin : self.end - self._begin]
-            self._rows = np.empty((len(kept) + len(rows) + _ROOM, *kept.shape[1:]))
-            self._rows[: len(kept)] = kept
+            old = self._rows[self.first - self._begin : self.end - self._begin]
+            self._rows = np.empty((len(old) + len(rows) + _ROOM, *old.shape[1:]))
+            self._rows[: len(old)] = old
             self._begin = self.first
         at = self.end - self._begin
         self._rows[at : at + len(rows)] = rows
@@ -70,10 +70,10 @@ class _Buffer:
 
 
 class EventDetector:
-    """Hears speech piece by piece.
+    """Finds prosody, accents and phrases in speech that comes in pieces.
 
     Attributes:
-        known: seconds up to which `window` can answer.
+        certain_until: seconds up to which `window` can answer.
         accents: recent accents in time order, each known ``LEVEL_DELAY + PEAK_DELAY + 0.1`` s after it happened.
         phrases: recent phrases; the last may still be going on (its end is then the time heard so far).
 
@@ -81,7 +81,7 @@ class EventDetector:
         also: gets all prosody, with mel bands, as soon as it is certain.
         tick: seconds between two decisions.
         level_delay: seconds the running level sees ahead of the frame that it scales.
-        peak_delay: seconds after a peak at which it counts; with less than `PEAK_DELAY` its rise alone says how high it is.
+        peak_delay: seconds after a peak at which it is accepted; below `PEAK_DELAY`, its prominence is that of its rise alone.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class EventDetector:
         self._raw: dict[str, _Buffer] = {}
         self._loudness, self._tone, self._envelope = _Buffer(), _Buffer(), _Buffer()
         self._floor, self._peak, self._pitch = math.nan, math.nan, math.nan  # not heard yet
-        self._judged = 0
+        self._peaks_end = 0
         self._speaking = False
         self._silent_since = 0
         self.accents: deque[Accent] = deque()
@@ -107,7 +107,7 @@ class EventDetector:
         self.finished = False
 
     def share(self, prosody: SharedProsody) -> None:
-        """Hear with what others hear, too; before anything is pushed."""
+        """Take prosody that other listeners use, too; call it before anything is pushed."""
         self._prosody = prosody.tap()
 
     @property
@@ -118,15 +118,15 @@ class EventDetector:
     @property
     def judged_until(self) -> float:
         """Seconds up to which all accents are known, that time included."""
-        return max(self._judged - 1, 0) / RATE
+        return max(self._peaks_end - 1, 0) / RATE
 
     def push(self, samples: Array) -> None:
-        """Hear more samples at the announced rate."""
+        """Take more samples, and do all steps that they allow."""
         self.hear(samples)
         self.catch_up()
 
     def hear(self, samples: Array) -> None:
-        """As `push`, but nothing becomes known yet: `step` or `catch_up` is called for that."""
+        """Take more samples, but do no step: call `step` or `catch_up` for that."""
         self._take(self._prosody.push(samples))
 
     @property
@@ -140,15 +140,15 @@ class EventDetector:
         return bool(self._raw) and self._raw["energy"].end - self._delay >= self._loudness.end + self._step
 
     def step(self) -> bool:
-        """One tick more becomes known, where enough was heard; whether it did."""
+        """Do one more tick, if enough was heard; give whether it was."""
         if not self.is_ready:
             return False
         self._know([self._loudness.end + self._step])
         return True
 
     def catch_up(self) -> None:
-        """As `step` until nothing more becomes known; many ticks at once take hardly longer than one."""
-        if self._wait < _SURE:  # of peaks that are not waited for, each tick judges what it knows
+        """Do all steps that are possible; many ticks at once take hardly longer than one."""
+        if self._wait < _SURE:  # without waiting for the rows after a peak, each tick judges the rows that it knows
             while self.step():
                 pass
         elif self.is_ready:
@@ -156,7 +156,7 @@ class EventDetector:
             self._know(range(first, last + 1, self._step))
 
     def finish(self) -> None:
-        """The speech is over: what is left becomes known, followed by silence."""
+        """End the speech: do the remaining steps, as if silence followed."""
         self._take(self._prosody.flush())
         if self._raw:
             while self._loudness.end < self._raw["energy"].end:
@@ -175,12 +175,12 @@ class EventDetector:
             self._raw.setdefault(name, _Buffer(rows.shape[1] if rows.ndim > 1 else 0)).append(rows)
 
     def _know(self, ends: Sequence[int]) -> None:
-        """The ticks up to these rows become known, one after the other."""
+        """Do the ticks that end at these rows, one after the other."""
         first, end = self._loudness.end, ends[-1]
-        seen = self._raw["energy"].rows(first, end + self._delay)
-        levels = self._follow_levels(first, ends, seen.tolist())
+        energy = self._raw["energy"].rows(first, end + self._delay)
+        levels = self._follow_levels(first, ends, energy.tolist())
         top, spread = np.repeat(levels, np.diff(ends, prepend=first), axis=0).T
-        self._loudness.append(np.minimum(np.maximum((seen[: end - first] - (top - spread)) / spread, 0.0), 1.25))
+        self._loudness.append(np.minimum(np.maximum((energy[: end - first] - (top - spread)) / spread, 0.0), 1.25))
         self._tone.append(self._semitones(first, ends))
         self._smooth_ticks(first, ends, [level[0] for level in levels])
         self._follow_phrases(first, end)
@@ -194,18 +194,18 @@ class EventDetector:
             self.phrases.popleft()
 
     def _follow_levels(self, first: int, ends: Sequence[int], energy: list[float]) -> list[tuple[float, float]]:
-        """Level of loud syllables, and dB from the floor to there, at each tick; ``energy`` begins at the row ``first``."""
-        found, begin = [], first
+        """Level of loud syllables, and dB from the floor up to it, at each tick; ``energy`` begins at the row ``first``."""
+        levels, begin = [], first
         for end in ends:
             ahead = energy[begin - first : end + self._delay - first]
             if self._wait < _SURE:
-                seen = end + self._delay
-                ahead = self._raw["energy"].rows(max(seen - _LEVEL_SPAN, 0), seen).tolist()
+                stop = end + self._delay
+                ahead = self._raw["energy"].rows(max(stop - _LEVEL_SPAN, 0), stop).tolist()
             self._follow_level(ahead)
             spread = min(max(self._peak - self._floor, _RANGE[0]), _RANGE[1])
-            found.append((max(self._peak, _WEAKEST), spread))
+            levels.append((max(self._peak, _WEAKEST), spread))
             begin = end
-        return found
+        return levels
 
     def _smooth_ticks(self, first: int, ends: Sequence[int], tops: list[float]) -> None:
         """`_smooth` for each of the ticks."""
@@ -229,8 +229,8 @@ class EventDetector:
 
     def _follow_level(self, ahead: list[float]) -> None:
         """Floor and level of loud syllables: quick towards new extremes, slow back (ours: 20 s down, 12 s up)."""
-        ordered = sorted(ahead)
-        low, high = quantile(ordered, 0.10), quantile(ordered, 0.92)
+        levels = sorted(ahead)
+        low, high = quantile(levels, 0.10), quantile(levels, 0.92)
         if math.isnan(self._peak):
             self._floor, self._peak = low, max(high, low + _RANGE[0])
         tick = self._tick_seconds
@@ -238,15 +238,15 @@ class EventDetector:
         self._floor = low if low < self._floor else self._floor + min(1.0, low - self._floor) * tick * 0.5
 
     def _semitones(self, first: int, ends: Sequence[int]) -> Array:
-        """Of the rows from ``first`` on, above the median pitch of the voice, which follows every tick."""
+        """Semitones of the rows from ``first`` on, above the median pitch of the voice, which is updated at every tick."""
         pitch, voicing = (self._raw[name].rows(first, ends[-1]) for name in ("pitch", "voicing"))
         voiced = (pitch > 0) & (voicing > 0.5)
-        usual, rows, sung = np.empty(len(pitch)), pitch.tolist(), voiced.tolist()
+        usual, rows, flags = np.empty(len(pitch)), pitch.tolist(), voiced.tolist()
         begin = 0
         for end in (end - first for end in ends):
-            ordered = sorted([tone for tone, voice in zip(rows[begin:end], sung[begin:end], strict=True) if voice])
-            if ordered:
-                median = (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]) / 2
+            tones = sorted([tone for tone, voice in zip(rows[begin:end], flags[begin:end], strict=True) if voice])
+            if tones:
+                median = (tones[(len(tones) - 1) // 2] + tones[len(tones) // 2]) / 2
                 self._pitch = median if math.isnan(self._pitch) else self._pitch * (median / self._pitch) ** 0.03
             usual[begin:end] = self._pitch
             begin = end
@@ -267,9 +267,9 @@ class EventDetector:
             self.phrases[-1] = Phrase(self.phrases[-1].start, self._silent_since / RATE)
 
     def _confirm_peaks(self, last: bool = False) -> None:
-        """Accept peaks of the envelope whose right-hand neighbourhood is known."""
+        """Accept peaks of the envelope where enough rows after them are known."""
         wait = 0 if last else self._wait
-        a, b = self._judged, self._envelope.end - wait
+        a, b = self._peaks_end, self._envelope.end - wait
         if b <= a + 2:
             return
         e = self._envelope.rows(a - 60, b + wait)
@@ -292,7 +292,7 @@ class EventDetector:
             rise = float(tone.max()) if len(tone) else 0.0
             strength = float(min(max(0.65 * prominence + 0.2 * e[k] + 0.02 * min(max(rise, 0), 7), 0.05), 1.0))
             self.accents.append(Accent(t / RATE, strength))
-        self._judged = b
+        self._peaks_end = b
 
     def window(self, start: float, end: float) -> Heard:
         """Everything known between two times in seconds (clipped to what is known and still kept)."""
@@ -305,28 +305,28 @@ class EventDetector:
         return Heard(a, self._loudness.rows(a, b), self._tone.rows(a, b), raw["voicing"], raw["onset"], raw["bands"])
 
 
-def quantile(ordered: Array | list[float], share: float) -> float:
-    """As `numpy.quantile` of what is in order, which takes twenty times as long over so few."""
-    place = (len(ordered) - 1) * share
+def quantile(values: Array | list[float], share: float) -> float:
+    """As `numpy.quantile`, of values in ascending order; NumPy's takes twenty times as long over so few."""
+    place = (len(values) - 1) * share
     low = int(place)
-    below, above = float(ordered[low]), float(ordered[min(low + 1, len(ordered) - 1)])
+    below, above = float(values[low]), float(values[min(low + 1, len(values) - 1)])
     part = place - low
     return below + (above - below) * part if part < 0.5 else above - (above - below) * (1 - part)
 
 
 def listen(speech: Speech) -> tuple[Heard, list[Accent], list[Phrase]]:
-    """Hear a whole speech at once: for tests, plots and short files (nothing is dropped)."""
+    """Analyse a whole speech at once: for tests, plots and short files (nothing is dropped)."""
     detector = EventDetector()
     parts: list[Heard] = []
     accents: dict[float, Accent] = {}
     phrases: dict[float, Phrase] = {}
-    done = 0.0
+    until = 0.0
 
     def collect() -> None:
-        nonlocal done
-        if detector.certain_until > done:
-            parts.append(detector.window(done, detector.certain_until - 1.5 / RATE))
-            done = detector.certain_until
+        nonlocal until
+        if detector.certain_until > until:
+            parts.append(detector.window(until, detector.certain_until - 1.5 / RATE))
+            until = detector.certain_until
         accents.update({a.time: a for a in detector.accents})
         phrases.update({p.start: p for p in detector.phrases})
 
@@ -336,5 +336,5 @@ def listen(speech: Speech) -> tuple[Heard, list[Accent], list[Phrase]]:
     detector.finish()
     collect()
     names = [f.name for f in fields(Heard)][1:]
-    heard = Heard(0, *(np.concatenate([getattr(p, n) for p in parts]) for n in names))
-    return heard, list(accents.values()), list(phrases.values())
+    window = Heard(0, *(np.concatenate([getattr(p, n) for p in parts]) for n in names))
+    return window, list(accents.values()), list(phrases.values())

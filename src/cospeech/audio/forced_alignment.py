@@ -31,12 +31,12 @@ __all__ = ["SoundAligner", "align", "align_with_recogniser", "bare", "count_syll
 Floats = NDArray[np.float64]
 
 STEP = 2  # feature frames per step of the search: 20 ms
-_HASTE = 10.0  # syllables per second of voice [ours: readers have 4 to 6, quick speakers 8; half as much text again is told]
+_HASTE = 10.0  # syllables per second of voice [ours: readers have 4 to 6, quick speakers 8; half as much text again is noticed]
 _SEVERAL = 8  # words below which the rate says little [ours]
 PAUSE = 0.08  # seconds; ours: shorter silences are the closures of p, t, k
 BAND = (1.5, 6.0)  # seconds around the even division within which a boundary is searched: at least, at most
 BAND_SHARE = 0.15  # of the speech, between those two
-LONG = 90.0  # seconds of voice from which on sentences are laid before words; ours: below, the band holds all that people do
+LONG = 90.0  # seconds of voice from which on sentences are laid before words; ours: below, the band is wide enough
 _MOST_WORDS = 40  # of a sentence; texts without punctuation are laid in pieces of so many
 _BREAK = 0.15  # seconds of a pause at which a sentence may end; it may at each whole second of voice, too [ours]
 _FARTHEST = 120.0  # seconds that sentences may be from the even division, at most [ours]
@@ -51,7 +51,7 @@ LENGTH = 1.7  # squared logarithm of length over expected length
 PEAKS = 0.17  # squared difference of peaks and syllables
 DIP = 0.3  # loudness at the boundary, 0 dip … 1 peak
 PAUSE_GAIN = 0.5  # for a boundary in a pause of 0.3 s or more
-BROKEN = 0.5  # for a pause inside a word
+INNER_PAUSE = 0.5  # for a pause inside a word
 COMMA = 1.0  # for punctuation without a pause; those recordings came without punctuation, so this one is a guess
 
 DIGRAPHS = re.compile(r"([a-z])\1|th|sh|ch|ph|wh|ck|ng|gh|qu|ea|ou|ow|ai|ay|ie|ei|oa|au|aw|ue|ew")
@@ -255,12 +255,12 @@ def _search(tokens: Sequence[str], loudness: Floats, peaks: Floats, pauses: Floa
     lengths = np.array([_sounds(token) for token in tokens])
     syllables = [count_syllables(token) for token in tokens]
     total = len(loudness)
-    expected = lengths * (total / lengths.sum())
+    spans = lengths * (total / lengths.sum())
     if total * step > LONG:
         is_punctuated = sum(token[-1] in ENDS for token in tokens) * _MOST_WORDS > len(tokens)
         centres, band = _lay_sentences(tokens, lengths, syllables, peaks, pauses, step), BAND[0 if is_punctuated else 1]
     else:
-        centres, band = np.cumsum(expected), np.clip(BAND_SHARE * total * step, *BAND)
+        centres, band = np.cumsum(spans), np.clip(BAND_SHARE * total * step, *BAND)
     half = int(band / step)
     at_edge = DIP * np.append(loudness, 0) - PAUSE_GAIN * np.append(np.minimum(pauses / 0.3, 1), 1)
     at_edge[0] = 0
@@ -275,22 +275,22 @@ def _search(tokens: Sequence[str], loudness: Floats, peaks: Floats, pauses: Floa
         until = total if last else max(min(int(centres[i]) + half, total - (len(tokens) - 1 - i)), first)
         ends = np.arange(first, until + 1)
         # Up to SLOWEST times its length, and far enough that every end has a start that can be reached.
-        longest = max(int(SLOWEST * expected[i]), until - low - len(cost) + 2, first - low, MANY_STEPS)
+        longest = max(int(SLOWEST * spans[i]), until - low - len(cost) + 2, first - low, MANY_STEPS)
         nearest = max(1, first - low - len(cost) + 1)  # what is shorter begins behind all places where a word may begin
-        taken = np.arange(nearest, min(longest, until - low) + 1)
-        starts = ends[:, None] - taken
+        sizes = np.arange(nearest, min(longest, until - low) + 1)
+        starts = ends[:, None] - sizes
         possible = (starts >= low) & (starts < low + len(cost))
         starts = np.clip(starts, low, low + len(cost) - 1)
-        price = PEAKS * (counts[ends][:, None] - counts[starts] - syllables[i]) ** 2 + LENGTH * np.log(taken / expected[i]) ** 2
-        price += BROKEN * np.maximum(breaks[ends - 1][:, None] - breaks[starts], 0) + cost[starts - low]
+        price = PEAKS * (counts[ends][:, None] - counts[starts] - syllables[i]) ** 2 + LENGTH * np.log(sizes / spans[i]) ** 2
+        price += INNER_PAUSE * np.maximum(breaks[ends - 1][:, None] - breaks[starts], 0) + cost[starts - low]
         price[~possible] = np.inf
-        chosen = price.argmin(axis=1)
+        best = price.argmin(axis=1)
         edge = at_edge[ends] + (COMMA * no_pause[ends] if token[-1] in ENDS else 0)
-        low, cost = first, price[np.arange(len(ends)), chosen] + edge
-        history.append((first, ends - taken[chosen]))
+        low, cost = first, price[np.arange(len(ends)), best] + edge
+        history.append((first, ends - sizes[best]))
     bounds = [total]
-    for first, chosen in reversed(history):
-        bounds.append(int(chosen[bounds[-1] - first]))
+    for first, best in reversed(history):
+        bounds.append(int(best[bounds[-1] - first]))
     return np.array(bounds[::-1])
 
 
@@ -310,23 +310,23 @@ def _lay_sentences(
     marks = np.cumsum([0.0, *lengths]) * (total / lengths.sum())
     at = np.unique([0, *np.flatnonzero(pauses >= _BREAK), *range(0, total, round(1 / step)), total])
     gains = PAUSE_GAIN * np.append(np.minimum(pauses / 0.3, 1), 1)[at]
-    gains[0], counts, said = 0.0, np.append(peaks, peaks[-1])[at], np.cumsum([0, *syllables])
+    gains[0], counts, sums = 0.0, np.append(peaks, peaks[-1])[at], np.cumsum([0, *syllables])
     half = min(BAND_SHARE * total, _FARTHEST / step)
     before, cost, history = np.zeros(1, int), np.zeros(1), list[tuple[NDArray[np.intp], NDArray[np.intp]]]()
     for k, (a, b) in enumerate(pairwise(cuts)):
         near = np.flatnonzero(abs(at - marks[b]) <= half) if k < len(cuts) - 2 else np.array([len(at) - 1])
-        taken = at[near][:, None] - at[before]
-        price = cost + _EVENNESS * LENGTH * (b - a) * np.log(np.maximum(taken, 1) / (marks[b] - marks[a])) ** 2
-        price += PEAKS / (b - a) * (counts[near][:, None] - counts[before] - (said[b] - said[a])) ** 2
-        price[taken <= 0] = _IMPOSSIBLE
-        chosen = price.argmin(axis=1)
+        sizes = at[near][:, None] - at[before]
+        price = cost + _EVENNESS * LENGTH * (b - a) * np.log(np.maximum(sizes, 1) / (marks[b] - marks[a])) ** 2
+        price += PEAKS / (b - a) * (counts[near][:, None] - counts[before] - (sums[b] - sums[a])) ** 2
+        price[sizes <= 0] = _IMPOSSIBLE
+        best = price.argmin(axis=1)
         pull = _PAUSES if tokens[b - 1][-1] in ENDS else 1
-        before, cost = near, price[np.arange(len(near)), chosen] - pull * gains[near]
-        history.append((near, chosen))
+        before, cost = near, price[np.arange(len(near)), best] - pull * gains[near]
+        history.append((near, best))
     k, bounds = 0, list[int]()
-    for near, chosen in reversed(history):
+    for near, best in reversed(history):
         bounds.append(int(at[near[k]]))
-        k = int(chosen[k])
+        k = int(best[k])
     return np.interp(marks[1:], marks[cuts], np.maximum.accumulate([0, *bounds[::-1]]))
 
 

@@ -147,27 +147,27 @@ def script_of(character: str) -> str:
     return _BLOCKS[place][1] if place >= 0 and unicodedata.category(character)[0] in "LM" else ""
 
 
-def check_language(code: str, *, spoken: bool = True) -> str:
+def check_language(code: str, *, has_words: bool = True) -> str:
     """The primary subtag of a language tag: ``de`` of ``de-AT``; ``""`` stays as it is.
 
     Args:
-        code: what somebody gives.
-        spoken: whether there are words that could be in it.
+        code: the tag.
+        has_words: whether there are words that could be in it.
 
     >>> check_language("pt-BR"), check_language("NB")
     ('pt', 'no')
 
     Raises:
-        InputError: the language is not known, or there is one, and no words.
+        InputError: the language is not known, or a language is given and there are no words.
     """
-    if code and not spoken:
+    if code and not has_words:
         raise InputError(f"the language {code[:40]!r} of no words", "a transcript goes with it; a plan knows that of its words")
     subtag = re.split(r"[-_]", code.strip().lower(), maxsplit=1)[0]
     subtag = _ALIKE.get(subtag, subtag)
     if subtag in LANGUAGES or not code:
         return subtag
-    named = next((known for known, name in LANGUAGES.items() if name.lower() == subtag), None)
-    hint = f"the code of {LANGUAGES[named]} is {named}" if named else nearest(subtag[:40], LANGUAGES)
+    match = next((tag for tag, name in LANGUAGES.items() if name.lower() == subtag), None)
+    hint = f"the code of {LANGUAGES[match]} is {match}" if match else nearest(subtag[:40], LANGUAGES)
     raise InputError(f"no language has the code {code[:40]!r}", hint)
 
 
@@ -192,9 +192,9 @@ def find_language(text: str) -> str:
 def _find_latin(text: str) -> str:
     """The language of which a text has most words; a word that many languages have decides nothing between them."""
     hits, kinds, shares = Counter[str](), Counter[str](), dict.fromkeys(_WORDS, 0.0)
-    said = Counter(token if token == "I" else token.lower() for token in _TOKEN.findall(text))
+    tokens = Counter(token if token == "I" else token.lower() for token in _TOKEN.findall(text))
     signs = {letter: _LETTERS[letter].split() for letter in sorted(_LETTERS.keys() & set(text.lower()))}
-    for evidence, count in (said | Counter(signs.keys())).items():
+    for evidence, count in (tokens | Counter(signs.keys())).items():
         owners = signs.get(evidence) or _OWNERS.get(evidence.lower(), [])
         for code in {*owners, "en"} if evidence == "I" else owners:
             hits[code] += count

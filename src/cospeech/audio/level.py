@@ -1,4 +1,4 @@
-"""How loud a recording is; a note where level control does not reach it, because it is too quiet, and where it is clipped."""
+"""How loud a recording is; a warning where it is too quiet for level control, or clipped."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def loudest_level(speech: Speech) -> float:
 
 
 def count_clipped_samples(speech: Speech) -> int:
-    """How many samples lie in stretches that are at full scale, as where a recorder cut off what was louder."""
+    """How many samples lie in stretches at full scale, where a recorder cut off louder sound."""
     side = np.sign(speech.samples) * (np.abs(speech.samples) >= _FULL)
     first = np.flatnonzero(np.diff(side, prepend=np.float32(2)))  # of every stretch of one value
     lengths = np.diff(first, append=len(side))
@@ -41,20 +41,20 @@ def count_clipped_samples(speech: Speech) -> int:
 
 
 def note_level(chunks: Iterable[Speech], name: str) -> Iterator[Speech]:
-    """The same pieces of a speech.
+    """Give the same pieces of a speech; warn at the end if it is quiet or clipped.
 
     Args:
         chunks: of the speech.
-        name: how the note calls it.
+        name: how the warning calls it.
 
     Warns:
         CospeechWarning: after the last piece, where the speech is quiet throughout, or where more than `CLIPPED` of its samples
             are in clipped stretches.
     """
-    level, clipped, count = -np.inf, 0, 0
+    level, clipped_samples, count = -np.inf, 0, 0
     for chunk in chunks:
         level = max(level, loudest_level(chunk))
-        clipped, count = clipped + count_clipped_samples(chunk), count + len(chunk)
+        clipped_samples, count = clipped_samples + count_clipped_samples(chunk), count + len(chunk)
         yield chunk
     if level == -np.inf:
         warnings.warn(f"{name} is silent; mouth and hands rest throughout", CospeechWarning, stacklevel=2)
@@ -64,7 +64,7 @@ def note_level(chunks: Iterable[Speech], name: str) -> Iterator[Speech]:
             "(make it louder: -14 to -24 dB is usual)"
         )
         warnings.warn(problem, CospeechWarning, stacklevel=2)
-    if clipped > CLIPPED * count:
-        told = f"{clipped / count:.0%} of its samples are cut off at full scale"
-        problem = f"{name} is clipped: {told}; the mouth opens too far and follows the voice less (record it at a lower level)"
+    if clipped_samples > CLIPPED * count:
+        share = f"{clipped_samples / count:.0%} of its samples are cut off at full scale"
+        problem = f"{name} is clipped: {share}; the mouth opens too far and follows the voice less (record it at a lower level)"
         warnings.warn(problem, CospeechWarning, stacklevel=2)

@@ -45,7 +45,7 @@ class LevelControl:
         self._power, self._level, self._gain = 0.0, -inf, 0.0
 
     def follow(self, energy: Array, voicing: Array) -> Array:
-        """Hear more rows.
+        """Give the gains of more rows.
 
         Args:
             energy: (n,) dB of full scale.
@@ -66,5 +66,5 @@ class LevelControl:
         if not voiced:
             return
         self._level = max(self._level, 10 * log10(self._power))
-        wanted = min(max(USUAL - self._level, 0.0), MOST)
-        self._gain = min(wanted, self._gain + self._rise)
+        target = min(max(USUAL - self._level, 0.0), MOST)
+        self._gain = min(target, self._gain + self._rise)

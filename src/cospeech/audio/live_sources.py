@@ -1,7 +1,7 @@
 """Sound that comes while somebody speaks: from a microphone, a pipe, a WebSocket, or a file at the speed of its clock.
 
-Every source gives blocks of float32 samples; `pace_pieces` makes of them pieces of speech without a gap, with silence where
-nothing comes. So the clock of the sound and the clock on the wall stay together, and a character idles while nobody speaks.
+Every source gives blocks of float32 samples. `pace_pieces` turns them into pieces of speech without a gap, with silence where
+nothing comes. So the sound keeps up with the clock, and a character idles while nobody speaks.
 """
 
 from __future__ import annotations
@@ -33,8 +33,7 @@ _HEADS = {
     (0, b"RIFF"): "a WAV", (0, b"fLaC"): "a FLAC", (0, b"OggS"): "an Ogg", (0, b"ID3"): "an MP3",
     (0, b"\x1a\x45\xdf\xa3"): "a WebM", (4, b"ftyp"): "an MP4",
 }  # fmt: skip
-"""Where sound files have these bytes, and what they are. As samples of 16 bits they would be loud: above a fifth of full
-scale."""
+"""Place and first bytes of sound files → what they are. As samples of 16 bits they would be above a fifth of full scale."""
 _MP3_KBPS = {
     0xFB: (0, 32, 40, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320, 0),
     0xF3: (0, 8, 16, 24, 32, 40, 48, 56, 64, 80, 96, 112, 128, 144, 160, 0),
@@ -44,7 +43,7 @@ _MP3_RATES = {0xFB: (44100, 48000, 32000), 0xF3: (22050, 24000, 16000)}
 LINE = 1 << 16  # bytes of a line (ours)
 _FIRST = 2048  # bytes of the first piece of a pipe [ours: more than a frame of MP3 of 320 kbit/s]
 _READ = 1 << 16  # bytes that are read at once: what a pipe of Linux holds
-BEHIND = 300.0  # seconds of sound that may wait: who sends more is made to wait (ours: longer than an answer)
+BEHIND = 300.0  # seconds of sound that may wait; a sender of more has to wait (ours: longer than an answer)
 
 Samples = NDArray[np.float32]
 
@@ -66,8 +65,9 @@ def pace_pieces(
             puts them into ``waiting``.
         rate: samples per second.
         idle: put silence where no sound has come in time; else the pieces wait for it.
-        slack: seconds that sound may be late. A piece leaves so late where sound ceases; the silence after it is on time.
-        waiting: where the blocks wait, for who wants to drop them or to put them there.
+        slack: seconds that sound may be late. Where sound ceases, one piece is late by so much; the silence after it is on
+            time.
+        waiting: the queue of the blocks, for a caller that puts or drops some.
 
     Yields:
         Speech without a gap; the first piece begins at 0.
@@ -76,10 +76,10 @@ def pace_pieces(
     sound = WaitingSound(round(BEHIND * rate)) if waiting is None else waiting
     if blocks is not None:
         threading.Thread(target=_collect, args=(blocks, sound), name="cospeech sound", daemon=True).start()
-    began, heard, rest, quiet = clock(), 0, np.zeros(0, np.float32), False
+    began, count, rest, quiet = clock(), 0, np.zeros(0, np.float32), False
     while True:
         rest = rest[max(sound.dropped - (sound.taken - len(rest)), 0) :]
-        due = began + (heard + size) / rate
+        due = began + (count + size) / rate
         while len(rest) < size and not sound.is_over:
             late = 0.0 if quiet and not len(rest) else slack
             block = sound.take(max(due + late - clock(), 0.0) if idle else None)
@@ -94,8 +94,8 @@ def pace_pieces(
             return
         if (wait := due - clock()) > 0:
             sleep(wait)
-        yield Speech(piece, rate, start=heard / rate)
-        heard += len(piece)
+        yield Speech(piece, rate, start=count / rate)
+        count += len(piece)
 
 
 def wait_for_each(
@@ -113,7 +113,7 @@ def wait_for_each(
 
 
 def _collect(blocks: Iterable[Samples], waiting: WaitingSound) -> None:
-    """In a thread: what comes, to its end or to the error that ends it."""
+    """Queue all blocks, in a thread, up to the end or to an error."""
     try:
         for block in blocks:
             waiting.put(block)
@@ -125,20 +125,21 @@ def _collect(blocks: Iterable[Samples], waiting: WaitingSound) -> None:
 def read_pcm(
     file: IO[bytes], rate: int, kind: str = "s16", *, note: Callable[[str], object] = lambda text: None
 ) -> Iterator[Samples]:
-    """Raw samples of a pipe, as they come; ``note`` is told once of each fault that they have.
+    """Raw samples of a pipe, as they come; ``note`` is called once for each kind of fault.
 
     Raises:
         InputError: it is a sound file, not raw samples.
     """
     read = getattr(file, "read1", file.read)  # what there is, without waiting for more
     decoder, size = _Decoder(kind, note), max(1, round(PIECE * rate)) * FORMATS[kind].itemsize
-    while data := read(size if decoder.begun else max(size, _FIRST)):
+    while data := read(size if decoder.has_begun else max(size, _FIRST)):
         yield decoder.decode(data)
     decoder.end()
 
 
 def read_lines(source: int | str | PathLike[str] = 0, longest: int = LINE) -> Iterator[bytes]:
-    """Lines of standard input, of another file descriptor, or of a file or pipe, as they come; no lock holds up the end.
+    """Lines of standard input, of another file descriptor, or of a file or pipe, as they come; no lock delays the end of the
+    program.
 
     Args:
         source: a descriptor, which stays open, or a path.
@@ -174,8 +175,8 @@ def read_websocket(
     """Samples of the binary messages of a WebSocket; texts are given to ``on_text``.
 
     A message may end within a sample: the next one goes on there. After an empty message, or a text for which ``on_text``
-    returns True, a new sample begins; after an empty one somebody else may speak. ``note`` is told once of each fault that
-    messages have, and of each sound file that comes later.
+    returns True, a new sample begins; after an empty one somebody else may speak. ``note`` is called once for each kind of
+    fault, and for each sound file that comes later.
 
     Raises:
         InputError: the first message is the head of a sound file, not raw samples.
@@ -193,18 +194,18 @@ def read_websocket(
 
 
 class _Decoder:
-    """Raw samples in pieces of any size; what is left of the last sample goes before the next piece."""
+    """Decodes raw samples in pieces of any size; the rest of a cut sample goes before the next piece."""
 
     def __init__(self, kind: str, note: Callable[[str], object]) -> None:
         self._kind, self._size, self._note = kind, FORMATS[kind].itemsize, note
-        self._rest, self._told = b"", set[str]()
-        self.begun, self._heard, self._skips = False, False, False
+        self._rest, self._faults = b"", set[str]()
+        self.has_begun, self._has_sound, self._skips = False, False, False
         self._layout = f"samples are {kind}, little-endian"
 
     def decode(self, data: bytes) -> Samples:
         """The whole samples up to the end of this piece."""
-        if not self.begun:
-            self.begun = True
+        if not self.has_begun:
+            self.has_begun = True
             self._check(data)
         if self._skips:
             return np.zeros(0, np.float32)
@@ -216,30 +217,30 @@ class _Decoder:
         return decode_pcm(data, self._kind)
 
     def _check(self, data: bytes) -> None:
-        """The first bytes of somebody's sound. A file is refused; one that comes after other sound is told, and not heard."""
+        """Check the first bytes of a sound. A sound file is refused; after other sound, it is noted and skipped."""
         try:
             _check_raw(data)
         except InputError as error:
-            if not self._heard:
+            if not self._has_sound:
                 raise
             self._skips = True
             self._note(f"{error}; it is not heard")
-        self._heard = True
+        self._has_sound = True
 
     def begin_anew(self) -> None:
-        """Somebody else's sound begins."""
+        """Begin the sound of another speaker."""
         self.end()
-        self.begun = self._skips = False
+        self.has_begun = self._skips = False
 
     def end(self) -> None:
-        """The sound is over, or begins anew."""
+        """End a sound; note a sample that is cut."""
         if self._rest:
             self._tell("odd", f"the sound ends within a sample; {say_count(len(self._rest), 'byte')} left out ({self._layout})")
         self._rest = b""
 
     def _tell(self, fault: str, text: str) -> None:
-        if fault not in self._told:
-            self._told.add(fault)
+        if fault not in self._faults:
+            self._faults.add(fault)
             self._note(text)
 
 

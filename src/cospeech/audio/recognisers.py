@@ -1,6 +1,6 @@
 """JSON of recognisers whose words have no plain ``start`` and ``end``, or lie deep in the document; each has a row in `SHAPES`.
 
-A recogniser is known by the names of its fields. What is not here is read by the names that most of them share
+The names of the fields show which recogniser it is. Other documents are read by the names that most recognisers share
 (`cospeech.audio.word_json`). Nothing here calls a recogniser.
 """
 
@@ -18,14 +18,14 @@ __all__ = ["SHAPES", "Shape"]
 
 Document = Mapping[str, Any]
 _MILLISECOND, _TICK = 1e-3, 1e-7  # seconds
-_LONG = 20.0  # the mean of whole numbers between start and end of a word from which on they are milliseconds [ours]
+_LONG = 20.0  # whole numbers are milliseconds if words are longer than this on the mean [ours]
 _SYLLABLE = 0.3  # seconds of a syllable, at most, where an end is missing [ours, as of `tts_words.polly`]
 _HINT = "a list of words with times"
 _SPECIAL = re.compile(r"\s*\[_[A-Z]+_?\d*_?\]")  # tokens of whisper.cpp that are no text: [_BEG_], [_TT_150]
 
 
 class Shape(NamedTuple):
-    """How the document of a recogniser is known and read."""
+    """How to recognise and read the document of a recogniser."""
 
     has_fields: Callable[[Document], bool]
     """Whether a document has the names of its fields."""
@@ -48,7 +48,7 @@ def _rows(value: object, name: str) -> list[Document]:
 
 
 def _best(row: Document) -> Document:
-    """The first of the alternatives of a row; an empty one where there is none."""
+    """The first alternative of a row; an empty one where there is none."""
     return next(iter(_rows(row.get("alternatives", []), "alternatives")), {})
 
 
@@ -64,16 +64,16 @@ def _read_whisper_cpp(document: Document) -> Iterator[Entry]:
         tokens = _rows(row.get("tokens") or [row], "tokens")
         text, start, end = "", 0.0, 0.0
         for token in tokens:
-            said = check_text(token.get("text"), "text", "what is said belongs there")
-            if _SPECIAL.match(said):
+            part = check_text(token.get("text"), "text", "what is said belongs there")
+            if _SPECIAL.match(part):
                 continue
             offsets = token.get("offsets")
             times = offsets if isinstance(offsets, dict) else {}
             begin, until = (check_number(times.get(key), f"offsets.{key}", "milliseconds") for key in ("from", "to"))
-            if said[:1].isspace() and text:
+            if part[:1].isspace() and text:
                 yield text, start, max(start, end)
                 text = ""
-            text, start, end = text + said, start if text else begin * _MILLISECOND, until * _MILLISECOND
+            text, start, end = text + part, start if text else begin * _MILLISECOND, until * _MILLISECOND
         if text:
             yield text, start, max(start, end)
 

@@ -1,4 +1,4 @@
-"""Several sound files, heard together."""
+"""Mix several sound files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["SoundMix"]
 
 
 class SoundMix:
-    """Files that begin at the same moment, added up; where one is over, the others go on.
+    """Adds up files that begin at the same moment; where one is over, the others go on.
 
     Args:
         paths: the files, one or more.
@@ -25,21 +25,21 @@ class SoundMix:
     """
 
     def __init__(self, paths: Sequence[str | PathLike[str]], rate: int) -> None:
-        with ExitStack() as opened:
-            self._sources = [opened.enter_context(SpeechSource(path, rate)) for path in paths]
-            self._opened = opened.pop_all()
+        with ExitStack() as stack:
+            self._sources = [stack.enter_context(SpeechSource(path, rate)) for path in paths]
+            self._stack = stack.pop_all()
 
     def blocks(self) -> Iterator[Samples]:
         """The sum, in blocks of any size."""
         streams = [source.blocks() for source in self._sources]
-        held: list[Samples | None] = [next(stream, None) for stream in streams]
-        while any(block is not None for block in held):
-            count = min(len(block) for block in held if block is not None)
-            yield np.sum([block[:count] for block in held if block is not None], axis=0, dtype=np.float32)
-            for k, block in enumerate(held):
+        blocks: list[Samples | None] = [next(stream, None) for stream in streams]
+        while any(block is not None for block in blocks):
+            count = min(len(block) for block in blocks if block is not None)
+            yield np.sum([block[:count] for block in blocks if block is not None], axis=0, dtype=np.float32)
+            for k, block in enumerate(blocks):
                 if block is not None:
-                    held[k] = block[count:] if len(block) > count else next(streams[k], None)
+                    blocks[k] = block[count:] if len(block) > count else next(streams[k], None)
 
     def close(self) -> None:
         """End all decoders."""
-        self._opened.close()
+        self._stack.close()

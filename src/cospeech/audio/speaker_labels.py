@@ -1,4 +1,4 @@
-"""Who speaks, written before what is said: ``ANNA: Hello``, ``>> BOB: Hi``, ``Dr. Smith: …``. A name is not spoken."""
+"""Names of speakers before the text: ``ANNA: Hello``, ``>> BOB: Hi``, ``Dr. Smith: …``. They are not spoken."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _LABEL = re.compile(
     rf"(?P<name>[^\W\d_]{_IN}{{0,30}}+(?: [^\W_]{_IN}{{0,30}}+){{0,2}}) ?(?:[(（][^()（）\n]{{1,30}}[)）])?"
     r"[ \u00a0\u202f]?(?::(?=\s)|：)"
 )
-_UNCASED = 8  # letters of a name in a script without capitals, at most: more are a phrase [ours]
-_TWICE = 2  # [ours] what begins so many lines is a name, and no word such as "Remember:"
+_MOST_UNCASED = 8  # letters of a name in a script without capitals, at most: more are a phrase [ours]
+_TWICE = 2  # [ours] a label that begins so many lines is a name, and no word such as "Remember:"
 
 
 def drop_labels(lines: Sequence[str]) -> list[str]:
@@ -35,20 +35,20 @@ def drop_labels(lines: Sequence[str]) -> list[str]:
 
 def split_labels(lines: Sequence[str]) -> list[tuple[str, str]]:
     """The name of the speaker of each line, empty where it begins with none, and what is said; see `drop_labels`."""
-    found = [_LABEL.match(line) for line in lines]
-    names = [match["name"] if match is not None and _is_name(match["name"]) else "" for match in found]
+    matches = [_LABEL.match(line) for line in lines]
+    names = [match["name"] if match is not None and _is_name(match["name"]) else "" for match in matches]
     count = Counter(names)
-    kept = []
-    for line, match, name in zip(lines, found, names, strict=True):
+    pairs = []
+    for line, match, name in zip(lines, matches, names, strict=True):
         rest = (match["sound"] or "") + line[match.end() :] if match is not None else ""
-        shouted = name.isupper() and any(letter.islower() for letter in rest)
+        is_shouted = name.isupper() and any(letter.islower() for letter in rest)
         changes = match is not None and (match["sign"] or "").startswith(">>")
-        is_label = name and (shouted or changes or count[name] >= _TWICE)
-        kept.append((name, rest) if is_label else ("", line))
-    return kept
+        is_label = name and (is_shouted or changes or count[name] >= _TWICE)
+        pairs.append((name, rest) if is_label else ("", line))
+    return pairs
 
 
 def _is_name(label: str) -> bool:
     if label.lower() == label.upper():  # a script without capitals
-        return len(label) <= _UNCASED
+        return len(label) <= _MOST_UNCASED
     return all(word[:1].isupper() or word[:1].isdigit() for word in label.split(" "))

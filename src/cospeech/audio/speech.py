@@ -62,7 +62,7 @@ def count_frames(duration: Fraction, fps: float | Fraction) -> int:
 
 
 def _hint_of(samples: Samples) -> str:
-    """How samples that are none become some."""
+    """Hint for samples of a wrong shape or type."""
     if samples.ndim == 2:
         scale = f" / {1 << 8 * samples.dtype.itemsize - 1}" if samples.dtype.kind == "i" else ""
         return f"samples.mean({int(np.argmin(samples.shape))}){scale} mixes its {min(samples.shape)} channels"
@@ -171,14 +171,14 @@ class Speech:
         step = seconds * self.rate
         if not (step >= 1 and isfinite(step)):
             raise InputError(f"chunks of {seconds} s", f"at least one sample, 1/{self.rate} s")
-        words, said, first, number = self.words or (), 0, 0, 1
+        words, end, first, number = self.words or (), 0, 0, 1
         while first < len(self.samples):
             last = min(round(number * step), len(self.samples))
             until = self.start + last / self.rate if last < len(self.samples) else np.inf
-            before = said
-            while said < len(words) and words[said].start < until:
-                said += 1
-            yield self._cut(first, last, None if self.words is None else words[before:said])
+            before = end
+            while end < len(words) and words[end].start < until:
+                end += 1
+            yield self._cut(first, last, None if self.words is None else words[before:end])
             first, number = last, number + 1
 
     def _cut(self, first: int, last: int, words: tuple[Word, ...] | None) -> Speech:
@@ -298,7 +298,7 @@ class SpeechSource:
         """
         if not self._fresh:
             self._decoder.close()
-            self._decoder = SoundDecoder(self.path, self.name, notes=False)  # it was told
+            self._decoder = SoundDecoder(self.path, self.name, notes=False)  # it has warned before
             self._decoder.header()
         self._fresh, decoder = False, self._decoder
         try:
@@ -350,16 +350,16 @@ class SpeechSource:
 
 
 def _check_rate(rate: object) -> int:
-    """A number of samples per second, whole: 16000, 16000.0 and numpy's are.
+    """A whole number of samples per second; 16000, 16000.0 and NumPy's numbers are accepted.
 
     Raises:
-        InputError: it is none, or no rate that speech has.
+        InputError: it is no whole number, or no rate that speech has.
     """
-    known = isinstance(rate, int | float | np.integer | np.floating) and not isinstance(rate, bool)
-    if known and SPEECH_RATES[0] <= rate <= SPEECH_RATES[1] and rate == int(rate):  # type: ignore[operator,call-overload]
+    is_number = isinstance(rate, int | float | np.integer | np.floating) and not isinstance(rate, bool)
+    if is_number and SPEECH_RATES[0] <= rate <= SPEECH_RATES[1] and rate == int(rate):  # type: ignore[operator,call-overload]
         return int(rate)  # type: ignore[call-overload]
-    shown = repr(rate)[:40] if not isinstance(rate, int) or abs(rate) < 10**30 else "too many"  # digits of an int have a limit
-    raise InputError(f"{shown} samples per second", f"a whole number, {SPEECH_RATES[0]:,} … {SPEECH_RATES[1]:,}, such as 16000")
+    text = repr(rate)[:40] if not isinstance(rate, int) or abs(rate) < 10**30 else "too many"  # digits of an int have a limit
+    raise InputError(f"{text} samples per second", f"a whole number, {SPEECH_RATES[0]:,} … {SPEECH_RATES[1]:,}, such as 16000")
 
 
 def _fraction(what: str, value: object) -> Fraction:

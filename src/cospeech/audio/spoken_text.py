@@ -1,6 +1,6 @@
-"""What of a text is said, and what is only heard: signs in brackets, sounds between asterisks, music, tags; and laughter.
+"""The spoken words of a text, without what is only heard: signs in brackets, sounds between asterisks, music, tags.
 
-What is not said is left out. A laugh stays as `LAUGHTER`, because the face shows it.
+A laugh stays as `LAUGHTER`, because the face shows it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _NOT_SPOKEN = re.compile(
     r"<[^<>\s][^<>]*>|\{[^{}]*\}|[\[［【〔](?P<square>[^\[\]［］【】〔〕]*)[\]］】〕]|[(（](?P<round>[^()（）]*)[)）]"
     r"|\*(?P<stars>[^*\n]{1,60})\*|[♩♪♫♬🎵🎶]"
 )
-_FEW = 3  # words in round brackets of a plain text that are a sound; more are an aside, which is read aloud [ours]
+_FEW = 3  # most words in round brackets of a plain text for a sound; more are an aside, which is read aloud [ours]
 _RELATIVE = re.compile(r"(?:who|that|which|where|when|if|as)\s", re.IGNORECASE)  # begins a clause, which is no sound [ours]
 # Words for laughter, or how they begin [ours: what subtitles of these languages write]
 _LAUGHS = re.compile(
@@ -35,7 +35,7 @@ _LAUGHS = re.compile(
     re.IGNORECASE,
 )
 _LAUGHS_ALONE = re.compile(r"\W*(?:latter|ride|rit)\W*", re.IGNORECASE)  # which are other words in other languages [ours]
-# Of an audience nobody's face is seen [ours]
+# Laughter of an audience: no face shows it [ours]
 _OTHERS = re.compile(r"audience|crowd|publi[ckq]|spectat|canned|観客|会場|观众|觀眾|зрител", re.IGNORECASE)
 # What is written between asterisks, and is a sound; any other word there is said louder [ours]
 _SOUNDS = re.compile(
@@ -86,8 +86,8 @@ def is_silence(text: str) -> bool:
 
 
 def _split_laughs(text: str, prose: bool) -> Iterator[str]:
-    """What is said before, between and behind the laughs of a text."""
-    kept, last = list[str](), 0
+    """The spoken text before, between and behind the laughs."""
+    parts, last = list[str](), 0
     for match in _NOT_SPOKEN.finditer(text):
         stars, aside = match["stars"], match["round"]
         inside = match["square"] or aside or stars or ""
@@ -97,9 +97,9 @@ def _split_laughs(text: str, prose: bool) -> Iterator[str]:
             continue
         if prose and aside is not None and (len(aside.split()) > _FEW or _RELATIVE.match(aside)):
             continue
-        kept.append(text[last : match.start()])
+        parts.append(text[last : match.start()])
         last = match.end()
         if laughs:
-            yield " ".join(kept)
-            kept = []
-    yield " ".join([*kept, text[last:]])
+            yield " ".join(parts)
+            parts = []
+    yield " ".join([*parts, text[last:]])

@@ -1,8 +1,8 @@
-"""What is said and when, from the files people have: subtitles, TextGrid, tables, JSON, lyrics, plain text.
+"""Read what is said and when from subtitles, TextGrid, tables, JSON, lyrics or plain text.
 
-Every reader (`transcript_formats`) makes (text, start, end) in seconds; one function, `settle`, then makes of them what the
-rest may rely on: sorted, not overlapping, inside the speech, without silences. Entries of several words are laid on the sound
-where it is at hand; else they are spread over their words by length.
+Every reader (`transcript_formats`) gives (text, start, end) in seconds. Then `settle` turns them into words that the rest may
+rely on: sorted, not overlapping, inside the speech, without silences. Entries of several words are laid on the sound where it
+is at hand; else their time is divided among their words by length.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ __all__ = ["align", "cut_overlaps", "load_speech_words", "load_words", "settle"]
 SHORTEST = 0.01  # seconds; ours: what a word without a length gets
 _LAUGH = 0.9  # seconds of a laugh between words, at most [ours: about as long as a laugh of three or four bursts]
 _CUE = 1.0  # seconds from which on an entry of several words is laid on the sound [ours: below, a spread is off by little]
-_OVERLAP = 0.1  # seconds by which subtitles may overlap before it is told [ours: some programs round so]
+_OVERLAP = 0.1  # seconds by which subtitles may overlap without a warning [ours: some programs round so]
 _HOUR = 3600
 _LEAVE_OUT = "leave the transcript out if nobody speaks"
 
-_Said = tuple[list[str], float, float]
+_TimedTokens = tuple[list[str], float, float]
 """Tokens of an entry, start, end."""
 _Lay = Callable[[Sequence[str], float, float], Iterable[Word]]
 """Tokens, start, end → words in between."""
@@ -67,16 +67,16 @@ def load_words(
     if speech_seconds is None and speech is not None:
         speech_seconds = speech.seconds
     refuse_others(text, name)
-    found = find_format(Path(name).suffix.lower(), text)
-    if found is None:
+    reader = find_format(Path(name).suffix.lower(), text)
+    if reader is None:
         check_prose(text, name)
         return _read_prose(text, name, speech, speech_seconds)
 
-    def note(told: str) -> None:
-        warnings.warn(f"{name!r}: {told}", CospeechWarning, stacklevel=2)
+    def note(message: str) -> None:
+        warnings.warn(f"{name!r}: {message}", CospeechWarning, stacklevel=2)
 
     try:
-        return settle(found.read(text, note), speech_seconds, name, speech=speech)
+        return settle(reader.read(text, note), speech_seconds, name, speech=speech)
     except InputError as error:
         problem = error.problem if name in error.problem else f"{name!r}: {error.problem}"
         raise InputError(problem, error.hint) from None
@@ -108,7 +108,7 @@ def _read_prose(text: str, name: str, speech: Speech | SpeechSource | None, seco
         raise _wordless(name)
     if speech is not None:
         aligner = SoundAligner(speech)
-        words = _lay_all(tokens, 0.0, aligner.seconds, lambda spoken, start, end: aligner.align(spoken), alone=True)
+        words = _lay_all(tokens, 0.0, aligner.seconds, lambda part, start, end: aligner.align(part), alone=True)
         return _keep_inside(cut_overlaps(words), seconds, name, is_told=False)
     if seconds is None:
         raise InputError(f"{name!r} is plain text, without times", "give the speech too, or a transcript with times")
@@ -130,12 +130,12 @@ def settle(
     Raises:
         InputError: a time is not a number, an entry ends before it starts, or all lie outside of the speech.
     """
-    said = _check_entries(entries)
+    timed_tokens = _check_entries(entries)
     if speech is not None:
-        _note_overlaps(said, name)
+        _note_overlaps(timed_tokens, name)
     words = list[Word]()
     aligner: SoundAligner | None = None
-    for tokens, start, end in said:
+    for tokens, start, end in timed_tokens:
         lay: _Lay = spread
         if speech is not None and len(tokens) > 1 and end - start >= _CUE:
             aligner = aligner or SoundAligner(speech)  # the sound is read only where it is needed
@@ -154,9 +154,9 @@ def settle(
     return _keep_inside(words, seconds, name, is_told=speech is not None)
 
 
-def _check_entries(entries: Iterable[Entry]) -> list[_Said]:
+def _check_entries(entries: Iterable[Entry]) -> list[_TimedTokens]:
     """Tokens and times of the entries that say something."""
-    said, words = list[_Said](), 0
+    timed_tokens, words = list[_TimedTokens](), 0
     for count, (text, start, end) in enumerate(entries):
         if not (
             math.isfinite(start) and math.isfinite(end) and abs(start) < PLAUSIBLE_SECONDS and abs(end) < PLAUSIBLE_SECONDS
@@ -169,41 +169,43 @@ def _check_entries(entries: Iterable[Entry]) -> list[_Said]:
         if words > WORDS or count > 2 * WORDS:  # between two words there may be a silence
             raise InputError(f"a transcript of more than {WORDS:,} words", "cut it into pieces")
         if tokens:
-            said.append((tokens, start, end))
-    return said
+            timed_tokens.append((tokens, start, end))
+    return timed_tokens
 
 
 def _lay_all(tokens: Sequence[str], start: float, end: float, lay: _Lay, *, alone: bool = False) -> list[Word]:
     """Words of tokens between two times; laughs stand in the pauses between those that are said.
 
-    A word that is said alone takes all of the time, unless ``alone``: then it is laid, too. Words that are not laid on the
+    A single spoken word takes all of the time, unless ``alone`` is set: then it is laid, too. Words that are not laid on the
     sound leave room for a laugh before or behind them.
     """
-    spoken = [token for token in tokens if token != LAUGHTER]
-    if not spoken:
+    plain = [token for token in tokens if token != LAUGHTER]
+    if not plain:
         return [Word(LAUGHTER, start, end)] if tokens else []
     first, last = start, end
-    if lay is spread or (len(spoken) == 1 and not alone):
+    if lay is spread or (len(plain) == 1 and not alone):
         room = min(_LAUGH, (end - start) / 3)
         first, last = start + room * (tokens[0] == LAUGHTER), end - room * (tokens[-1] == LAUGHTER)
-    words = list(lay(spoken, first, last)) if len(spoken) > 1 or alone else [Word(bare(spoken[0]), first, last)]
-    if len(spoken) == len(tokens):
+    words = list(lay(plain, first, last)) if len(plain) > 1 or alone else [Word(bare(plain[0]), first, last)]
+    if len(plain) == len(tokens):
         return words
-    found, free, count = list[Word](), start, 0
+    result, free, count = list[Word](), start, 0
     for token in tokens:
         if token != LAUGHTER:
-            found.append(words[count])
+            result.append(words[count])
             free, count = words[count].end, count + 1
             continue
         until = words[count].start if count < len(words) else end
         begin = free if count else max(free, until - _LAUGH)
-        found.append(Word(LAUGHTER, begin, max(begin, min(until, begin + _LAUGH))))
-    return found
+        result.append(Word(LAUGHTER, begin, max(begin, min(until, begin + _LAUGH))))
+    return result
 
 
-def _note_overlaps(said: Sequence[_Said], name: str) -> None:
-    """Tell of entries of several words at the same time, whose words go in turns."""
-    several = sorted(((start, end, tokens) for tokens, start, end in said if len(tokens) > 1), key=lambda each: each[:2])
+def _note_overlaps(timed_tokens: Sequence[_TimedTokens], name: str) -> None:
+    """Warn of entries of several words at the same time, whose words would be mixed."""
+    several = sorted(
+        ((start, end, tokens) for tokens, start, end in timed_tokens if len(tokens) > 1), key=lambda each: each[:2]
+    )
     over = [after for before, after in pairwise(several) if after[0] < before[1] - _OVERLAP]
     if over:
         start, _, tokens = over[0]

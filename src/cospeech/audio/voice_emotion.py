@@ -37,21 +37,21 @@ __all__ = [
 ]
 
 CATEGORIES = (*EMOTIONS, "boredom")
-"""What the classifier tells apart. Boredom is EmoDB's, is no emotion of ours, and counts as neutral."""
+"""The categories of the classifier. Boredom is from EmoDB; it is no emotion of ours, and counts as neutral."""
 LOOKS = 0.5  # seconds between two looks [ours]
 WINDOW = 2.0  # seconds of speech that a look rests on: the length of the clips that it was trained on
-_PRIOR = 8.0  # windows for which the usual voice of the training data stands at first [ours: 16 s]
+_PRIOR = 8.0  # windows that the usual voice of the training data counts for at first [ours: 16 s]
 _MEMORY = 60.0  # windows over which the level of a voice runs [ours: 2 min]
-_KEPT = 12.0  # seconds of frames in memory [ours: a session looks at most 3 s back]
+_PAST = 12.0  # seconds of frames in memory [ours: a session looks at most 3 s back]
 _SMOOTH = 0.8  # per look, of the logits that decide what is played [ours: some 2.5 s]
-_ACQUAINTED = 12  # looks at speech before a category is played [ours: 6 s of speech]
+_LEAST_LOOKS = 12  # looks at speech before a category is played [ours: 6 s of speech]
 _SILENT = 0.9  # per look without speech: how much of what is played stays [ours: it fades in some 5 s]
 _SURE = (0.5, 0.75)  # probability at which a category begins to be played, and is played in full [ours]
 
 
 @dataclass(frozen=True)
 class VoiceWeights:
-    """What was trained; F functionals, C categories.
+    """The trained weights, of F functionals and C categories.
 
     Args:
         mean, spread: (F,) of the functionals over all voices.
@@ -66,7 +66,7 @@ class VoiceWeights:
 
 
 class VoiceLook(NamedTuple):
-    """What is heard at one moment."""
+    """Emotion in a voice at one moment."""
 
     arousal: float
     """About −1 (sad, bored) … 1 (angry); 0: neutral."""
@@ -77,22 +77,22 @@ class VoiceLook(NamedTuple):
 @cache
 def load_weights() -> VoiceWeights:
     """The weights in the package."""
-    with files("cospeech").joinpath("assets/voice_emotion.npz").open("rb") as file, np.load(file, allow_pickle=False) as stored:
-        return VoiceWeights(*(np.asarray(stored[name], float) for name in ("mean", "spread", "categories", "arousal")))
+    with files("cospeech").joinpath("assets/voice_emotion.npz").open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+        return VoiceWeights(*(np.asarray(arrays[name], float) for name in ("mean", "spread", "categories", "arousal")))
 
 
 class RunningLevel:
     """Mean and spread of the functionals of one voice so far; at first those of all voices.
 
     Args:
-        weights: what is usual.
+        weights: they hold the mean and spread of all voices.
     """
 
     def __init__(self, weights: VoiceWeights) -> None:
         self._mean, self._variance, self._count = weights.mean.copy(), np.square(weights.spread), _PRIOR
 
     def standardise(self, row: Array, share: float = 1.0) -> Array:
-        """Take (F,) functionals in, and give them against the level.
+        """Update the level with (F,) functionals, and give them standardised by it.
 
         Args:
             row: of a window.
@@ -102,12 +102,12 @@ class RunningLevel:
         away = row - self._mean
         self._mean = self._mean + away * (share / self._count)
         self._variance = self._variance + (away * (row - self._mean) - self._variance) * (share / self._count)
-        found: Array = (row - self._mean) / np.sqrt(self._variance)
-        return found
+        scores: Array = (row - self._mean) / np.sqrt(self._variance)
+        return scores
 
 
 def judge_voice(row: Array, weights: VoiceWeights) -> VoiceLook:
-    """What a standardised row (F,) says."""
+    """The arousal and the logits of a standardised row (F,)."""
     full = np.concatenate([row, [1.0]])
     logits = weights.categories @ full
     logits = logits - logits.max()
@@ -127,15 +127,15 @@ class VoiceEmotion:
         self._pieces: list[Features] = []
 
     def push(self, frames: Features) -> None:
-        """Hear further frames, with mel bands, 100 a second."""
+        """Take further frames, with mel bands, 100 a second."""
         if len(frames):
             self._pieces.append(frames)
             end = (frames.start + len(frames)) / frames.fps
-            while len(self._pieces) > 1 and self._pieces[1].start / frames.fps < end - _KEPT:
+            while len(self._pieces) > 1 and self._pieces[1].start / frames.fps < end - _PAST:
                 del self._pieces[0]
 
     def look(self, until: float) -> VoiceLook | None:
-        """What the `WINDOW` before ``until`` seconds says; looks follow each other every `LOOKS`. None: nothing is said."""
+        """Emotion in the `WINDOW` before ``until`` seconds; None where nothing is said. Call it every `LOOKS` seconds."""
         first, last = (round(time * FPS) for time in (until - WINDOW, until))
         own = [
             piece[max(first - piece.start, 0) : max(last - piece.start, 0)]
@@ -149,7 +149,7 @@ class VoiceEmotion:
 
 
 class ConfidentEmotion:
-    """What is played of the categories that are heard: one that is confident, and neutral else.
+    """Chooses which of the heard categories is played: one that is confident, else neutral.
 
     >>> emotion = ConfidentEmotion()
     >>> emotion.follow(None).tolist()
@@ -181,14 +181,14 @@ class ConfidentEmotion:
         sure = float(np.clip((self.probabilities[best] - low) / (high - low), 0.0, 1.0))
         weights = _neutral() * (1 - sure)
         weights[best] += sure
-        return weights if self._looks >= _ACQUAINTED else _neutral()
+        return weights if self._looks >= _LEAST_LOOKS else _neutral()
 
 
 def _count_boredom(shares: Array) -> Array:
     """(9,) shares of `CATEGORIES` → (8,) of `EMOTIONS`."""
-    found = shares[: len(EMOTIONS)].copy()
-    found[0] += shares[len(EMOTIONS) :].sum()
-    return found
+    weights = shares[: len(EMOTIONS)].copy()
+    weights[0] += shares[len(EMOTIONS) :].sum()
+    return weights
 
 
 def _neutral() -> Array:

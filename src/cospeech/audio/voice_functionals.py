@@ -1,4 +1,4 @@
-"""What a stretch of speech sounds like in a hundred numbers: means, spreads and ranges of pitch, loudness, timbre and rhythm.
+"""Describe a stretch of speech by a hundred numbers: means, spreads and ranges of pitch, loudness, timbre and rhythm.
 
 Such numbers are called functionals (Schuller et al. 2013, "The INTERSPEECH 2013 computational paralinguistics challenge"). The
 choice is ours.
@@ -18,7 +18,7 @@ from .features.prosody import Features
 __all__ = ["FUNCTIONALS", "LEVELS", "measure_voice"]
 
 _BANDS, _CEPSTRA = 20, 13  # groups of four mel bands; cepstral coefficients without the zeroth, which is loudness
-_SPOKEN = 30.0  # dB below the loud syllables at which speech ends [ours: voiceless sounds count]
+_SPEECH_RANGE = 30.0  # dB below the loud syllables at which speech ends [ours: voiceless sounds count]
 _LOUD_SHARE = 0.95  # of the frames that are softer than loud syllables [ours]
 _LEAST_SPOKEN, _LEAST_VOICED = 30, 15  # frames: less says too little [ours]
 _ONSET = 3.0  # dB of flux that make a peak an onset [ours]
@@ -26,9 +26,9 @@ _MODULATIONS = (0.8, 2.0, 4.0, 6.0, 9.0, 13.0, 20.0)  # Hz, edges of bands of th
 _TRANSFORM = 512  # frames: at least the longest stretch; longer ones are cut to it
 _REFERENCE = 100.0  # Hz: pitch is in semitones above it
 FUNCTIONALS = 2 * _CEPSTRA + _CEPSTRA + 14 + 7 + 12 + 4 + 4 + 11 + 6 + 4
-"""How many numbers."""
+"""How many numbers there are."""
 LEVELS = (3 * _CEPSTRA + 14, 3 * _CEPSTRA + 14 + 4)
-"""Which of them are levels of loudness, and move by so many dB with the gain of the microphone."""
+"""First and end of those that are levels of loudness: they rise by the gain of the microphone, in dB."""
 
 
 def measure_voice(voice: Features) -> Array | None:
@@ -38,34 +38,38 @@ def measure_voice(voice: Features) -> Array | None:
     if len(energy) < _LEAST_SPOKEN:
         return None
     (loud,) = _quantiles(energy, _LOUD_SHARE)
-    spoken = energy > loud - _SPOKEN
-    voiced = spoken & (voice.voicing > 0.5) & (voice.pitch > 0)
+    is_speech = energy > loud - _SPEECH_RANGE
+    voiced = is_speech & (voice.voicing > 0.5) & (voice.pitch > 0)
     count = np.count_nonzero
-    if count(spoken) < _LEAST_SPOKEN or count(voiced) < _LEAST_VOICED or count(voiced[1:] & voiced[:-1]) < _LEAST_VOICED // 3:
+    if (
+        count(is_speech) < _LEAST_SPOKEN
+        or count(voiced) < _LEAST_VOICED
+        or count(voiced[1:] & voiced[:-1]) < _LEAST_VOICED // 3
+    ):
         return None
     parts = [
-        _timbre(voice.mel, spoken, voiced),
-        _loudness(energy, spoken, loud),
+        _timbre(voice.mel, is_speech, voiced),
+        _loudness(energy, is_speech, loud),
         _intonation(voice, voiced),
-        _phonation(np.asarray(voice.voicing, float), spoken, voiced),
-        _onsets(np.asarray(voice.onset, float), spoken),
-        _balance(np.asarray(voice.bands, float) - energy[:, None], spoken, voiced),
-        _rhythm(np.where(spoken, energy - loud, -_SPOKEN)[:_TRANSFORM]),
+        _phonation(np.asarray(voice.voicing, float), is_speech, voiced),
+        _onsets(np.asarray(voice.onset, float), is_speech),
+        _balance(np.asarray(voice.bands, float) - energy[:, None], is_speech, voiced),
+        _rhythm(np.where(is_speech, energy - loud, -_SPEECH_RANGE)[:_TRANSFORM]),
         _runs(voiced),
     ]
     return np.concatenate(parts)
 
 
 def _quantiles(values: Array, *shares: float) -> list[float]:
-    ordered = np.sort(values)
-    return [quantile(ordered, share) for share in shares]
+    ascending = np.sort(values)
+    return [quantile(ascending, share) for share in shares]
 
 
 @cache
 def _cosines() -> Array:
     """(20, 13) of a discrete cosine transform, without its zeroth row."""
-    found: Array = np.cos(np.pi * np.outer(np.arange(_BANDS) + 0.5, np.arange(1, _CEPSTRA + 1)) / _BANDS) * np.sqrt(2 / _BANDS)
-    return found
+    basis: Array = np.cos(np.pi * np.outer(np.arange(_BANDS) + 0.5, np.arange(1, _CEPSTRA + 1)) / _BANDS) * np.sqrt(2 / _BANDS)
+    return basis
 
 
 def _level(values: Array) -> tuple[Array, Array]:
@@ -79,21 +83,21 @@ def _mean(values: Array) -> float:
     return float(np.add.reduce(values)) / len(values)
 
 
-def _timbre(mel: Array, spoken: Array, voiced: Array) -> Array:
+def _timbre(mel: Array, is_speech: Array, voiced: Array) -> Array:
     """Cepstra: mean and spread, spread of their change, and those of voiced frames."""
     bands = mel.astype(float).reshape(len(mel), _BANDS, -1)
     total = bands[..., 0]
     for k in range(1, bands.shape[2]):
         total = total + bands[..., k]
     cepstra = (total / bands.shape[2] * (10 / np.log(10))) @ _cosines()
-    steps = np.diff(cepstra, axis=0)[spoken[1:] & spoken[:-1]]
-    (mean, spread), (sung, sung_spread) = _level(cepstra[spoken]), _level(cepstra[voiced])
-    return np.concatenate([mean, spread, _level(steps)[1], sung[:8], sung_spread[:6]])
+    steps = np.diff(cepstra, axis=0)[is_speech[1:] & is_speech[:-1]]
+    (mean, spread), (voiced_mean, voiced_spread) = _level(cepstra[is_speech]), _level(cepstra[voiced])
+    return np.concatenate([mean, spread, _level(steps)[1], voiced_mean[:8], voiced_spread[:6]])
 
 
-def _loudness(energy: Array, spoken: Array, loud: float) -> Array:
+def _loudness(energy: Array, is_speech: Array, loud: float) -> Array:
     """Level and range in dB, and how steeply it rises and falls."""
-    steps, own = np.diff(energy)[spoken[1:] & spoken[:-1]], energy[spoken]
+    steps, own = np.diff(energy)[is_speech[1:] & is_speech[:-1]], energy[is_speech]
     low, high = _quantiles(steps, 0.05, 0.95)
     middle, upper = _quantiles(own, 0.5, 0.9)
     return np.array([*_level(own), upper - middle, _mean(np.abs(steps)), loud, high, low])
@@ -115,37 +119,37 @@ def _intonation(voice: Features, voiced: Array) -> Array:
     return np.array([*level, _mean(size), _level(steps)[1], up, down, *_quantiles(size, 0.5)])
 
 
-def _phonation(voicing: Array, spoken: Array, voiced: Array) -> Array:
+def _phonation(voicing: Array, is_speech: Array, voiced: Array) -> Array:
     """How much of the speech is voiced, and how clear the voice is."""
-    share = np.count_nonzero(voiced) / np.count_nonzero(spoken)
-    return np.array([share, _mean(voicing[spoken]), *_level(voicing[voiced])])
+    share = np.count_nonzero(voiced) / np.count_nonzero(is_speech)
+    return np.array([share, _mean(voicing[is_speech]), *_level(voicing[voiced])])
 
 
-def _onsets(onset: Array, spoken: Array) -> Array:
+def _onsets(onset: Array, is_speech: Array) -> Array:
     """Spectral flux, and its peaks per second of speech."""
-    own, middle = onset[spoken], onset[1:-1]
+    own, middle = onset[is_speech], onset[1:-1]
     peaks = (middle > onset[:-2]) & (middle >= onset[2:]) & (middle > _ONSET)
-    return np.array([*_level(own), *_quantiles(own, 0.9), 100.0 * np.count_nonzero(peaks) / np.count_nonzero(spoken)])
+    return np.array([*_level(own), *_quantiles(own, 0.9), 100.0 * np.count_nonzero(peaks) / np.count_nonzero(is_speech)])
 
 
-def _balance(bands: Array, spoken: Array, voiced: Array) -> Array:
+def _balance(bands: Array, is_speech: Array, voiced: Array) -> Array:
     """Five bands against the whole, in dB: mean where voiced, spread where spoken, and high against low: vocal effort."""
     mean = _level(bands[voiced])[0]
-    return np.concatenate([mean, _level(bands[spoken])[1], [_mean(mean[3:]) - mean[1]]])
+    return np.concatenate([mean, _level(bands[is_speech])[1], [_mean(mean[3:]) - mean[1]]])
 
 
 @cache
 def _modulation_bins() -> list[slice]:
-    """Of the transform, by band."""
+    """Bins of the transform, by band."""
     hertz = np.arange(_TRANSFORM // 2 + 1) * (100.0 / _TRANSFORM)
     return [slice(*np.searchsorted(hertz, edges).tolist()) for edges in pairwise(_MODULATIONS)]
 
 
 @lru_cache(8)
 def _taper(length: int) -> Array:
-    found = np.hanning(length)
-    found.setflags(write=False)
-    return found
+    window = np.hanning(length)
+    window.setflags(write=False)
+    return window
 
 
 def _rhythm(envelope: Array) -> Array:

@@ -17,16 +17,16 @@ from .waiting_sound import WaitingSound
 __all__ = ["WaitingWords"]
 
 _LATE = 0.4  # seconds after its sound within which a word costs no gesture (docs/guides/python.md, "Words")
-_PIECES = 100  # that are remembered, for words that come after their sound [ours: two seconds of pieces of 0.02 s]
+_PIECES = 100  # in memory, for words that come after their sound [ours: two seconds of pieces of 0.02 s]
 
 
 class WaitingWords:
-    """Words by when they start in the sound that was sent. Silence that is put between pieces of sound does not count.
+    """Words in order of their starts in the sound that was sent. Silence that is put between pieces of sound does not count.
 
     Args:
         sound: in which they are spoken; its places are samples.
         rate: samples per second of the sound.
-        tell: told once that a word came so late that its gesture may be lost.
+        tell: called once, when a word came so late that its gesture may be lost.
         language: of words that bring none, see `cospeech.audio.languages`.
     """
 
@@ -34,7 +34,7 @@ class WaitingWords:
         self._sound, self._rate, self._tell, self._language = sound, rate, tell, language
         self._lock, self._words = threading.Lock(), list[Word]()
         self._pieces = deque[tuple[float, float]](maxlen=_PIECES)  # where each begins: in the sound, and on the clock; seconds
-        self._told = False
+        self._has_warned = False
 
     def put(self, words: Iterable[Word], place: int = 0) -> None:
         """Add words; any thread may.
@@ -56,21 +56,22 @@ class WaitingWords:
                 insort(self._words, own, key=lambda each: each.start)
 
     def join(self, piece: Speech) -> Speech:
-        """The piece that is heard now, with the words that start in it, or before it and came late; times on its clock.
+        """Add words to the piece that is heard now: those that start in it, and late ones from before; their times are on its
+        clock.
 
         Words of sound that was dropped are forgotten.
         """
-        begin, dropped = self._sound.piece / self._rate, self._sound.dropped / self._rate
+        begin, loss = self._sound.piece / self._rate, self._sound.dropped / self._rate
         end = min(begin + float(piece.duration), self._sound.taken / self._rate)  # the rest of a piece is silence
         self._pieces.append((begin, piece.start))
         with self._lock:
             count = next((k for k, word in enumerate(self._words) if word.start >= end), len(self._words))
             words = cut_overlaps(self._words[: count + 1])[:count]
             del self._words[:count]
-        words = [self._on_clock(word) for word in words if word.start >= dropped]
+        words = [self._on_clock(word) for word in words if word.start >= loss]
         late = next((word for word in words if word.start < piece.start - _LATE), None)
-        if late is not None and not self._told:
-            self._told = True
+        if late is not None and not self._has_warned:
+            self._has_warned = True
             self._tell(
                 f"{late.text[:40]!r} came {piece.start - late.start:.1f} s after its sound: send words before their sound"
             )

@@ -18,7 +18,7 @@ LAUGHTER = "[laughter]"
 
 
 def is_spoken(text: str) -> bool:
-    """Whether the text of a word is said. In square brackets stands what is only heard: it has no sounds, and no meaning.
+    """Whether the text of a word is said. A text in square brackets is only heard, as laughter is: it has no meaning.
 
     >>> is_spoken("laughter"), is_spoken(LAUGHTER)
     (True, False)
@@ -42,7 +42,7 @@ class Word:
 
 
 def check_words(words: object) -> None:
-    """What a speech is given as its words is that.
+    """Check the words of a speech.
 
     Raises:
         InputError: one is no `Word`, has no text, or its times are no times.

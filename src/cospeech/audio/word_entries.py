@@ -1,4 +1,4 @@
-"""What every reader of a transcript gives: a text, and when it is said."""
+"""Entries, which every reader of a transcript gives: a text, and when it is said; and readers of times."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["Entry", "Note", "check_number", "check_text", "read_clock", "read_go
 Entry = tuple[str, float, float]
 """Text, start, end; times in seconds."""
 Note = Callable[[str], None]
-"""Takes what a user should know of a file that is read nevertheless."""
+"""Takes a message to the user about a file that is read in spite of a fault."""
 _MOST = 1e15  # above what any unit of time needs [ours: ten years in ticks of 100 ns]; infinity is above it, too
 
 
@@ -39,23 +39,23 @@ def read_google_time(value: object) -> float:
     Raises:
         InputError: it is no time.
     """
-    found = _SECONDS.fullmatch(value) if isinstance(value, str) else None
-    return float(found[1]) if found else read_time(value)
+    match = _SECONDS.fullmatch(value) if isinstance(value, str) else None
+    return float(match[1]) if match else read_time(value)
 
 
 _CLOCK = re.compile(r"\s*+(?:(\d{1,4}):)?(\d{1,4}):(\d{1,2})(?:[.,](\d{1,9})\d*+)?\s*+")
 
 
 def read_clock(text: str) -> float | None:
-    """Seconds of a time of a clock, hours:minutes:seconds or minutes:seconds; None where it is none, as with frames behind.
+    """Seconds of a clock time, hours:minutes:seconds or minutes:seconds; None for any other text, also with frames at its end.
 
     >>> read_clock("01:00:02,500"), read_clock("00:12.5"), read_clock("00:00:01:12")
     (3602.5, 12.5, None)
     """
-    found = _CLOCK.fullmatch(text)
-    if found is None:
+    match = _CLOCK.fullmatch(text)
+    if match is None:
         return None
-    hours, minutes, seconds, fraction = found.groups()
+    hours, minutes, seconds, fraction = match.groups()
     return int(hours or 0) * 3600 + int(minutes) * 60 + int(seconds) + float(f"0.{fraction or 0}")
 
 

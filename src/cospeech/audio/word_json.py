@@ -70,7 +70,7 @@ def _read_pieces(service: Service, documents: Iterator[object]) -> Iterator[Entr
 
 
 def _read_entries(node: object, depth: int = 0) -> Iterator[Entry]:
-    """A list of {word, start, end}, or one of these; or that list, or segments that hold such lists, as recognisers do."""
+    """The words of a list of {word, start, end}, of one such object, or of an object or segments that hold such lists."""
     if depth > 4:
         raise InputError("JSON in which words are nested too deeply", "a list of words with start and end")
     if isinstance(node, list):
@@ -85,17 +85,17 @@ def _read_entries(node: object, depth: int = 0) -> Iterator[Entry]:
     if inner is not None:
         yield from _read_entries(inner, depth + 1)
         return
-    said = next((node[key] for key in TEXT_KEYS if isinstance(node.get(key), str)), None)
+    text = next((node[key] for key in TEXT_KEYS if isinstance(node.get(key), str)), None)
     start = next((node[key] for key in START_KEYS if node.get(key) is not None), None)
     end = next((node[key] for key in END_KEYS if node.get(key) is not None), None)
-    if said is not None and start is not None:
+    if text is not None and start is not None:
         length = next((node[key] for key in ("d", "duration", "dur") if node.get(key) is not None), None)
         if end is None and length is None:
-            raise InputError(f"{said[:40]!r} has a start but no end", "give each word start and end")
+            raise InputError(f"{text[:40]!r} has a start but no end", "give each word start and end")
         begin = read_time(start)
-        yield said, begin, begin + read_time(length) if end is None else read_time(end)
-    elif depth == 0 and said is not None and end is None:
-        raise InputError(f"{said[:40]!r} has no start and no end", "give each word start and end, seconds")
+        yield text, begin, begin + read_time(length) if end is None else read_time(end)
+    elif depth == 0 and text is not None and end is None:
+        raise InputError(f"{text[:40]!r} has no start and no end", "give each word start and end, seconds")
     elif depth == 0 and not any(isinstance(node.get(key), list) for key in LIST_KEYS):
         names = f": its names are {', '.join(map(repr, list(node)[:5]))}" if node else ""
         raise InputError(f"JSON without words{names}", "a list of words with times")

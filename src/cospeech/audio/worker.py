@@ -70,7 +70,7 @@ def worker_command(script: os.PathLike[str], *arguments: object, memory: int = 0
     """
     if not sys.executable:
         raise InternalError("no Python executable to start a process with", "run cospeech in an ordinary Python")
-    paths = os.pathsep.join(filter(None, [_PACKAGE, *sys.path]))  # a numpy.py in the folder we work in is none of ours
+    paths = os.pathsep.join(filter(None, [_PACKAGE, *sys.path]))  # no numpy.py of the working folder
     limits = [str(memory), str(cpu_seconds)]
     return [sys.executable, "-I", "-S", "-c", _START, paths, os.fspath(script), *limits, *map(str, arguments)]
 
@@ -92,12 +92,12 @@ class Worker:
             command, stdin=pipe, stdout=pipe, stderr=errors, env=variables, creationflags=no_window
         )  # fmt: skip
         self._deadline: float | None = None
-        self._late, self._done = False, threading.Event()
+        self._late, self._stop = False, threading.Event()
         threading.Thread(target=self._watch, daemon=True).start()
 
     def _watch(self) -> None:
         """Kill the process when it keeps us waiting; pipes cannot be read with a timeout on every system."""
-        while not self._done.wait(0.2):
+        while not self._stop.wait(0.2):
             deadline = self._deadline
             if deadline is not None and time.monotonic() > deadline:
                 self._late = True
@@ -141,11 +141,11 @@ class Worker:
 
     def close(self) -> None:
         """Kill the process if it still runs, and collect it."""
-        self._done.set()
+        self._stop.set()
         self.process.kill()
         self.process.wait()
         for pipe in (self.process.stdin, self.process.stdout):
-            with suppress(OSError):  # what was not yet written cannot be any more
+            with suppress(OSError):  # bytes that were not written yet are lost
                 pipe.close()  # type: ignore[union-attr]
 
 
@@ -153,7 +153,7 @@ class Worker:
 
 
 class FileRefused(Exception):
-    """What to tell the user: problem and hint; ours where the file is not to blame; detail, the words of a library."""
+    """A message for the user: problem and hint; ``ours``: the file is not to blame; ``detail``: the words of a library."""
 
     def __init__(self, problem: str, hint: str = "", ours: bool = False, detail: object = "") -> None:
         self.message = {"problem": problem, "hint": hint, "ours": ours, "detail": str(detail)}
@@ -169,15 +169,15 @@ def confine(memory: int, cpu_seconds: int) -> None:
         import resource
     except ImportError:  # Windows
         return
-    wanted = {resource.RLIMIT_AS: memory, resource.RLIMIT_CPU: cpu_seconds}
-    limits = {kind: limit for kind, limit in wanted.items() if limit} | {resource.RLIMIT_CORE: 0}
+    bounds = {resource.RLIMIT_AS: memory, resource.RLIMIT_CPU: cpu_seconds}
+    limits = {kind: limit for kind, limit in bounds.items() if limit} | {resource.RLIMIT_CORE: 0}
     for kind, limit in limits.items():
         with suppress(ValueError, OSError):  # not on this system
             resource.setrlimit(kind, (limit, resource.getrlimit(kind)[1]))
 
 
 def requests() -> Iterator[tuple[bytes, bytes]]:
-    """Letter and bytes of each request, until there are no more; what was answered is on its way before the next is read."""
+    """Letter and bytes of each request, until there are no more. The answers are sent off before the next request is read."""
     while len(head := sys.stdin.buffer.read(_HEAD.size)) == _HEAD.size:
         kind, size = _HEAD.unpack(head)
         payload = sys.stdin.buffer.read(size)

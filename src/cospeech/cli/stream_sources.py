@@ -44,7 +44,7 @@ def check_sources(
         raise InputError(f"cannot hear messages from {control!r}", f"known: -, {_list_addresses()}")
     if samples not in FORMATS:
         raise InputError(f"samples of kind {samples!r}", f"known: {', '.join(FORMATS)}")
-    check_language(language, spoken=is_live(source) or transcript is not None)
+    check_language(language, has_words=is_live(source) or transcript is not None)
     if control == source:
         raise InputError(f"--control and --input are both {control!r}", "a WebSocket that sends sound may send messages, too")
     if not _RATES[0] <= rate <= _RATES[1]:

@@ -1,7 +1,7 @@
 """Motion files: one module per format, each with a ``Writer`` and, where the format can be read, a ``load``.
 
 The suffix picks the module; `cospeech.export.registry` has the table. A `Writer` takes motion in pieces, so that hours of it
-never have to be in memory at once; ``save`` is a writer that gets one piece.
+never have to be in memory at once; ``save`` gives a writer one piece.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Writer(AbstractContextManager["Writer"], ABC):
         skeleton: of the pieces to come.
         fps: of the pieces to come.
         audio: path of the speech, for formats that carry or draw it.
-        options: what a format offers beyond this (documented at its Writer).
+        options: further keywords of a format (documented at its Writer).
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class Writer(AbstractContextManager["Writer"], ABC):
     def _finish(self) -> None: ...
 
     def _discard(self) -> None:
-        """Close what is open; called when something failed, and after ``_finish`` too."""
+        """Close what is open; called after an error, and after ``_finish``, too."""
 
     def __enter__(self) -> Writer:
         self._temporary = self._atomic.__enter__()
@@ -125,8 +125,8 @@ def save(motion: Motion, path: str | PathLike[str], **options: object) -> None:
     from .sound_file import as_sound_file
 
     audio: Any = options.get("audio")
-    with as_sound_file(audio) as heard:
-        options |= {"audio": heard} if "audio" in options else {}
+    with as_sound_file(audio) as sound:
+        options |= {"audio": sound} if "audio" in options else {}
         with open_writer(path, skeleton=motion.skeleton, fps=motion.fps, **options) as writer:
             writer.write(motion)
 
@@ -147,12 +147,12 @@ def load(path: str | PathLike[str], **options: object) -> Motion:
         from ..motion.bone_mapping import load_map
 
         options["bone_map"] = bones = load_map(bones)
-    found = read(path, **options)
+    motion = read(path, **options)
     if bones:
         from .checks import check_map
 
-        check_map(bones, {str(path): found.skeleton}, None)
-    return found
+        check_map(bones, {str(path): motion.skeleton}, None)
+    return motion
 
 
 def read(path: str | PathLike[str], **options: object) -> Motion:
@@ -172,10 +172,10 @@ def read(path: str | PathLike[str], **options: object) -> Motion:
     check_options(code, options, Path(path).suffix, "read")
     from ..motion.motion import Motion
 
-    found = code(path, **options)
-    if not isinstance(found, Motion):
-        raise InputError(f"{code.__module__}.load gives {type(found).__name__}", "it gives a cospeech.Motion")
-    return found
+    motion = code(path, **options)
+    if not isinstance(motion, Motion):
+        raise InputError(f"{code.__module__}.load gives {type(motion).__name__}", "it gives a cospeech.Motion")
+    return motion
 
 
 def _find_writer(path: str | PathLike[str]) -> Any:
@@ -188,5 +188,5 @@ def _find_writer(path: str | PathLike[str]) -> Any:
 
 
 def _find_code(path: str | PathLike[str], attribute: str) -> Any:
-    """What the module of a path's format has under this name."""
+    """Get an attribute of the module of a path's format."""
     return FORMATS.find_code(Path(path).suffix.lower(), format_of(path).module, attribute)

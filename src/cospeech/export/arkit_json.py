@@ -78,23 +78,23 @@ def load(path: str | PathLike[str]) -> Motion:
     names, frames = _names_and_frames(data, name) if isinstance(data, dict) else (None, None)
     if not isinstance(names, list) or not isinstance(frames, list) or not all(isinstance(n, str) for n in names):
         raise InputError(f"{name} holds no ARKit weights", 'expected {"names": [...], "frames": [...]}')
-    known = {_LOWER[n.lower()]: k for k, n in enumerate(names) if n.lower() in _LOWER}  # of two columns the last
-    if not known:
+    columns = {_LOWER[n.lower()]: k for k, n in enumerate(names) if n.lower() in _LOWER}  # of two columns the last
+    if not columns:
         raise InputError(f"{name} names none of ARKit's 52 shapes", f"first names: {', '.join(names[:3])[:80]}")
     if not frames:
         raise InputError(f"{name} has no frames", "was the export interrupted?")
     check_frames(name, len(frames), len(humanoid()), len(text))
-    times, weights = _rows(frames, len(names), list(known.values()), name)
+    times, weights = _rows(frames, len(names), list(columns.values()), name)
     fps = frame_rate(times, _DEFAULT_FPS)
     check_frames(name, frames_of(times, fps), len(humanoid()), len(text))
     weights = on_grid(times, weights, fps)
     face = np.zeros((len(weights), len(ARKIT)))
-    face[:, list(known)] = np.clip(weights, 0, 1)
+    face[:, list(columns)] = np.clip(weights, 0, 1)
     return make_standing(len(face), fps=fps, face=face)
 
 
 def _names_and_frames(data: dict[str, Any], name: str) -> tuple[Any, Any]:
-    """What BEAT's layout calls so; the matrix of Audio2Face becomes such frames."""
+    """Names and frames as BEAT's layout has them; the matrix of Audio2Face is turned into such frames."""
     rows = data.get("weightMat")
     if "names" in data or not isinstance(rows, list):
         return data.get("names"), data.get("frames")
@@ -105,7 +105,7 @@ def _names_and_frames(data: dict[str, Any], name: str) -> tuple[Any, Any]:
 
 
 def _rows(frames: list, width: int, columns: list[int], name: str) -> tuple[Array, Array]:
-    """Times (T,) of the frames and weights (T, K) of those of their ``width`` columns that are asked for, checked."""
+    """Checked times (T,) of the frames, and their weights (T, K) in ``columns``; a frame has ``width`` columns."""
     times, weights = np.empty(len(frames)), np.empty((len(frames), len(columns)))
     for k, frame in enumerate(frames):
         try:

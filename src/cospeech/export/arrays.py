@@ -1,6 +1,6 @@
-"""Zips and arrays as NumPy writes them, from files that nobody vouches for: looked over before anything is read.
+"""Zips and arrays as NumPy writes them, from files that may be damaged or hostile: they are checked before anything is read.
 
-NumPy's own reader of array headers runs Python's tokeniser over them; this one knows the form that NumPy writes.
+NumPy's own reader of array headers runs Python's tokeniser over them. This one knows the form that NumPy writes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _KINDS = "?biufcSU"  # of numpy's types; not objects, which would be pickled
 
 
 def check_zip(file: BinaryIO, members: int, name: str) -> None:
-    """Whether the list of an open zip is as long as one of so many members may be; `zipfile` would read any.
+    """Check that the list of an open zip is no longer than one of so many members; `zipfile` would read any.
 
     Raises:
         InputError: it is longer, or the file is no zip.
@@ -44,28 +44,28 @@ def check_zip(file: BinaryIO, members: int, name: str) -> None:
 
 
 def read_array_head(file: IO[bytes], name: str) -> tuple[np.dtype, tuple[int, ...], str]:
-    """Type, shape and order (C or F) of the array of a .npy, up to whose numbers the file is read.
+    """Type, shape and order (C or F) of the array of a .npy; reads the file up to the numbers.
 
     Raises:
-        InputError: it is none, of a version that numpy does not write for plain numbers, or of other things than numbers.
+        InputError: it is no array, of a version that numpy does not write for plain numbers, or not of numbers.
     """
     start = file.read(8)
     size = {1: 2, 2: 4}.get(start[6] if len(start) == 8 and start[:6] == _MAGIC and start[7] == 0 else 0)
     if size is None:
         raise InputError(f"{name} is not an array that numpy has written", "save it again with numpy")
     length = int.from_bytes(file.read(size), "little")
-    found = _HEAD.fullmatch(file.read(length).decode("latin-1")) if length <= 10_000 else None
+    match = _HEAD.fullmatch(file.read(length).decode("latin-1")) if length <= 10_000 else None
     try:
-        dtype = np.dtype(found[1]) if found else None
+        dtype = np.dtype(match[1]) if match else None
     except (TypeError, ValueError, OverflowError):
         dtype = None
-    if found is None or dtype is None or dtype.kind not in _KINDS:
+    if match is None or dtype is None or dtype.kind not in _KINDS:
         raise InputError(f"{name} is not an array of plain numbers or text", "save it again with numpy")
-    return dtype, tuple(int(n) for n in re.findall(r"\d+", found[3])), "F" if found[2] == "True" else "C"
+    return dtype, tuple(int(n) for n in re.findall(r"\d+", match[3])), "F" if match[2] == "True" else "C"
 
 
 def read_array(file: IO[bytes], size: int, name: str) -> np.ndarray:
-    """The array of a .npy of ``size`` bytes, which it fills exactly.
+    """Read the array of a .npy of ``size`` bytes; it fills the file exactly.
 
     Raises:
         InputError: as of `read_array_head`, or it does not fill the file.

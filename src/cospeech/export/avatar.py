@@ -33,7 +33,7 @@ def load_avatar(path: str | PathLike[str], bone_map: Mapping[str, str] | None = 
 
     Args:
         path: the file.
-        bone_map: our name → name of a node, which wins over what is found.
+        bone_map: our name → name of a node; it overrides what is found.
 
     Raises:
         InputError: not a character file, damaged, or without a humanoid that can be recognised and without a face; or the map
@@ -42,10 +42,10 @@ def load_avatar(path: str | PathLike[str], bone_map: Mapping[str, str] | None = 
     Warns:
         CospeechWarning: a part of the body is not there, and does not move.
     """
-    found = read_avatar(path, bone_map)
+    avatar = read_avatar(path, bone_map)
     if bone_map:
-        check_fit(bone_map, {repr(str(path)): found.joints})
-    return found
+        check_fit(bone_map, {repr(str(path)): avatar.joints})
+    return avatar
 
 
 def read_avatar(path: str | PathLike[str], bone_map: Mapping[str, str] | None = None) -> Avatar:
@@ -70,11 +70,11 @@ class Avatar:
 
     Args:
         path: its file.
-        file: what was read from it.
+        file: its content.
         rig: its body.
         face: what moves its face.
-        eyes_by_shapes: whether shapes turn its eyeballs; eye bones then rest, as both would turn them twice.
-        bone_map: with which it was read.
+        eyes_by_shapes: whether shapes turn its eyeballs; then eye bones rest, because both would turn them twice.
+        bone_map: the map with which it was read.
     """
 
     path: Path
@@ -90,7 +90,7 @@ class Avatar:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Names that a map can have: those of the file's nodes."""
+        """Names that a map may use: those of the file's nodes."""
         return tuple(read_node_names(self.file))
 
     @property
@@ -99,7 +99,7 @@ class Avatar:
         return self.rig.skeleton
 
     def describe(self) -> str:
-        """One line: how many bones were found, and what the face is driven by."""
+        """One line: how many bones were found, and which shapes drive the face."""
         face = {"": "no face that can be driven (body only)"}.get(self.face.alphabet, f"face by {self.face.alphabet} shapes")
         return f"{self.path.name}: {len(self.rig.bones)} of 55 bones, {face}"
 
@@ -138,10 +138,10 @@ class Avatar:
 
 
 def check_surface(file: GltfFile) -> None:
-    """A character has something to see.
+    """Check that a character has a surface.
 
     Raises:
-        InputError: it has not.
+        InputError: it has none.
     """
     if not any("mesh" in node for node in file.list("nodes")):
         raise InputError(

@@ -1,4 +1,4 @@
-"""Somebody's character as one that is drawn: body, surfaces and face of an `Avatar` made into a `Character`."""
+"""Make a `Character`, which can be drawn, from the body, the surfaces and the face of an `Avatar`."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ from .mannequin.character import Character, Part
 
 __all__ = ["load_character"]
 
-_STATURES = (1.2, 2.3)  # metres; ours: characters outside are drawn at our humanoid's height, others as tall as they are
+_STATURES = (1.2, 2.3)  # metres; ours: smaller and taller characters are drawn at our humanoid's height, others as they are
 _SOLE = 5e-3  # metres; ours: soles that are nearer to the floor than that stay
 
 
 def load_character(path: str | PathLike[str] | Avatar, bone_map: Mapping[str, str] | None = None) -> Character:
-    """Read a character that is to be drawn: a ``.vrm`` or ``.glb`` with a humanoid, or a part of one.
+    """Read a character to draw: a ``.vrm`` or ``.glb`` with a humanoid, or a part of one.
 
     Args:
         path: the file, or what `load_avatar` has read from it.
         bone_map: of `read_avatar`.
 
     Returns:
-        its skeleton has our 55 names and its own proportions; its soles are at height 0, and so would be those of a half
-        body or a head alone.
+        its skeleton has our 55 names and its own proportions; its soles are at height 0, and so would be the soles of a half
+        body or of a head alone.
 
     Raises:
         InputError: it cannot be read, has no humanoid, or nothing that can be drawn.
     """
     avatar = path if isinstance(path, Avatar) else read_avatar(path, bone_map)
-    with report_damage(avatar.file.name), np.errstate(all="ignore"):  # what is not finite then is refused
+    with report_damage(avatar.file.name), np.errstate(all="ignore"):  # values that are not finite are refused later
         return _build(avatar)
 
 
@@ -58,25 +58,25 @@ def _build(avatar: Avatar) -> Character:
     surface = np.concatenate([part.vertices for part in parts]).astype(np.float64)
     scale, lift = _place(parts, shape_humanoid(avatar.rig, surface))
     skeleton = shape_humanoid(avatar.rig, surface, scale, lift)
-    placed = tuple(_move(part, scale, lift) for part in parts)
-    _check(avatar.file.name, skeleton, placed)
-    return Character(skeleton, placed, drive.names, drive.weights)
+    final_parts = tuple(_move(part, scale, lift) for part in parts)
+    _check(avatar.file.name, skeleton, final_parts)
+    return Character(skeleton, final_parts, drive.names, drive.weights)
 
 
 def _check(name: str, skeleton: Skeleton, parts: tuple[Part, ...]) -> None:
-    """All of the character stays near its middle, however it moves; shadows take memory by its size."""
+    """Check that all of the character stays near its middle, however it moves: the memory for shadows grows with its size."""
     middle = np.array([0.0, HEIGHT / 2, 0.0])
     far = [skeleton.tpose - middle, *(part.vertices - middle for part in parts)]
     far += [delta for part in parts for delta in part.morphs.values()]
     reach = float(np.max([np.abs(points).max() for points in far]))
-    if not reach < AVATAR_METRES:  # also true of what is not finite
+    if not reach < AVATAR_METRES:  # also true of values that are not finite
         raise InputError(f"{name} reaches {reach:.3g} m beside its middle", "is it one character, its scales applied?")
     if not all(np.isfinite(part.normals).all() for part in parts):
         raise InputError(f"{name} is damaged: a surface has no direction", "export it again")
 
 
 def _place(parts: list[Part], skeleton: Skeleton) -> tuple[float, float]:
-    """How much larger the character is drawn, and by how many metres it is then lifted."""
+    """The factor by which the character is drawn larger, and metres by which it is then lifted."""
     feet = [skeleton.index[side + part] for side in ("left", "right") for part in ("Foot", "Toes")]
     head = [skeleton.index["head"]]
     soles = min(_heights(parts, feet), default=float(skeleton.tpose[:, 1].min()))
@@ -89,12 +89,12 @@ def _place(parts: list[Part], skeleton: Skeleton) -> tuple[float, float]:
 
 
 def _heights(parts: list[Part], joints: list[int]) -> list[float]:
-    """Of all points that mostly follow one of the joints, metres."""
-    found = []
+    """Heights, in metres, of all points that mostly follow one of the joints."""
+    heights = []
     for part in parts:
         most = part.joints[np.arange(len(part.joints)), part.weights.argmax(1)]
-        found += part.vertices[np.isin(most, joints), 1].tolist()
-    return found
+        heights += part.vertices[np.isin(most, joints), 1].tolist()
+    return heights
 
 
 def _move(part: Part, scale: float, lift: float) -> Part:
@@ -106,7 +106,7 @@ def _move(part: Part, scale: float, lift: float) -> Part:
 
 @dataclass(frozen=True, eq=False)
 class _Drive:
-    """ARKit's weights made into those of the character's own shapes.
+    """Turns ARKit's weights into weights of the character's own shapes.
 
     Args:
         face: what moves its face.
@@ -126,5 +126,5 @@ class _Drive:
 
     def weights(self, arkit: Array) -> Array:
         """(S,) weights beyond those at rest, for ARKit's (52,)."""
-        made = self.face.weights(np.asarray(arkit, float)[None])
-        return np.array([made[node][0, target] - self.face.base[node][target] for node, target in self.targets])
+        by_node = self.face.weights(np.asarray(arkit, float)[None])
+        return np.array([by_node[node][0, target] - self.face.base[node][target] for node, target in self.targets])

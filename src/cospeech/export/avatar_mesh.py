@@ -1,4 +1,4 @@
-"""The surfaces of somebody's character, laid into its T-pose as parts that are drawn like our mannequin's."""
+"""Put the surfaces of somebody's character into its T-pose, as parts that are drawn like our mannequin's."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from .textures import Material, MaterialReader
 
 __all__ = ["MeshBaker"]
 
-_TRIANGLES = 4  # 5.24: what ``mode`` says of a list of triangles
+_TRIANGLES = 4  # 5.24: the ``mode`` of a list of triangles
 
 
 @dataclass(frozen=True, eq=False)
 class _Skinning:
-    """How vertices get into the T-pose: (V, 4, 4) matrices, (V, 4) joints of ours and their weights."""
+    """How vertices get into the T-pose: by (V, 4, 4) matrices; and (V, 4) joints of ours with their weights."""
 
     matrices: Array
     joints: Array
@@ -33,7 +33,7 @@ class _Skinning:
 
 
 class MeshBaker:
-    """Makes parts of the meshes of a file.
+    """Makes parts from the meshes of a file.
 
     Args:
         file: the character.
@@ -54,8 +54,8 @@ class MeshBaker:
         self._vertices, self._numbers = AVATAR_VERTICES, AVATAR_SHAPE_NUMBERS
 
     def parts(self) -> list[Part]:
-        """All surfaces; the back of one that is seen from both sides is a part of its own."""
-        found = []
+        """All surfaces. A surface that is seen from both sides gives two parts: front and back."""
+        parts = []
         for node, entry in enumerate(self._file.list("nodes")):
             if "mesh" not in entry:
                 continue
@@ -64,8 +64,8 @@ class MeshBaker:
             for primitive in mesh["primitives"]:
                 if primitive.get("mode", _TRIANGLES) == _TRIANGLES and "POSITION" in primitive["attributes"]:
                     material = self._materials.read(primitive.get("material"))
-                    found += self._sides(self._part(node, primitive, rest, material), material.double_sided)
-        return found
+                    parts += self._sides(self._part(node, primitive, rest, material), material.double_sided)
+        return parts
 
     def _sides(self, part: Part, both: bool) -> list[Part]:
         self._vertices -= len(part.vertices) * (1 + both)
@@ -83,12 +83,12 @@ class MeshBaker:
     def _part(self, node: int, primitive: dict[str, Any], rest: Array, material: Material) -> Part:
         attributes = primitive["attributes"]
         points = self._file.accessor(attributes["POSITION"], 3).astype(np.float64)
-        used, triangles = self._triangles(primitive, len(points))
-        points = points[used]
+        indices, triangles = self._triangles(primitive, len(points))
+        points = points[indices]
 
         def attribute(name: str, width: int) -> Array | None:
             values = self._file.accessor(attributes[name], width) if name in attributes else None
-            return None if values is None else values[used]
+            return None if values is None else values[indices]
 
         skinning = self._skinning(node, attribute, len(points))
         turn = skinning.matrices[:, :3, :3]
@@ -96,7 +96,7 @@ class MeshBaker:
         for target, entry in enumerate(primitive.get("targets", [])):
             shape, still = self._shapes.get(node, {}).get(target), float(rest[target]) if target < len(rest) else 0.0
             if "POSITION" in entry and (shape or still):
-                delta = self._file.accessor(entry["POSITION"], 3)[used]
+                delta = self._file.accessor(entry["POSITION"], 3)[indices]
                 points += still * delta
                 if shape and delta.any():
                     morphs[shape] = np.einsum("vij,vj->vi", turn, delta).astype(np.float32)
@@ -105,7 +105,7 @@ class MeshBaker:
             triangles = triangles[:, ::-1].copy()
         normals = attribute("NORMAL", 3)
         normals = _vertex_normals(vertices, triangles) if normals is None else np.einsum("vij,vj->vi", turn, normals)
-        colour, opacity = self._colour(attributes, used, material)
+        colour, opacity = self._colour(attributes, indices, material)
         surface = None
         if material.texture is not None or material.cutoff != 0:
             places = attribute(f"TEXCOORD_{material.texcoord}", 2)
@@ -125,8 +125,8 @@ class MeshBaker:
             raise InputError(f"{self._file.name} is damaged: a triangle has a corner that is not there", "export it again")
         if len(corners) > 6 * AVATAR_VERTICES:
             raise InputError(f"{self._file.name} has {len(corners) // 3:,} triangles in one surface", "simplify its meshes")
-        used, local = np.unique(corners, return_inverse=True)
-        return used, local.reshape(-1, 3).astype(np.int32)
+        indices, local = np.unique(corners, return_inverse=True)
+        return indices, local.reshape(-1, 3).astype(np.int32)
 
     def _skinning(self, node: int, attribute: Any, count: int) -> _Skinning:
         entry, tpose = self._file.list("nodes")[node], self._tpose
@@ -150,13 +150,13 @@ class MeshBaker:
         blend = np.einsum("vk,vkij->vij", weights, matrices[joints])
         return _Skinning(blend, tpose.owners[bones[joints]].astype(np.int32), weights.astype(np.float32))
 
-    def _colour(self, attributes: dict[str, int], used: Array, material: Material) -> tuple[Array, Array]:
+    def _colour(self, attributes: dict[str, int], indices: Array, material: Material) -> tuple[Array, Array]:
         """Linear RGB, (3,) or (V, 3), and opacities (V,)."""
-        colour, opacity = material.colour[:3], np.full(len(used), material.colour[3], np.float32)
+        colour, opacity = material.colour[:3], np.full(len(indices), material.colour[3], np.float32)
         if "COLOR_0" not in attributes:
             return colour, opacity
         width = 4 if self._file.list("accessors")[attributes["COLOR_0"]]["type"] == "VEC4" else 3
-        values = np.clip(self._file.accessor(attributes["COLOR_0"], width)[used], 0, 1)
+        values = np.clip(self._file.accessor(attributes["COLOR_0"], width)[indices], 0, 1)
         return colour * values[:, :3], opacity * values[:, 3].astype(np.float32) if width == 4 else opacity
 
 

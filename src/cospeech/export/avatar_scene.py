@@ -1,4 +1,4 @@
-"""Somebody's character wearing our motion: what of it moves, and a copy of its glTF document with the animation in it."""
+"""Our motion on somebody's character: what moves, and a copy of its glTF document with the animation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["AvatarScene", "AvatarTracks"]
 
 
 class AvatarTracks:
-    """What of an avatar moves, and how for a motion.
+    """The moving parts of an avatar, and their values for a motion.
 
     Args:
         avatar: the character.
@@ -30,10 +30,10 @@ class AvatarTracks:
     Attributes:
         turning: nodes that turn.
         root: the node that also moves; None for a head alone, which stays where it is.
-        shaped: nodes of meshes with shapes.
+        mesh_nodes: nodes of meshes with shapes.
 
     Raises:
-        InputError: the character has nothing to see.
+        InputError: the character has no surface.
 
     Warns:
         CospeechWarning: its own clips are left out.
@@ -46,27 +46,27 @@ class AvatarTracks:
         self._joints = sorted(rig.bones.values())
         self.turning = [rig.nodes[j] for j in self._joints]
         self.root = rig.nodes[0] if "hips" in rig.bones else None
-        self.shaped = list(avatar.face.base)
+        self.mesh_nodes = list(avatar.face.base)
 
     def sample(self, motion: Motion) -> tuple[Array, Array, dict[int, Array]]:
-        """A piece of motion of any skeleton that is recognised.
+        """Put a piece of motion on the avatar; its skeleton may be any that is recognised.
 
         Returns:
-            (T, J, 4) rotations of ``turning``, (T, 3) place of ``root``, and node → (T, n) weights of ``shaped``.
+            (T, J, 4) rotations of ``turning``, (T, 3) place of ``root``, and node → (T, n) weights of ``mesh_nodes``.
         """
         rig, face = self._avatar.rig, self._avatar.face
         body = motion if motion.skeleton is rig.skeleton else motion.retarget(rig.skeleton)
-        turned = np.array(body.rotations, np.float64)
+        turns = np.array(body.rotations, np.float64)
         if self._avatar.eyes_by_shapes and motion.face is not None:
             eyes = [rig.bones[name] for name in EYES if name in rig.bones]
-            turned[:, eyes] = rig.skeleton.rest[eyes]
-        rotations, translation = rig.local(turned, body.root)
+            turns[:, eyes] = rig.skeleton.rest[eyes]
+        rotations, translation = rig.local(turns, body.root)
         weights = face.weights(np.zeros((len(motion), len(ARKIT))) if motion.face is None else motion.face)
         return rotations[:, self._joints], translation, weights
 
 
 class AvatarScene:
-    """What a GLB writer needs to put motion on an avatar: the document, its tracks, and rows of numbers for them."""
+    """Gives a GLB writer what it needs for motion on an avatar: the document, its tracks, and rows of numbers for them."""
 
     def __init__(self, avatar: Avatar) -> None:
         self._moves = AvatarTracks(avatar)
@@ -77,7 +77,7 @@ class AvatarScene:
             _open_for_animation(nodes[node], rest[node])
         self.tracks = [] if self._moves.root is None else [GltfTrack((self._moves.root,), "translation", 3)]
         self.tracks += [GltfTrack((node,), "rotation", 4) for node in self._moves.turning]
-        self.tracks += [GltfTrack((node,), "weights", len(avatar.face.base[node])) for node in self._moves.shaped]
+        self.tracks += [GltfTrack((node,), "weights", len(avatar.face.base[node])) for node in self._moves.mesh_nodes]
 
     def rows(self, motion: Motion) -> Array:
         """(T, sum of the tracks' widths) for a piece of motion of any skeleton that is recognised."""
@@ -97,7 +97,7 @@ def _copy_without_animations(file: GltfFile) -> GltfBuilder:
 
 
 def _open_for_animation(node: dict[str, Any], rest: Array) -> None:
-    """Animated nodes may not have a ``matrix`` (glTF 5.25): say it as translation, rotation and scale."""
+    """Split the ``matrix`` of a node into translation, rotation and scale: animated nodes may not have one (glTF 5.25)."""
     if node.pop("matrix", None) is None:
         return
     scale = np.linalg.norm(rest[:3, :3], axis=0)

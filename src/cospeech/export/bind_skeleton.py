@@ -15,41 +15,41 @@ __all__ = ["bind_skeleton", "find_below", "find_candidates", "find_trees", "read
 
 
 def read_node_names(file: GltfFile) -> dict[str, int]:
-    """Name → node, of all nodes: what a map can name. Of two nodes with one name a bone goes first, the other gets a number."""
+    """Name → node, of all nodes that a map can name. Of two with one name, a bone keeps it, the other gets a number."""
     order = find_candidates(file, set())
     order += sorted({*range(len(file.parents))} - {*order})
     return dict(zip(_unique([_name_of(file, node) for node in order], {}), order, strict=True))
 
 
-def find_candidates(file: GltfFile, wanted: set[int]) -> list[int]:
-    """``wanted`` nodes and those that may be bones: joints of skins, else all nodes without a mesh; and what they hang on.
+def find_candidates(file: GltfFile, nodes: set[int]) -> list[int]:
+    """``nodes``, those that may be bones (joints of skins, else all nodes without a mesh), and all their ancestors.
 
-    Parents stand before children.
+    Parents come before children.
     """
     with report_damage(file.name):
-        wanted = wanted | {int(joint) for skin in file.list("skins") for joint in skin["joints"]}
-        if any(not 0 <= k < len(file.parents) for k in wanted):
+        nodes = nodes | {int(joint) for skin in file.list("skins") for joint in skin["joints"]}
+        if any(not 0 <= k < len(file.parents) for k in nodes):
             raise InputError(f"{file.name} is damaged: a skin names nodes that are not there", "export it again")
         if not file.list("skins"):
-            wanted |= {k for k, node in enumerate(file.list("nodes")) if "mesh" not in node}
-        for k in list(wanted):
-            while (k := file.parents[k]) >= 0 and k not in wanted:
-                wanted.add(k)
+            nodes |= {k for k, node in enumerate(file.list("nodes")) if "mesh" not in node}
+        for k in list(nodes):
+            while (k := file.parents[k]) >= 0 and k not in nodes:
+                nodes.add(k)
     order: list[int] = []
     stack = [k for k, parent in reversed(list(enumerate(file.parents))) if parent < 0]
     while stack:
         k = stack.pop()
-        if k in wanted:
+        if k in nodes:
             order.append(k)
-            stack += [child for child in reversed(file.list("nodes")[k].get("children", [])) if child in wanted]
+            stack += [child for child in reversed(file.list("nodes")[k].get("children", [])) if child in nodes]
     return order
 
 
-def find_trees(file: GltfFile, wanted: set[int]) -> list[list[int]]:
-    """The candidates, each tree of them by itself."""
+def find_trees(file: GltfFile, nodes: set[int]) -> list[list[int]]:
+    """The candidates, one list for each tree."""
     owner: dict[int, list[int]] = {}
     trees: list[list[int]] = []
-    for node in find_candidates(file, wanted):
+    for node in find_candidates(file, nodes):
         tree = owner.get(file.parents[node])
         if tree is None:
             trees.append(tree := [])
@@ -58,10 +58,10 @@ def find_trees(file: GltfFile, wanted: set[int]) -> list[list[int]]:
     return trees
 
 
-def find_below(file: GltfFile, hips: int, wanted: set[int]) -> list[int]:
+def find_below(file: GltfFile, hips: int, nodes: set[int]) -> list[int]:
     """The candidates from ``hips`` down, the hips first, parents before children."""
     inside, below = {hips}, [hips]
-    for k in find_candidates(file, wanted):
+    for k in find_candidates(file, nodes):
         if file.parents[k] in inside:
             inside.add(k)
             below.append(k)
@@ -71,7 +71,7 @@ def find_below(file: GltfFile, hips: int, wanted: set[int]) -> list[int]:
 def bind_skeleton(file: GltfFile, nodes: list[int], names: dict[int, str], kind: str) -> Skeleton:
     """The skeleton of ``nodes`` in the file's own rest pose and axes; ``rest`` is that pose, T or not.
 
-    ``names`` (joint → name) go before those of the file.
+    ``names`` (joint → name) replace those of the file.
 
     Raises:
         InputError: the character is mirrored or of no size.
@@ -82,14 +82,14 @@ def bind_skeleton(file: GltfFile, nodes: list[int], names: dict[int, str], kind:
     if np.any(np.linalg.det(world[:, :3, :3]) <= 1e-18):
         raise InputError(f"{file.name} has a bone that is mirrored or has no size", "apply all scales before exporting")
     index = {node: k for k, node in enumerate(nodes)}
-    turned, points = rotation_of(world), world[:, :3, 3]
-    offsets, rest = points.copy(), turned.copy()
+    turns, points = rotation_of(world), world[:, :3, 3]
+    offsets, rest = points.copy(), turns.copy()
     parents = [index.get(file.parents[node], -1) for node in nodes]
     for k, parent in enumerate(parents):
         if parent >= 0:
-            back = quat_conjugate(turned[parent])
+            back = quat_conjugate(turns[parent])
             offsets[k] = quat_rotate(back, points[k] - points[parent])
-            rest[k] = quat_multiply(back, turned[k])
+            rest[k] = quat_multiply(back, turns[k])
     own = [_name_of(file, node) for node in nodes]
     return Skeleton(tuple(_unique(own, names)), tuple(parents), offsets, rest, kind=kind)
 
@@ -98,13 +98,13 @@ def _name_of(file: GltfFile, node: int) -> str:
     return str(file.list("nodes")[node].get("name") or f"node {node}")
 
 
-def _unique(own: list[str], given: dict[int, str]) -> list[str]:
-    """``given`` names where there are, else ``own``, with a number behind those that are taken."""
-    numbers = dict.fromkeys(given.values(), 1)  # name → the number that was tried last for it
+def _unique(own: list[str], names: dict[int, str]) -> list[str]:
+    """``names`` where there are some, else ``own``; a name that is taken gets a number."""
+    numbers = dict.fromkeys(names.values(), 1)  # name → the number that was tried last for it
     result = []
     for k, name in enumerate(own):
-        fresh = given.get(k, name)
-        while k not in given and fresh in numbers:
+        fresh = names.get(k, name)
+        while k not in names and fresh in numbers:
             numbers[name] = numbers.get(name, 1) + 1
             fresh = f"{name} {numbers[name]}"
         numbers.setdefault(fresh, 1)

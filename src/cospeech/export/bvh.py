@@ -1,8 +1,8 @@
 """BVH: skeleton animation as text.
 
-A skeleton that was read from a BVH is written as that file has it: the same HIERARCHY, unit, axes and zero pose. The curves
-can then be pasted onto the rig. Other skeletons get our layout: the zero pose is the T-pose, facing +Z, Y up, in centimetres.
-The root has six channels and OFFSET 0, its height is in the position channels; all other joints have three, ``ZXY``.
+A skeleton that was read from a BVH is written as that file has it: the same HIERARCHY, unit, axes and zero pose. The curves can
+then be pasted onto the rig. Other skeletons get our layout: the zero pose is the T-pose, facing +Z, Y up, in centimetres. The
+root has six channels and OFFSET 0; its height is in the position channels. All other joints have three channels, ``ZXY``.
 
 Channel order is rotation order, intrinsic, read left to right. Units are not in a BVH file: Blender wants scale 0.01 for
 centimetres.
@@ -36,7 +36,7 @@ UNITS = {"cm": 100.0, "m": 1.0}
 _DECIMALS = 5  # ours: 5e-6° on a chain of 10 joints and 1 m is 9e-5 cm at the worst
 _BLOCK = 512  # ours: frames formatted at once, bounds the memory
 _COUNT_WIDTH = 10  # ours: digits kept free for the number of frames, patched in at the end
-_LEAST_LOSS = (np.radians(1.0), 0.01)  # ours: what is off by less than 1° or 1 cm is not told
+_LEAST_LOSS = (np.radians(1.0), 0.01)  # ours: no warning of errors below 1° or 1 cm
 
 
 class Writer(_Writer):
@@ -97,10 +97,10 @@ class Writer(_Writer):
         self._note_losses()
 
     def _note_losses(self) -> None:
-        """Warn of what the channels of the file do not hold."""
-        turned, moved = self._encoder.losses, self._encoder.root_loss / self._layout.scale
-        problems = [f"{name} by up to {np.degrees(turned[name]):.0f}°" for name in turned if turned[name] > _LEAST_LOSS[0]]
-        problems += [f"the place of the root by up to {moved:.2f} m"] if moved > _LEAST_LOSS[1] else []
+        """Warn of motion that the channels of the file cannot hold."""
+        turns, shift = self._encoder.losses, self._encoder.root_loss / self._layout.scale
+        problems = [f"{name} by up to {np.degrees(turns[name]):.0f}°" for name in turns if turns[name] > _LEAST_LOSS[0]]
+        problems += [f"the place of the root by up to {shift:.2f} m"] if shift > _LEAST_LOSS[1] else []
         if problems:
             problem = f"{str(self.path)!r} has too few channels for the motion, as its rig has: off are {', '.join(problems)}"
             warnings.warn(problem, CospeechWarning, stacklevel=4)

@@ -1,10 +1,10 @@
 """The frames of a BVH as quaternions, in the file's units and axes, and back.
 
-**Positions** of joints other than the root: most exporters write the offset itself, some what is to be added to it. The one
-that fits the whole file better is taken; the mean over the frames becomes the offset, bones that stretch do not.
+**Positions** of joints other than the root: most exporters write the offset itself, some write what is added to it. The reading
+that fits the whole file better is taken. The mean over the frames becomes the offset: bones do not stretch.
 
-**Joints with fewer than three rotation channels** get the nearest rotation that they can have. What they cannot have goes on
-to their children, so that only the joint itself is off.
+**Joints with fewer than three rotation channels** get the nearest rotation that they can have. The rest is passed to their
+children, so that only the joint itself is off.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ __all__ = ["Frames", "RowEncoder", "decode_frames"]
 
 
 class Frames(NamedTuple):
-    """What the rows of a BVH say.
+    """The content of the rows of a BVH.
 
     Attributes:
         rotations: (T, J, 4) local.
@@ -49,7 +49,7 @@ class Frames(NamedTuple):
 
 
 class _Columns:
-    """Which column of a row is what.
+    """The meaning of each column of a row.
 
     Attributes:
         orders: of each joint, the axes of its rotation channels, as ``"ZXY"``.
@@ -77,7 +77,7 @@ class _Columns:
 
 
 def decode_frames(file: io.TextIOWrapper, header: Header, size: int) -> Frames:
-    """All frames of a file of ``size`` bytes whose header was read.
+    """Read all frames of a file of ``size`` bytes, after its header.
 
     Raises:
         InputError: no frame, too many, or a row that cannot be read.
@@ -106,16 +106,16 @@ def decode_frames(file: io.TextIOWrapper, header: Header, size: int) -> Frames:
 
 
 def _move_offsets(offsets: Array, moving: list[tuple[int, int, int]], means: Array) -> Array:
-    """Offsets after the mean positions of joints that have position channels (see the module's text)."""
+    """Set the offsets of joints that have position channels to their mean positions (see the module's text)."""
     joints, axes, columns = np.array([m for m in moving if m[0]], int).reshape(-1, 3).T
-    modelled, positions = offsets[joints, axes], means[columns]
-    instead = np.abs(positions - modelled).sum() <= np.abs(positions).sum()
-    offsets[joints, axes] = positions if instead else modelled + positions
+    rest, positions = offsets[joints, axes], means[columns]
+    instead = np.abs(positions - rest).sum() <= np.abs(positions).sum()
+    offsets[joints, axes] = positions if instead else rest + positions
     return offsets
 
 
 class RowEncoder:
-    """Makes rows from frames, the reverse of `decode_frames`; angles run on without jumps from call to call.
+    """Makes rows from frames, the reverse of `decode_frames`. Angles do not jump between calls.
 
     Args:
         header: of the file.
@@ -154,15 +154,15 @@ class RowEncoder:
         return rows
 
     def _project(self, rotations: Array) -> Array:
-        """The nearest rotations that the channels can hold; children take over what their parent cannot hold."""
+        """The nearest rotations that the channels can hold; children get the rest of their parent's rotation."""
         header = self._header
         for joint, (name, order) in enumerate(zip(header.names, self._columns.orders, strict=True)):  # parents first
             if len(order) == 3:
                 continue
-            wanted = rotations[:, joint].copy()
-            near = euler_to_quat(quat_to_euler(wanted, order), order) if order else quat_identity(len(wanted))
-            over = quat_multiply(quat_conjugate(near), wanted)
-            self.losses[name] = max(self.losses.get(name, 0.0), float(quat_angle(near, wanted).max()))
+            rotation = rotations[:, joint].copy()
+            near = euler_to_quat(quat_to_euler(rotation, order), order) if order else quat_identity(len(rotation))
+            over = quat_multiply(quat_conjugate(near), rotation)
+            self.losses[name] = max(self.losses.get(name, 0.0), float(quat_angle(near, rotation).max()))
             rotations[:, joint] = near
             children = [child for child, parent in enumerate(header.parents) if parent == joint]
             rotations[:, children] = quat_multiply(over[:, None], rotations[:, children])

@@ -9,7 +9,7 @@ __all__ = ["Header", "file_names", "format_hierarchy"]
 
 
 class Header:
-    """Joints as they stand in the file, parents first, in its units; ``ends``: joint index → offset of its End Site."""
+    """Joints in the order and the units of the file, parents first; ``ends``: joint index → offset of its End Site."""
 
     def __init__(self) -> None:
         self.names: list[str] = []
@@ -27,7 +27,7 @@ class Header:
 
 
 def file_names(names: Iterable[str]) -> list[str]:
-    """Names fit for a BVH: blanks and braces become ``_``, and a name that is taken gets a number."""
+    """Make names that a BVH may hold: blanks and braces become ``_``, and a name that is taken gets a number."""
     counts: dict[str, int] = {}  # name → the number that was tried last for it
     result = []
     for name in names:
@@ -49,8 +49,8 @@ def format_hierarchy(header: Header, decimals: int) -> Iterator[str]:
     """
 
     def numbers(values: Iterable[float]) -> str:
-        shown = [(value + 0.0, f"{value + 0.0:.{decimals}f}") for value in values]  # no "-0.000000"
-        return " ".join(text if float(text) == value else repr(value) for value, text in shown)
+        pairs = [(value + 0.0, f"{value + 0.0:.{decimals}f}") for value in values]  # no "-0.000000"
+        return " ".join(text if float(text) == value else repr(value) for value, text in pairs)
 
     yield "HIERARCHY"
     stack: list[int] = []

@@ -1,7 +1,7 @@
-"""How a BVH says a motion: its HIERARCHY, and how the numbers of its rows follow from joints in metres.
+"""The layout of a BVH: its HIERARCHY, and how the numbers of its rows are computed from joints in metres.
 
-A file that was read has a layout of its own; `make_layout` makes ours. Whoever writes a motion in the layout of a rig's file
-gets rows that can be pasted onto the rig.
+A file that was read has a layout of its own; `make_layout` makes ours. The rows of a motion in the layout of a rig's file can
+be pasted onto the rig.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ class BvhLayout:
     zero: Array | None = None
 
     def _around(self) -> tuple[Array, Array]:
-        """(J, 4) each: what stands before and after a joint's local rotation to make it the file's."""
+        """(J, 4) each: the rotations before and after a joint's local rotation that make it the file's."""
         zero = quat_identity(len(self.joints)) if self.zero is None else self.zero
         before = zero[np.maximum(self.header.parents, 0)]
         before[0] = (0, 0, 0, 1) if self.turn is None else self.turn
         return before, quat_conjugate(zero)
 
     def fits(self, skeleton: Skeleton) -> bool:
-        """Whether a skeleton has the bones of the file; one whose names or offsets were changed since has not."""
+        """Whether a skeleton still has the bones of the file: its names and offsets are the same."""
         if len(skeleton) != len(self.joints) or [skeleton.names[k] for k in self.joints] != file_names(self.header.names):
             return False
         channels = [" ".join(names) for names in self.header.channels]
@@ -68,8 +68,8 @@ class BvhLayout:
         """
         before, after = self._around()
         local = np.asarray(rotations, float)[:, self.joints]
-        turned = quat_rotate(before[0], np.asarray(root, float))
-        return quat_multiply(quat_multiply(before, local), after), turned * self.scale
+        positions = quat_rotate(before[0], np.asarray(root, float))
+        return quat_multiply(quat_multiply(before, local), after), positions * self.scale
 
 
 def make_layout(skeleton: Skeleton, scale: float, decimals: int, order: str = _ORDER) -> BvhLayout:

@@ -1,11 +1,11 @@
-"""What the numbers of a BVH mean: joints in metres, Y up, with a T-pose; quaternions; a frame rate.
+"""Read the numbers of a BVH as joints in metres, Y up, with a T-pose; quaternions; a frame rate.
 
-A BVH says none of: its unit, which way is up, what its zero pose is. The rules by which we tell:
+A BVH does not state its unit, its up axis and its zero pose. We guess them by these rules:
 
 * **Unit**: the highest joint of the T-pose is that of a person. From the floor it is less than 4.5 metres, 25 decimetres
-  (MakeHuman), 48 units of Carnegie Mellon's database, 80 inches or 500 centimetres, else it is said in millimetres. Where
-  there are no legs, the way from hips to head tells how tall the whole person is. Skeletons that are not recognised are in
-  centimetres. ``units=`` overrides.
+  (MakeHuman), 48 units of Carnegie Mellon's database, 80 inches or 500 centimetres; else the unit is millimetres. Where there
+  are no legs, the height of the whole person follows from the distance between hips and head. Skeletons that are not
+  recognised are in centimetres. ``units=`` overrides.
 * **Up**: +Y, unless hips and head of the frames stand along +Z. ``up=`` overrides.
 * **Rest**: `cospeech.motion.tpose.with_tpose`, for skeletons that `cospeech.motion.bone_mapping` knows or a map names; else the
   zero pose.
@@ -52,8 +52,8 @@ UNITS = {"m": 1.0, "dm": 0.1, "cmu": 0.0254 / 0.45, "inch": 0.0254, "cm": 0.01, 
 """Unit of a file → metres; the Carnegie Mellon database counts in inches / 0.45 (its FAQ)."""
 
 _HEIGHTS = ((4.5, "m"), (25.0, "dm"), (48.0, "cmu"), (80.0, "inch"), (500.0, "cm"), (np.inf, "mm"))  # ours, see above
-_NAMES = 1 << 18  # bytes at the beginning of a file in which names are looked at: a thousand joints; ours
-_SAMPLE = 64  # ours: frames that are looked at to tell which way is up
+_NAMES = 1 << 18  # bytes at the beginning of a file that show its encoding: a thousand joints; ours
+_SAMPLE = 64  # ours: frames from which the up axis is found
 
 
 def load(
@@ -68,8 +68,8 @@ def load(
 
     Args:
         path: the file.
-        units: of the file, one of `UNITS`; told from the height of the character where not given.
-        up: ``"y"`` or ``"z"``; told from the motion where not given.
+        units: of the file, one of `UNITS`; found from the height of the character where not given.
+        up: ``"y"`` or ``"z"``; found from the motion where not given.
         fps: instead of the file's ``Frame Time``.
         bone_map: our name → name of a joint, where the joints are not recognised; a map of other joints changes nothing.
 
@@ -78,7 +78,7 @@ def load(
         ``layout`` is the file's.
 
     Raises:
-        InputError: not a BVH, or damaged; the line is named. Or the map lacks joints without which there is no T-pose.
+        InputError: it is no BVH, or damaged; the message names the line. Or the map lacks joints that a T-pose needs.
     """
     if units is not None and units not in UNITS:
         raise InputError(f"unknown unit {units!r}", f"known: {', '.join(UNITS)}")
@@ -102,18 +102,18 @@ def load(
 
 
 def _find_encoding(file: BinaryIO) -> str:
-    """How the names of joints are written: in UTF-8, or as Windows programs of Western Europe write them."""
+    """The encoding of the names of joints: UTF-8, or that of Windows programs of Western Europe."""
     names = file.read(_NAMES).partition(b"MOTION")[0]
     file.seek(0)
     try:
-        getincrementaldecoder("utf-8")().decode(names)  # a letter that the end cuts is no error
+        getincrementaldecoder("utf-8")().decode(names)  # a letter that is cut at the end is no error
     except UnicodeDecodeError:
         return "cp1252"
     return "utf-8-sig"
 
 
 def _in_table_order(skeleton: Skeleton) -> tuple[Skeleton, list[int]]:
-    """Skeletons of our tables get their kind and the table's order of joints; a BVH itself is always depth first."""
+    """Give a skeleton of our tables its kind, and the table's order of joints; a BVH itself is always depth first."""
     above = {name: skeleton.names[p] if p >= 0 else None for name, p in zip(skeleton.names, skeleton.parents, strict=True)}
     for kind in SKELETONS:
         table = find_skeleton(kind)
@@ -124,7 +124,7 @@ def _in_table_order(skeleton: Skeleton) -> tuple[Skeleton, list[int]]:
 
 
 def _find_joints(skeleton: Skeleton, bone_map: Mapping[str, str] | None, file: str) -> dict[str, str]:
-    """Our name → their name; empty for a skeleton that is not recognised and that no map names."""
+    """Our name → their name; empty where neither we nor the map know the joints."""
     if bone_map and names_joints(bone_map, skeleton):
         return recognise_file(skeleton, bone_map, file)
     try:
@@ -136,7 +136,7 @@ def _find_joints(skeleton: Skeleton, bone_map: Mapping[str, str] | None, file: s
 def _as_motion(
     skeleton: Skeleton, names: dict[str, str], rotations: Array, root: Array, rate: float, units: str | None, up: str | None
 ) -> Motion:
-    """Tell axes, T-pose and unit, and convert; ``names`` are of `_find_joints`."""
+    """Find axes, T-pose and unit, and convert; ``names`` are those of `_find_joints`."""
     sample = np.unique(np.linspace(0, len(root) - 1, _SAMPLE).astype(int))
     points = skeleton.forward(rotations[sample], root[sample])[0]
     layout = skeleton.layout

@@ -1,6 +1,6 @@
-"""The text of a BVH: its header into joints, its rows into numbers; what the numbers mean is `cospeech.export.bvh`'s part.
+"""The text of a BVH: its header into joints, its rows into numbers; `cospeech.export.bvh_reader` finds what the numbers mean.
 
-Nothing in the header is trusted: rows are counted (never ``Frames:``), and each fault is reported with its line.
+Nothing in the header is trusted: rows are counted (``Frames:`` is not used), and each fault is reported with its line.
 """
 
 from __future__ import annotations
@@ -76,15 +76,15 @@ def read_header(file: TextIO) -> Header:
 def _read_hierarchy(header: Header, lines: Iterator[tuple[int, str]]) -> None:
     """Fill ``header`` with joints, up to and including the line ``MOTION``."""
     open_blocks: list[int] = []  # joint indices; −1 for an End Site
-    waiting: int | None = None  # declared, its brace not opened yet
-    started = False
+    waiting: int | None = None  # a joint whose brace is not opened yet
+    is_started = False
     for line, text in lines:
         words = deque(text.replace("{", " { ").replace("}", " } ").split())
         while words:
             word = words.popleft().upper()
-            if word == "HIERARCHY" and not started:
-                started = True
-            elif not started:
+            if word == "HIERARCHY" and not is_started:
+                is_started = True
+            elif not is_started:
                 raise InputError(f"line {line}: {text.strip()[:40]!r} where 'HIERARCHY' was expected", "is it a BVH?")
             elif word in ("ROOT", "JOINT") and waiting is None:
                 waiting = _declare(header, word, words, open_blocks, line)
@@ -108,14 +108,14 @@ def _read_hierarchy(header: Header, lines: Iterator[tuple[int, str]]) -> None:
                 return
             else:
                 raise InputError(f"line {line}: {word[:40]!r} is out of place", "is the file damaged?")
-    raise InputError("the file ends before 'MOTION'", "is it cut short?" if started else "is it a BVH?")
+    raise InputError("the file ends before 'MOTION'", "is it cut short?" if is_started else "is it a BVH?")
 
 
 def _upto_brace(words: deque[str]) -> list[str]:
-    taken = []  # what stands before the next brace
+    parts = []  # words before the next brace
     while words and words[0] not in "{}":
-        taken.append(words.popleft())
-    return taken
+        parts.append(words.popleft())
+    return parts
 
 
 def _declare(header: Header, word: str, words: deque[str], open_blocks: list[int], line: int) -> int:
@@ -175,15 +175,15 @@ def read_rows(file: TextIO, header: Header) -> Iterator[Array]:
 
 def format_rows(rows: Array, decimals: Array) -> str:
     """Lines of rows (T, columns), each column with its number of ``decimals`` (columns,)."""
-    rounded = np.empty(rows.shape)
+    values = np.empty(rows.shape)
     for count in {*decimals.tolist()}:
-        rounded[:, decimals == count] = np.round(rows[:, decimals == count], count) + 0.0  # no "-0.00000"
+        values[:, decimals == count] = np.round(rows[:, decimals == count], count) + 0.0  # no "-0.00000"
     template = " ".join(f"%.{count}f" for count in decimals) + "\n"
-    return template * len(rows) % tuple(rounded.ravel().tolist())
+    return template * len(rows) % tuple(values.ravel().tolist())
 
 
 def _blame(batch: list[str], line: int, columns: int) -> None:
-    """Raise for the first bad row; the fast reader has said that there is one."""
+    """Raise for the first bad row; the fast reader has found that there is one."""
     for k, text in enumerate(batch, line + 1):
         words = text.split() if len(text) < LINE_CHARACTERS else []
         if words and len(words) != columns:

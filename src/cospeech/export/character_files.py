@@ -1,4 +1,4 @@
-"""Files that hold a character, of any make, as a glTF document."""
+"""Read a file that holds a character, of any format, as a glTF document."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ CHARACTERS = (".glb", ".gltf", ".vrm", ".fbx")
 """Suffixes of files that hold a character."""
 _DRACO, _TEXTURES = "KHR_draco_mesh_compression", "KHR_texture_basisu"
 PACKED = (_DRACO, "EXT_meshopt_compression", "KHR_meshopt_compression", _TEXTURES)
-"""Extensions of packed meshes and textures, which a page cannot read. [ours]: decoders are
-WebAssembly, which the policy of our pages forbids."""
+"""Extensions of packed meshes and textures, which a page cannot read. [ours]: decoders are WebAssembly, which the policy of our
+pages forbids."""
 
 
 def read_character(path: str | PathLike[str]) -> GltfFile:
@@ -32,21 +32,21 @@ def read_character(path: str | PathLike[str]) -> GltfFile:
 
 
 def check_packing(file: GltfFile, *, in_page: bool = False) -> None:
-    """Whether the surface of a character can be read here, or by the viewer of a page.
+    """Check that the surface of a character can be read here, or by the viewer of a page.
 
     Pictures leave out packed textures. Where a plain copy of a mesh lies beside a packed one, pictures take it; three.js, the
     library of the viewer, refuses the file if Draco packed it.
 
     Raises:
-        InputError: it cannot.
+        InputError: it cannot be read.
     """
-    required, used = (_names(file, key) for key in ("extensionsRequired", "extensionsUsed"))
-    found = {name for name in PACKED if name in required and (in_page or name != _TEXTURES)}
-    found |= {_DRACO} & used if in_page else set()
-    if found:
-        raise InputError(f"{file.name} is packed by {min(found)}", "export it without compression")
+    needs, uses = (_names(file, key) for key in ("extensionsRequired", "extensionsUsed"))
+    packings = {name for name in PACKED if name in needs and (in_page or name != _TEXTURES)}
+    packings |= {_DRACO} & uses if in_page else set()
+    if packings:
+        raise InputError(f"{file.name} is packed by {min(packings)}", "export it without compression")
 
 
 def _names(file: GltfFile, key: str) -> set[str]:
-    found = file.json.get(key)
-    return {str(name) for name in found} if isinstance(found, list) else set()
+    names = file.json.get(key)
+    return {str(name) for name in names} if isinstance(names, list) else set()

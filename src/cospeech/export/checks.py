@@ -1,4 +1,4 @@
-"""What is checked of the files and options that are given, before anything is done with them."""
+"""Checks of files and options, before the work begins."""
 
 from __future__ import annotations
 
@@ -24,50 +24,50 @@ __all__ = ["File", "check_apart", "check_avatar", "check_files", "check_map", "c
 File = str | PathLike[str]
 
 
-def check_skeleton(skeleton: File | Skeleton, written: set[str], bones: Mapping[str, str] | None = None) -> Skeleton:
-    """The skeleton of that name or of that rig, which one of the files, if any, can hold; ``bones`` are of `read_target`."""
-    found = read_target(skeleton, bones)
-    if written and not any(FORMATS[suffix].any_skeleton for suffix in written):
+def check_skeleton(skeleton: File | Skeleton, formats: set[str], bones: Mapping[str, str] | None = None) -> Skeleton:
+    """Read a skeleton or a rig; check that one of the ``formats``, if any, can hold it. ``bones``: of `read_target`."""
+    target = read_target(skeleton, bones)
+    if formats and not any(FORMATS[suffix].any_skeleton for suffix in formats):
         raise InputError(
-            f"skeleton {str(skeleton)!r} would not be seen in {' '.join(sorted(written))}",
+            f"skeleton {str(skeleton)!r} would not be seen in {' '.join(sorted(formats))}",
             f"it is for {' '.join(suffixes(lambda entry: entry.any_skeleton))} files; the other formats have their own",
         )
-    return found
+    return target
 
 
 def check_avatar(
-    avatar: File, written: set[str], bones: Mapping[str, str] | None = None, parts: Collection[str] = ()
+    avatar: File, formats: set[str], bones: Mapping[str, str] | None = None, parts: Collection[str] = ()
 ) -> Avatar:
-    """The character, which is there, has a surface, and can be shown by one of the files; ``bones`` are of `read_avatar`.
+    """Read a character; check that it has a surface, and that one of the ``formats`` can show it. ``bones``: of `read_avatar`.
 
-    A note says if it has no face, and the face is one of the ``parts`` that are to move.
+    Warns if it has no face, and the face is one of the ``parts`` that are to move.
     """
-    if not any(FORMATS[suffix].wears_avatar for suffix in written):
+    if not any(FORMATS[suffix].wears_avatar for suffix in formats):
         fit = " ".join(suffixes(lambda entry: entry.wears_avatar))
         raise InputError(f"avatar {str(avatar)!r} would not be seen", f"it is for {fit} files")
     if not Path(avatar).is_file():
         raise InputError(f"no avatar at {str(avatar)!r}", "name a .vrm, .glb or .fbx file")
     from .avatar import check_surface, read_avatar
 
-    found = read_avatar(avatar, bones)
-    check_surface(found.file)
+    character = read_avatar(avatar, bones)
+    check_surface(character.file)
     if "face" in parts:
-        _note_faceless(found, parts)
-    return found
+        _note_faceless(character, parts)
+    return character
 
 
 def check_map(bones: Mapping[str, str], skeletons: Mapping[str, Skeleton], avatar: Avatar | None) -> None:
-    """A map is of the joints of a skeleton or of the character that is shown.
+    """Check that a map names joints of a skeleton or of the character.
 
     Args:
         bones: our name → their name.
-        skeletons: name of a skeleton, or file of it → what was found there.
+        skeletons: name of a skeleton, or its file → the skeleton.
         avatar: as `check_avatar` returns it.
 
     Raises:
-        InputError: it is not; the message is about the file that it fits best.
+        InputError: it does not; the message is about the file that it fits best.
     """
-    files: dict[str, Collection[str]] = {repr(str(name)): rig_joints(name, found) for name, found in skeletons.items()}
+    files: dict[str, Collection[str]] = {repr(str(name)): rig_joints(name, skeleton) for name, skeleton in skeletons.items()}
     check_fit(bones, files | ({} if avatar is None else {repr(str(avatar.path)): avatar.joints}))
 
 
@@ -85,14 +85,14 @@ def _note_faceless(avatar: Avatar, parts: Collection[str]) -> None:
     warnings.warn(f"{problem}: its body alone moves", CospeechWarning, stacklevel=4)
 
 
-def note_idle_gain(face_gain: object, shown: Collection[str], why: str) -> None:
+def note_idle_gain(face_gain: object, parts: Collection[str], why: str) -> None:
     """Warn if a gain of the face is given and no face is shown; ``why`` says who lacks it."""
-    if "face" not in shown and face_gain not in (1.0, "1"):
+    if "face" not in parts and face_gain not in (1.0, "1"):
         warnings.warn(f"face_gain changes nothing: {why}", CospeechWarning, stacklevel=3)
 
 
 def check_files(audio: File, outputs: list[Path], inputs: list[File], report: File | None) -> None:
-    """Every output can be told apart from the others and from what is read."""
+    """Check that each output has a known format, and that none would overwrite another one or an input."""
     if not outputs:
         raise InputError("no file to write", f"name one with a suffix of {' '.join(FORMATS)}")
     for path in outputs:
@@ -101,17 +101,17 @@ def check_files(audio: File, outputs: list[Path], inputs: list[File], report: Fi
 
 
 def check_apart(outputs: Sequence[Path], inputs: Sequence[File]) -> None:
-    """No output would overwrite what is read, or another output."""
-    seen: dict[str, str] = {_place(path): "what is read" for path in inputs}
+    """Check that no output would overwrite an input or another output."""
+    uses: dict[str, str] = {_place(path): "what is read" for path in inputs}
     for path in outputs:
         place = _place(path)
-        if place in seen:
-            raise InputError(f"{str(path)!r} would overwrite {seen[place]}", "give the output another name")
-        seen[place] = "another output"
+        if place in uses:
+            raise InputError(f"{str(path)!r} would overwrite {uses[place]}", "give the output another name")
+        uses[place] = "another output"
 
 
 def _place(path: File) -> str:
-    """A name of a file that no other file has; where the system does not mind capital letters, neither does it."""
+    """A name of a file that no other file has; it ignores case where the system does."""
     real = os.path.realpath(os.fsdecode(path))
     return unicodedata.normalize("NFC", real).casefold() if _ignores_case(Path(real)) else real
 

@@ -1,4 +1,4 @@
-"""What somebody's character brings with it: which of its animations is read, and what a new file does not have."""
+"""Animations of somebody's character: which one is read, and warnings of those that a new file does not hold."""
 
 from __future__ import annotations
 
@@ -13,40 +13,40 @@ from .gltf import GltfFile
 __all__ = ["MANNEQUIN_SKIN", "find_clip", "holds_other_figure", "note_lost_clips"]
 
 MANNEQUIN_SKIN = "cospeech"  # name of the skin of our own character in a file
-_SHOWN = 60  # ours: characters of a name in a note
+_NAME_LENGTH = 60  # ours: characters of a name in a note
 _DIGITS = 9  # ours: of a number of a clip; Python refuses to read very long ones
 
 
-def find_clip(file: GltfFile, wanted: int | str | None) -> int:
+def find_clip(file: GltfFile, clip: int | str | None) -> int:
     """Number of an animation from 0.
 
     Args:
         file: that holds it.
-        wanted: its name, or its number; the first where None.
+        clip: its name, or its number; the first where None.
 
     Raises:
-        InputError: there is none such.
+        InputError: there is no such animation.
 
     Warns:
-        CospeechWarning: none is wanted, and there are several.
+        CospeechWarning: none is chosen, and there are several.
     """
     names = [str(animation.get("name") or k) for k, animation in enumerate(file.list("animations"))]
-    if wanted is None:
+    if clip is None:
         if len(names) > 1:
-            problem = f"{file.name} holds {len(names)} clips; clip 0, {names[0][:_SHOWN]!r}, is taken"
+            problem = f"{file.name} holds {len(names)} clips; clip 0, {names[0][:_NAME_LENGTH]!r}, is taken"
             warnings.warn(f"{problem} (--clip chooses one; animation= in Python)", CospeechWarning, stacklevel=4)
         return 0
-    if not names or wanted in names:
-        return names.index(str(wanted)) if names else 0
-    if not (str(wanted).isdecimal() and len(str(wanted)) <= _DIGITS):
-        raise InputError(f"{file.name} has no clip {wanted!r}", nearest(str(wanted), names))
-    if int(wanted) >= len(names):
-        raise InputError(f"{file.name} has no clip {wanted}", f"0 … {len(names) - 1}, or a name")
-    return int(wanted)
+    if not names or clip in names:
+        return names.index(str(clip)) if names else 0
+    if not (str(clip).isdecimal() and len(str(clip)) <= _DIGITS):
+        raise InputError(f"{file.name} has no clip {clip!r}", nearest(str(clip), names))
+    if int(clip) >= len(names):
+        raise InputError(f"{file.name} has no clip {clip}", f"0 … {len(names) - 1}, or a name")
+    return int(clip)
 
 
 def note_lost_clips(file: GltfFile) -> None:
-    """Warn where a character has animations, of which the file that is written has none."""
+    """Warn where a character has animations: the new file holds none of them."""
     count = len(file.list("animations"))
     if count:
         problem = f"{file.name} has {count} clip{'s' * (count > 1)} of its own, which the new file does not hold"

@@ -1,4 +1,4 @@
-"""Names of the shapes of faces: which say ARKit's, which VRM's presets, which Oculus' visemes.
+"""Names of the shapes of faces: ARKit's, VRM's presets, and Oculus' visemes.
 
 `cospeech.export.face_rig` reads characters by these tables; the page of the studio gets them from the server, and reads its
 characters in the same way (web/src/face_rig.ts).
@@ -13,11 +13,11 @@ __all__ = ["ARKIT_NAMES", "ENOUGH", "HELD", "LONGEST", "MOVED", "OCULUS_NAMES", 
 LONGEST = 64
 """Letters at the end of a name that count. [ours]: the longest of ARKit has 19."""
 ENOUGH = 12
-"""Of ARKit's shapes; [ours]: with fewer, a full set of presets or visemes says more."""
+"""How many of ARKit's shapes a face needs; [ours]: with fewer, a full set of presets or visemes says more."""
 HELD = 0.3
-"""Share of a vertex that an eye bone holds, if it is an eyeball's. [ours]: lids at the corner of an eye have less."""
+"""Weight of an eye bone from which a vertex is part of the eyeball. [ours]: lids at the corner of an eye have less."""
 MOVED = 1e-3
-"""Metres by which the shape of a look moves an eyeball, if it turns it. [ours]: lids push an eyeball by less."""
+"""Metres by which a vertex of an eyeball moves in a shape that turns it. [ours]: lids push an eyeball by less."""
 
 _SHORT = {name.replace("Left", "L").replace("Right", "R").lower(): name for name in ARKIT if name.endswith(("Left", "Right"))}
 ARKIT_NAMES = {name.lower(): name for name in ARKIT} | _SHORT
@@ -29,4 +29,4 @@ VRM0_NAMES = {
 }  # fmt: skip
 """Preset of VRM 0.x in small letters → the preset of VRM 1.0."""
 OCULUS_NAMES = {name.lower(): name for name in ("sil", "PP", "FF", "aa", "E", "I", "O", "U")}
-"""What stands after ``viseme_``, in small letters → the viseme of Oculus, of those that are driven."""
+"""The text after ``viseme_``, in small letters → the viseme of Oculus, for those that are driven."""

@@ -1,8 +1,8 @@
-"""From the morph targets of somebody's character back to ARKit's weights: the face of an animation that a file has.
+"""From the morph targets of somebody's character back to ARKit's weights: read the face of an animation.
 
-Where the character is driven in VRM's presets or Oculus' visemes, its targets are solved for these (least squares), and these
-become ARKit weights that give the same presets again. So a clip that is read, cut and written for the same character keeps its
-face; between two characters it keeps what the smaller alphabet says.
+Where the character has VRM's presets or Oculus' visemes, these are found from its targets (least squares), and become ARKit
+weights that give the same presets again. So a clip that is read, cut and written for the same character keeps its face. For
+another character, it keeps what the smaller alphabet can say.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _SHAPES = {
     "blink": ("eyeBlinkLeft", "eyeBlinkRight"), "blinkLeft": ("eyeBlinkLeft",), "blinkRight": ("eyeBlinkRight",),
     "viseme_PP": ("mouthPressLeft", "mouthPressRight"), "viseme_FF": ("mouthRollLower",),
 }  # fmt: skip
-"""Driver that says the weight of some shapes directly → these."""
+"""Driver → the shapes whose weight it gives directly."""
 
 
 class Bind(NamedTuple):
@@ -42,27 +42,27 @@ class Bind(NamedTuple):
 
 def read_arkit(binds: Sequence[Bind], curves: Mapping[tuple[int, str], Curve], times: Array) -> Array | None:
     """ARKit weights (T, 52) of a character that has ARKit's targets; None where the animation moves none of them."""
-    chosen: dict[str, Bind] = {}
+    by_driver: dict[str, Bind] = {}
     for bind in _find_moving(binds, curves):
-        chosen.setdefault(bind.driver, bind)
+        by_driver.setdefault(bind.driver, bind)
     face = np.zeros((len(times), len(ARKIT)))
-    for name, bind in chosen.items():
+    for name, bind in by_driver.items():
         face[:, ARKIT_INDEX[name]] = _weights_of(bind.node, bind.target, curves, times)
-    return np.clip(face, 0, 1) if chosen else None
+    return np.clip(face, 0, 1) if by_driver else None
 
 
 def read_presets(
     binds: Sequence[Bind], base: Mapping[int, Array], curves: Mapping[tuple[int, str], Curve], times: Array
 ) -> Array | None:
     """ARKit weights (T, 52) that look like an animation of VRM's presets or of Oculus' visemes; None where it moves none."""
-    found = _find_moving(binds, curves)
-    if not found:
+    moving = _find_moving(binds, curves)
+    if not moving:
         return None
-    known = {(bind.node, bind.target) for bind in found if not bind.binary}  # what is on or off says little of how much
-    moved = [bind for bind in found if not bind.binary or (bind.node, bind.target) not in known]
-    names, targets = sorted({bind.driver for bind in moved}), sorted({(bind.node, bind.target) for bind in moved})
+    smooth = {(bind.node, bind.target) for bind in moving if not bind.binary}  # a binary driver says little of the weight
+    relevant = [bind for bind in moving if not bind.binary or (bind.node, bind.target) not in smooth]
+    names, targets = sorted({bind.driver for bind in relevant}), sorted({(bind.node, bind.target) for bind in relevant})
     shares = np.zeros((len(targets), len(names)))
-    for bind in moved:
+    for bind in relevant:
         shares[targets.index((bind.node, bind.target)), names.index(bind.driver)] += bind.share
     weights = np.stack([_weights_of(*target, curves, times) - base[target[0]][target[1]] for target in targets], 1)
     drivers = dict(zip(names, _solve(shares, weights).T, strict=True))
@@ -74,22 +74,22 @@ def read_presets(
 
 
 def _solve(shares: Array, weights: Array) -> Array:
-    """(T, drivers) of least squares, none below 0, of what each driver gives to each target and of (T, targets) weights."""
+    """(T, drivers) least squares, none below 0: ``shares`` (targets, drivers) of each driver, and (T, targets) ``weights``."""
     square, pull = shares.T @ shares, weights @ shares
-    found = np.zeros_like(pull)
+    solution = np.zeros_like(pull)
     for _ in range(_SWEEPS):
         for k in range(len(square)):
-            found[:, k] = np.maximum(found[:, k] + (pull[:, k] - found @ square[k]) / max(square[k, k], _TINY), 0)
-    return np.minimum(found, 1)
+            solution[:, k] = np.maximum(solution[:, k] + (pull[:, k] - solution @ square[k]) / max(square[k, k], _TINY), 0)
+    return np.minimum(solution, 1)
 
 
 def _find_moving(binds: Sequence[Bind], curves: Mapping[tuple[int, str], Curve]) -> list[Bind]:
-    """Those whose target has a curve."""
-    found = [(bind, curves.get((bind.node, "weights"))) for bind in binds]
-    return [bind for bind, curve in found if curve is not None and bind.target < curve.values.shape[1]]
+    """The binds whose target has a curve."""
+    pairs = [(bind, curves.get((bind.node, "weights"))) for bind in binds]
+    return [bind for bind, curve in pairs if curve is not None and bind.target < curve.values.shape[1]]
 
 
 def _weights_of(node: int, target: int, curves: Mapping[tuple[int, str], Curve], times: Array) -> Array:
-    """(T,) of one target alone: a mesh may have thousands of others."""
+    """(T,) weights of one target; a mesh may have thousands of others."""
     curve = curves[node, "weights"]
     return curve._replace(values=curve.values[:, target : target + 1]).at(times)[:, 0]

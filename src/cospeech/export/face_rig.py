@@ -1,7 +1,7 @@
-"""The face of somebody's character: which morph targets speak ARKit, VRM or Oculus, and what drives them.
+"""The face of somebody's character: its morph targets by the names of ARKit, VRM or Oculus, and what drives them.
 
-A character is driven in the best alphabet it knows: ARKit's 52 (as morph targets, or as VRM expressions), else VRM's
-presets, else Oculus' visemes with whatever blinks there are.
+A character is driven in the best alphabet that it has: ARKit's 52 (as morph targets, or as VRM expressions), else VRM's
+presets, else Oculus' visemes with the blinks that there are.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["Bind", "FaceRig", "looks_turn_eyes", "read_face", "target_names"]
 
 @dataclass(frozen=True, eq=False)
 class FaceRig:
-    """What moves a character's face.
+    """The shapes that move a character's face.
 
     Args:
         alphabet: ``"ARKit"``, ``"VRM"``, ``"Oculus"`` or ``""`` where nothing can be driven.
@@ -71,7 +71,7 @@ def target_names(file: GltfFile, mesh: int) -> list[str]:
 
 
 def read_face(file: GltfFile, *, eyes_are_bones: bool) -> FaceRig:
-    """Find out what the face of a character can be driven by.
+    """Find what can drive the face of a character.
 
     Args:
         file: the character.
@@ -79,16 +79,16 @@ def read_face(file: GltfFile, *, eyes_are_bones: bool) -> FaceRig:
     """
     with report_damage(file.name):
         nodes = [(k, node["mesh"]) for k, node in enumerate(file.list("nodes")) if "mesh" in node]
-        named = [(k, t, name) for k, mesh in nodes for t, name in enumerate(target_names(file, mesh))]
-        arkit = [Bind(ARKIT_NAMES[key], k, t) for k, t, name in named if (key := _key(name)) in ARKIT_NAMES]
+        shapes = [(k, t, name) for k, mesh in nodes for t, name in enumerate(target_names(file, mesh))]
+        arkit = [Bind(ARKIT_NAMES[key], k, t) for k, t, name in shapes if (key := _key(name)) in ARKIT_NAMES]
         expressions = list(_expressions(file))
         presets = [bind for name, bind in expressions if name in vrm_presets(np.zeros((1, len(ARKIT))))]
         if eyes_are_bones:
             presets = [bind for bind in presets if not bind.driver.startswith("look")]
-        oculus = [Bind(f"viseme_{v}", k, t) for k, t, name in named if (v := _viseme(name))]
+        oculus = [Bind(f"viseme_{v}", k, t) for k, t, name in shapes if (v := _viseme(name))]
         if len({bind.driver for bind in arkit}) < ENOUGH:
-            known = [(ARKIT_NAMES[name.lower()], bind) for name, bind in expressions if name.lower() in ARKIT_NAMES]
-            clips = [bind._replace(driver=name, binary=False) for name, bind in known]
+            matches = [(ARKIT_NAMES[name.lower()], bind) for name, bind in expressions if name.lower() in ARKIT_NAMES]
+            clips = [bind._replace(driver=name, binary=False) for name, bind in matches]
             arkit = clips if len({b.driver for b in clips}) > len({b.driver for b in arkit}) else arkit
         if len({bind.driver for bind in arkit}) >= ENOUGH:
             return _rig(file, "ARKit", arkit)
@@ -100,7 +100,7 @@ def read_face(file: GltfFile, *, eyes_are_bones: bool) -> FaceRig:
 
 
 def looks_turn_eyes(file: GltfFile, face: FaceRig, eyes: set[int]) -> bool:
-    """Whether the shapes of looking turn the eyeballs themselves, so that eye bones (nodes ``eyes``) have to rest."""
+    """Whether the shapes of looking turn the eyeballs themselves; then eye bones (nodes ``eyes``) have to rest."""
     with report_damage(file.name):
         for bind in face.binds:
             entry = file.list("nodes")[bind.node]
@@ -111,8 +111,8 @@ def looks_turn_eyes(file: GltfFile, face: FaceRig, eyes: set[int]) -> bool:
             for primitive in file.list("meshes")[entry["mesh"]]["primitives"]:
                 attributes, target = primitive["attributes"], primitive["targets"][bind.target]
                 on_eye = np.isin(file.accessor(attributes["JOINTS_0"], 4), own)
-                held = np.sum(file.accessor(attributes["WEIGHTS_0"], 4) * on_eye, 1) > HELD
-                if np.any(np.abs(file.accessor(target["POSITION"], 3)[held]) > MOVED):
+                eyeball = np.sum(file.accessor(attributes["WEIGHTS_0"], 4) * on_eye, 1) > HELD
+                if np.any(np.abs(file.accessor(target["POSITION"], 3)[eyeball]) > MOVED):
                     return True
         return False
 
@@ -130,7 +130,7 @@ def _rig(file: GltfFile, alphabet: str, binds: list[Bind]) -> FaceRig:
 
 
 def _key(name: str) -> str:
-    """``"Face.M_eyeBlink_L"`` → ``"eyeblinkl"``: without what stands before ARKit's name, and without signs."""
+    """``"Face.M_eyeBlink_L"`` → ``"eyeblinkl"``: without a prefix of ARKit's name, and without signs."""
     pieces = [piece for piece in re.split(r"[.:|_\s-]+", name[-LONGEST:]) if piece]
     for first in range(len(pieces)):
         key = "".join(pieces[first:]).lower()
@@ -140,8 +140,8 @@ def _key(name: str) -> str:
 
 
 def _viseme(name: str) -> str:
-    found = re.search(r"viseme[._\s-]*([a-z]+)$", name[-LONGEST:], re.IGNORECASE)
-    return OCULUS_NAMES.get(found[1].lower(), "") if found else ""
+    match = re.search(r"viseme[._\s-]*([a-z]+)$", name[-LONGEST:], re.IGNORECASE)
+    return OCULUS_NAMES.get(match[1].lower(), "") if match else ""
 
 
 def _expressions(file: GltfFile) -> Iterator[tuple[str, Bind]]:

@@ -32,7 +32,7 @@ _THREADS = 1  # of the encoder; a second one takes a third more processor time. 
 # larger and looks the same, in less than half the time
 _X264 = "scenecut=0:b-adapt=0:rc-lookahead=0:weightp=0:ref=1:me=dia:subme=0:partitions=none:trellis=0:8x8dct=0"
 MADE_BY = ("comment", "cospeech")
-"""Of the file's metadata."""
+"""Key and value in the file's metadata."""
 _ENCODERS = {
     "libx264": {"crf": "21", "preset": "veryfast", "tune": "animation", "mbtree": "0", "x264-params": _X264},
     "libopenh264": {"b": "2500000"},
@@ -47,8 +47,8 @@ class FilmEncoder:
         path: of the file, whatever its suffix.
         size: (width, height) in pixels; odd numbers are made even, as H.264 wants.
         rate: pictures per second.
-        blank: (H, W, 3) the bare backdrop, which patches are laid over.
-        sounds: files that are heard together; where they are longer than the pictures, they are cut.
+        blank: (H, W, 3) the bare backdrop, under the patches.
+        sounds: files that are mixed; they are cut where they are longer than the pictures.
 
     Raises:
         InputError: PyAV is not installed, or a sound cannot be read.
@@ -58,8 +58,8 @@ class FilmEncoder:
         self, path: Path, size: tuple[int, int], rate: float, blank: np.ndarray, sounds: Sequence[str | PathLike[str]]
     ) -> None:
         self._av = import_pyav()
-        self._reformatter = self._av.video.reformatter.VideoReformatter()  # kept: it prepares itself for a size once
-        self._size, self._rate, self._pictures, self._heard = size, rate, 0, 0
+        self._reformatter = self._av.video.reformatter.VideoReformatter()  # one for all: it prepares for a size once
+        self._size, self._rate, self._pictures, self._sample_count = size, rate, 0, 0
         self._container: Any = None
         self._speech = SoundMix(sounds, _AUDIO_RATE) if sounds else None
         self._sound: Iterator[np.ndarray] = iter(()) if self._speech is None else self._speech.blocks()
@@ -70,7 +70,7 @@ class FilmEncoder:
             raise
 
     def _open(self, path: Path, blank: np.ndarray) -> None:
-        # the name of the temporary file ends as the path's does, in upper case perhaps: hence the format by name
+        # the temporary file has the suffix of the path, perhaps in upper case: hence the format by name
         self._container = self._av.open(str(path), "w", format="mp4", options=_CONTAINER)
         self._container.metadata.update([MADE_BY])
         self._video = self._add_video()
@@ -88,21 +88,21 @@ class FilmEncoder:
         video.pix_fmt = "yuv420p"
         video.codec_context.thread_count = _THREADS
         video.codec_context.time_base = 1 / rate
-        # BT.709, limited range: said in the file, so that all players show the same colours
+        # BT.709, limited range: stated in the file, so that all players show the same colours
         video.codec_context.colorspace, video.codec_context.color_range = 1, 1
         video.codec_context.color_primaries, video.codec_context.color_trc = 1, 1
         return video
 
     def add(self, patch: Patch) -> None:
-        """The next picture: the bare backdrop with this part."""
+        """Encode the next picture: the bare backdrop with this part."""
         frame = self._av.VideoFrame(self._video.width, self._video.height, "yuv420p")
-        changed = self._planes_of(patch.pixels) if patch.pixels.size else ()
+        planes = self._planes_of(patch.pixels) if patch.pixels.size else ()
         for k, (plane, bare) in enumerate(zip(_views(frame), self._bare, strict=True)):
             plane[:] = bare
-            if changed:
+            if planes:
                 top, left = (patch.top, patch.left) if k == 0 else (patch.top // 2, patch.left // 2)
-                height, width = changed[k].shape
-                plane[top : top + height, left : left + width] = changed[k]
+                height, width = planes[k].shape
+                plane[top : top + height, left : left + width] = planes[k]
         frame.pts, frame.duration, frame.time_base = self._pictures, 1, self._video.codec_context.time_base
         self._container.mux(self._video.encode(frame))
         self._pictures += 1
@@ -118,7 +118,7 @@ class FilmEncoder:
 
     def _speak(self, until: Fraction) -> None:
         """Encode speech up to a time in seconds, so that sound and picture lie side by side in the file."""
-        while self._voice is not None and self._heard < until * _AUDIO_RATE:
+        while self._voice is not None and self._sample_count < until * _AUDIO_RATE:
             block = next(self._sound, None)
             if block is None:
                 return
@@ -127,8 +127,8 @@ class FilmEncoder:
 
     def _hear(self, samples: np.ndarray) -> None:
         frame = self._av.AudioFrame.from_ndarray(np.clip(samples, -1, 1)[None], format="fltp", layout="mono")
-        frame.sample_rate, frame.pts, frame.time_base = _AUDIO_RATE, self._heard, Fraction(1, _AUDIO_RATE)
-        self._heard += len(samples)
+        frame.sample_rate, frame.pts, frame.time_base = _AUDIO_RATE, self._sample_count, Fraction(1, _AUDIO_RATE)
+        self._sample_count += len(samples)
         self._container.mux(self._voice.encode(frame))
 
     def close(self) -> None:
@@ -156,7 +156,7 @@ def _views(frame: Any) -> list[np.ndarray]:
 
 
 def import_pyav() -> ModuleType:
-    """PyAV.
+    """Import PyAV.
 
     Raises:
         InputError: it is not installed.

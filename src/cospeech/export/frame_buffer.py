@@ -1,4 +1,4 @@
-"""A temporary file that takes frames as they come and gives each track back in one piece."""
+"""A temporary file that takes frames as they come, and gives each track in one piece."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class FrameBuffer:
         self.widths, self.frames = tuple(widths), 0
         self._starts = np.concatenate([[0], np.cumsum(self.widths)]).astype(int)
         self._pending = np.empty((_BLOCK, self._starts[-1]), "<f4")
-        self._filled = 0
+        self._count = 0
         self.lows = np.full(self._starts[-1], np.inf)
         self.highs = np.full(self._starts[-1], -np.inf)
         try:
@@ -47,18 +47,18 @@ class FrameBuffer:
         if len(rows):
             self.lows, self.highs = np.minimum(self.lows, rows.min(0)), np.maximum(self.highs, rows.max(0))
         while len(rows):
-            some = rows[: _BLOCK - self._filled]
-            self._pending[self._filled : self._filled + len(some)] = some
-            self._filled += len(some)
+            some = rows[: _BLOCK - self._count]
+            self._pending[self._count : self._count + len(some)] = some
+            self._count += len(some)
             self.frames += len(some)
             rows = rows[len(some) :]
-            if self._filled == _BLOCK:
+            if self._count == _BLOCK:
                 self._flush()
 
     def _flush(self) -> None:
         for a, b in zip(self._starts[:-1], self._starts[1:], strict=True):
-            self._file.write(np.ascontiguousarray(self._pending[: self._filled, a:b]).tobytes())
-        self._filled = 0
+            self._file.write(np.ascontiguousarray(self._pending[: self._count, a:b]).tobytes())
+        self._count = 0
 
     def constant(self, track: int) -> bool:
         """Whether all frames of a track are the same."""
@@ -67,13 +67,13 @@ class FrameBuffer:
 
     def blocks(self, track: int) -> Iterator[Array]:
         """The frames of one track in order, as float32 arrays ``(≤ 1024, width)``."""
-        tail = self._filled
-        done, row = 0, int(self._starts[-1]) * 4
+        tail = self._count
+        first, row = 0, int(self._starts[-1]) * 4
         width = self.widths[track]
-        while done < self.frames - tail:
-            self._file.seek(done * row + int(self._starts[track]) * 4 * _BLOCK)
+        while first < self.frames - tail:
+            self._file.seek(first * row + int(self._starts[track]) * 4 * _BLOCK)
             yield np.frombuffer(self._file.read(_BLOCK * width * 4), "<f4").reshape(-1, width)
-            done += _BLOCK
+            first += _BLOCK
         if tail:
             yield self._pending[:tail, self._starts[track] : self._starts[track + 1]]
         self._file.seek(0, 2)

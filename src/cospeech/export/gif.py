@@ -1,4 +1,4 @@
-"""``.gif``: a moving picture for places that show no video, a README say; it loops for ever.
+"""``.gif``: a moving picture for places that show no video, such as a README; it loops for ever.
 
 All pictures share one palette, made from the first two seconds, and each holds only what has changed since the one before,
 so that some seconds stay within two or three megabytes.
@@ -24,7 +24,7 @@ __all__ = ["Writer"]
 
 _SIZE = (480, 480)  # ours: a little more than half of a README's column
 _MOST_RATE = 15.0  # pictures per second; ours: smooth enough for gestures, and half the bytes of 30
-_RATES = (1.0, 50.0)  # browsers slow down pictures that ask for less than 2/100 s
+_RATES = (1.0, 50.0)  # browsers slow down pictures of less than 2/100 s
 _BACKDROP_COLOURS = 48  # of the palette at most, so that the backdrop shows no bands
 _CLEAR = 255  # the index that means "as before"
 _PALETTE_FROM = 30  # pictures that the palette is made from
@@ -61,9 +61,9 @@ class Writer(MovingWriter):
             raise InputError(f"{rate} pictures per second in a .gif", f"{_RATES[0]:g} … {_RATES[1]:g}")
         super().__init__(path, skeleton=skeleton, fps=fps, audio=audio, rate=rate, size=size, camera=camera, **look)
         self._file: BinaryIO | None = None
-        self._held: list[Pictures] = []
+        self._pending: list[Pictures] = []
         self._before: NDArray[np.uint8] | None = None
-        self._written = 0
+        self._count = 0
 
     def _open(self, temporary: Path) -> None:
         self._file = temporary.open("wb")
@@ -73,8 +73,8 @@ class Writer(MovingWriter):
         if self._before is not None:
             self._append(picture)
             return
-        self._held.append(picture)
-        if len(self._held) == _PALETTE_FROM:
+        self._pending.append(picture)
+        if len(self._pending) == _PALETTE_FROM:
             self._head()
 
     def _close(self) -> None:
@@ -90,42 +90,42 @@ class Writer(MovingWriter):
             self._file.close()
 
     def _head(self) -> None:
-        """Choose the palette, write the file's head and the pictures held back."""
+        """Choose the palette; write the file's head and the pictures that wait."""
         from PIL import Image
 
-        some = np.concatenate(self._held[:: max(1, len(self._held) // 5)])
+        some = np.concatenate(self._pending[:: max(1, len(self._pending) // 5)])
         edge = np.unique(some[:, 0], axis=0)  # the picture's left edge shows the backdrop
         edge = edge[:: -(-len(edge) // _BACKDROP_COLOURS)]
         figure = some[(some != some[:, :1]).any(2)].reshape(1, -1, 3)
         count = _CLEAR - len(edge)
-        chosen = Image.fromarray(figure if figure.size else some).quantize(count, method=Image.Quantize.MEDIANCUT, kmeans=1)
-        colours = edge.tobytes() + bytes(chosen.getpalette() or [])[: 3 * count]
+        palette = Image.fromarray(figure if figure.size else some).quantize(count, method=Image.Quantize.MEDIANCUT, kmeans=1)
+        colours = edge.tobytes() + bytes(palette.getpalette() or [])[: 3 * count]
         colours += edge.tobytes()[:3] * (256 - len(colours) // 3)
         self._palette = Image.new("P", (1, 1))
         self._palette.putpalette(colours)
         assert self._file is not None
         self._file.write(b"GIF89a" + struct.pack("<HHBBB", *self.size, 0xF7, 0, 0) + colours)
         self._file.write(b"!\xff\x0bNETSCAPE2.0\x03\x01" + struct.pack("<H", 0) + b"\0")  # 0: loop for ever
-        held, self._held = self._held, []
-        for picture in held:
+        pictures, self._pending = self._pending, []
+        for picture in pictures:
             self._append(picture)
 
     def _append(self, picture: Pictures) -> None:
-        """Write what differs from the picture before."""
+        """Write the part that differs from the picture before."""
         from PIL import GifImagePlugin, Image
 
         index = np.asarray(Image.fromarray(picture).quantize(palette=self._palette, dither=Image.Dither.NONE))
         left, top, part = 0, 0, index
         if self._before is not None:
-            changed = index != self._before
-            rows, columns = np.flatnonzero(changed.any(1)), np.flatnonzero(changed.any(0))
+            differs = index != self._before
+            rows, columns = np.flatnonzero(differs.any(1)), np.flatnonzero(differs.any(0))
             top, bottom = (rows[0], rows[-1] + 1) if len(rows) else (0, 1)
             left, right = (columns[0], columns[-1] + 1) if len(columns) else (0, 1)
-            part = np.where(changed, index, np.uint8(_CLEAR))[top:bottom, left:right]
+            part = np.where(differs, index, np.uint8(_CLEAR))[top:bottom, left:right]
         self._before = index
         # in hundredths of a second, rounded so that the sum never drifts
-        ticks = round(100 * (self._written + 1) / self.rate) - round(100 * self._written / self.rate)
-        self._written += 1
+        ticks = round(100 * (self._count + 1) / self.rate) - round(100 * self._count / self.rate)
+        self._count += 1
         image = Image.fromarray(np.ascontiguousarray(part))
         assert self._file is not None
         options = {"duration": 10 * ticks, "transparency": _CLEAR, "disposal": 1}

@@ -1,4 +1,4 @@
-"""Our mannequin, moving, as a binary glTF file; and animated characters of this and other makes read back.
+"""Write our mannequin, moving, as a binary glTF file; read animated characters, ours and others.
 
 A skin is always there (Blender makes Empties of bare nodes), morph targets carry ARKit's names in ``mesh.extras.targetNames``,
 joints have identity rest rotations, rotations are keyed on every frame and translation on the hips only. Morph offsets are
@@ -81,7 +81,7 @@ class Writer(BaseWriter):
 
 
 class CharacterScene:
-    """What the writer needs to put motion on a figure of ours: the document, its tracks, and rows of numbers for them."""
+    """Gives the writer what it needs for motion on a figure of ours: the document, its tracks, and rows of numbers for them."""
 
     def __init__(self, character: Character) -> None:
         self.builder, joints, self._faces = character_document(character)
@@ -145,8 +145,8 @@ def _primitive(builder: GltfBuilder, part: Part) -> dict[str, Any]:
     base = np.ones(3) if colour.ndim == 2 else colour
     if colour.ndim == 2:  # 16 bits: the values are linear, and 8 would band in the shadows
         rgba = np.concatenate([colour, np.ones((len(colour), 1))], 1)
-        fixed = np.round(rgba * 65535).astype(np.uint16)
-        attributes["COLOR_0"] = builder.add(fixed, "VEC4", target=_ARRAY, normalized=True)
+        levels = np.round(rgba * 65535).astype(np.uint16)
+        attributes["COLOR_0"] = builder.add(levels, "VEC4", target=_ARRAY, normalized=True)
     surface = {"baseColorFactor": [*base.tolist(), 1.0], "metallicFactor": 0.0, "roughnessFactor": float(part.roughness)}
     primitive: dict[str, Any] = {
         "attributes": attributes,

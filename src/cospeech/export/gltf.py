@@ -1,6 +1,6 @@
 """Reading glTF 2.0 files without trusting them.
 
-Only what a moving character needs: buffers, accessors (sparse, normalised and strided ones too), the node tree. Section
+Read only what a moving character needs: buffers, accessors (also sparse, normalised and strided ones), the node tree. Section
 numbers are those of the glTF 2.0 specification (Khronos, 2021).
 """
 
@@ -27,12 +27,12 @@ COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5
 """Code of a component type → numpy dtype."""
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 """Type of an accessor → numbers per element."""
-_FREE, _PER_BYTE = 8_000_000, 16  # ours: numbers that all accessors together may have, beside so many per byte of the file
+_FREE, _PER_BYTE = 8_000_000, 16  # ours: numbers that all accessors together may have, and so many more per byte of the file
 
 
 @contextmanager
 def report_damage(name: str) -> Iterator[None]:
-    """Turn what damaged JSON provokes (wrong types, missing keys, indices out of range) into an `InputError`."""
+    """Turn errors that damaged JSON causes (wrong types, missing keys, indices out of range) into an `InputError`."""
     try:
         yield
     except CospeechError:
@@ -53,7 +53,7 @@ class GltfFile:
 
     def __init__(self, document: dict[str, Any], binary: bytes, name: str, size: int | None = None) -> None:
         self.json, self.name, self.size = document, name, len(binary) if size is None else size
-        self._binary, self._left = binary, _FREE + _PER_BYTE * self.size
+        self._binary, self._remaining = binary, _FREE + _PER_BYTE * self.size
         for key in ("nodes", "meshes", "accessors", "bufferViews", "buffers", "animations", "skins", "scenes"):
             value = document.get(key, [])
             if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
@@ -79,8 +79,8 @@ class GltfFile:
                 k = parents[k]
             if k >= 0 and state[k] == 1:
                 raise InputError(f"{self.name} is damaged: node {k} is its own ancestor", "export it again")
-            for passed in path:
-                state[passed] = 2
+            for each in path:
+                state[each] = 2
         return parents
 
     def curves(self, index: int) -> dict[tuple[int, str], Any] | None:
@@ -107,7 +107,7 @@ class GltfFile:
         return self._buffers[index]
 
     def view(self, index: int) -> bytes:
-        """The bytes of a buffer view, an embedded image's say; an `InputError` where it is out of bounds."""
+        """The bytes of a buffer view, such as those of an embedded image; an `InputError` where it is out of bounds."""
         with report_damage(self.name):
             length = _natural(self.list("bufferViews")[_natural(index)]["byteLength"])
             return self._view(index, 0, 1, length, length).tobytes()
@@ -138,8 +138,8 @@ class GltfFile:
                 raise InputError(f"{self.name} is damaged: accessor {index} is {entry['type']}", f"expected {width} components")
             if count * width > (GLTF_VALUES if "bufferView" in entry else GLTF_ZEROS):
                 raise InputError(f"{self.name}: accessor {index} has {count} elements", "is it damaged?")
-            self._left -= count * width
-            if self._left < 0:  # accessors may share their bytes, or have none
+            self._remaining -= count * width
+            if self._remaining < 0:  # accessors may share their bytes, or have none
                 most = _FREE + _PER_BYTE * self.size
                 raise InputError(f"{self.name} asks for more than {most:,} numbers in {self.size:,} bytes", "is it damaged?")
             size = dtype.itemsize * width
@@ -153,7 +153,7 @@ class GltfFile:
             return _as_numbers(values, bool(entry.get("normalized", False)), self.name)
 
     def _sparse(self, values: Array, sparse: dict[str, Any], size: int) -> Array:
-        """Lay the listed elements over the others (3.6.2.3)."""
+        """Replace the listed elements (3.6.2.3)."""
         count, indices = _natural(sparse["count"]), sparse["indices"]
         kind = np.dtype(COMPONENTS[indices["componentType"]])
         at = np.ascontiguousarray(self._view(indices["bufferView"], indices.get("byteOffset", 0), count, kind.itemsize))
@@ -179,8 +179,8 @@ def _as_numbers(values: Array, normalized: bool, name: str) -> Array:
         return values
     if not normalized:
         return values
-    scaled = values.astype(np.float32) / np.iinfo(values.dtype).max  # 3.11, "dequantisation"
-    return np.maximum(scaled, -1) if values.dtype.kind == "i" else scaled
+    numbers = values.astype(np.float32) / np.iinfo(values.dtype).max  # 3.11, "dequantisation"
+    return np.maximum(numbers, -1) if values.dtype.kind == "i" else numbers
 
 
 def read_glb(path: str | PathLike[str]) -> GltfFile:

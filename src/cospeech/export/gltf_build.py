@@ -1,4 +1,4 @@
-"""Writing glTF 2.0 binary files in one pass, with data that need not fit in memory.
+"""Write glTF 2.0 binary files in one pass, with data that need not fit in memory.
 
 Section numbers are those of the glTF 2.0 specification (Khronos, 2021).
 """
@@ -23,8 +23,8 @@ __all__ = ["GltfBuilder"]
 class GltfBuilder:
     """Collects a document and its data, then writes both; data may come in blocks, so that it need not fit in memory.
 
-    ``json`` is the document to fill in; ``first`` bytes are put at the start of the binary chunk as they are (for copies of
-    other files, whose buffer views stay valid).
+    ``json`` is the document to fill in; ``first``: bytes at the start of the binary chunk (for copies of other files, whose
+    buffer views stay valid).
     """
 
     def __init__(self, document: dict[str, Any], first: bytes = b"") -> None:

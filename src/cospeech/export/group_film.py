@@ -1,4 +1,4 @@
-"""An ``.mp4`` of several characters side by side, each seen from the side of the others, as in a film of a conversation."""
+"""Write an ``.mp4`` of several characters side by side, each seen from the side of the others, as in films of conversations."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ def write_group_film(
     avatars: Sequence[Avatar | str | PathLike[str] | None],
     angle: float = 0.0,
 ) -> None:
-    """Draw characters that talk to each other.
+    """Write a film of characters that talk to each other.
 
     Args:
         path: of the film.
         moving: pieces of the motion of all: the same frames of each.
         fps: of the motion.
-        sounds: files that are heard together.
+        sounds: files that are mixed.
         avatars: one for each character, in place of our mannequin; from the left to the right.
         angle: degrees by which each of two is turned away from the other one.
 
@@ -72,7 +72,7 @@ def write_group_film(
 
 
 def check_group_film(count: int) -> None:
-    """See, before there is any motion, that a film of so many characters can be made.
+    """Check that a film of so many characters can be made, before there is any motion.
 
     Raises:
         InputError: there are too many or too few, or PyAV is not installed.
@@ -85,7 +85,7 @@ def check_group_film(count: int) -> None:
 
 
 class _Film:
-    """A pane for each character."""
+    """Draws a pane for each character."""
 
     def __init__(
         self, temporary: Path, fps: float, sounds: Sequence[str | PathLike[str]],
@@ -97,21 +97,21 @@ class _Film:
         self._streams, self._waiting = list[FrameStream](), [deque[Patch]() for _ in avatars]
         side = max(SIDE - angle, 0.0)
         for k, subject in enumerate(self._subjects):
-            turned = replace(_VIEW, yaw=side * (2 * k / (count - 1) - 1))
-            look = Look(self._width, _HEIGHT, subject.fit(turned), colour, subject.path, subject.bone_map, shirt=k)
+            view = replace(_VIEW, yaw=side * (2 * k / (count - 1) - 1))
+            look = Look(self._width, _HEIGHT, subject.fit(view), colour, subject.path, subject.bone_map, shirt=k)
             self._streams.append(FrameStream(look, fps, rate, subject.character))
         blank = np.concatenate([draw_backdrop(self._width, _HEIGHT, colour)] * count, 1)
         self._blank = blank
         self._encoder = FilmEncoder(temporary, (self._width * count, _HEIGHT), rate, blank, sounds)
 
     def add(self, motions: Sequence[Motion]) -> None:
-        """The next frames of all."""
+        """Take the next frames of all characters."""
         for stream, subject, waiting, motion in zip(self._streams, self._subjects, self._waiting, motions, strict=True):
             waiting.extend(stream.push(subject.pose(motion)))
         self._encode()
 
     def finish(self) -> None:
-        """The rest of the pictures, and the end of the file."""
+        """Encode the rest of the pictures, and end the file."""
         for stream, waiting in zip(self._streams, self._waiting, strict=True):
             waiting.extend(stream.flush())
         self._encode()
@@ -122,15 +122,15 @@ class _Film:
             self._encoder.add(self._join([waiting.popleft() for waiting in self._waiting]))
 
     def _join(self, patches: Sequence[Patch]) -> Patch:
-        """One part of the whole picture, which has those of all panes in it."""
-        placed = [patch._replace(left=patch.left + k * self._width) for k, patch in enumerate(patches) if patch.pixels.size]
-        if not placed:
+        """Join the patches of all panes into one patch of the whole picture."""
+        visible = [patch._replace(left=patch.left + k * self._width) for k, patch in enumerate(patches) if patch.pixels.size]
+        if not visible:
             return patches[0]
-        top, left = min(patch.top for patch in placed), min(patch.left for patch in placed)
-        bottom = max(patch.top + patch.pixels.shape[0] for patch in placed)
-        right = max(patch.left + patch.pixels.shape[1] for patch in placed)
+        top, left = min(patch.top for patch in visible), min(patch.left for patch in visible)
+        bottom = max(patch.top + patch.pixels.shape[0] for patch in visible)
+        right = max(patch.left + patch.pixels.shape[1] for patch in visible)
         whole = self._blank[top:bottom, left:right].copy()
-        for patch in placed:
+        for patch in visible:
             patch._replace(top=patch.top - top, left=patch.left - left).paste(whole)
         return Patch(top, left, whole)
 

@@ -30,7 +30,7 @@ __all__ = ["Writer"]
 
 VIEWER = Path(__file__).parents[1] / "assets" / "studio"
 """Folder of ``viewer.js`` and ``viewer.css``."""
-_SOUND_RATE = 32_000  # Hz; ours: speech has nothing to say above 16 kHz, and MPEG-1 Layer III knows this rate
+_SOUND_RATE = 32_000  # Hz; ours: speech has next to no sound above 16 kHz, and MPEG-1 Layer III has this rate
 _BLOCK = 3 * 2**18  # bytes that are turned into base64 at once; three bytes make four letters
 _PAGE = """<!doctype html>
 <html lang="en">
@@ -86,7 +86,7 @@ class Writer(BaseWriter):
         inner = GlbWriter(self._character, skeleton=self.skeleton, fps=self.fps, avatar=avatar)
         inner.__enter__()
         self._inner = inner
-        if self.audio is not None:  # what cannot be read is to be known before the work
+        if self.audio is not None:  # a file that cannot be read is reported before the work
             open_speech(self.audio).close()
 
     def _write(self, motion: Motion) -> None:
@@ -127,31 +127,31 @@ def _read_viewer(name: str) -> str:
 
 
 def _write_mp3(audio: str | PathLike[str], path: Path, seconds: float) -> None:
-    """The speech, mono, with a variable bit rate: the header that this has lets players seek exactly. Silence follows it,
-    where it ends before so many seconds, the time of the last frame: the page's clock is the sound's."""
+    """Write the speech, mono, with a variable bit rate, whose header lets players seek exactly. Silence follows it up to
+    ``seconds``, the time of the last frame: the page's clock is the sound's."""
     import soundfile
 
     options = {"format": "MP3", "subtype": "MPEG_LAYER_III", "bitrate_mode": "VARIABLE", "compression_level": 0.5}
     with open_speech(audio, rate=_SOUND_RATE) as source, soundfile.SoundFile(path, "w", _SOUND_RATE, 1, **options) as sound:
-        left = round(seconds * _SOUND_RATE)
+        rest = round(seconds * _SOUND_RATE)
         for block in source.blocks():
             sound.write(block)
-            left -= len(block)
-        for first in range(0, left, _SOUND_RATE):
-            sound.write(np.zeros(min(_SOUND_RATE, left - first), np.float32))
+            rest -= len(block)
+        for first in range(0, rest, _SOUND_RATE):
+            sound.write(np.zeros(min(_SOUND_RATE, rest - first), np.float32))
 
 
 def _policy(script: str, style: str) -> str:
-    """Only this script and this style; nothing comes from elsewhere (CSP level 3, hash sources)."""
+    """A policy that allows only this script and this style, and nothing from elsewhere (CSP level 3, hash sources)."""
     sources = {"script": script, "style": style}
     hashes = {name: base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for name, text in sources.items()}
     own = "; ".join(f"{name}-src 'sha256-{digest}'" for name, digest in hashes.items())
-    made = "img-src blob: data:; media-src blob:; connect-src blob: data:"  # what the viewer makes of the page's own bytes
-    return f"default-src 'none'; {own}; {made}; base-uri 'none'; form-action 'none'"
+    blobs = "img-src blob: data:; media-src blob:; connect-src blob: data:"  # the viewer makes them of the page's own bytes
+    return f"default-src 'none'; {own}; {blobs}; base-uri 'none'; form-action 'none'"
 
 
 def _embed(page: IO[str], name: str, blocks: Iterator[bytes], attributes: str) -> None:
-    """Bytes as the text of an element that no browser runs."""
+    """Write bytes as the text of an element that no browser runs."""
     page.write(f'<script type="text/plain" id="{name}" {attributes}>')
     rest = b""
     for block in blocks:

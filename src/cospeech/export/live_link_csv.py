@@ -3,11 +3,11 @@
 The app spells ARKit's names in PascalCase and has *JawRight before JawLeft and MouthRight before MouthLeft*; all else is
 ARKit's order. Columns are therefore written in the app's order and read by name.
 
-Angles (head, left eye, right eye) are radians, as in ARKit's ``eulerAngles``, whose face axes are ours (+X to the
-character's left, +Y up, +Z out of the face): intrinsic YXZ, so that positive yaw turns to the character's own left,
-positive pitch looks down, positive roll tilts the crown to its right. The head is taken relative to the upper chest, since
-importers lay it on a body that moves by itself. The app's maker states no unit; see ``docs`` of your importer if a head
-turns too far (Unreal's own streaming plugin divides degrees by 180 instead).
+Angles (head, left eye, right eye) are radians, as in ARKit's ``eulerAngles``, whose face axes are ours (+X to the character's
+left, +Y up, +Z out of the face): intrinsic YXZ, so that positive yaw turns to the character's own left, positive pitch looks
+down, positive roll tilts the crown to its right. The head is taken relative to the upper chest, since importers lay it on a
+body that moves by itself. The app's maker states no unit; see the documents of your importer if a head turns too far (Unreal's
+own streaming plugin divides degrees by 180 instead).
 """
 
 from __future__ import annotations
@@ -83,16 +83,16 @@ def head_and_eyes(motion: Motion) -> Array:
     """(T, 9) yaw, pitch, roll of the head (relative to the upper chest) and of both eyes, radians."""
     skeleton, q = motion.skeleton, motion.rotations
     head = quat_multiply(q[:, skeleton.index["neck"]], q[:, skeleton.index["head"]])
-    turned = [head, q[:, skeleton.index["leftEye"]], q[:, skeleton.index["rightEye"]]]
-    return np.concatenate([quat_to_euler(x.astype(np.float64), "YXZ") for x in turned], 1)
+    turns = [head, q[:, skeleton.index["leftEye"]], q[:, skeleton.index["rightEye"]]]
+    return np.concatenate([quat_to_euler(x.astype(np.float64), "YXZ") for x in turns], 1)
 
 
 def load(path: str | PathLike[str], *, fps: float | None = None) -> Motion:
     """Read a recording of the app (or of ours): face, head and eyes on a standing body.
 
-    Rows that the app left empty (``BlendShapeCount`` 0) are bridged; uneven clocks are put on a constant rate, and in a gap
-    the values change linearly. ``fps`` says how many frames the timecode counts per second, where that cannot be seen in the
-    file (clips under a second).
+    Rows that the app left empty (``BlendShapeCount`` 0) are bridged. Uneven clocks are put on a constant rate, and in a gap the
+    values change linearly. ``fps``: how many frames the timecode counts per second, where the file does not show it (clips
+    under a second).
 
     Raises:
         InputError: no such header, a row with missing or non-finite values, a broken timecode, no rows, or times so far apart
@@ -158,7 +158,7 @@ def _timecode(cell: str, line: int) -> tuple[float, float]:
 
 
 def _seconds(stamps: Array, fps: float | None) -> Array:
-    """(T, 2) whole seconds and frames → seconds from the first row; the frames per second are those the timecode counts."""
+    """(T, 2) whole seconds and frames → seconds from the first row, at the frames per second that the timecode counts."""
     seconds, frames = np.unwrap(stamps[:, 0], period=86400), stamps[:, 1]  # recordings may run past midnight
     most = int(frames.max()) + 1
     wraps = bool(np.any(np.diff(seconds) > 0))
@@ -188,13 +188,13 @@ def _motion(values: Array, columns: dict[str, int], fps: float) -> Motion:
         face[:, k] = np.clip(column(name), 0, 1)
     motion = make_standing(len(values), fps=fps, face=face)
     skeleton: Skeleton = motion.skeleton
-    turned = {
+    turns = {
         part: euler_to_quat(np.stack([column(part + angle) for angle in ("Yaw", "Pitch", "Roll")], 1), "YXZ")
         for part in ("Head", "LeftEye", "RightEye")
     }
-    neck = quat_slerp(quat_identity(len(values)), turned["Head"], np.full(len(values), _NECK_SHARE))
+    neck = quat_slerp(quat_identity(len(values)), turns["Head"], np.full(len(values), _NECK_SHARE))
     motion.rotations[:, skeleton.index["neck"]] = neck
-    motion.rotations[:, skeleton.index["head"]] = quat_multiply(quat_conjugate(neck), turned["Head"])
-    motion.rotations[:, skeleton.index["leftEye"]] = turned["LeftEye"]
-    motion.rotations[:, skeleton.index["rightEye"]] = turned["RightEye"]
+    motion.rotations[:, skeleton.index["head"]] = quat_multiply(quat_conjugate(neck), turns["Head"])
+    motion.rotations[:, skeleton.index["leftEye"]] = turns["LeftEye"]
+    motion.rotations[:, skeleton.index["rightEye"]] = turns["RightEye"]
     return motion

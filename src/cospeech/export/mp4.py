@@ -1,7 +1,7 @@
 """``.mp4``: preview video, H.264 in yuv420p with the speech as AAC; plays in browsers, chats and every editor.
 
-Motion and speech both start at time 0. The first bytes say where everything is ("faststart"), so that the film starts while
-it is still being loaded. Needs PyAV, which carries FFmpeg: ``pip install -e '.[av]'``.
+Motion and speech both start at time 0. The index is at the beginning ("faststart"), so that a film starts while it is still
+being loaded. Needs PyAV, which carries FFmpeg: ``pip install -e '.[av]'``.
 """
 
 from __future__ import annotations
@@ -78,5 +78,5 @@ def is_own_film(path: Path) -> bool:
         with av.open(str(path)) as film:
             key, name = MADE_BY
             return bool(film.metadata.get(key) == name)
-    except (ImportError, OSError, ValueError):  # those of FFmpeg are among the last two
+    except (ImportError, OSError, ValueError):  # FFmpeg's errors are of the last two kinds
         return False

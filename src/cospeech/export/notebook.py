@@ -1,4 +1,4 @@
-"""A motion in the output of a notebook's cell: the page of `cospeech.export.html_page` in a frame.
+"""Show a motion in the output of a notebook's cell: the page of `cospeech.export.html_page` in a frame.
 
 The page is part of the notebook, so it works without cospeech and without a network. Where the viewer has not been built, a
 strip of pictures takes its place.
@@ -25,7 +25,7 @@ _FRAME = (
 
 
 class NotebookView:
-    """What a notebook shows of a motion, when it is the last line of a cell.
+    """The view of a motion that a notebook shows when it is the last line of a cell.
 
     Args:
         page: the page, or None.
@@ -42,7 +42,7 @@ class NotebookView:
     def _repr_html_(self) -> str | None:
         if self._page is None:
             return None
-        plain = html.escape(self._page).encode("ascii", "xmlcharrefreplace").decode()  # whatever the encoding of what is around
+        plain = html.escape(self._page).encode("ascii", "xmlcharrefreplace").decode()  # whatever the encoding of the notebook
         return _FRAME.format(page=plain, height=self._height)
 
     def _repr_png_(self) -> bytes | None:
@@ -59,10 +59,10 @@ def show(
     """The view of a motion; arguments as of `Motion.show`."""
     if not _HEIGHTS[0] <= height <= _HEIGHTS[1]:
         raise InputError(f"a view {height} pixels high", f"{_HEIGHTS[0]} … {_HEIGHTS[1]}")
-    built = (html_page.VIEWER / "viewer.js").is_file()
+    has_viewer = (html_page.VIEWER / "viewer.js").is_file()
     with workplace(scratch()) as folder:
-        path = folder / ("motion.html" if built else "motion.png")
+        path = folder / ("motion.html" if has_viewer else "motion.png")
         save(motion, path, audio=audio, avatar=avatar)
-        if built:
+        if has_viewer:
             return NotebookView(path.read_text("utf-8"), None, height)
         return NotebookView(None, path.read_bytes(), height)

@@ -4,10 +4,10 @@
 ``model 'smplx2020'``, ``gender 'neutral'``, ``mocap_frame_rate`` (PantoMatrix, ``emage_utils/motion_io.py``). Strings are
 ``<U`` arrays, so that ``allow_pickle=False`` reads them.
 
-FLAME's expression coefficients cannot be derived without the licensed face model: ``expressions`` is zero, the jaw joint
-opens by ``jawOpen`` × 0.35 rad, and the whole face is in two keys of our own, ``arkit (T, 52)`` and ``arkit_names``.
-``trans`` is the pelvis minus its place in SMPL-X's neutral template, as SMPL-X adds that itself. AMASS' files are read,
-too: see `smpl_bodies`.
+FLAME's expression coefficients cannot be derived without the licensed face model: ``expressions`` is zero, the jaw joint opens
+by ``jawOpen`` × 0.35 rad, and the whole face is in two keys of our own, ``arkit (T, 52)`` and ``arkit_names``. ``trans`` is the
+pelvis minus its place in SMPL-X's neutral template, because SMPL-X adds that itself. AMASS' files are read, too: see
+`smpl_bodies`.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class Writer(BaseWriter):
 
 
 def _pack(archive: zipfile.ZipFile, key: str, shape: tuple[int, ...], blocks: Iterable[Array]) -> None:
-    """One ``.npy`` member of ``shape``, written in blocks."""
+    """Write one ``.npy`` member of ``shape``, in blocks."""
     with archive.open(f"{key}.npy", "w", force_zip64=True) as out:  # dated 1980: the same motion gives the same bytes
         header = False
         for block in blocks:
@@ -100,7 +100,7 @@ def _write_header(out: IO[bytes], dtype: np.dtype, shape: tuple[int, ...]) -> No
 
 
 def load(path: str | PathLike[str]) -> Motion:
-    """Read SMPL-X motion of BEAT2's layout, or AMASS' of SMPL-X, SMPL-H or SMPL, on the SMPL-X skeleton; Y is up then.
+    """Read motion in BEAT2's layout of SMPL-X, or in AMASS' of SMPL-X, SMPL-H or SMPL, onto the SMPL-X skeleton, with Y up.
 
     The face is our ``arkit`` key where there is one; else a moving jaw gives ``jawOpen``; else there is none. Where there is
     a face the jaw joint rests.
@@ -124,12 +124,12 @@ def load(path: str | PathLike[str]) -> Motion:
 
 
 def _check_shapes(arrays: Arrays, rate_key: str, size: int, name: str) -> None:
-    """Whether the arrays of a file of ``size`` bytes go together, by their heads: before any of them is unpacked."""
+    """Check, by their heads, that the arrays of a file of ``size`` bytes fit together, before any of them is unpacked."""
     poses, trans = arrays.shape("poses"), arrays.shape("trans")
     frames = poses[0] if poses else 0
     if len(poses) != 2 or poses[1] not in WIDTHS or trans != (frames, 3):
-        wanted = "expected (frames, 165) of SMPL-X, 156 of SMPL-H or 72 of SMPL, and (frames, 3)"
-        raise InputError(f"{name}: poses {poses}, trans {trans}"[:200], wanted)
+        hint = "expected (frames, 165) of SMPL-X, 156 of SMPL-H or 72 of SMPL, and (frames, 3)"
+        raise InputError(f"{name}: poses {poses}, trans {trans}"[:200], hint)
     check_frames(name, frames, JOINTS, size)
     if math.prod(arrays.shape(rate_key)) != 1:
         raise InputError(f"{name} has frames per second of shape {arrays.shape(rate_key)}"[:200], "expected one number")
@@ -169,7 +169,7 @@ def _motion(poses: np.ndarray, trans: np.ndarray, rate: np.ndarray, face: Array 
         face = np.zeros((len(poses), len(ARKIT)))
         face[:, ARKIT_INDEX["jawOpen"]] = np.clip(vectors[:, _JAW, 0] / _JAW_OPEN, 0, 1)
     if face is not None:
-        vectors[:, _JAW] = 0  # it is in the face now; both together would open the mouth twice
+        vectors[:, _JAW] = 0  # the face has it now; both together would open the mouth twice
     rotations, root = rotvec_to_quat(vectors), trans.astype(np.float64) + find_pelvis(poses.shape[1])
     rotations[:, 0], root = stand_upright(rotations[:, 0], root)
     rotations = quat_continuous(rotations)

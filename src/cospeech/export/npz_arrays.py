@@ -1,4 +1,4 @@
-"""The arrays of an ``.npz`` that nobody vouches for: no pickle, no Python in heads, nothing beyond its announced size."""
+"""Read the arrays of an ``.npz`` without trusting it: no pickle, no Python in heads, nothing beyond its announced size."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["Arrays", "open_arrays"]
 
 
 class Arrays:
-    """The arrays of an open archive by name, read when asked for.
+    """The arrays of an open archive by name; each is read when it is needed.
 
     Args:
         archive: open for reading.
@@ -45,7 +45,7 @@ class Arrays:
         return iter(self._members)
 
     def shape(self, key: str) -> tuple[int, ...]:
-        """Of an array, from its head alone."""
+        """The shape of an array, from its head alone."""
         with _report_damage(self._name), self._archive.open(self._members[key]) as member:
             return read_array_head(member, f"{key!r} of {self._name}")[1]
 
@@ -53,7 +53,7 @@ class Arrays:
         """One array.
 
         Raises:
-            InputError: damaged, or of other things than numbers and text.
+            InputError: it is damaged, or not of numbers or text.
         """
         info = self._members[key]
         with _report_damage(self._name), self._archive.open(info) as member:
@@ -76,7 +76,7 @@ def open_arrays(file: BinaryIO, name: str) -> Iterator[Arrays]:
 
 @contextmanager
 def _report_damage(name: str) -> Iterator[None]:
-    """Turn what a damaged archive makes `zipfile` raise into an `InputError`."""
+    """Turn errors that `zipfile` raises on a damaged archive into an `InputError`."""
     try:
         yield
     except InputError:

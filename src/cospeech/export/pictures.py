@@ -1,4 +1,4 @@
-"""Drawing motion in one call, and the checks that all formats with pictures share."""
+"""Draw motion in one call; checks that all formats with pictures share."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def render_motion(
     """
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS or not FORMATS[suffix].picture:
-        known = ", ".join(suffixes(lambda entry: entry.picture))
-        raise InputError(f"cannot draw {str(path)!r}", f"name a file that ends in {known}")
+        endings = ", ".join(suffixes(lambda entry: entry.picture))
+        raise InputError(f"cannot draw {str(path)!r}", f"name a file that ends in {endings}")
     if suffix == ".png" and fps is not None:
         raise InputError(f"{fps} pictures per second of a strip", "leave fps out for .png")
     options = {"audio": audio, "size": size, "camera": camera, "rate": fps, "background": background, "avatar": avatar}
@@ -91,15 +91,15 @@ def background_of(colour: tuple[int, int, int] | None) -> tuple[int, int, int]:
 
 
 class Subject:
-    """Whom pictures show, and motion as it moves.
+    """The character that pictures show; puts motion on it.
 
     Args:
         avatar: a ``.vrm`` or ``.glb`` file, or one that `load_avatar` has read; our mannequin where None.
 
     Attributes:
         path: of the file; empty for the mannequin.
-        bone_map: with which the file was read.
-        character: read from it; None for the mannequin.
+        bone_map: the map with which the file was read.
+        character: that of the file; None for the mannequin.
 
     Raises:
         InputError: the file is no character that can be drawn.
@@ -118,9 +118,9 @@ class Subject:
         return humanoid() if self.character is None else self.character.skeleton
 
     def fit(self, view: View) -> View:
-        """A view made for our mannequin, as this character needs it."""
+        """Fit a view of our mannequin to this character."""
         return view if self.character is None else fit_view(view, self.character)
 
     def pose(self, motion: Motion) -> Motion:
-        """Motion of any skeleton that is recognised, on that of the character."""
+        """Put motion of any skeleton that is recognised on the skeleton of the character."""
         return as_humanoid(motion) if self.skeleton is humanoid() else motion.retarget(self.skeleton)

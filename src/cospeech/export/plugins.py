@@ -1,7 +1,7 @@
 """Registries: name → row; our own rows, and those that other installed packages add through entry points.
 
 A package adds a row by a line of its metadata, ``NAME = module:OBJECT``, in the group of the registry: ``cospeech.formats`` or
-``cospeech.models``. Its module is imported when that name is asked for, or when all names are; never for a name of ours.
+``cospeech.models``. Its module is imported when that name, or the list of all names, is needed; never for a name of ours.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ __all__ = ["USED", "Registry", "check_row"]
 
 Row = TypeVar("Row")
 USED: list[str] = []
-"""The plug-ins of this process whose rows were read, in words: what goes wrong may come from them."""
+"""The plug-ins of this process whose rows were read, in words: an error may come from them."""
 
 
 class Registry(Mapping[str, Row], Generic[Row]):
-    """Name → row, ours first. A plug-in that cannot be used is told of in one line, and is as if it were not there.
+    """Name → row, ours first. A plug-in that cannot be used causes a warning of one line, and is left out.
 
     Args:
-        ours: the rows of this package; they win where a plug-in has the same name.
+        ours: the rows of this package; they take precedence where a plug-in has the same name.
         group: of the entry points.
-        kind: what an entry point must lead to.
-        prefix: what stands before the name of an entry point in the registry: the dot of a suffix.
+        kind: the class of the rows.
+        prefix: of the names in the registry, before the name of an entry point: the dot of a suffix.
     """
 
     def __init__(self, ours: Mapping[str, Row], *, group: str, kind: type[Row], prefix: str = "") -> None:
         self.ours = dict(ours)
         self._group, self._kind, self._prefix = group, kind, prefix
-        self._loaded: dict[EntryPoint, Row | None] = {}
-        self._told: set[str] = set()
+        self._rows: dict[EntryPoint, Row | None] = {}
+        self._notes: set[str] = set()
 
     def __getitem__(self, name: str) -> Row:
         if name in self.ours:
@@ -52,24 +52,24 @@ class Registry(Mapping[str, Row], Generic[Row]):
 
     def __iter__(self) -> Iterator[str]:
         yield from self.ours
-        seen = set(self.ours)
+        names = set(self.ours)
         for entry in self._entries():
             name = self._name(entry)
-            if name in seen:
+            if name in names:
                 who = "cospeech has" if name in self.ours else "another package has"
                 self._tell(f"{_describe(entry)} is not used: {who} {name!r} already")
             elif self._load(entry) is not None:
-                seen.add(name)
+                names.add(name)
                 yield name
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
 
     def find_code(self, name: str, module: str, attribute: str) -> Any:
-        """What the row of that name says that a module has.
+        """Get an attribute of the module that the row of that name gives.
 
         Raises:
-            InputError: the row is of another package, and there is no such module, or nothing of that name in it.
+            InputError: the row is of another package, and there is no such module or no such attribute.
         """
         try:
             return getattr(import_module(module), attribute)
@@ -83,36 +83,36 @@ class Registry(Mapping[str, Row], Generic[Row]):
         return next((entry for entry in self._entries() if self._name(entry) == name), None)
 
     def _name(self, entry: EntryPoint) -> str:
-        """Under which a row is found; a suffix has small letters, as files are told by."""
+        """The name of a row in the registry; a suffix is in small letters."""
         return self._prefix + entry.name.removeprefix(self._prefix).lower() if self._prefix else entry.name
 
     def _entries(self) -> tuple[EntryPoint, ...]:
         return _find_entries(self._group, tuple(sys.path))
 
     def _load(self, entry: EntryPoint) -> Row | None:
-        if entry not in self._loaded:
-            self._loaded[entry] = None
+        if entry not in self._rows:
+            self._rows[entry] = None
             try:
                 row = entry.load()
-            except (Exception, SystemExit) as error:  # whatever a stranger's module does when it is imported
+            except (Exception, SystemExit) as error:  # a module of others may do anything when it is imported
                 self._tell(_say_unusable(entry, error))
             else:
                 if isinstance(row, self._kind):
-                    self._loaded[entry] = row
+                    self._rows[entry] = row
                     USED.append(_describe(entry))
                 else:
                     self._tell(f"{_describe(entry)} cannot be used: {entry.value} is no {self._kind.__name__}")
-        return self._loaded[entry]
+        return self._rows[entry]
 
     def _tell(self, text: str) -> None:
-        """Once per process."""
-        if text not in self._told:
-            self._told.add(text)
+        """Warn, once per process."""
+        if text not in self._notes:
+            self._notes.add(text)
             warnings.warn(text, CospeechWarning, stacklevel=4)
 
 
 def check_row(row: object, texts: Iterable[str], choices: Mapping[str, Iterable[str]]) -> None:
-    """Whether a row has what lists of rows take for granted.
+    """Check fields of a row that all lists of rows rely on.
 
     Args:
         row: an instance of a dataclass of rows.
@@ -120,15 +120,15 @@ def check_row(row: object, texts: Iterable[str], choices: Mapping[str, Iterable[
         choices: field that is a tuple → what it may hold.
 
     Raises:
-        InputError: it has not.
+        InputError: a field has another type or another value.
     """
     what = f"of a {type(row).__name__} is"
     for name in texts:
         if not isinstance(value := getattr(row, name), str):
             raise InputError(f"{name} {what} {value!r:.60}", "it is text")
-    for name, known in choices.items():
-        if not isinstance(value := getattr(row, name), tuple) or not {*value} <= {*known}:
-            raise InputError(f"{name} {what} {value!r:.60}", f"a tuple of some of {', '.join(known)}")
+    for name, values in choices.items():
+        if not isinstance(value := getattr(row, name), tuple) or not {*value} <= {*values}:
+            raise InputError(f"{name} {what} {value!r:.60}", f"a tuple of some of {', '.join(values)}")
 
 
 def _describe(entry: EntryPoint) -> str:
@@ -142,7 +142,7 @@ def _say_unusable(entry: EntryPoint, error: BaseException) -> str:
 
 @lru_cache(maxsize=8)  # ours: two groups, and some changes of the path
 def _find_entries(group: str, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
-    """In order of their names, whatever the order of the folders; ``path`` is what they are looked for on."""
+    """Entry points in order of their names, whatever the order of the folders; ``path``: where they are looked for."""
     from importlib.metadata import entry_points  # it takes longer to import than all of `cospeech --help`
 
     return tuple(sorted(entry_points(group=group), key=lambda entry: (entry.name, entry.value)))

@@ -32,7 +32,7 @@ __all__ = ["Writer"]
 
 _SIZE = (1600, 640)  # ours: seven standing figures and a waveform, readable at the width of a page
 _PICTURES, _FEWEST = 7, 4  # where no number is given; ours
-_FAR = 1.25  # ours: as many pictures as there is room for, if the camera stands back by no more than this
+_FAR = 1.25  # ours: more pictures are taken as long as the camera need not stand back by more than this
 _FAR_FACE = 1.1  # the same of a view that follows the head: lips and eyes are small; ours
 _AUDIO_RATE = 16_000  # Hz; enough to look at
 _STEP = 160  # samples per value of the waveform: 10 ms, so that three hours take 9 MB
@@ -48,7 +48,7 @@ class Writer(BaseWriter):
         background: sRGB colour of the backdrop.
         pictures: how many moments to show, 1 … 24; where not given 4 to 7, as many as leave the figures large.
         words: of the speech, written below the waveform.
-        start: seconds at which the motion begins, where it is a part of a longer take: the times that are written count it in.
+        start: seconds at which the motion begins, where it is a part of a longer take; it is added to the times in the picture.
         avatar: file of somebody's character, in place of our mannequin.
     """
 
@@ -83,7 +83,7 @@ class Writer(BaseWriter):
 
     def _begin(self, temporary: Path) -> None:
         self._temporary = temporary
-        if self.audio is not None:  # what cannot be read is to be known before the work
+        if self.audio is not None:  # a file that cannot be read is reported before the work
             open_speech(self.audio).close()
 
     def _write(self, motion: Motion) -> None:
@@ -101,12 +101,12 @@ class Writer(BaseWriter):
         width, height = layout.cell[0] if crops is None else crops.width, layout.cell[1]
         look = Look(width, height, self._view, self._background, self._subject.path, self._subject.bone_map)
         rows = np.stack([pack(pose, box) for pose, box in zip(poses, boxes, strict=True)])
-        drawn = list(FrameRenderer(look, character).pictures(rows))
+        pictures = list(FrameRenderer(look, character).pictures(rows))
         if crops is not None:
-            drawn = [picture[:, left:right] for picture, (left, right) in zip(drawn, crops.columns, strict=True)]
+            pictures = [picture[:, left:right] for picture, (left, right) in zip(pictures, crops.columns, strict=True)]
         times = [frame / self.fps for frame, _ in moments]
         duration = self._moments.frames / self.fps
-        sheet = draw_strip(layout, drawn, times, duration, self._sound(), self._words)
+        sheet = draw_strip(layout, pictures, times, duration, self._sound(), self._words)
         Image.fromarray(sheet).save(self._temporary, "PNG", optimize=True)
 
     def _lay_out(self, character: Character) -> tuple[StripLayout, list[tuple[int, FramedPose]], Crops | None]:
@@ -144,7 +144,7 @@ class Writer(BaseWriter):
 
 
 def _stand_back(view: View, width: int, height: int) -> float:
-    """How much farther the camera stands than in a picture that is as broad as one likes."""
+    """How much farther the camera stands than for a picture without a limit to its width."""
     low, high = np.array(view.low), np.array(view.high)
     own, free = (view.camera(low, high, broad, height).position - (low + high) / 2 for broad in (width, max(width, height)))
     return float(np.linalg.norm(own) / np.linalg.norm(free))

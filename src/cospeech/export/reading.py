@@ -1,4 +1,4 @@
-"""What every reader needs: opening what is really a file, one cap on what it becomes, and stray errors as one-line ones."""
+"""What every reader needs: opening only regular files, a limit to the size of the motion, and errors of one line."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def open_file(path: str | PathLike[str], *, limit: int = MOTION_BYTES) -> Iterat
     """Open a regular file of at most ``limit`` bytes for reading.
 
     Raises:
-        InputError: missing, a folder, a pipe or device (which could block for ever), empty, too large, unreadable; also when
-            the block under it runs out of memory or of stack on what it read.
+        InputError: the file is missing, a folder, a pipe or device (which could block for ever), empty, too large or
+            unreadable; or the ``with`` block runs out of memory or of stack.
     """
     name = repr(str(path))
     try:
@@ -38,7 +38,7 @@ def open_file(path: str | PathLike[str], *, limit: int = MOTION_BYTES) -> Iterat
 def read_bytes(path: str | PathLike[str], *, limit: int = MOTION_BYTES) -> bytes:
     """The whole of a regular file of at most ``limit`` bytes (see `open_file`)."""
     with open_file(path, limit=limit) as file:
-        return file.read(size_of(file))  # not the limit: so much memory would be taken at once
+        return file.read(size_of(file))  # not the limit: read() would take so much memory at once
 
 
 def size_of(file: BinaryIO) -> int:
@@ -47,7 +47,7 @@ def size_of(file: BinaryIO) -> int:
 
 
 def check_frames(name: str, frames: int, joints: int, size: int) -> None:
-    """Whether a motion may become so large; asked before memory is taken for it.
+    """Check that a motion may become so large, before memory is taken for it.
 
     Args:
         name: how messages call the file.
@@ -56,7 +56,7 @@ def check_frames(name: str, frames: int, joints: int, size: int) -> None:
         size: bytes of the file (`cospeech.limits.most_joint_frames`).
 
     Raises:
-        InputError: it may not; the limit is stated.
+        InputError: it may not; the message states the limit.
     """
     most = most_joint_frames(size)
     if frames * joints > most:

@@ -1,6 +1,6 @@
-"""The table of formats: one row each with everything that is known of it; what other modules ask is read from the rows.
+"""The table of formats: one row with all facts about each format, for all other modules.
 
-Nothing heavy is imported here: the command line's help is made of it.
+Nothing heavy is imported here: the command line's help is made from it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Format:
     what: str
     """One line of description."""
     opens: str
-    """Where such a file goes next; printed after each run."""
+    """Programs that open such a file, and how; printed after each run."""
     readable: bool = False
     holds: tuple[str, ...] = PARTS
     """Parts of a character."""
@@ -39,11 +39,11 @@ class Format:
     picture: bool = False
     """Whether it is drawn: the Writer has the keywords of `cospeech.export.pictures.render_motion`."""
     sound: str = ""
-    """What becomes of the speech: it is "heard" or "drawn"; nothing, else."""
+    """What the file does with the speech: it is "heard" or "drawn"; empty: neither."""
     words: bool = False
     """Whether words are drawn: the Writer has the keyword ``words``."""
     needs: str = ""
-    """A module that an extra installs."""
+    """The module that it needs, and that an extra installs."""
 
     def __post_init__(self) -> None:
         check_row(self, ("module", "what", "opens", "sound", "needs"), {"holds": PARTS})
@@ -104,12 +104,12 @@ FORMATS: Registry[Format] = Registry(_OURS, group="cospeech.formats", kind=Forma
 
 
 def suffixes(has: Callable[[Format], bool]) -> list[str]:
-    """Those of the formats of which something is true, in the order of the table."""
+    """Suffixes of the formats for which ``has`` is true, in the order of the table."""
     return [suffix for suffix in FORMATS if has(FORMATS[suffix])]
 
 
 _ELSEWHERE = {".vrm": "a .vrm is a character without motion; motion for it is a .vrma, or a .glb that shows it"}
-"""Suffix of files that are taken for motion → what to write."""
+"""Suffix of files that people take for motion → the hint."""
 
 
 def format_of(path: str | PathLike[str]) -> Format:
@@ -131,11 +131,11 @@ def reads_body(entry: Format) -> bool:
 
 
 def check_parts(path: str | PathLike[str], parts: Collection[str], whose: str) -> None:
-    """Whether a file can show anything of some parts of a character.
+    """Check that a file can show at least one of some parts of a character.
 
     Args:
         path: of the file to be.
-        parts: of face, body and hands, what there is to show.
+        parts: the parts to show, of face, body and hands.
         whose: the beginning of the message: ``"--parts face makes"``, say.
 
     Raises:
@@ -144,8 +144,8 @@ def check_parts(path: str | PathLike[str], parts: Collection[str], whose: str) -
     holds = format_of(path).holds
     if not {*parts} & {*holds}:
         fit = " ".join(suffixes(lambda entry: bool({*parts} & {*entry.holds})))
-        suffix, held = Path(path).suffix, _join_names(holds)
-        problem = f"{str(path)!r} would not move: {whose} {_join_names(parts)} only, {suffix} files hold {held}"
+        suffix, content = Path(path).suffix, _join_names(holds)
+        problem = f"{str(path)!r} would not move: {whose} {_join_names(parts)} only, {suffix} files hold {content}"
         raise InputError(problem, f"for {_join_names(parts)}: {fit}")
 
 

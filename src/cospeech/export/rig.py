@@ -1,7 +1,7 @@
-"""The humanoid in a glTF file: which node is which bone, where it rests, how its animation reads as motion.
+"""The humanoid in a glTF file: the node of each bone, its rest pose, and its animation as motion.
 
-Node trees come with scales (centimetres under a node of 0.01), turned ancestors (Blender's −90° about X), matrices in place
-of TRS, and bones below other things. A `Rig` looks through that: its skeleton is the tree from the hips down, in metres and
+Node trees come with scales (centimetres under a node of 0.01), rotated ancestors (Blender's −90° about X), matrices in place
+of TRS, and bones below other nodes. A `Rig` resolves all that: its skeleton is the tree from the hips down, in metres and
 world axes, the character facing +Z.
 """
 
@@ -54,15 +54,15 @@ def local_matrices(file: GltfFile) -> Array:
 
 def world_matrices(file: GltfFile) -> Array:
     """(N, 4, 4) world matrices of all nodes in the file's rest pose."""
-    world, done = local_matrices(file), [parent < 0 for parent in file.parents]
+    world, is_done = local_matrices(file), [parent < 0 for parent in file.parents]
     for k in range(len(world)):
         path = []
-        while not done[k]:
+        while not is_done[k]:
             path.append(k)
             k = file.parents[k]
         for child in reversed(path):
             world[child] = world[file.parents[child]] @ world[child]
-            done[child] = True
+            is_done[child] = True
     return world
 
 
@@ -72,7 +72,8 @@ class Rig:
 
     Args:
         file: the glTF file.
-        nodes: J nodes of the skeleton's joints, the hips first, parents before children; of a head alone, what turns first.
+        nodes: J nodes of the skeleton's joints, the hips first, parents before children; of a head alone, the node that turns
+            comes first.
         skeleton: in world axes and metres, turned to face +Z, ``rest`` is its T-pose; rotations are the nodes' own local
             rotations, except that the root's are world rotations.
         bones: humanoid name → joint of the skeleton.
@@ -89,12 +90,12 @@ class Rig:
 
     @cached_property
     def _above(self) -> Array:
-        """(4, 4) world matrix of what the hips hang on."""
+        """(4, 4) world matrix of the parent of the hips."""
         parent = self.file.parents[self.nodes[0]]
         return world_matrices(self.file)[parent] if parent >= 0 else np.eye(4)
 
     def local(self, rotations: Array, root: Array) -> tuple[Array, Array]:
-        """What to key: (T, J, 4) local rotations and (T, 3) translations of the hips node, for motion of our `skeleton`."""
+        """Values for keys: (T, J, 4) local rotations and (T, 3) translations of the hips node, for motion of our `skeleton`."""
         undo = quat_conjugate(self.facing)
         above = rotation_of(self._above)
         hips = quat_multiply(quat_conjugate(above), quat_multiply(undo, rotations[:, 0]))
@@ -104,7 +105,7 @@ class Rig:
 
     @cached_property
     def joints(self) -> int:
-        """How many transforms a frame of motion takes: of the joints, and of what the hips hang on."""
+        """How many transforms a frame of motion takes: of the joints, and of the ancestors of the hips."""
         above, node = 0, self.file.parents[self.nodes[0]]
         while node >= 0:
             above, node = above + 1, self.file.parents[node]
@@ -130,7 +131,7 @@ class Rig:
 
 
 def rotation_of(matrices: Array) -> Array:
-    """Quaternions of (..., 4, 4) matrices, scale taken out."""
+    """Quaternions of (..., 4, 4) matrices, without their scale."""
     basis = matrices[..., :3, :3]
     return matrix_to_quat(basis / np.maximum(np.linalg.norm(basis, axis=-2, keepdims=True), 1e-12))
 

@@ -1,7 +1,7 @@
-"""The bodies of the SMPL family in ``.npz`` files: SMPL's and SMPL-H's poses as SMPL-X's, and Z-up worlds as ours.
+"""The bodies of the SMPL family in ``.npz`` files: convert SMPL's and SMPL-H's poses to SMPL-X's, and Z-up worlds to ours.
 
 AMASS (Mahmood et al. 2019) stores SMPL-H: 22 joints of the body, then 15 of each hand. SMPL has 24 joints: the same 22, and a
-hand without fingers on each side. AMASS' world has Z up, BEAT2's has Y up, and no file says which.
+hand without fingers on each side. AMASS' world has Z up, BEAT2's has Y up, and no file states it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from .up_axis import Z_TO_Y, has_z_up
 __all__ = ["JOINTS", "WIDTHS", "find_pelvis", "stand_upright", "to_smplx"]
 
 JOINTS = 55
-"""Of SMPL-X."""
+"""How many joints SMPL-X has."""
 _BODY, _HANDS = 22, 30  # joints that all bodies share; of two hands
 WIDTHS = (3 * JOINTS, 3 * (_BODY + _HANDS), 3 * 24)
 """Numbers in a frame of ``poses``: of SMPL-X, of SMPL-H, of SMPL."""
@@ -23,7 +23,7 @@ _PELVIS = np.array([-0.001795, -0.223334, 0.028219])  # SMPL's neutral template,
 
 
 def find_pelvis(width: int) -> Array:
-    """(3,) metres: where the pelvis of a body is at ``trans`` 0, by the numbers in a frame of its ``poses``."""
+    """(3,) metres: the place of the pelvis at ``trans`` 0 of the body that has ``width`` numbers in a frame of ``poses``."""
     return _PELVIS_X if width == WIDTHS[0] else _PELVIS
 
 
@@ -40,7 +40,7 @@ def to_smplx(poses: Array) -> Array:
 
 
 def stand_upright(pelvis: Array, place: Array) -> tuple[Array, Array]:
-    """A motion in a world with Y up: as it is, or turned where most of the time the pelvis points along Z.
+    """Put a motion into a world with Y up: it is turned if most of the time the pelvis points along Z.
 
     Args:
         pelvis: (T, 4) rotations in the world of the file.

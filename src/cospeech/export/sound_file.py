@@ -1,4 +1,4 @@
-"""The speech that belongs to a motion, or to a part of it, as a file: that is what writers of pictures and pages take."""
+"""The speech of a motion, or of a part of it, as a file: writers of pictures and pages take a file."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from ..files import scratch, workplace
 
 __all__ = ["as_sound_file", "cut_sound_file"]
 
-_FILM_RATE = 48_000  # Hz; that of the sound of a film: a part sounds as it does in the film of the whole
+_FILM_RATE = 48_000  # Hz; as in a film: a part sounds as it does in the film of the whole
 
 
 @contextmanager
 def as_sound_file(audio: Speech | str | PathLike[str] | None) -> Iterator[str | PathLike[str] | None]:
-    """The path of a sound file; a `Speech` is written to one, which is there until the end.
+    """Yield the path of a sound file; a `Speech` is written to a file, which exists during the block.
 
     Raises:
-        InputError: something else.
+        InputError: it is something else.
     """
     if audio is None or isinstance(audio, (str, PathLike)):
         yield audio
@@ -38,7 +38,8 @@ def as_sound_file(audio: Speech | str | PathLike[str] | None) -> Iterator[str | 
 
 @contextmanager
 def cut_sound_file(audio: str | PathLike[str], start: float, end: float | None = None) -> Iterator[Path | None]:
-    """The path of a file with a part of a sound, which is there until the end; in constant memory, however long the sound is.
+    """Yield the path of a file with a part of a sound; it exists during the block. Takes constant memory for sounds of any
+    length.
 
     Args:
         audio: a sound file.
@@ -53,14 +54,14 @@ def cut_sound_file(audio: str | PathLike[str], start: float, end: float | None =
     import soundfile
 
     first, last = round(start * _FILM_RATE), None if end is None else round(end * _FILM_RATE)
-    heard = written = 0
+    read_count = written_count = 0
     with workplace(scratch()) as folder:
         path = folder / "speech.wav"
         with SpeechSource(audio, _FILM_RATE) as source, soundfile.SoundFile(path, "w", _FILM_RATE, 1, "FLOAT") as file:
             for block in source.blocks():
-                part = block[max(first - heard, 0) : None if last is None else max(last - heard, 0)]
-                heard, written = heard + len(block), written + len(part)
+                part = block[max(first - read_count, 0) : None if last is None else max(last - read_count, 0)]
+                read_count, written_count = read_count + len(block), written_count + len(part)
                 file.write(part)
-                if last is not None and heard >= last:
+                if last is not None and read_count >= last:
                     break
-        yield path if written else None
+        yield path if written_count else None

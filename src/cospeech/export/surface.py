@@ -1,4 +1,4 @@
-"""What a surface has beside its colour: a texture, and places where one sees through it."""
+"""The texture of a surface, and its holes and transparency."""
 
 from __future__ import annotations
 
@@ -31,8 +31,7 @@ class Surface:
         texture: multiplied with the colour of the part; None for plain colour.
         places: (V, 2) float32 texture coordinates of the vertices.
         opacity: (V,) float32, multiplied with that of the texture.
-        cutoff: opacity below which there is a hole; 0 where nothing has holes; None for a surface that is seen through in
-            proportion.
+        cutoff: opacity below which there is a hole; 0 for a surface without holes; None for a translucent surface.
     """
 
     texture: Texture | None

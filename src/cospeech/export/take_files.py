@@ -1,4 +1,4 @@
-"""Takes of a motion to their files, all at the same time, as the motion comes."""
+"""Write takes of a motion to their files, all at the same time, as the motion comes."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ def write_takes(
     fps: float,
     keywords: Mapping[str, Mapping[str, object]],
 ) -> set[int]:
-    """Write a stream of takes, each to its files, all at once; how many frames they have: one number, if all is well."""
+    """Write a stream of takes, each to its files, all at once. Give their numbers of frames: one number, if all is well."""
     counts, writers = [0] * len(takes), list[Writer]()
     paths = [path for files in takes for path in files]
     any_skeleton = {path: format_of(path).any_skeleton for path in paths}
     with ExitStack() as stack:
         for pieces in moving:
             others = pieces if target is None else [piece.retarget(target) for piece in pieces]
-            kept = [
+            motions = [
                 other if any_skeleton[path] else piece
                 for piece, other, files in zip(pieces, others, takes, strict=True)
                 for path in files
             ]
             if not writers:
-                for path, motion in zip(paths, kept, strict=True):
+                for path, motion in zip(paths, motions, strict=True):
                     more = keywords.get(path.suffix.lower(), {})
                     writer = open_writer(path, skeleton=motion.skeleton, fps=fps, **more)
                     writers.append(stack.enter_context(writer))
-            for writer, motion in zip(writers, kept, strict=True):
+            for writer, motion in zip(writers, motions, strict=True):
                 writer.write(motion)
             counts = [count + len(piece) for count, piece in zip(counts, pieces, strict=True)]
     return set(counts)
@@ -58,7 +58,7 @@ def writer_keywords(
     special: Mapping[str, Mapping[str, object]],
     words: tuple[Word, ...] | None,
 ) -> dict[str, dict[str, object]]:
-    """Suffix → what the writer of that format is given beside skeleton and fps."""
+    """Suffix → keywords for the writer of that format, beside skeleton and fps."""
     keywords: dict[str, dict[str, object]] = {}
     for suffix in {path.suffix.lower() for path in files}:
         own, entry = keywords.setdefault(suffix, {}), FORMATS[suffix]

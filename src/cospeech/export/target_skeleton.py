@@ -1,4 +1,4 @@
-"""The skeleton that motion is brought to: one by name, or that of somebody's rig."""
+"""Find the skeleton to which motion is retargeted: one by name, or that of somebody's rig."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from .character_files import CHARACTERS, read_character
 __all__ = ["RIGS", "find_target", "read_target", "rig_files", "rig_joints"]
 
 RIGS = (".bvh", *CHARACTERS)
-"""Suffixes of files whose skeleton can be taken."""
+"""Suffixes of files whose skeleton can be read."""
 
 
 def find_target(name: str | PathLike[str] | Skeleton, bones: Mapping[str, str] | None = None) -> Skeleton:
-    """A skeleton to retarget to.
+    """Find a skeleton to retarget to.
 
     Args:
         name: one of `cospeech.motion.skeletons.SKELETONS`, or a rig: a file with one of the suffixes `RIGS`. A BVH gives its
             skeleton, whatever its frames are; its T-pose stands on the floor at height 0.
-        bones: our name → name of a joint, which wins over what is recognised.
+        bones: our name → name of a joint; it overrides what is recognised.
 
     Raises:
         InputError: no skeleton and no file has that name, the file has no skeleton that is recognised, or the map names joints
@@ -36,17 +36,17 @@ def find_target(name: str | PathLike[str] | Skeleton, bones: Mapping[str, str] |
     >>> find_target("mixamo").names[0]
     'mixamorig:Hips'
     """
-    found = read_target(name, bones)
+    target = read_target(name, bones)
     if bones:
-        check_fit(bones, {repr(name.kind if isinstance(name, Skeleton) else str(name)): rig_joints(name, found)})
-    return found
+        check_fit(bones, {repr(name.kind if isinstance(name, Skeleton) else str(name)): rig_joints(name, target)})
+    return target
 
 
 def read_target(name: str | PathLike[str] | Skeleton, bones: Mapping[str, str] | None = None) -> Skeleton:
     """As `find_target`; a map of other joints changes nothing."""
     if isinstance(name, Skeleton) or str(name) in SKELETONS:
-        found = name if isinstance(name, Skeleton) else find_skeleton(str(name))
-        return replace(found, bone_map=recognise(found, bones)) if bones and names_joints(bones, found) else found
+        target = name if isinstance(name, Skeleton) else find_skeleton(str(name))
+        return replace(target, bone_map=recognise(target, bones)) if bones and names_joints(bones, target) else target
     path = Path(name)
     if path.suffix.lower() not in RIGS:
         hint = f"{nearest(str(name), SKELETONS)}, or name a rig: {' '.join(RIGS)}"
@@ -67,21 +67,21 @@ def read_target(name: str | PathLike[str] | Skeleton, bones: Mapping[str, str] |
     return on_floor(skeleton, skeleton.index[names["hips"]])
 
 
-def rig_joints(name: str | PathLike[str] | Skeleton, found: Skeleton) -> tuple[str, ...]:
-    """Names that a map of a skeleton can have.
+def rig_joints(name: str | PathLike[str] | Skeleton, skeleton: Skeleton) -> tuple[str, ...]:
+    """Names that a map of a skeleton may use.
 
     Args:
         name: as `find_target` takes it.
-        found: what that returns.
+        skeleton: the one that `find_target` returns.
     """
     if isinstance(name, Skeleton) or Path(name).suffix.lower() not in RIGS[1:]:
-        return found.names
+        return skeleton.names
     from .bind_skeleton import read_node_names
 
-    return tuple(read_node_names(read_character(name)))  # the skeleton of a VRM has VRM's names in the place of these
+    return tuple(read_node_names(read_character(name)))  # the skeleton of a VRM has VRM's names instead
 
 
 def rig_files(skeleton: str | PathLike[str] | Skeleton | None) -> tuple[Path, ...]:
     """The file that `find_target` reads for a skeleton, if it reads one."""
-    known = skeleton is None or isinstance(skeleton, Skeleton) or str(skeleton) in SKELETONS
-    return () if known else (Path(skeleton),)  # type: ignore[arg-type]
+    is_known = skeleton is None or isinstance(skeleton, Skeleton) or str(skeleton) in SKELETONS
+    return () if is_known else (Path(skeleton),)  # type: ignore[arg-type]

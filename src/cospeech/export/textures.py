@@ -1,4 +1,4 @@
-"""Materials of a glTF file, as far as they are drawn: colour, texture, opacity; textures are decoded without trusting them."""
+"""Read the drawn properties of glTF materials: colour, texture, opacity; textures are decoded without trusting them."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from .surface import Texture
 
 __all__ = ["Material", "MaterialReader"]
 
-_LARGEST = 1024  # pixels along a side that are kept; ours: a picture of 720 pixels shows no more of a whole figure
+_LARGEST = 1024  # most pixels along a side; ours: a picture of 720 pixels shows no more of a whole figure
 _WRAPS = {33071: "clamp", 33648: "mirror"}  # 3.8.4; anything else repeats
 
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """What a surface looks like.
+    """The look of a surface.
 
     Args:
         name: of the material, for messages.
         colour: (4,) linear RGB and opacity, multiplied with the texture.
         roughness: 0 mirror … 1 chalk.
         cutoff: as `Surface` has it.
-        double_sided: whether its back is seen.
-        texture: laid over it; None for plain colour.
+        double_sided: whether its back is drawn, too.
+        texture: its texture; None for plain colour.
         texcoord: which set of texture coordinates it uses.
         transform: (2, 3) of texture coordinates.
     """
@@ -49,17 +49,17 @@ class Material:
 
 
 class MaterialReader:
-    """Reads the materials of one file; textures that several share are decoded once.
+    """Reads the materials of one file; textures that several materials share are decoded once.
 
-    Shading models (unlit, MToon) are not told apart: all are drawn as diffuse surfaces of their colour.
+    Shading models (unlit, MToon) make no difference: all are drawn as diffuse surfaces of their colour.
     """
 
     def __init__(self, file: GltfFile) -> None:
-        self._file, self._left = file, TEXTURES_PIXELS
+        self._file, self._remaining = file, TEXTURES_PIXELS
         self._pixels: dict[int, Any] = {}
 
     def read(self, index: int | None) -> Material:
-        """The material of that number; the default one (3.9.1) for None.
+        """Read the material of that number; the default one (3.9.1) for None.
 
         Raises:
             InputError: the material or its texture is damaged or too large.
@@ -74,14 +74,14 @@ class MaterialReader:
             raise InputError(f"{self._file.name} is damaged: material {index} is not finite", "export it again")
         mode = entry.get("alphaMode", "OPAQUE")
         cutoff = {"MASK": float(entry.get("alphaCutoff", 0.5)), "BLEND": None}.get(mode, 0.0)
-        told = surface.get("baseColorTexture")
-        extension = {} if told is None else told.get("extensions", {}).get("KHR_texture_transform", {})
+        texture = surface.get("baseColorTexture")
+        extension = {} if texture is None else texture.get("extensions", {}).get("KHR_texture_transform", {})
         unlit = "KHR_materials_unlit" in entry.get("extensions", {})
         return Material(
             str(entry.get("name", index)), np.clip(colour, 0, 1), 1.0 if unlit else min(max(roughness, 0.2), 1.0), cutoff,
             bool(entry.get("doubleSided")),
-            None if told is None else self._texture(told["index"]),
-            0 if told is None else int(extension.get("texCoord", told.get("texCoord", 0))),
+            None if texture is None else self._texture(texture["index"]),
+            0 if texture is None else int(extension.get("texCoord", texture.get("texCoord", 0))),
             _transform(extension),
         )  # fmt: skip
 
@@ -101,7 +101,7 @@ class MaterialReader:
         return Texture(self._pixels[source], (wrap[0], wrap[1]))
 
     def _decode(self, index: int) -> Array:
-        """(H, W, 4) pixels of an image, made smaller where it is larger than pictures of it can show."""
+        """Decode (H, W, 4) pixels of an image; it is scaled down where it is larger than `_LARGEST`."""
         from PIL import Image
 
         data = self._image_bytes(_item(self._file.json, "images", index), index)
@@ -110,8 +110,8 @@ class MaterialReader:
                 warnings.simplefilter("ignore")  # PIL's own limit is a warning; ours is stricter
                 with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as picture:
                     width, height = picture.size
-                    self._left -= width * height
-                    if width * height > TEXTURE_PIXELS or self._left < 0:
+                    self._remaining -= width * height
+                    if width * height > TEXTURE_PIXELS or self._remaining < 0:
                         raise Image.DecompressionBombError
                     share = min(1.0, _LARGEST / max(width, height))
                     size = max(1, round(width * share)), max(1, round(height * share))
@@ -151,5 +151,5 @@ def _item(document: dict[str, Any], key: str, index: object) -> dict[str, Any]:
     """An entry of a list of the document; negative or missing ones are damage."""
     if not isinstance(index, int) or isinstance(index, bool) or index < 0:
         raise ValueError(f"{index!r} is no index of {key}")
-    found: dict[str, Any] = document[key][index]
-    return found
+    entry: dict[str, Any] = document[key][index]
+    return entry

@@ -1,4 +1,4 @@
-"""From time stamps to a constant frame rate: what files with a clock per row need."""
+"""From time stamps to a constant frame rate, for files with a time in each row."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ __all__ = ["are_frames", "fraction_of_rate", "frame_rate", "frames_of", "on_grid
 _RATES = (10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 72, 90, 100, 120, 144, 150, 180, 200, 240)
 _NTSC_FRACTIONS = tuple(Fraction(f * 1000, 1001) for f in (24, 30, 60, 120))
 _NTSC = tuple(float(rate) for rate in _NTSC_FRACTIONS)
-_SOME, _OFF_GRID = 8, 0.01  # keys, and share of the time between two: what is no accident in keys set by hand; ours
+_SOME, _OFF_GRID = 8, 0.01  # keys, and share of the time between two: keys set by hand are not so regular by accident; ours
 _NEAR = 2e-4  # of a rate: 29.97 is 30000/1001
 
 
 def frame_rate(times: Array, fallback: float) -> float:
     """Frames per second of ascending time stamps ``(T,)`` in seconds, snapped to a common rate within 0.2 %.
 
-    ``fallback`` is the answer for fewer than two rows. The step that counts is one of the file's own, than which a quarter are
-    shorter: gaps and dropped frames are longer, and stamps that are rounded jitter about it.
+    ``fallback`` is the answer for fewer than two rows. The step is the lower quartile of the file's own steps: gaps and dropped
+    frames give longer steps, and rounded stamps jitter about it.
 
     Raises:
         InputError: time goes backwards, or no frame rate that motion has.
@@ -43,8 +43,8 @@ def frame_rate(times: Array, fallback: float) -> float:
     for common in (float(round(rate)), *_NTSC):
         if common > 0 and abs(rate - common) < _NEAR * common:
             return common
-    rounded = float(round(rate))
-    return rounded if rounded > 0 and abs(rate - rounded) < 2e-3 * rounded else rate
+    whole = float(round(rate))
+    return whole if whole > 0 and abs(rate - whole) < 2e-3 * whole else rate
 
 
 def fraction_of_rate(fps: float) -> Fraction:
@@ -61,16 +61,16 @@ def _even(times: Array, fps: float) -> bool:
 
 
 def frames_of(times: Array, fps: float) -> int:
-    """How many frames `on_grid` makes of rows at ``times (T,)`` seconds, in ascending order."""
+    """How many frames `on_grid` gives for rows at ``times (T,)`` seconds, in ascending order."""
     if len(times) < 2 or _even(times, fps):
         return len(times)
     return int(np.floor(float(times[-1] - times[0]) * fps + 0.5)) + 1
 
 
 def on_grid(times: Array, values: Array, fps: float) -> Array:
-    """Rows ``values (T, D)`` at ``times (T,)`` seconds, linearly interpolated where the clock is not even or has gaps.
+    """Put rows ``values (T, D)`` at ``times (T,)`` seconds on a constant rate, by linear interpolation.
 
-    The caller has looked at `frames_of` first: far stamps make many frames.
+    The caller checks `frames_of` first: stamps that are far apart give many frames.
 
     Returns:
         (T', D) rows at ``fps`` from the first stamp to the last; the same rows where the clock is even.
@@ -83,7 +83,7 @@ def on_grid(times: Array, values: Array, fps: float) -> Array:
 
 
 def rate_of_step(frame_time: float, precision: float) -> float:
-    """Frames per second behind a rounded ``Frame Time``: 0.033333 is 30, 0.008342 is 119.88, 0.03 is 30 too.
+    """The frame rate of a rounded ``Frame Time``: 0.033333 is 30, 0.008342 is 119.88, 0.03 is 30 too.
 
     Raises:
         InputError: no frame rate that motion has.
@@ -100,12 +100,13 @@ def rate_of_step(frame_time: float, precision: float) -> float:
 
 
 def are_frames(keys: Iterable[Array], longest: Array, step: float) -> bool:
-    """Whether keys far apart are the frames of a low rate, and not set by hand: there are some, all on one grid of time.
+    """Whether keys far apart are frames at a low rate, not keys set by hand: there are at least `_SOME`, all on one grid of
+    time.
 
     Args:
         keys: times of the keys of each curve, seconds.
         longest: those of the curve with the most keys.
-        step: between two of them, seconds.
+        step: seconds between two of them.
     """
     if len(longest) < _SOME or not 0 < step <= 1:
         return False

@@ -1,4 +1,4 @@
-"""Animation tracks of glTF files: spooled frames in, samplers and channels out; and reading them back.
+"""Animation tracks of glTF files: write spooled frames as samplers and channels, and read them.
 
 Keys lie on every frame with LINEAR interpolation; a track that never changes keeps one key. Times are float32, as the
 format demands: after three hours they are good to half a millisecond.
@@ -27,7 +27,7 @@ _BLOCK = 4096
 
 
 class GltfTrack(NamedTuple):
-    """What one row of numbers drives: nodes, their property, and the number of values per frame."""
+    """The target of some columns of numbers: nodes, their property, and the number of values per frame."""
 
     nodes: tuple[int, ...]
     path: str
@@ -123,8 +123,8 @@ class Curve(NamedTuple):
         if cubic:
             out, into = values[2::3][low] * span[:, None], values[0::3][low + 1] * span[:, None]
             h = (2 * t**3 - 3 * t**2 + 1, t**3 - 2 * t**2 + t, -2 * t**3 + 3 * t**2, t**3 - t**2)
-            mixed = h[0] * a + h[1] * out + h[2] * b + h[3] * into
-            return quat_normalize(mixed) if self.rotation else mixed
+            blend = h[0] * a + h[1] * out + h[2] * b + h[3] * into
+            return quat_normalize(blend) if self.rotation else blend
         return quat_slerp(a, b, t[:, 0]) if self.rotation else a + (b - a) * t
 
 
@@ -192,8 +192,8 @@ def clock_of(curves: dict[tuple[int, str], Curve], file: GltfFile, joints: int) 
     end = max(float(curve.times[-1]) for curve in curves.values())
     step = float(np.median(np.diff(longest.times))) if len(longest.times) > 1 else 0.0
     straight = all(curve.interpolation != "CUBICSPLINE" for curve in curves.values())
-    sampled = 1e-3 <= step <= 0.1 or (straight and are_frames([curve.times for curve in curves.values()], longest.times, step))
-    fps = frame_rate(longest.times, 30.0) if sampled else 30.0  # ours: sparse hand-set keys are sampled at 30
+    regular = 1e-3 <= step <= 0.1 or (straight and are_frames([curve.times for curve in curves.values()], longest.times, step))
+    fps = frame_rate(longest.times, 30.0) if regular else 30.0  # ours: sparse hand-set keys are sampled at 30
     frames = int(np.floor(end * fps + 1e-3)) + 1
     check_frames(file.name, frames, joints, file.size)
     return fps, np.arange(frames) / fps

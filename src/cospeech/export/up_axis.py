@@ -1,4 +1,4 @@
-"""Worlds with Z up in files that do not say so: how they are told, and turned."""
+"""Recognise worlds with Z up in files that do not state it, and turn them."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from ..motion.rotations import Array, axis_angle_to_quat
 __all__ = ["Z_TO_Y", "has_z_up"]
 
 Z_TO_Y = axis_angle_to_quat((1.0, 0, 0), -np.pi / 2)
-"""(4,) what turns such a world into ours, which has Y up."""
-_UPRIGHT = 0.5  # mean along Z of who is upright for most of the time; ours
+"""(4,) the rotation of such a world into ours, which has Y up."""
+_UPRIGHT = 0.5  # mean along Z of a spine that is upright for most of the time; ours
 
 
 def has_z_up(directions: Array) -> bool:

@@ -1,4 +1,4 @@
-"""What the moving previews, .mp4 and .gif, have in common: a film that is drawn while motion comes in."""
+"""The common base of the moving previews, .mp4 and .gif: a film is drawn while motion comes in."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = ["MovingWriter"]
 
 
 class MovingWriter(Writer):
-    """A Writer of pictures that follow each other.
+    """A Writer of a sequence of pictures.
 
     Subclasses implement ``_open(temporary)`` and ``_picture(patch)``, and end their file in ``_close()``.
 

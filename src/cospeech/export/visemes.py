@@ -7,13 +7,13 @@ the lips' mean lift), each held in 0 … 1:
 
     aa = (1−R)·A·(1−W)    ee = (1−R)·A·W    ih = (1−R)·(1−A)·W·L    oh = R·A    ou = R·(1−A)
 
-They never add up to more than 1, a smile with closed lips speaks no vowel, and a wide jaw is ``aa``. The formula and its
-six scales are ours. ``blink`` takes what both lids share and ``blinkLeft``/``blinkRight`` the rest, as a character adds
-them up.
+They never add up to more than 1, a smile with closed lips is no vowel, and a wide open jaw is ``aa``. The formula and its six
+scales are ours. ``blink`` is the weight that both lids share, and ``blinkLeft``/``blinkRight`` are the rest, because a
+character adds them up.
 
-The moods are sums of ARKit weights, held in 0 … 1 (`MOODS`). What a face does while it speaks without an emotion is below
-their thresholds. VRM has no preset for fear, disgust and contempt: fear shows as surprise, disgust as anger. The page of the
-studio gets `MOODS`, `OCULUS_VOWELS` and `SCALES` from the server; web/src/face_drivers.ts has the formula, and a test compares.
+The moods are sums of ARKit weights, held in 0 … 1 (`MOODS`). A face that speaks without an emotion stays below their
+thresholds. VRM has no preset for fear, disgust and contempt: fear shows as surprise, disgust as anger. The page of the studio
+gets `MOODS`, `OCULUS_VOWELS` and `SCALES` from the server; web/src/face_drivers.ts has the formula, and a test compares.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ __all__ = ["MOODS", "OCULUS_VOWELS", "SCALES", "arkit_from_presets", "invert_pre
 
 SCALES = {"open": 0.4, "round": 0.7, "stretched": 0.22, "smiled": 0.8, "parted": 0.5, "at_ease": 0.2}
 """Of the formula above. [ours]; ``at_ease``: a face that speaks without an emotion smiles less for nine tenths of the time."""
-_OPEN, _ROUND, _STRETCHED, _SMILED, _PARTED, _AT_EASE = SCALES.values()
-_LITTLE, _TRACE = 1e-3, 0.1  # ours: of a weight that is none; of a mood that may be an error of reading
-_INVERTED = ("surprised", "angry", "sad", "happy")  # moods, each after those whose shapes count against it
+_OPEN, _ROUND, _STRETCH, _SMILE, _PARTING, _AT_EASE = SCALES.values()
+_LITTLE, _TRACE = 1e-3, 0.1  # ours: a weight below is none; a mood below may be an error of reading
+_INVERSION_ORDER = ("surprised", "angry", "sad", "happy")  # moods, each after those whose shapes lower it
 OCULUS_VOWELS = {"aa": "aa", "E": "ee", "I": "ih", "O": "oh", "U": "ou"}
 """Viseme of Oculus → the preset of VRM that is the same vowel."""
 MOODS = {
@@ -67,23 +67,23 @@ def _mean(face: Array, *stems: str) -> Array:
 def vrm_presets(face: Array) -> dict[str, Array]:
     """VRM 1.0's presets of mouth, lids, looks and moods, of ARKit weights ``(T, 52)``: name → (T,) in 0 … 1."""
     get = {name: face[:, k] for name, k in ARKIT_INDEX.items()}
-    opened = np.clip((get["jawOpen"] - get["mouthClose"]) / _OPEN, 0, 1)
-    rounded = np.clip(np.maximum(get["mouthPucker"], get["mouthFunnel"]) / _ROUND, 0, 1)
-    smile = np.maximum(_mean(face, "mouthSmile") - _AT_EASE, 0) / _SMILED
-    wide = np.clip(_mean(face, "mouthStretch") / _STRETCHED + smile - rounded, 0, 1)
-    lifted = _mean(face, "mouthLowerDown", "mouthUpperUp") / _PARTED
-    parted = np.clip(np.maximum(opened, lifted), 0, 1)
+    opening = np.clip((get["jawOpen"] - get["mouthClose"]) / _OPEN, 0, 1)
+    rounding = np.clip(np.maximum(get["mouthPucker"], get["mouthFunnel"]) / _ROUND, 0, 1)
+    smile = np.maximum(_mean(face, "mouthSmile") - _AT_EASE, 0) / _SMILE
+    wide = np.clip(_mean(face, "mouthStretch") / _STRETCH + smile - rounding, 0, 1)
+    lift = _mean(face, "mouthLowerDown", "mouthUpperUp") / _PARTING
+    parting = np.clip(np.maximum(opening, lift), 0, 1)
     both = np.minimum(get["eyeBlinkLeft"], get["eyeBlinkRight"])
     moods = {
         mood: np.clip(base + sum(share * get[name] for name, share in shares.items()), 0, 1)
         for mood, (base, shares) in MOODS.items()
     }
     return moods | {
-        "aa": (1 - rounded) * opened * (1 - wide),
-        "ih": (1 - rounded) * (1 - opened) * wide * parted,
-        "ou": rounded * (1 - opened),
-        "ee": (1 - rounded) * opened * wide,
-        "oh": rounded * opened,
+        "aa": (1 - rounding) * opening * (1 - wide),
+        "ih": (1 - rounding) * (1 - opening) * wide * parting,
+        "ou": rounding * (1 - opening),
+        "ee": (1 - rounding) * opening * wide,
+        "oh": rounding * opening,
         "blink": both,
         "blinkLeft": get["eyeBlinkLeft"] - both,
         "blinkRight": get["eyeBlinkRight"] - both,
@@ -95,16 +95,16 @@ def vrm_presets(face: Array) -> dict[str, Array]:
 
 
 def oculus_visemes(face: Array) -> dict[str, Array]:
-    """The Oculus visemes that lip shapes alone tell apart: five vowels, PP, FF and sil; name → (T,) in 0 … 1."""
+    """The Oculus visemes that lip shapes alone can show: five vowels, PP, FF and sil; name → (T,) in 0 … 1."""
     vowels = vrm_presets(face)
     shut = 1 - np.clip((face[:, ARKIT_INDEX["jawOpen"]] - face[:, ARKIT_INDEX["mouthClose"]]) / _OPEN, 0, 1)
     upper, lower = face[:, ARKIT_INDEX["mouthRollUpper"]], face[:, ARKIT_INDEX["mouthRollLower"]]
-    named = {oculus: vowels[vrm] for oculus, vrm in OCULUS_VOWELS.items()}
-    named["FF"] = shut * np.clip(lower - upper, 0, 1)  # the lower lip under the teeth
-    named["PP"] = shut * np.maximum(_mean(face, "mouthPress"), np.minimum(upper, lower))
-    room = np.maximum(sum(named.values()), 1)
-    named = {name: weight / room for name, weight in named.items()}
-    return named | {"sil": np.maximum(1 - sum(named.values()), 0)}
+    weights = {oculus: vowels[vrm] for oculus, vrm in OCULUS_VOWELS.items()}
+    weights["FF"] = shut * np.clip(lower - upper, 0, 1)  # the lower lip under the teeth
+    weights["PP"] = shut * np.maximum(_mean(face, "mouthPress"), np.minimum(upper, lower))
+    room = np.maximum(sum(weights.values()), 1)
+    weights = {name: weight / room for name, weight in weights.items()}
+    return weights | {"sil": np.maximum(1 - sum(weights.values()), 0)}
 
 
 def arkit_from_presets(presets: dict[str, Array]) -> Array:
@@ -120,27 +120,27 @@ def arkit_from_presets(presets: dict[str, Array]) -> Array:
 def invert_presets(presets: Mapping[str, Array], frames: int) -> Array:
     """ARKit weights ``(T, 52)`` whose `vrm_presets` of mouth and moods are these again (name → (T,), 0 where not given).
 
-    Of what a preset does not tell, nothing moves: a smile that is no mood, which lip is round, a raised brow.
+    Shapes that no preset gives do not move: a smile that is no mood, which lip is round, a raised brow.
     """
     get = {name: np.clip(presets.get(name, np.zeros(frames)), 0, 1) for name in (*OCULUS_VOWELS.values(), *MOODS)}
-    opened, rounded = np.clip(get["aa"] + get["ee"] + get["oh"], 0, 1), np.clip(get["oh"] + get["ou"], 0, 1)
-    spread, apart = (1 - rounded) * opened, (1 - rounded) * (1 - opened)
+    opening, rounding = np.clip(get["aa"] + get["ee"] + get["oh"], 0, 1), np.clip(get["oh"] + get["ou"], 0, 1)
+    spread, apart = (1 - rounding) * opening, (1 - rounding) * (1 - opening)
     wide = np.clip(
         np.where(spread > _LITTLE, get["ee"] / np.maximum(spread, _LITTLE), get["ih"] / np.maximum(apart, _LITTLE)), 0, 1
     )
-    parted = np.clip(get["ih"] / np.maximum(apart * wide, _LITTLE), 0, 1)
+    parting = np.clip(get["ih"] / np.maximum(apart * wide, _LITTLE), 0, 1)
     face = np.zeros((frames, len(ARKIT)))
-    for mood in _INVERTED:
+    for mood in _INVERSION_ORDER:
         base, shares = MOODS[mood]
         own = {name: share for name, share in shares.items() if share > 0}
         others = base + sum(share * face[:, ARKIT_INDEX[name]] for name, share in shares.items() if share < 0)
         weight = (get[mood] - others) / sum(own.values()) * np.minimum(get[mood] / _TRACE, 1)
         face[:, [ARKIT_INDEX[name] for name in own]] = np.clip(weight, 0, 1)[:, None]
-    smiled = np.maximum(_mean(face, "mouthSmile") - _AT_EASE, 0) / _SMILED
-    lifted = _PARTED * parted * (parted > opened)
+    smile = np.maximum(_mean(face, "mouthSmile") - _AT_EASE, 0) / _SMILE
+    lift = _PARTING * parting * (parting > opening)
     shapes = {
-        "jawOpen": _OPEN * opened, "mouthPucker": _ROUND * rounded,
-        "mouthStretch": _STRETCHED * (wide + rounded - smiled) * (wide > 0), "mouthLowerDown": lifted, "mouthUpperUp": lifted,
+        "jawOpen": _OPEN * opening, "mouthPucker": _ROUND * rounding,
+        "mouthStretch": _STRETCH * (wide + rounding - smile) * (wide > 0), "mouthLowerDown": lift, "mouthUpperUp": lift,
     }  # fmt: skip
     for stem, weight in shapes.items():
         for name in (stem, f"{stem}Left", f"{stem}Right"):

@@ -5,9 +5,9 @@ translation is keyed on the hips only and the eyes not at all: a ``lookAt`` node
 X of a node's translation: the presets of `visemes.vrm_presets` for any avatar, and ARKit's names as custom expressions for
 "perfect sync" avatars. An avatar that has both adds them up: leave one out with ``presets=False`` or ``arkit=False``.
 
-The gaze is said once. The specification forbids the presets of looking, since ``lookAt`` handles them; the same holds for
-ARKit's eyeLook*, which a player adds to ``lookAt`` on an avatar that has such expressions. So these are left out, or with
-``look_at=False`` the ``lookAt``. `load` finds the one by the other.
+The gaze is written once. The specification forbids the presets of looking, since ``lookAt`` handles them. The same holds for
+ARKit's eyeLook*, which a player adds to ``lookAt`` on an avatar that has such expressions. So eyeLook* is left out; with
+``look_at=False``, ``lookAt`` is. `load` computes the one from the other.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ PRESETS = ("aa", "ih", "ou", "ee", "oh", "blink", "blinkLeft", "blinkRight", *MO
 _EYES = ("leftEye", "rightEye")
 _ARKIT = {name.lower(): name for name in ARKIT}
 _LOOKS = [k for name, k in ARKIT_INDEX.items() if name.startswith("eyeLook")]
-_AHEAD = 1e-6  # of a quaternion's x, y, z; [ours]: what rounding leaves of eyes that rest
+_AHEAD = 1e-6  # of a quaternion's x, y, z; [ours]: rounding errors of eyes that rest
 
 
 class Writer(BaseWriter):
@@ -85,10 +85,10 @@ class Writer(BaseWriter):
         if looks:
             animation["lookAt"] = {"node": looks[0], "offsetFromHeadBone": _between_the_eyes()}
         self._builder.json |= {"extensionsUsed": ["VRMC_vrm_animation"], "extensions": {"VRMC_vrm_animation": animation}}
-        turned = [node for name, node in joints.items() if name not in _EYES]
+        turning = [node for name, node in joints.items() if name not in _EYES]
         tracks = [
             GltfTrack((joints["hips"],), "translation", 3),
-            *(GltfTrack((node,), "rotation", 4) for node in [*turned, *looks]),
+            *(GltfTrack((node,), "rotation", 4) for node in [*turning, *looks]),
         ]
         tracks += [GltfTrack((node,), "translation", 3) for node in [*preset.values(), *custom.values()]]
         self._joints = [k for k, name in enumerate(humanoid().names) if name not in _EYES]
@@ -105,9 +105,9 @@ class Writer(BaseWriter):
         expressions = np.zeros((frames, len(weights), 3))
         if weights:
             expressions[..., 0] = np.clip(np.stack(weights, 1), 0, 1)
-        turned = motion.rotations[:, self._joints].reshape(frames, -1)
+        rotations = motion.rotations[:, self._joints].reshape(frames, -1)
         looks = [gaze(motion)] if self._look_at else []
-        columns = [motion.root, turned, *looks, expressions.reshape(frames, -1)]
+        columns = [motion.root, rotations, *looks, expressions.reshape(frames, -1)]
         self._recorder.add(np.concatenate(columns, 1))
 
     def _finish(self) -> None:
@@ -133,15 +133,15 @@ def add_humanoid(builder: GltfBuilder) -> dict[str, int]:
 
 
 def gaze(motion: Motion) -> Array:
-    """(T, 4) where both eyes look together, relative to the head: yaw and pitch, no roll. Where eyes rest and eyeLook* say
-    otherwise, as in a face that was recorded alone, these tell."""
+    """(T, 4) the common gaze of both eyes, relative to the head: yaw and pitch, no roll. Where eye bones rest and eyeLook* do
+    not, as in a face that was recorded alone, eyeLook* count."""
     left, right = (motion.rotations[:, motion.skeleton.index[name]].astype(np.float64) for name in _EYES)
     angles = quat_to_euler(quat_slerp(left, right, np.full(len(left), 0.5)), "YXZ")
-    turned = euler_to_quat(angles[:, :2], "YX")
+    eyes = euler_to_quat(angles[:, :2], "YX")
     if motion.face is None:
-        return turned
+        return eyes
     resting = np.abs(np.stack([left, right], 1)[..., :3]).max((1, 2)) < _AHEAD
-    return np.where(resting[:, None], toward(read_looks(motion.face).mean(1)), turned)
+    return np.where(resting[:, None], toward(read_looks(motion.face).mean(1)), eyes)
 
 
 def _between_the_eyes() -> list[float]:
@@ -167,14 +167,14 @@ def load(path: str | PathLike[str]) -> Motion:
         rotations, root = rig.motion(curves, times)
         face = _face(file, curves, times, extension["VRMC_vrm_animation"])
         look = curves.get((extension["VRMC_vrm_animation"].get("lookAt", {}).get("node"), "rotation"))
-        turned = None if look is None else look.at(times)[:, None]
-        if turned is None:
-            turned = None if face is None else toward(read_looks(face))
+        eyes = None if look is None else look.at(times)[:, None]
+        if eyes is None:
+            eyes = None if face is None else toward(read_looks(face))
         elif face is not None:
-            face = complete_looks(face, turned[:, 0])
+            face = complete_looks(face, eyes[:, 0])
         motion = as_humanoid(Motion(fps=fps, rotations=rotations, root=root, face=face, skeleton=rig.skeleton))
-        if turned is not None:
-            motion.rotations[:, [motion.skeleton.index[name] for name in _EYES]] = turned
+        if eyes is not None:
+            motion.rotations[:, [motion.skeleton.index[name] for name in _EYES]] = eyes
     return motion
 
 
@@ -183,12 +183,12 @@ def _face(file: GltfFile, curves: dict[tuple[int, str], Curve], times: Array, ex
     expressions = extension.get("expressions", {})
 
     def weights(kind: str) -> dict[str, Array]:
-        found = {}
+        values = {}
         for name, entry in expressions.get(kind, {}).items():
             curve, rest = curves.get((entry["node"], "translation")), file.list("nodes")[entry["node"]].get("translation")
             still = np.full(len(times), float(rest[0]) if rest else 0.0)
-            found[str(name)] = np.clip(still if curve is None else curve.at(times)[:, 0], 0, 1)
-        return found
+            values[str(name)] = np.clip(still if curve is None else curve.at(times)[:, 0], 0, 1)
+        return values
 
     custom = {_ARKIT[name.lower()]: weight for name, weight in weights("custom").items() if name.lower() in _ARKIT}
     if custom:

@@ -1,9 +1,9 @@
-"""Files: only real ones are opened, and never more is read than is due; no half of one is ever left behind.
+"""Open and write files: only regular files are opened, reading stops at a limit, and a file is written whole or not at all.
 
-Files are made in hidden folders before they get their names (`cospeech.files.workplaces`).
+A new file is written in a hidden folder, and gets its name at the end (`cospeech.files.workplaces`).
 
-JSON and TOML are looked over before a library parses them: JSON takes thirty bytes of memory for one of text, and a TOML key
-takes the square of its parts in time.
+JSON and TOML are checked before a library parses them. JSON takes thirty bytes of memory for each byte of text. The time for a
+TOML key grows with the square of its parts.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ __all__ = [
 _SOUND_FILE = "a sound file"
 _MAY_WRITE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 _FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS)
-_STANDARD_INPUT = ("/dev/stdin", "/dev/fd/0", "/proc/self/fd/0")  # what systems call it; a decoder of ours has another one
-_ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+:/", re.IGNORECASE)  # https://; a path has lost a slash; C:/ is a drive
+_STANDARD_INPUT = ("/dev/stdin", "/dev/fd/0", "/proc/self/fd/0")  # names of ours; a decoder has another one
+_ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+:/", re.IGNORECASE)  # https://, of which a path has one slash; C:/ is a drive
 _REPLACES_OPEN = os.name != "nt"  # Windows lets no file take the name of one that a program has open
 
 
@@ -43,14 +43,15 @@ def describe_os_error(error: OSError) -> str:
 
 
 def repair_text(text: str) -> str:
-    """A text that can be written: in names of files, Python keeps bytes that are no UTF-8 as halves of characters.
+    """Make a text that can be written: in names of files, Python keeps bytes that are not UTF-8 as half characters
+    (surrogates).
 
     >>> repair_text("Zo\\udcc3\\udcab, Zo\\udceb")
     'Zoë, Zo�'
     """
     try:
         data = text.encode("utf-8", "surrogateescape")
-    except UnicodeEncodeError:  # names of Windows may hold any half
+    except UnicodeEncodeError:  # names of Windows may hold any surrogate
         data = text.encode("utf-8", "replace")
     return data.decode("utf-8", "replace")
 
@@ -59,14 +60,14 @@ def repair_text(text: str) -> str:
 
 
 def regular_file(path: str | PathLike[str], what: str = _SOUND_FILE) -> Path:
-    """The path, made absolute, if a regular file with something in it is there.
+    """The absolute path of a regular file that is not empty.
 
     Args:
         path: as the user gave it.
         what: in words, for the hint.
 
     Raises:
-        InputError: missing, a folder, a pipe or a device, empty, or it may not be read.
+        InputError: it is missing, a folder, a pipe, a device or empty, or it may not be read.
     """
     name = os.fsdecode(path)
     if name in _STANDARD_INPUT and what == _SOUND_FILE:
@@ -93,14 +94,14 @@ def open_regular(path: str | PathLike[str], what: str, limit: int) -> BinaryIO:
     """A regular file of at most ``limit`` bytes, open for reading.
 
     Raises:
-        InputError: as of `regular_file`, or it is larger; the limit is stated.
+        InputError: as of `regular_file`, or the file is larger; the message states the limit.
     """
     file = regular_file(path, what)
     try:
         size = file.stat().st_size
         if size > limit:
-            shown = f"{limit >> 20} MiB" if limit >= 1 << 20 else f"{limit >> 10} KiB"
-            raise InputError(f"{os.fsdecode(path)!r} is larger than {shown}: {size:,} bytes", f"is it {what}?")
+            size_limit = f"{limit >> 20} MiB" if limit >= 1 << 20 else f"{limit >> 10} KiB"
+            raise InputError(f"{os.fsdecode(path)!r} is larger than {size_limit}: {size:,} bytes", f"is it {what}?")
         return file.open("rb")
     except OSError as error:
         raise InputError(f"cannot read {os.fsdecode(path)!r}: {describe_os_error(error)}", "may you read it?") from None
@@ -110,7 +111,7 @@ def read_regular(path: str | PathLike[str], what: str, limit: int) -> bytes:
     """The whole of a regular file of at most ``limit`` bytes (see `open_regular`)."""
     with open_regular(path, what, limit) as file:
         try:
-            return file.read(os.fstat(file.fileno()).st_size)  # not the limit: so much memory would be taken at once
+            return file.read(os.fstat(file.fileno()).st_size)  # not the limit: read() would take so much memory at once
         except OSError as error:
             raise InputError(f"cannot read {os.fsdecode(path)!r}: {describe_os_error(error)}", "may you read it?") from None
 
@@ -119,15 +120,15 @@ def read_regular(path: str | PathLike[str], what: str, limit: int) -> bytes:
 
 
 def parse_json(text: str | bytes, name: str, most: int) -> Any:
-    """A JSON document whose numbers are finite.
+    """Parse a JSON document whose numbers are finite.
 
     Args:
         text: of the document.
         name: how messages call the file.
-        most: how many values it may have, told by its commas and brackets.
+        most: how many values it may have; commas and brackets are counted.
 
     Raises:
-        InputError: not JSON, nested too deeply, NaN or infinity in it, or more values.
+        InputError: it is not JSON, is nested too deeply, holds NaN or infinity, or has more values.
     """
     if len(text) > most and _values(text) > most:
         raise InputError(f"{name} has more than {most:,} values", "cut it into pieces")
@@ -146,10 +147,10 @@ def parse_json(text: str | bytes, name: str, most: int) -> Any:
 
 
 def _field_of(text: str | bytes, constant: str) -> str:
-    """In which field a constant stands, for a message; nothing where that is not known."""
+    """The field that holds a constant, for a message; empty where it is not known."""
     read = text if isinstance(text, str) else text.decode("utf-8", "replace")
-    found = re.search(rf'"(\w{{1,60}})"\s*:\s*(?:\[[^][{{}}"]*)?{constant}', read)
-    return f" in {found[1]!r}" if found else ""
+    match = re.search(rf'"(\w{{1,60}})"\s*:\s*(?:\[[^][{{}}"]*)?{constant}', read)
+    return f" in {match[1]!r}" if match else ""
 
 
 def _values(text: str | bytes) -> int:
@@ -159,10 +160,10 @@ def _values(text: str | bytes) -> int:
 
 
 def parse_toml(data: bytes, name: str, hint: str) -> dict[str, Any]:
-    """A TOML document.
+    """Parse a TOML document.
 
     Raises:
-        InputError: not UTF-8, not TOML, or a line has more dots than any key or list needs.
+        InputError: it is not UTF-8 or not TOML, or a line has more dots than any key or list needs.
     """
     try:
         text = data.decode("utf-8")
@@ -180,52 +181,52 @@ def parse_toml(data: bytes, name: str, hint: str) -> dict[str, Any]:
 
 
 def _destination(path: str | PathLike[str]) -> Path:
-    """Where a file to be written really lies: at the end of links, which stay links.
+    """The real path of a file that is to be written: links are followed, and stay links.
 
     Raises:
-        InputError: a folder, a pipe, a device, a read-only file or one that is in use has that name, or no file can have it.
+        InputError: the path is a folder, a pipe, a device, a read-only file or a file in use, or no file can have that name.
     """
-    shown = os.fsdecode(path)
+    name = os.fsdecode(path)
     try:
-        mode = Path(shown).stat().st_mode
+        mode = Path(name).stat().st_mode
     except FileNotFoundError:
         mode = stat.S_IFREG | _MAY_WRITE
     except (OSError, ValueError) as error:  # ValueError: it holds a null character
         reason = describe_os_error(error) if isinstance(error, OSError) else str(error)
-        raise InputError(f"cannot write {shown!r}: {reason}", "is the name right?") from None
+        raise InputError(f"cannot write {name!r}: {reason}", "is the name right?") from None
     if stat.S_ISDIR(mode):
-        raise InputError(f"cannot write {shown!r}: it is a folder", "name a file")
+        raise InputError(f"cannot write {name!r}: it is a folder", "name a file")
     if not stat.S_ISREG(mode):
-        raise InputError(f"cannot write {shown!r}: it is a pipe or a device", "name a file")
-    if not mode & _MAY_WRITE:  # a rename would not ask; the bits count for root, too, who could write
-        raise InputError(f"cannot write {shown!r}: the file is read-only", "name another file, or make this one writable")
-    destination = Path(os.path.realpath(shown))
-    _check_free(destination, shown)
+        raise InputError(f"cannot write {name!r}: it is a pipe or a device", "name a file")
+    if not mode & _MAY_WRITE:  # a rename ignores these bits; they count for root, too, who could write
+        raise InputError(f"cannot write {name!r}: the file is read-only", "name another file, or make this one writable")
+    destination = Path(os.path.realpath(name))
+    _check_free(destination, name)
     return destination
 
 
-def _check_free(destination: Path, shown: str) -> None:
-    """Whether a file that is there can be replaced.
+def _check_free(destination: Path, name: str) -> None:
+    """Check that a file can be replaced, if there is one.
 
     Raises:
-        InputError: another program has it open, on a system where that keeps its name taken.
+        InputError: another program has it open, and the system replaces no open file.
     """
     if not _REPLACES_OPEN and destination.exists():
-        with _explain_refusal(shown):
+        with _explain_refusal(name):
             destination.rename(destination)  # needs the same right as to replace it, and changes nothing
 
 
 @contextmanager
-def _explain_refusal(shown: str) -> Iterator[None]:
+def _explain_refusal(name: str) -> Iterator[None]:
     try:
         yield
     except PermissionError as error:
         hint = "does another program have it open? close it there, or name another file"
-        raise InputError(f"cannot write {shown!r}: {describe_os_error(error)}", hint) from None
+        raise InputError(f"cannot write {name!r}: {describe_os_error(error)}", hint) from None
 
 
 def check_destination(path: str | PathLike[str]) -> None:
-    """Whether a file can be written there, before there is one: `atomic` would find out when the work is done.
+    """Check that a file can be written there, before the work begins; `atomic` would find out after it.
 
     Raises:
         InputError: as of `atomic`.
@@ -236,7 +237,7 @@ def check_destination(path: str | PathLike[str]) -> None:
 
 @contextmanager
 def atomic(path: str | PathLike[str]) -> Iterator[Path]:
-    """Yield the path of an empty temporary file on the file system of ``path``; it takes its name if the block succeeds.
+    """Yield the path of an empty temporary file beside ``path``; the file gets the name ``path`` if the block succeeds.
 
     On any exception, Ctrl-C included, the temporary file is removed and ``path`` stays as it was. Where ``path`` is a link,
     the file that it points to is written.
@@ -248,7 +249,7 @@ def atomic(path: str | PathLike[str]) -> Iterator[Path]:
     with ExitStack() as stack:
         temporary = _workplace(stack, target.parent, path) / f"0{Path(path).suffix[-20:]}"
         temporary.touch()
-        rights = stat.S_IMODE(temporary.stat().st_mode)  # those of a new file here; a writer may put another one in its place
+        rights = stat.S_IMODE(temporary.stat().st_mode)  # those of a new file here; a writer may replace the file
         try:
             yield temporary
         except OSError as error:
@@ -261,12 +262,12 @@ def atomic(path: str | PathLike[str]) -> Iterator[Path]:
 
 
 def _is_in(name: object, folder: Path) -> bool:
-    """Whether the file that an error names is one of a folder: writers have files of their own beside the one they make."""
+    """Whether the file that an error names lies in a folder; writers have other files beside the temporary one."""
     return isinstance(name, str | bytes) and folder in Path(os.fsdecode(name)).parents
 
 
 def _is_stuck(path: Path) -> bool:
-    """Whether a file can take no more: an error of writing to an open file does not say which file it was."""
+    """Whether a file can grow no more, as on a full disk; an error of writing to an open file does not name the file."""
     with suppress(OSError), path.open("ab") as file:
         return file.write(bytes(1 << 16)) == 0
     return True
@@ -274,7 +275,7 @@ def _is_stuck(path: Path) -> bool:
 
 @contextmanager
 def all_or_none(targets: Iterable[Path]) -> Iterator[Callable[[Path], Path]]:
-    """Yield a function from a target to where it is written meanwhile; all targets appear when the block succeeds.
+    """Yield a function that gives the temporary path of a target; all targets appear when the block succeeds.
 
     Files wait in a folder beside their target, so that the last step is a rename on one file system.
 
@@ -283,12 +284,12 @@ def all_or_none(targets: Iterable[Path]) -> Iterator[Callable[[Path], Path]]:
     """
     folders: dict[Path, Path] = {}
     destinations: dict[Path, Path] = {}
-    staged: dict[Path, Path] = {}
+    temporaries: dict[Path, Path] = {}
 
     def place(target: Path) -> Path:
-        name = f"{len(staged)}{target.suffix[-20:]}"  # not the target's: two links may have the same
-        staged[target] = folders[destinations[target].parent] / name
-        return staged[target]
+        name = f"{len(temporaries)}{target.suffix[-20:]}"  # not the target's name: two links may have the same one
+        temporaries[target] = folders[destinations[target].parent] / name
+        return temporaries[target]
 
     with ExitStack() as stack:
         for target in targets:
@@ -298,13 +299,13 @@ def all_or_none(targets: Iterable[Path]) -> Iterator[Callable[[Path], Path]]:
         try:
             yield place
         except OSError as error:
-            for target, path in staged.items():
+            for target, path in temporaries.items():
                 if str(path) == error.filename:
                     raise OSError(error.errno, describe_os_error(error), str(target)) from error
             raise
-        for target in staged:  # one may have been opened meanwhile: then none appears
+        for target in temporaries:  # if another program has opened one meanwhile, none appears
             _check_free(destinations[target], str(target))
-        for target, path in staged.items():
+        for target, path in temporaries.items():
             with _explain_refusal(str(target)):
                 path.replace(destinations[target])
 
@@ -330,7 +331,7 @@ def _workplace(stack: ExitStack, folder: Path, target: str | PathLike[str]) -> P
 
 @contextmanager
 def make_folders(folders: Iterable[Path]) -> Iterator[None]:
-    """Folders that are there meanwhile, and afterwards unless it fails.
+    """Make folders for the block; new ones stay if it succeeds, and are removed if it fails.
 
     Raises:
         InputError: one cannot be made.

@@ -1,4 +1,4 @@
-"""Speech that arrives in pieces, brought to the rate at which features are computed."""
+"""Resample speech that arrives in pieces to the rate at which features are computed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["At16kHz", "HeldSamples"]
 
 
 class At16kHz:
-    """Pieces of any size and of one rate, whichever → samples at 16 kHz, the same ones however the speech is cut.
+    """Resamples pieces of any size and of any one rate to 16 kHz; the samples do not depend on how the speech is cut.
 
     >>> from cospeech.audio.speech import Speech
     >>> stream = At16kHz()
@@ -62,7 +62,7 @@ class At16kHz:
 
 
 class HeldSamples:
-    """Samples that wait until there are enough to be worth a look: many small pieces cost more than a few large ones.
+    """Keeps samples until there are enough of them: to process many small pieces costs more than a few large ones.
 
     >>> held = HeldSamples()
     >>> held.is_short(np.zeros(320, np.float32), 1000), held.is_short(np.zeros(700, np.float32), 1000)
@@ -73,19 +73,19 @@ class HeldSamples:
 
     def __init__(self) -> None:
         self._pieces: list[Floats] = []
-        self._count, self._taken = 0, 0
+        self._count, self._start = 0, 0
 
-    def is_short(self, samples: Floats, needed: int) -> bool:
-        """Whether with these there are still fewer than ``needed`` from the beginning on; then they are held."""
-        if self._taken + self._count + len(samples) >= needed:
+    def is_short(self, samples: Floats, minimum: int) -> bool:
+        """Whether there are fewer than ``minimum`` samples since the beginning, with these; then these are kept."""
+        if self._start + self._count + len(samples) >= minimum:
             return False
         self._pieces.append(samples)
         self._count += len(samples)
         return True
 
     def take(self, samples: Floats) -> Floats:
-        """All that is held, and these."""
-        self._taken += self._count + len(samples)
+        """All samples that are kept, and these."""
+        self._start += self._count + len(samples)
         if not self._pieces:
             return samples
         pieces, self._pieces, self._count = [*self._pieces, samples], [], 0

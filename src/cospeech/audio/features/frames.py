@@ -1,8 +1,8 @@
-"""Audio features at the rate of the motion: the mean of what `prosody` hears over each frame's own time; whole or streamed.
+"""Audio features at the rate of the motion: means of the features of `prosody` over the time of each frame; whole or streamed.
 
-Frame f of the motion is at f / fps seconds; its row covers half a frame before to half a frame after. The same class works out
-the features that a network is trained on and those that it is given at run time: all rows have the same bits, whatever the
-pieces in which the sound arrived.
+Frame f of the motion is at f / fps seconds; its row covers half a frame before to half a frame after. The same class computes
+the features for training and at run time: all rows have the same bits, whatever the size of the pieces in which the sound
+arrives.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ __all__ = ["AUDIO_NAMES", "FrameFeatures", "audio_features", "frame_delay"]
 AUDIO_NAMES = (*(f"mel{k}" for k in range(N_MELS)), "energy", "pitch", "voicing", "onset")
 """Columns of a row: natural log of 80 mel powers, then as in `Features`."""
 _PITCH = AUDIO_NAMES.index("pitch")
-_PIECE = 10.0  # seconds; ours: long speech is heard in pieces, which needs less memory and gives the same bits
+_PIECE = 10.0  # seconds; ours: long speech is processed in pieces, which needs less memory and gives the same bits
 
 
 def frame_delay(fps: float) -> float:
     """Seconds of 16 kHz sound after a frame's time that must have been heard before its row is certain.
 
-    Half a frame, the rounding to hundredths, and what a hundredth itself waits for (`prosody.DELAY`); 65 ms at 20 frames a
-    second. The resampler of speech at another rate keeps another 25 to 115 ms back (measured; 40 ms at 44.1 and 48 kHz).
+    That is half a frame, the rounding to hundredths of a second, and the delay of a hundredth (`prosody.DELAY`): 65 ms at 20
+    frames a second. For speech at another rate, the resampler adds 25 to 115 ms (measured; 40 ms at 44.1 and 48 kHz).
 
     >>> round(frame_delay(20), 3)
     0.065
@@ -41,7 +41,7 @@ def frame_delay(fps: float) -> float:
 
 
 class FrameFeatures(StreamingFeatures):
-    """Rows of `AUDIO_NAMES` for speech that arrives in pieces of any size and of one rate, whichever; hundredths are kept.
+    """Computes rows of `AUDIO_NAMES` for speech in pieces of any size and of any one rate; keeps hundredths of a second.
 
     Args:
         fps: frames per second of the motion.
@@ -50,8 +50,8 @@ class FrameFeatures(StreamingFeatures):
         InputError: fps is not a positive number.
 
     >>> from cospeech.audio.speech import Speech
-    >>> heard = FrameFeatures(20)
-    >>> len(heard.push(Speech(np.zeros(24_000, np.float32)))), len(heard.finish())
+    >>> features = FrameFeatures(20)
+    >>> len(features.push(Speech(np.zeros(24_000, np.float32)))), len(features.finish())
     (29, 1)
     """
 
@@ -76,7 +76,7 @@ class FrameFeatures(StreamingFeatures):
         return edge
 
     def _edge_of(self, frame: int) -> int:
-        """The same of one frame, without arrays: it is asked for at every piece."""
+        """As `_edge`, of one frame and without arrays: it is called at every piece."""
         return max(round((frame - 0.5) * (FPS / self.fps)), 0)
 
     def _certain(self, frame: int) -> bool:
@@ -95,15 +95,15 @@ class FrameFeatures(StreamingFeatures):
         """Sums (n, 84) of so many hundredths each, and (n,) how many of them are voiced; frame by frame."""
         total, voiced = np.empty((len(low), len(AUDIO_NAMES))), np.empty(len(low))
         for k, (first, many) in enumerate(zip((low - self._first).tolist(), count.tolist(), strict=True)):
-            rows = self._heard[first : first + many].astype(float)
+            rows = self._data[first : first + many].astype(float)
             total[k], voiced[k] = np.add.reduce(rows, 0), np.count_nonzero(rows[:, _PITCH] > 0)
         return total, voiced
 
     def _add_many(self, low: NDArray[np.int64], count: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The same, hundredth by hundredth: bits do not depend on the rows beside."""
+        """As `_add_few`, hundredth by hundredth: the bits of a row do not depend on other rows."""
         total, voiced = np.zeros((len(low), len(AUDIO_NAMES))), np.zeros(len(low))
         for k in range(count.max(initial=0)):
-            row = self._heard[np.minimum(low + k, self._end - 1) - self._first]
+            row = self._data[np.minimum(low + k, self._end - 1) - self._first]
             row = np.where((k < count)[:, None], row, 0.0)
             total += row
             voiced += row[:, _PITCH] > 0
@@ -113,14 +113,14 @@ class FrameFeatures(StreamingFeatures):
         return min(self._edge_of(frame), self._end - 1)
 
 
-def _columns(heard: Features) -> Floats:
-    """(n, 84) of hundredths."""
-    assert heard.mel is not None
-    return np.concatenate([heard.mel, np.stack([heard.energy, heard.pitch, heard.voicing, heard.onset], 1)], 1)
+def _columns(features: Features) -> Floats:
+    """(n, 84) columns of hundredths of a second."""
+    assert features.mel is not None
+    return np.concatenate([features.mel, np.stack([features.energy, features.pitch, features.voicing, features.onset], 1)], 1)
 
 
 def audio_features(speech: Speech, frames: int, fps: float) -> Floats:
     """(frames, 84) float32 of a whole speech of any rate: the mean over a frame's own time (of pitch: its voiced part)."""
-    heard = FrameFeatures(fps)
-    parts = [heard.push(chunk) for chunk in speech.chunks(_PIECE)]
-    return np.concatenate([*parts, heard.finish(frames)])[:frames]
+    stream = FrameFeatures(fps)
+    parts = [stream.push(chunk) for chunk in speech.chunks(_PIECE)]
+    return np.concatenate([*parts, stream.finish(frames)])[:frames]

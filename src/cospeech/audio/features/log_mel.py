@@ -1,8 +1,8 @@
 """PATS' own audio features (`log_mel_400` of Ahuja et al. 2020) of any speech: at 100 a second, and at the rate of the motion.
 
-A spectrum takes 512 samples of 16 kHz speech from its own time on, 400 of them under a Hann window in their middle; 64 mel
-bands of its magnitude, not of its power; the logarithm. Row k of a store is the last
-spectrum that begins at k / fps or before.
+A spectrum takes 512 samples of 16 kHz speech from its own time on; a Hann window covers the 400 in their middle. A row is the
+logarithm of 64 mel bands of its magnitude, not of its power. Row k of a store is the last spectrum that begins at k / fps or
+before.
 
 All sums run along a spectrum, none over spectra and none through BLAS: a stream has the bits of the whole.
 """
@@ -21,7 +21,7 @@ __all__ = ["LOG_MEL_NAMES", "SPAN", "LogMelFeatures", "log_mel_400", "log_mel_at
 
 SPAN = 512  # samples of a spectrum; this, hop, window, bands and silence are the authors' code's (data/audio.py of PATS)
 _BANDS, _LOW, _HIGH = 64, 125.0, 7500.0  # Hz
-_SILENT = 1e-6  # what a band of nothing at all counts as; one of little is what it is
+_SILENT = 1e-6  # stands for a band that is exactly 0; small values stay as they are
 LOG_MEL_NAMES = tuple(f"log_mel_400.{k}" for k in range(_BANDS))
 """Columns of a row."""
 
@@ -66,7 +66,7 @@ def log_mel_at(frames: NDArray[np.int64], fps: float) -> NDArray[np.int64]:
 
 
 class LogMelFeatures(StreamingFeatures):
-    """Rows of `LOG_MEL_NAMES` for speech that arrives in pieces of any size and of one rate, whichever; samples are kept.
+    """Computes rows of `LOG_MEL_NAMES` for speech in pieces of any size and of any one rate; keeps samples.
 
     Args:
         fps: frames per second of the motion.
@@ -75,8 +75,8 @@ class LogMelFeatures(StreamingFeatures):
         InputError: fps is not a positive number.
 
     >>> from cospeech.audio.speech import Speech
-    >>> heard = LogMelFeatures(15)
-    >>> len(heard.push(Speech(np.zeros(16_000, np.float32)))), len(heard.finish())
+    >>> features = LogMelFeatures(15)
+    >>> len(features.push(Speech(np.zeros(16_000, np.float32)))), len(features.finish())
     (15, 0)
     """
 
@@ -89,20 +89,20 @@ class LogMelFeatures(StreamingFeatures):
         return samples
 
     def _rest(self) -> Floats:
-        """Silence, as much as a first spectrum still lacks."""
+        """Silence, as many samples as the first spectrum lacks."""
         return np.zeros(max(0, SPAN - self._end), np.float32)
 
     @property
     def _last(self) -> int:
-        """The last spectrum that is whole; -1 where there is none yet."""
+        """Number of the last complete spectrum; -1 where there is none yet."""
         return (self._end - SPAN) // HOP if self._end >= SPAN else -1
 
     def _certain(self, frame: int) -> bool:
         return bool(log_mel_at(np.array(frame), self.fps) <= self._last)
 
     def _rows(self, frames: NDArray[np.int64]) -> Floats:
-        wanted = np.minimum(log_mel_at(frames, self.fps), self._last)
-        rows = _log_mel(self._heard, wanted * HOP - self._first) if len(wanted) else np.zeros((0, _BANDS))
+        spectra = np.minimum(log_mel_at(frames, self.fps), self._last)
+        rows = _log_mel(self._data, spectra * HOP - self._first) if len(spectra) else np.zeros((0, _BANDS))
         return rows.astype(np.float32)
 
     def _find_oldest(self, frame: int) -> int:

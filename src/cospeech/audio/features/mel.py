@@ -63,8 +63,8 @@ def magnitudes(frames: Floats | Doubles, window: int) -> Doubles:
     length = frames.shape[1]
     before = (length - window) // 2
     shape = np.pad(hann(window), (before, length - window - before))
-    found = np.fft.rfft(frames * shape)
-    return np.sqrt(np.square(found.real) + np.square(found.imag))
+    spectrum = np.fft.rfft(frames * shape)
+    return np.sqrt(np.square(spectrum.real) + np.square(spectrum.imag))
 
 
 def power_spectra(frames: Floats) -> Floats:
@@ -114,9 +114,9 @@ def mel_filters(n_mels: int = 80) -> Floats:
 
 
 def overlapping(samples: NDArray[T], length: int, hop: int = 1) -> NDArray[T]:
-    """(N,) → (T, length) all that fit, each ``hop`` after the one before: to be read only.
+    """(N,) → (T, length) windows, each ``hop`` samples after the one before; nobody may write to them.
 
-    As `numpy.lib.stride_tricks.sliding_window_view`, which takes forty times as long to be made.
+    As `numpy.lib.stride_tricks.sliding_window_view`, which takes forty times as long.
     """
     count = max(0, (len(samples) - length) // hop + 1)
     step = samples.strides[0]
@@ -156,8 +156,8 @@ def log_mel(samples: Floats, *, n_mels: int = 80) -> Floats:
     Equal to the logarithm of librosa's ``feature.melspectrogram(sr=16000, n_fft=400, hop_length=160)``, not below 1e-10.
     """
     bands = _mel_bands(n_mels)
-    padded = np.pad(np.asarray(samples, np.float32), WINDOW // 2)
-    frames = np.lib.stride_tricks.sliding_window_view(padded, WINDOW)[::HOP]
+    signal = np.pad(np.asarray(samples, np.float32), WINDOW // 2)
+    frames = np.lib.stride_tricks.sliding_window_view(signal, WINDOW)[::HOP]
     out = np.empty((1 + len(samples) // HOP, n_mels), np.float32)
     for at in range(0, len(out), BATCH):
         out[at : at + BATCH] = log_power(bands(power_spectra(frames[at : at + BATCH])))

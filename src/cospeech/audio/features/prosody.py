@@ -1,4 +1,4 @@
-"""What the voice does, 100 times a second: energy, pitch, voicing, onsets, log bands; whole or streamed, with the same bits.
+"""Features of the voice, 100 times a second: energy, pitch, voicing, onsets, log bands; whole or streamed, with the same bits.
 
 Frame k describes time k / 100 s; there is a frame for every k / 100 s up to the end of the speech. A frame comes out of the
 stream once the samples up to 45 ms after it are in (`DELAY`): half the pitch window, and two frames for mending octave jumps.
@@ -142,26 +142,26 @@ class ProsodyStream:
 
     def __init__(self, *, mel: bool = False) -> None:
         self.keep_mel = mel
-        self._tail = np.zeros(PITCH_WINDOW // 2, np.float32)  # samples not yet done with; the first is at -25 ms
-        self._seen = 0  # samples pushed
-        self._made = 0  # frames computed
-        self._given = 0  # frames handed out
+        self._tail = np.zeros(PITCH_WINDOW // 2, np.float32)  # samples that later frames need; the first is at -25 ms
+        self._sample_count = 0  # samples pushed
+        self._frame_count = 0  # frames computed
+        self._next = 0  # frames handed out
         self._mel_before: Floats | None = None  # the frame before, for the flux
         self._peak = -np.inf  # recent peak level
-        self._raw_pitch = np.zeros(MEDIAN // 2, np.float32)  # frames around those to be smoothed; silence before the first
+        self._raw_pitch = np.zeros(MEDIAN // 2, np.float32)  # of frames to smooth and their neighbours; first silence
         self._waiting: list[Features] = []
         self._memory = _PitchMemory()
 
     def push(self, samples: Floats) -> Features:
         """The frames that these samples complete; possibly none."""
-        self._seen += len(samples)
+        self._sample_count += len(samples)
         self._tail = np.concatenate([self._tail, np.asarray(samples, np.float32)])
         self._compute()
-        return self._give(self._made - MEDIAN // 2)
+        return self._give(self._frame_count - MEDIAN // 2)
 
     def flush(self) -> Features:
-        """The frames that were waiting for what came after them. The stream is at its end."""
-        last = self._seen // HOP + 1
+        """End the stream; give the frames that waited for later samples."""
+        last = self._sample_count // HOP + 1
         self._tail = np.pad(self._tail, (0, PITCH_WINDOW))
         self._compute(last)
         self._raw_pitch = np.pad(self._raw_pitch, (0, MEDIAN // 2))
@@ -171,7 +171,7 @@ class ProsodyStream:
         """Frames whose window is complete, up to ``last``, in batches."""
         ready = max(0, (len(self._tail) - PITCH_WINDOW) // HOP + 1)
         if last is not None:
-            ready = min(ready, last - self._made)
+            ready = min(ready, last - self._frame_count)
         if not ready:
             return
         frames = overlapping(self._tail, PITCH_WINDOW, HOP)
@@ -186,39 +186,39 @@ class ProsodyStream:
         bands = _decibels(_log_bands()(power))
         energy, bands = bands[:, 0], np.ascontiguousarray(bands[:, 1:])
         logs = log_power(mel)
-        heard = np.maximum(logs, _onset_floor()) * _TO_DECIBELS
-        steps = np.empty_like(heard)
-        np.subtract(heard[1:], heard[:-1], out=steps[1:])
-        steps[0] = 0 if self._mel_before is None else heard[0] - self._mel_before
+        decibels = np.maximum(logs, _onset_floor()) * _TO_DECIBELS
+        steps = np.empty_like(decibels)
+        np.subtract(decibels[1:], decibels[:-1], out=steps[1:])
+        steps[0] = 0 if self._mel_before is None else decibels[0] - self._mel_before
         onset = np.maximum(steps, 0).mean(axis=1)
-        self._mel_before = heard[-1]
+        self._mel_before = decibels[-1]
         voicing, pitch = np.zeros((2, len(frames)), np.float32)
         loud = np.flatnonzero(self._loud_enough(energy))  # nothing else can be voice
         if len(loud):
-            found, strength = _pitch(frames if len(loud) == len(frames) else frames[loud], self._memory)
+            hertz, strength = _pitch(frames if len(loud) == len(frames) else frames[loud], self._memory)
             voicing[loud] = np.minimum(np.maximum((strength - VOICED[0]) / (VOICED[1] - VOICED[0]), 0), 1)
-            pitch[loud] = found
+            pitch[loud] = hertz
         self._raw_pitch = np.concatenate([self._raw_pitch, np.where(voicing > 0.5, pitch, np.float32(0))])
-        kept = logs if self.keep_mel else None
-        self._waiting.append(Features(energy, energy, voicing, onset, bands, kept, start=self._made))  # pitch follows
-        self._made += len(frames)
+        log_mel = logs if self.keep_mel else None
+        self._waiting.append(Features(energy, energy, voicing, onset, bands, log_mel, start=self._frame_count))  # pitch follows
+        self._frame_count += len(frames)
 
     def _loud_enough(self, energy: Floats) -> NDArray[np.bool_]:
-        """Not much below the recent peak level, which falls by so many dB per second (a running maximum along a slope)."""
-        slope = RELEASE / FPS * (self._made + np.arange(len(energy)))
+        """Whether a frame is near the recent peak level, which falls by `RELEASE` (a running maximum along a slope)."""
+        slope = RELEASE / FPS * (self._frame_count + np.arange(len(energy)))
         peak = np.maximum(np.maximum.accumulate(energy + slope), self._peak)
         self._peak = peak[-1]
         return (energy > peak - slope - RANGE) & (energy > QUIETEST)
 
     def _give(self, until: int) -> Features:
         """Frames up to ``until``, their pitch smoothed."""
-        count = max(0, until - self._given)
+        count = max(0, until - self._next)
         pending = Features.concatenate(self._waiting) if self._waiting else _nothing(self.keep_mel)
         out, rest = pending[:count], pending[count:]
         self._waiting = [rest] if len(rest) else []
         pitch = _mend_jumps(self._raw_pitch[: count + 2 * (MEDIAN // 2)]) if count else out.pitch
         self._raw_pitch = self._raw_pitch[count:]
-        start, self._given = self._given, self._given + count
+        start, self._next = self._next, self._next + count
         return Features(out.energy, pitch, out.voicing, out.onset, out.bands, out.mel, start=start)
 
 
@@ -279,7 +279,7 @@ def _log_bands() -> Bands[np.float32]:
 
 @cache
 def _window_autocorrelation() -> Floats:
-    """Of the Hann window, 1 at lag 0, at the lags of LAG_RATE: what a frame's own must be divided by (Boersma 1993, eq. 9)."""
+    """Autocorrelation of the Hann window at lags of LAG_RATE, 1 at lag 0: divides that of a frame (Boersma 1993, eq. 9)."""
     spectrum = np.fft.rfft(hann(PITCH_WINDOW), 2 * PITCH_WINDOW)
     lags = np.fft.irfft(np.square(np.abs(spectrum)))[:: RATE // LAG_RATE]
     return (lags / lags[0]).astype(np.float32)
@@ -298,13 +298,13 @@ def _pitch_scales() -> tuple[Floats, NDArray[np.int64], Floats]:
 
 
 class _PitchMemory:
-    """Memory of `_pitch` that is kept from batch to batch: asking the system for so much takes as long as a transform.
+    """Arrays that `_pitch` uses for each batch: to get so much memory from the system takes as long as a transform.
 
-    Samples behind the window, and powers beyond the band that is looked at, stay 0.
+    Samples behind the window, and powers outside of `PITCH_BAND`, stay 0.
     """
 
     def __init__(self) -> None:
-        self.windowed = np.zeros((BATCH, PITCH_TRANSFORM), np.float32)
+        self.signal = np.zeros((BATCH, PITCH_TRANSFORM), np.float32)
         self.spectra = np.empty((BATCH, PITCH_TRANSFORM // 2 + 1), np.complex64)
         self.power = np.zeros((BATCH, PITCH_TRANSFORM // 4 + 1), np.float32)
         self.lags = np.empty((BATCH, PITCH_TRANSFORM // 2), np.float32)
@@ -317,8 +317,8 @@ def _pitch(frames: Floats, memory: _PitchMemory) -> tuple[Floats, Floats]:
     """
     window, at, cost = _pitch_scales()
     count = len(frames)
-    np.multiply(frames, window, out=memory.windowed[:count, :PITCH_WINDOW])
-    spectra = np.fft.rfft(memory.windowed[:count], out=memory.spectra[:count])  # type: ignore[arg-type]  # stubs know doubles
+    np.multiply(frames, window, out=memory.signal[:count, :PITCH_WINDOW])
+    spectra = np.fft.rfft(memory.signal[:count], out=memory.spectra[:count])  # type: ignore[arg-type]  # stubs know doubles
     per_bin = RATE / PITCH_TRANSFORM
     low, high = round(PITCH_BAND[0] / per_bin), round(PITCH_BAND[1] / per_bin)
     power = memory.power[:count]
@@ -341,11 +341,11 @@ def _pitch(frames: Floats, memory: _PitchMemory) -> tuple[Floats, Floats]:
 
 
 def _mend_jumps(pitch: Floats) -> Floats:
-    """(T + 4,) raw pitch → (T,): a voiced frame more than a third off the median of those around it takes that."""
+    """(T + 4,) raw pitch → (T,): a voiced frame whose pitch is more than a third off the median around it gets the median."""
     around = overlapping(pitch, MEDIAN)
-    ordered = np.sort(np.where(around > 0, around, np.inf), axis=1)
+    pitches = np.sort(np.where(around > 0, around, np.inf), axis=1)
     voiced = (around > 0).sum(axis=1)
-    median = ordered[np.arange(len(around)), np.maximum(voiced - 1, 0) // 2]
+    median = pitches[np.arange(len(around)), np.maximum(voiced - 1, 0) // 2]
     here = around[:, MEDIAN // 2]
     jump = (here > 0) & (voiced >= 3) & (np.abs(here - median) > median / 3)
     return np.where(jump, median, here).astype(np.float32)

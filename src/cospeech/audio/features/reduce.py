@@ -1,12 +1,12 @@
-"""What of the audio features a network hears, the same in training and at run time: functions of rows of a front-end.
+"""The audio features that a network takes, the same in training and at run time: functions of the rows of a front-end.
 
-Front-ends are classes that make rows of speech (`StreamingFeatures`): ours, the (T, 84) of `AUDIO_NAMES`, of which most are
-made, and those whose rows are heard as they are: that of PATS' stores (`log_mel.LogMelFeatures`) and the waveform.
+Front-ends are classes that compute rows from speech (`StreamingFeatures`). Most features are computed from the (T, 84) of
+`AUDIO_NAMES`. The rows of PATS' stores (`log_mel.LogMelFeatures`) and of the waveform are taken as they are.
 
-Each row is worked out from its own row alone, with sums that run along it: a stream has the same bits as the whole.
+Each row is computed from one row alone, with sums that run along it: a stream has the same bits as the whole.
 
-Fewer mel bands are made of the 80 by pooling: the mel axis is cut into equal parts, and a part's power is the mean of the
-powers of the bands that lie in it, those on its edge counting as much as they reach into it.
+Fewer mel bands are computed from the 80 by pooling: the mel axis is cut into equal parts, and the power of a part is the mean
+of the powers of its bands. A band at the edge of a part counts by its share in it.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ __all__ = [
     "reduce_audio",
 ]  # fmt: skip
 
-_SPEAKER = 120.0  # Hz; ours: pitch is told in octaves from here, a low voice at about 0, a high one at about 1
+_SPEAKER = 120.0  # Hz; ours: pitch is in octaves above this, of a low voice about 0, of a high one about 1
 _LOUDEST = 60.0  # ours: log of a power that no sound reaches (samples of ±100 give 30), so that exp stays in float32
 _CEPSTRA = 14  # Bhattacharya et al. 2021, authors' code
 _LINEAR = ("mel29-linear", "waveform")  # columns that are no logarithms
@@ -54,10 +54,10 @@ class Reduction(NamedTuple):
         what: one line.
         names: one per column.
         apply: (T, C) float32 → (T, A) float32.
-        columns: (C,) names of what it is made of, as a store has them.
-        listen: frames per second → the front-end that makes these columns of speech.
+        columns: (C,) names of the columns that it takes, as a store has them.
+        listen: frames per second → the front-end that computes these columns from speech.
         alike: whether all columns are of one kind, and are standardised by one mean and deviation.
-        prepared: the option of ``cospeech prepare`` that keeps these columns, where stores do not have them without.
+        prepared: the option of ``cospeech prepare`` that stores these columns; "" where all stores have them.
     """
 
     what: str
@@ -196,7 +196,7 @@ def has_like_columns(name: str) -> bool:
 
 
 def preparation_option(name: str) -> str:
-    """The option of ``cospeech prepare`` that keeps what `reduce_audio` takes; "": stores have it without.
+    """The option of ``cospeech prepare`` that stores the columns of `reduce_audio`; "" where all stores have them.
 
     Raises:
         InputError: unknown name.
@@ -214,7 +214,7 @@ def audio_columns(name: str) -> tuple[str, ...]:
 
 
 def louder(name: str) -> tuple[float, ...]:
-    """By how much each column that `reduce_audio` gives grows, when speech is 10 dB louder: logarithms of power by ln 10.
+    """How much each column of `reduce_audio` grows when speech is 10 dB louder: logarithms of power grow by ln 10.
 
     >>> [round(step, 3) for step in louder("prosody")]
     [10.0, 0.0, 0.0, 0.0]

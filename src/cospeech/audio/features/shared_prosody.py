@@ -1,4 +1,4 @@
-"""Prosody worked out once for all who listen to the same speech: the rules, a mouth, a network."""
+"""Compute prosody once for all listeners to the same speech: the rules, a mouth, a network."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["Prosody", "SharedProsody"]
 
 
 class Prosody(Protocol):
-    """What `ProsodyStream` offers."""
+    """The interface of `ProsodyStream`."""
 
     def push(self, samples: Floats) -> Features:
         """The frames that become certain; possibly none."""
@@ -25,9 +25,9 @@ class Prosody(Protocol):
 
 
 class SharedProsody:
-    """One `ProsodyStream` with mel bands for several listeners, each of whom pushes all of the samples in pieces of his own.
+    """One `ProsodyStream` with mel bands for several listeners. Each listener pushes all samples, in pieces of any size.
 
-    Whoever is behind gets, with his next piece, all that those ahead of him have made certain: the same frames, earlier.
+    A listener that is behind gets, with its next piece, all frames that others have made certain: the same frames, earlier.
 
     >>> shared = SharedProsody()
     >>> one, other = shared.tap(), shared.tap()
@@ -40,17 +40,17 @@ class SharedProsody:
         self._stream = ProsodyStream(mel=True)
         self._nothing = self._stream.push(np.zeros(0, np.float32))
         self.samples, self._over = 0, False
-        """Samples that somebody has heard, in all."""
-        self._first, self._pieces = 0, list[Features]()  # pieces that somebody has not had yet, and the number of the first
+        """Samples that at least one listener has pushed, in all."""
+        self._first, self._pieces = 0, list[Features]()  # pieces that a listener has not had yet, and the number of the first
         self._had: list[int] = []  # pieces, of each listener
 
     def tap(self) -> Prosody:
-        """For one more listener, before anything is pushed."""
+        """Add a listener, before anything is pushed."""
         self._had.append(0)
         return _Tap(self, len(self._had) - 1)
 
     def hear(self, samples: Floats, end: int) -> None:
-        """Samples that end at this place of the speech; those that were heard already are passed over."""
+        """Take samples that end at this place of the speech; those that were taken before are skipped."""
         new = end - self.samples
         if new > 0 and not self._over:
             self.samples = end
@@ -63,32 +63,32 @@ class SharedProsody:
             self._keep(self._stream.flush())
 
     def take(self, who: int) -> Features:
-        """What a listener has not had yet."""
+        """The frames that a listener has not had yet."""
         pieces = self._pieces[self._had[who] - self._first :]
         self._had[who] += len(pieces)
-        gone = min(self._had) - self._first
-        del self._pieces[:gone]
-        self._first += gone
+        old = min(self._had) - self._first
+        del self._pieces[:old]
+        self._first += old
         if len(pieces) < 2:
             return pieces[0] if pieces else self._nothing
         return Features.concatenate(pieces)
 
-    def _keep(self, made: Features) -> None:
-        if len(made):
-            self._pieces.append(made)
+    def _keep(self, features: Features) -> None:
+        if len(features):
+            self._pieces.append(features)
 
 
 class _Tap:
     """One listener of a `SharedProsody`; see `Prosody`."""
 
-    def __init__(self, shared: SharedProsody, number: int) -> None:
-        self._shared, self._number, self._samples = shared, number, 0
+    def __init__(self, source: SharedProsody, number: int) -> None:
+        self._source, self._number, self._samples = source, number, 0
 
     def push(self, samples: Floats) -> Features:
         self._samples += len(samples)
-        self._shared.hear(samples, self._samples)
-        return self._shared.take(self._number)
+        self._source.hear(samples, self._samples)
+        return self._source.take(self._number)
 
     def flush(self) -> Features:
-        self._shared.end()
-        return self._shared.take(self._number)
+        self._source.end()
+        return self._source.take(self._number)

@@ -22,11 +22,11 @@ __all__ = ["SAMPLES", "WAVEFORM_NAMES", "WaveformFeatures", "waveform_rows"]
 SAMPLES = 1080  # of a frame: 5 · 6 · 6 · 6, the strides of Yoon et al. 2020
 WAVEFORM_NAMES = tuple(f"waveform.{k}" for k in range(SAMPLES))
 """Columns of a row."""
-_PIECE = 10.0  # seconds; ours: long speech is heard in pieces, which needs less memory and gives the same bits
+_PIECE = 10.0  # seconds; ours: long speech is processed in pieces, which needs less memory and gives the same bits
 
 
 class WaveformFeatures(StreamingFeatures):
-    """Rows of `WAVEFORM_NAMES` for speech that arrives in pieces of any size and of one rate, whichever; samples are kept.
+    """Computes rows of `WAVEFORM_NAMES` for speech in pieces of any size and of any one rate; keeps samples.
 
     Args:
         fps: frames per second of the motion.
@@ -34,8 +34,8 @@ class WaveformFeatures(StreamingFeatures):
     Raises:
         InputError: fps is not a positive number.
 
-    >>> heard = WaveformFeatures(15)
-    >>> len(heard.push(Speech(np.zeros(16_000, np.float32)))), len(heard.finish())
+    >>> features = WaveformFeatures(15)
+    >>> len(features.push(Speech(np.zeros(16_000, np.float32)))), len(features.finish())
     (14, 1)
     """
 
@@ -61,8 +61,8 @@ class WaveformFeatures(StreamingFeatures):
         places = self._places(frames)
         low = places.astype(int)
         share = (places - low).astype(np.float32)
-        heard = np.concatenate([self._heard, np.zeros(2, np.float32)])
-        first, second = (heard[np.minimum(low + k - self._first, len(heard) - 1)] for k in (0, 1))
+        samples = np.concatenate([self._data, np.zeros(2, np.float32)])
+        first, second = (samples[np.minimum(low + k - self._first, len(samples) - 1)] for k in (0, 1))
         return np.clip(first + share * (second - first), -1, 1).astype(np.float32)  # type: ignore[no-any-return]
 
     def _find_oldest(self, frame: int) -> int:
@@ -71,6 +71,6 @@ class WaveformFeatures(StreamingFeatures):
 
 def waveform_rows(speech: Speech, frames: int, fps: float) -> Floats:
     """(frames, `SAMPLES`) float32 of a whole speech of any rate."""
-    heard = WaveformFeatures(fps)
-    parts = [heard.push(chunk) for chunk in speech.chunks(_PIECE)]
-    return np.concatenate([*parts, heard.finish(frames)])[:frames]
+    stream = WaveformFeatures(fps)
+    parts = [stream.push(chunk) for chunk in speech.chunks(_PIECE)]
+    return np.concatenate([*parts, stream.finish(frames)])[:frames]

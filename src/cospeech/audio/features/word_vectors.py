@@ -2,8 +2,8 @@
 
 A ``.vec`` is text: how many words and how wide, then a word and its numbers per line; a word that is not in it has none. A
 ``.bin`` is the whole model: a word's vector is the mean of its own row of the input matrix and of the rows that a hash finds
-for its character n-grams; words that are not in the dictionary have those of their n-grams alone. It is mapped, never loaded:
-7 GB open at once, and only the rows that are asked for are read. The layout of a ``.bin`` is that of fastText's own
+for its character n-grams; words that are not in the dictionary have those of their n-grams alone. It is mapped, never loaded: a
+file of 7 GB opens at once, and only the rows that are needed are read. The layout of a ``.bin`` is that of fastText's own
 ``saveModel`` (little-endian, version 12; 11 differs in one default).
 """
 
@@ -59,7 +59,7 @@ class WordVectors(Protocol):
 
 
 def open_vectors(path: str | PathLike[str]) -> WordVectors:
-    """A file of fastText's, told by what it holds.
+    """Open a file of fastText's; its content shows which kind it is.
 
     >>> vectors = open_vectors("cc.en.300.bin")                                  # doctest: +SKIP
     >>> vectors.table(["gesture", "gesturing"]).shape                            # doctest: +SKIP
@@ -72,18 +72,18 @@ def open_vectors(path: str | PathLike[str]) -> WordVectors:
     try:
         with path.open("rb") as file:
             head = file.read(4)
-        packed = head[:2] == b"\x1f\x8b"
-        if packed:
-            with gzip.open(path) as unpacked:
-                head = unpacked.read(4)
+        is_packed = head[:2] == b"\x1f\x8b"
+        if is_packed:
+            with gzip.open(path) as stream:
+                head = stream.read(4)
     except (OSError, EOFError, zlib.error) as error:
         reason = describe_os_error(error) if isinstance(error, OSError) else "is it cut off?"
         raise InputError(f"cannot read the word vectors {str(path)!r}: {reason}") from None
     if head == struct.pack("<i", _MAGIC):
-        if packed:
+        if is_packed:
             raise InputError(f"{str(path)!r} is a packed .bin, which cannot be mapped", f"unpack it: gunzip {path.name}")
         return BinVectors(path)
-    return TextVectors(path, gzip.open if packed else open)
+    return TextVectors(path, gzip.open if is_packed else open)
 
 
 class TextVectors:
@@ -91,14 +91,14 @@ class TextVectors:
 
     Args:
         path: of the file.
-        opened: `open`, or `gzip.open` of a packed one.
+        opener: `open`, or `gzip.open` for a packed file.
 
     Raises:
         InputError: it does not begin with how many words it has and how wide they are.
     """
 
-    def __init__(self, path: Path, opened: Any = open) -> None:
-        self._path, self._opened = path, opened
+    def __init__(self, path: Path, opener: Any = open) -> None:
+        self._path, self._opener = path, opener
         with self._open() as file:
             self.words, self.width = self._head(file)
 
@@ -108,21 +108,21 @@ class TextVectors:
         Raises:
             InputError: the file is cut off or damaged; the line is named.
         """
-        wanted: dict[bytes, list[int]] = {}
+        places: dict[bytes, list[int]] = {}
         for row, word in enumerate(words):
-            wanted.setdefault(word.encode("utf-8", "surrogatepass"), []).append(row)
+            places.setdefault(word.encode("utf-8", "surrogatepass"), []).append(row)
         out = np.zeros((len(words), self.width), np.float32)
         with self._open() as file:
             self._head(file)
             for number in range(self.words):
                 line = self._line(file, number + 2)
-                rows = wanted.pop(line[: line.find(b" ")], None)
+                rows = places.pop(line[: line.find(b" ")], None)
                 if rows is not None:
                     out[rows] = self._numbers(line, number + 2)
         return out
 
     def _open(self) -> Any:
-        return _Reading(self._path, self._opened)
+        return _Reading(self._path, self._opener)
 
     def _head(self, file: IO[bytes]) -> tuple[int, int]:
         try:
@@ -158,14 +158,14 @@ class TextVectors:
 
 
 class _Reading:
-    """A file that is open for a while, whose faults are the user's to hear of."""
+    """Opens a file for a ``with`` block; errors of reading it become an InputError."""
 
-    def __init__(self, path: Path, opened: Any) -> None:
-        self._path, self._opened = path, opened
+    def __init__(self, path: Path, opener: Any) -> None:
+        self._path, self._opener = path, opener
 
     def __enter__(self) -> IO[bytes]:
         try:
-            self._file: IO[bytes] = self._opened(self._path, "rb")
+            self._file: IO[bytes] = self._opener(self._path, "rb")
         except OSError as error:
             self._fail(error)
         return self._file
@@ -180,17 +180,17 @@ class _Reading:
         raise InputError(f"cannot read the word vectors {str(self._path)!r}: {reason}") from None
 
 
-class _Known(NamedTuple):
+class _WordIndex(NamedTuple):
     """The dictionary of a ``.bin``: (N,) Python's hashes of the words in ascending order, and (N,) their rows and places."""
 
     hashes: NDArray[np.int64]
     rows: NDArray[np.int64]
     places: NDArray[np.int64]
-    pruned: dict[int, int] | None
+    prune_index: dict[int, int] | None
 
 
 class BinVectors:
-    """A ``.bin``, mapped. The dictionary is gone through once, at the first word that is looked up.
+    """A ``.bin``, mapped. Its dictionary is read once, at the first word that is looked up.
 
     Args:
         path: of the file.
@@ -215,7 +215,7 @@ class BinVectors:
         self.width, model, self._buckets, low, high = (int(arguments[k]) for k in (0, 7, 8, 9, 10))
         self._lengths = (low, 0 if version == 11 and model == _SUPERVISED else high)
         at = 8 + _ARGUMENTS.size
-        self._entries, self.words, labels, _, self._pruned = self._read(_COUNTS, at)
+        self._entries, self.words, labels, _, self._prune_size = self._read(_COUNTS, at)
         self._dictionary = at + _COUNTS.size
         sizes = (self._entries, self.words, labels, self._buckets)
         if min(sizes) < 0 or self.words + labels != self._entries or not 1 <= self.width <= WORD_VECTOR_WIDTH:
@@ -229,8 +229,8 @@ class BinVectors:
 
     @property
     def _rows(self) -> int:
-        """Of the input matrix."""
-        return self.words + (self._buckets if self._pruned < 0 else self._pruned)
+        """How many rows the input matrix has."""
+        return self.words + (self._buckets if self._prune_size < 0 else self._prune_size)
 
     def table(self, words: Sequence[str]) -> Floats:
         """(V, width) float32; zeros for a word that has neither a row nor n-grams.
@@ -255,29 +255,29 @@ class BinVectors:
         return total * np.float32(1 / max(1, len(rows)))
 
     def rows(self, word: str) -> list[int]:
-        """Of the input matrix: the word's own, where the dictionary has it, then those of its n-grams."""
+        """Rows of the input matrix: the word's own, where the dictionary has it, then those of its n-grams."""
         text = word.encode("utf-8", "surrogatepass")
         own = self._row(text)
-        found = [] if own is None else [own]
+        rows = [] if own is None else [own]
         if text == _SENTENCE_END or not self._buckets:
-            return found
+            return rows
         hashes = [_hash(gram) % self._buckets for gram in ngrams(text, *self._lengths)]
-        if (pruned := self._word_index.pruned) is not None:
-            hashes = [pruned[value] for value in hashes if value in pruned]
-        return found + [self.words + value for value in hashes]
+        if (prune_index := self._word_index.prune_index) is not None:
+            hashes = [prune_index[value] for value in hashes if value in prune_index]
+        return rows + [self.words + value for value in hashes]
 
     def _row(self, text: bytes) -> int | None:
-        known, wanted = self._word_index, hash(text)
-        first, last = (int(np.searchsorted(known.hashes, wanted, side)) for side in ("left", "right"))  # type: ignore[call-overload]
+        index, key = self._word_index, hash(text)
+        first, last = (int(np.searchsorted(index.hashes, key, side)) for side in ("left", "right"))  # type: ignore[call-overload]
         for k in range(first, last):
-            at = int(known.places[k])
+            at = int(index.places[k])
             if self._data[at : at + len(text) + 1] == text + b"\0":
-                return int(known.rows[k])
+                return int(index.rows[k])
         return None
 
     @cached_property
-    def _word_index(self) -> _Known:
-        """The dictionary, gone through: a word, 0, its count in 8 bytes, and 1 byte of what it is."""
+    def _word_index(self) -> _WordIndex:
+        """Read the dictionary: each entry is a word, 0, its count in 8 bytes, and its kind in 1 byte."""
         hashes, places, find, data = array("q"), array("q"), self._data.find, self._data
         at = self._dictionary
         for _ in range(self.words):
@@ -288,13 +288,13 @@ class BinVectors:
             places.append(at)
             at = end + 10
         at = self._skip(self._entries - self.words, at)
-        pairs = np.frombuffer(self._data, "<i4", 2 * max(0, self._pruned), at).tolist()
-        if at + 4 * len(pairs) != self._matrix_at or any(not 0 <= to < self._pruned for to in pairs[1::2]):
+        pairs = np.frombuffer(self._data, "<i4", 2 * max(0, self._prune_size), at).tolist()
+        if at + 4 * len(pairs) != self._matrix_at or any(not 0 <= to < self._prune_size for to in pairs[1::2]):
             raise self._make_error("its dictionary and its matrix do not fit")
-        pruned = None if self._pruned < 0 else dict(zip(pairs[::2], pairs[1::2], strict=True))
+        prune_index = None if self._prune_size < 0 else dict(zip(pairs[::2], pairs[1::2], strict=True))
         keys = np.array(hashes, np.int64)
         order = np.argsort(keys, kind="stable")
-        return _Known(keys[order], order, np.array(places, np.int64)[order], pruned)
+        return _WordIndex(keys[order], order, np.array(places, np.int64)[order], prune_index)
 
     def _skip(self, entries: int, at: int) -> int:
         """The place behind some entries of the dictionary."""
@@ -306,8 +306,8 @@ class BinVectors:
         return at
 
     def _find_matrix(self, outputs: int) -> int:
-        """Where the input matrix begins: counted from the end of the file, where the output matrix lies behind it, and only
-        where that is not so behind the dictionary, which has to be gone through.
+        """Find where the input matrix begins. Usually the output matrix follows it and ends the file: then its place is counted
+        from the end. Else it lies behind the dictionary, which has to be read.
 
         Raises:
             InputError: there is none, or it is quantised.
@@ -315,7 +315,7 @@ class BinVectors:
         at = len(self._data) - self._size_of(self._rows) - self._size_of(outputs)
         if at >= self._dictionary + 10 * self._entries and self._dense(at, self._rows):
             return at
-        at = self._skip(self._entries, self._dictionary) + 8 * max(0, self._pruned)
+        at = self._skip(self._entries, self._dictionary) + 8 * max(0, self._prune_size)
         if self._read(_MATRIX, at)[0]:
             raise InputError(f"{str(self._path)!r} is quantised", "take the .bin of which it was made; its vectors are coarse")
         after = at + self._size_of(self._rows)
@@ -331,7 +331,7 @@ class BinVectors:
         return _MATRIX.size + 4 * self.width * rows
 
     def _dense(self, at: int, rows: int) -> bool:
-        """Whether a matrix of so many rows that is not quantised is said to begin here."""
+        """Whether the header of a matrix of so many rows, not quantised, is here."""
         return self._read(_MATRIX, at) == (False, rows, self.width)
 
     def _read(self, layout: struct.Struct, at: int) -> tuple[Any, ...]:
@@ -349,19 +349,19 @@ def ngrams(word: bytes, low: int, high: int) -> list[bytes]:
     >>> ngrams(b"at", 3, 6)
     [b'<at', b'<at>', b'at>']
     """
-    bounded = b"<" + word + b">"
-    starts = [k for k, byte in enumerate(bounded) if byte & 0xC0 != 0x80] + [len(bounded)]
+    text = b"<" + word + b">"
+    starts = [k for k, byte in enumerate(text) if byte & 0xC0 != 0x80] + [len(text)]
     count = len(starts) - 1
-    found = []
+    grams = []
     for first in range(count):
         for last in range(first + max(low, 1), min(first + high, count) + 1):
             if last - first > 1 or 0 < first < count - 1:
-                found.append(bounded[starts[first] : starts[last]])
-    return found
+                grams.append(text[starts[first] : starts[last]])
+    return grams
 
 
 def _hash(gram: bytes) -> int:
-    """FNV-1a of bytes with a sign: those above 127 are extended by ones, which C++ does unasked."""
+    """FNV-1a of bytes with a sign: those above 127 are extended by ones, as C++ does."""
     value = _BASIS
     for byte in gram:
         value = (value ^ (byte if byte < 128 else byte | 0xFFFFFF00)) * _PRIME & 0xFFFFFFFF

@@ -37,7 +37,7 @@ _SLACK = 1e-6  # frames; ours: far above the rounding of a time, far below what 
 
 
 def plain_word(text: str) -> str:
-    """Lower case, in Unicode's compatible form, without what is no letter or number at either end; at most 64 characters.
+    """A word in lower case and in Unicode's compatible form, without the signs before and behind it; at most 64 characters.
 
     >>> plain_word("“Don't!”"), plain_word("…"), plain_word("ＦＵＬＬ")
     ("don't", '', 'full')
@@ -56,9 +56,9 @@ def _hash(text: str) -> int:
 
 @lru_cache(4096)
 def _buckets(word: str) -> tuple[int, ...]:
-    bounded = f"<{word}>"
-    grams = {bounded[k : k + n] for n in _LENGTHS for k in range(len(bounded) - n + 1)} - {bounded}
-    hashes = [_hash(bounded), *sorted(map(_hash, grams))[: GRAMS - 1]]
+    text = f"<{word}>"
+    grams = {text[k : k + n] for n in _LENGTHS for k in range(len(text) - n + 1)} - {text}
+    hashes = [_hash(text), *sorted(map(_hash, grams))[: GRAMS - 1]]
     return tuple(1 + value % BUCKETS for value in hashes) + (0,) * (GRAMS - len(hashes))
 
 
@@ -78,7 +78,7 @@ def subword_rows(words: Sequence[str | None]) -> NDArray[np.int32]:
 
 
 def spans(words: Iterable[Word], fps: float) -> list[tuple[int, int, str]]:
-    """(first frame, frame after the last, word) of what is said: the frames nearest to its start and end, and one at least."""
+    """(first frame, frame after the last, word) of what is said: the frames nearest to its start and end; one at least."""
     firsts = [(max(0, _frame(word.start, fps)), word) for word in words if is_spoken(word.text)]
     return [(first, max(first + 1, _frame(word.end, fps)), word.text) for first, word in firsts]
 
@@ -94,15 +94,16 @@ def word_ids(words: Iterable[Word], frames: int, fps: float) -> list[str | None]
     >>> word_ids([Word("so", 0.1, 0.2), Word("well", 0.2, 0.4)], 5, 10)
     [None, 'so', 'well', 'well', None]
     """
-    found: list[str | None] = [None] * frames
+    ids: list[str | None] = [None] * frames
     for first, end, text in spans(words, fps):
         for frame in range(first, min(end, frames)):
-            found[frame] = text
-    return found
+            ids[frame] = text
+    return ids
 
 
 class WordStream:
-    """`word_ids` of speech that arrives in pieces; the same ones however it is cut, as words come with the piece they start in.
+    """`word_ids` of speech in pieces. They do not depend on the pieces, because each word comes with the piece in which it
+    starts.
 
     Args:
         fps: frames per second.
@@ -120,26 +121,26 @@ class WordStream:
         self.duration = Fraction(0)
         """Seconds heard so far."""
         self._waiting: list[tuple[int, int, str]] = []
-        self._given = 0
+        self._next = 0
 
     def push(self, chunk: Speech) -> list[str | None]:
         """The frames that this piece makes certain: at each the word, or None."""
         self.duration += chunk.duration
         self._waiting += spans(chunk.words or (), self.fps)
-        return self._give(max(self._given, round(float(self.duration) * self.fps - _SLACK)))
+        return self._give(max(self._next, round(float(self.duration) * self.fps - _SLACK)))
 
     def finish(self, frames: int | None = None) -> list[str | None]:
         """The rest, to so many frames in all; ceil(duration × fps) where not given."""
         from ..speech import count_frames
 
         total = count_frames(self.duration, self.fps) if frames is None else frames
-        return self._give(max(total, self._given))
+        return self._give(max(total, self._next))
 
     def _give(self, until: int) -> list[str | None]:
-        found: list[str | None] = [None] * (until - self._given)
+        ids: list[str | None] = [None] * (until - self._next)
         for first, end, text in self._waiting:
-            for frame in range(max(first, self._given), min(end, until)):
-                found[frame - self._given] = text
-        self._given = until
+            for frame in range(max(first, self._next), min(end, until)):
+                ids[frame - self._next] = text
+        self._next = until
         self._waiting = [span for span in self._waiting if span[1] > until]
-        return found
+        return ids

@@ -12,7 +12,7 @@ __all__ = ["FORMATS", "SUFFIXES", "TranscriptFormat", "find_format"]
 
 
 class TranscriptFormat(NamedTuple):
-    """How a format is known and read."""
+    """How to recognise and read a format."""
 
     suffixes: tuple[str, ...]
     fits: Callable[[str], bool]
@@ -32,10 +32,10 @@ FORMATS: dict[str, TranscriptFormat] = {
 }
 """Name → format; where the suffix says nothing, the first that fits is read."""
 SUFFIXES = (*(suffix for each in FORMATS.values() for suffix in each.suffixes), ".txt")
-"""Of all transcripts, plain text as well."""
+"""Suffixes of all transcripts, also of plain text."""
 
 
 def find_format(suffix: str, text: str) -> TranscriptFormat | None:
-    """The format of a suffix in small letters; where it says nothing, what fits the text; None for plain text."""
+    """The format of a suffix in small letters; where it says nothing, the first format that fits; None for plain text."""
     by_suffix = (each for each in FORMATS.values() if suffix in each.suffixes)
     return next(by_suffix, None) or next((each for each in FORMATS.values() if each.fits(text)), None)

@@ -39,41 +39,41 @@ def read(text: str, note: Note) -> Iterator[Entry]:
     Raises:
         InputError: no line has a time.
     """
-    sung, shift, lost = list[tuple[float, str]](), 0.0, list[str]()
+    lines, shift, others = list[tuple[float, str]](), 0.0, list[str]()
     for line in StringIO(text):
         offset, stamps = _OFFSET.match(line), _STAMPS.match(line)
         if offset:
             shift = int(offset[1]) / 1000  # above 0: everything comes sooner
         elif stamps:
-            sung += [(_read_stamp(stamp), stamps[2]) for stamp in islice(_STAMP.findall(stamps[1]), 2 * WORDS)]
-            if len(sung) >= 2 * WORDS:
+            lines += [(_read_stamp(stamp), stamps[2]) for stamp in islice(_STAMP.findall(stamps[1]), 2 * WORDS)]
+            if len(lines) >= 2 * WORDS:
                 raise InputError(f"a transcript of more than {WORDS:,} words", "cut it into pieces")
         elif not line.isspace() and not _FACT.match(line):
-            lost.append(line.strip()[:60])
-    if not sung:
+            others.append(line.strip()[:60])
+    if not lines:
         raise InputError("no line of the lyrics has a time", "[00:12.50] belongs before each")
-    if lost:
-        note(f"{len(lost)} of {len(lost) + len(sung)} lines left out, they have no time: {lost[0]!r}")
-    sung.sort(key=lambda line: line[0])
-    kept = [
+    if others:
+        note(f"{len(others)} of {len(others) + len(lines)} lines left out, they have no time: {others[0]!r}")
+    lines.sort(key=lambda line: line[0])
+    unique = [
         line
-        for before, line in pairwise([(-1.0, ""), *sung])
+        for before, line in pairwise([(-1.0, ""), *lines])
         if line[0] != before[0] or not line[1].strip() or not before[1].strip()
     ]
-    if len(kept) < len(sung):
-        count = say_count(len(sung) - len(kept), "line")
+    if len(unique) < len(lines):
+        count = say_count(len(lines) - len(unique), "line")
         note(f"{count} left out: another one has the same time, as of a translation")
-    sung = kept
-    for (start, said), (until, _) in pairwise([*sung, (float("inf"), "")]):
-        yield from _read_words(said, start - shift, until - shift, shift)
+    lines = unique
+    for (start, words), (until, _) in pairwise([*lines, (float("inf"), "")]):
+        yield from _read_words(words, start - shift, until - shift, shift)
 
 
-def _read_words(said: str, start: float, until: float, shift: float) -> Iterator[Entry]:
+def _read_words(line: str, start: float, until: float, shift: float) -> Iterator[Entry]:
     """A line as an entry, or each part of it that has a time."""
-    parts = _WORD.split(said)
+    parts = _WORD.split(line)
     times = [start, *(_read_stamp(time) - shift for time in parts[1::2])]
     if any(after < before for before, after in pairwise(times)):  # sung again: its words have the times of the first time
-        parts, times = [_WORD.sub(" ", said)], [start]
+        parts, times = [_WORD.sub(" ", line)], [start]
     for part, (begin, end) in zip(parts[::2], pairwise([*times, until]), strict=True):
         longest = _SYLLABLE * sum(map(count_syllables, tokenise(part)))
         yield part, begin, max(begin, min(end, begin + longest))

@@ -53,7 +53,7 @@ def fits_sbv(text: str) -> bool:
 
 
 def read(text: str, note: Note) -> Iterator[Entry]:
-    """What the cues of SubRip or WebVTT say; words with times of their own inside a cue are entries of their own.
+    """The texts of the cues of SubRip or WebVTT; words with times of their own inside a cue are entries of their own.
 
     Raises:
         InputError: no cue has times.
@@ -62,7 +62,7 @@ def read(text: str, note: Note) -> Iterator[Entry]:
 
 
 def read_sbv(text: str, note: Note) -> Iterator[Entry]:
-    """What the cues of SubViewer say.
+    """The texts of the cues of SubViewer.
 
     Raises:
         InputError: no cue has times.
@@ -72,13 +72,13 @@ def read_sbv(text: str, note: Note) -> Iterator[Entry]:
 
 def say_cues(cues: Sequence[Cue]) -> Iterator[Entry]:
     """Entries of cues: their lines without tags, references to characters, and names of speakers."""
-    said = iter(drop_labels([_plain(line) for cue in cues for line in cue.lines]))
+    lines = iter(drop_labels([_plain(line) for cue in cues for line in cue.lines]))
     for cue in cues:
-        yield " ".join(islice(said, len(cue.lines))), cue.start, cue.end
+        yield " ".join(islice(lines, len(cue.lines))), cue.start, cue.end
 
 
 def name_speakers(text: str, note: Note) -> Iterator[tuple[str, float, float]]:
-    """Who speaks in SubRip or WebVTT, and when: by the voice of a cue, or the label before its lines; else as before.
+    """Who speaks in SubRip or WebVTT, and when: by the voice of a cue or the label before its lines; else, the speaker before.
 
     Raises:
         InputError: no cue has times.
@@ -88,8 +88,8 @@ def name_speakers(text: str, note: Note) -> Iterator[tuple[str, float, float]]:
     name = ""
     for cue in cues:
         voice = _VOICE.search("\n".join(cue.lines))
-        found = [label for label, _ in islice(labels, len(cue.lines)) if label]
-        name = html.unescape(voice[1]).strip() if voice else found[0] if found else name
+        names = [label for label, _ in islice(labels, len(cue.lines)) if label]
+        name = html.unescape(voice[1]).strip() if voice else names[0] if names else name
         if name:
             yield name, cue.start, cue.end
 
@@ -101,59 +101,59 @@ def _plain(line: str) -> str:
 
 def _read_cues(text: str, times: re.Pattern[str], note: Note) -> list[Cue]:
     """Cues between their lines of times; a note tells of those whose times cannot be read."""
-    cues, broken = list[Cue](), list[str]()
+    cues, faults = list[Cue](), list[str]()
     for match, following in pairwise(chain(times.finditer(text), [None])):
         assert match is not None
         start, end = read_clock(match[1]), read_clock(match[2])
         if start is None or end is None:
-            broken.append(match[0].strip()[:60])
+            faults.append(match[0].strip()[:60])
             continue
         below = text[match.end() :] if following is None else _NEXT_NUMBER.sub("\n", text[match.end() : following.start()])
-        shown = re.split(r"\n[ \t]*(?:\n|$)", below.removeprefix("\n"), maxsplit=1)[0]
-        cues.append(Cue(shown.split("\n"), start, end))
+        body = re.split(r"\n[ \t]*(?:\n|$)", below.removeprefix("\n"), maxsplit=1)[0]
+        cues.append(Cue(body.split("\n"), start, end))
         if len(cues) > WORDS:
             raise InputError(f"a transcript of more than {WORDS:,} words", "cut it into pieces")
-    if not cues and broken and _FRAMES.search(broken[0]):
-        raise InputError(f"{broken[0]!r} counts frames", "write times as 00:00:01,500, with fractions of a second")
+    if not cues and faults and _FRAMES.search(faults[0]):
+        raise InputError(f"{faults[0]!r} counts frames", "write times as 00:00:01,500, with fractions of a second")
     if not cues:
-        raise InputError(f"no subtitle has a time{f', the first line is {broken[0]!r}' if broken else ''}", _HINT)
-    if broken:
-        lines = say_count(len(broken), "subtitle")
-        note(f"{lines} of {len(cues) + len(broken)} left out, the times cannot be read: {broken[0]!r}")
+        raise InputError(f"no subtitle has a time{f', the first line is {faults[0]!r}' if faults else ''}", _HINT)
+    if faults:
+        lines = say_count(len(faults), "subtitle")
+        note(f"{lines} of {len(cues) + len(faults)} left out, the times cannot be read: {faults[0]!r}")
     return cues
 
 
 def _unroll(cues: Sequence[Cue]) -> list[Cue]:
     """Cues without the lines that the cue right before showed, where lines roll."""
     cues = [cue._replace(lines=[line for line in cue.lines if line.strip()] or [""]) for cue in cues]
-    kept, count = list[Cue](), 0
-    seen, until = list[str](), -1.0
+    fresh, count = list[Cue](), 0
+    before, until = list[str](), -1.0
     for cue in cues:
         lines = [_plain(line).strip() for line in cue.lines]
-        again = _count_again(seen, lines) if abs(cue.start - until) <= _AT_ONCE else 0
-        seen, until = lines, cue.end
+        again = _count_again(before, lines) if abs(cue.start - until) <= _AT_ONCE else 0
+        before, until = lines, cue.end
         if again and (again < len(lines) or cue.end - cue.start <= _AT_ONCE):
-            kept.append(cue._replace(lines=cue.lines[again:] or [""]))
+            fresh.append(cue._replace(lines=cue.lines[again:] or [""]))
             count += 1
         else:
-            kept.append(cue)
-    return kept if count > _ROLLING * len(cues) else cues
+            fresh.append(cue)
+    return fresh if count > _ROLLING * len(cues) else cues
 
 
-def _count_again(seen: Sequence[str], lines: Sequence[str]) -> int:
-    """How many lines at the beginning are the last ones that were seen."""
-    most = min(len(seen), len(lines), 4)  # a cue has two or three lines
-    return next((n for n in range(most, 0, -1) if seen[-n:] == lines[:n] and any(lines[:n])), 0)
+def _count_again(before: Sequence[str], lines: Sequence[str]) -> int:
+    """How many of the first lines repeat the last lines of the cue before."""
+    most = min(len(before), len(lines), 4)  # a cue has two or three lines
+    return next((n for n in range(most, 0, -1) if before[-n:] == lines[:n] and any(lines[:n])), 0)
 
 
 def _time_words(cues: Sequence[Cue]) -> list[Cue]:
-    """Cues with times between their words as a cue for each part."""
-    found: list[Cue] = []
+    """Split cues that have times between their words: into a cue for each part."""
+    pieces: list[Cue] = []
     for cue in cues:
         parts = _INLINE.split("\n".join(cue.lines))
         times = [cue.start, *(read_clock(time) or 0.0 for time in parts[1::2]), cue.end]
         if len(parts) == 1 or any(after < before for before, after in pairwise(times)):
-            found.append(cue)
+            pieces.append(cue)
         else:
-            found += [Cue(part.split("\n"), *span) for part, span in zip(parts[::2], pairwise(times), strict=True)]
-    return found
+            pieces += [Cue(part.split("\n"), *span) for part, span in zip(parts[::2], pairwise(times), strict=True)]
+    return pieces

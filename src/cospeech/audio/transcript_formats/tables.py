@@ -29,7 +29,7 @@ _TEXTS = (
 _UNIT = re.compile(
     r"(?:[ _-]?(?:time|zeit))?(?:[ _-]*[(\[]|[ _-]+)?(?:(?<=[ _(\[-])(?:(ms|msec|milliseconds?)|s|secs?|seconds?))?[)\]]?$"
 )
-_UNNAMED = 3  # columns that need no names: start, end, word
+_PLAIN_COLUMNS = 3  # columns that need no names: start, end, word
 _HINT = "start, end and word belong there, separated by tabs or commas"
 
 
@@ -63,19 +63,19 @@ def read(text: str, note: Note) -> Iterator[Entry]:
     Raises:
         InputError: a row has no times.
     """
-    columns, most, first = _Columns(), _UNNAMED - 1, True
+    columns, most, first = _Columns(), _PLAIN_COLUMNS - 1, True
     for number, line in _lines(text):
         head, first = first, False
         cells = _split(line, -1 if head else most)
         if head and not any(map(_is_time, cells)):
-            found = _find_columns(cells)
-            if found is None and len(cells) > _UNNAMED:
+            header = _find_columns(cells)
+            if header is None and len(cells) > _PLAIN_COLUMNS:
                 raise InputError(f"a table with the columns {', '.join(cells)[:60]}", "its first row names start, end and word")
-            columns = found or columns
-            most = -1 if found else most
+            columns = header or columns
+            most = -1 if header else most
             if [cell.lower() for cell in cells] == ["start", "end", "text"]:
                 others = islice(_lines(text), 1, None)
-                whole = all(cell.isdigit() for _, other in others for cell in _split(other, _UNNAMED - 1)[:2])
+                whole = all(cell.isdigit() for _, other in others for cell in _split(other, _PLAIN_COLUMNS - 1)[:2])
                 columns = columns._replace(scale=0.001 if whole else 1.0)
             continue
         yield _read_row(_split(line, most) if head else cells, columns, f"line {number} is {line[:60]!r}")
@@ -99,18 +99,18 @@ def _read_row(cells: Sequence[str], columns: _Columns, where: str) -> Entry:
 def _find_columns(cells: Sequence[str]) -> _Columns | None:
     """Columns by their names; None where they do not name a start, an end or a length, and a text."""
     names = [cell.lower().strip("\"' \ufeff") for cell in cells]
-    start, end, length = (_find(names, known, timed=True) for known in (_STARTS, _ENDS, _LENGTHS))
-    text = _find(names, _TEXTS, timed=False)
+    start, end, length = (_find(names, terms, is_time=True) for terms in (_STARTS, _ENDS, _LENGTHS))
+    text = _find(names, _TEXTS, is_time=False)
     if start is None or text is None or (end is None and length is None):
         return None
     unit = _unit(names[start])
     return _Columns(start, end, length, text, 0.001 if unit and unit[1] else 1.0)
 
 
-def _find(names: Sequence[str], known: Sequence[str], *, timed: bool) -> int | None:
-    """The place of the first known name; of a time, with its unit behind it or not."""
-    plain = [name[: unit.start()] if timed and (unit := _unit(name)) else name for name in names]
-    return next((plain.index(name) for name in known if name in plain), None)
+def _find(names: Sequence[str], terms: Sequence[str], *, is_time: bool) -> int | None:
+    """The column that has the first of these terms as its name; behind the name of a time, its unit may stand."""
+    plain = [name[: unit.start()] if is_time and (unit := _unit(name)) else name for name in names]
+    return next((plain.index(name) for name in terms if name in plain), None)
 
 
 def _unit(name: str) -> re.Match[str] | None:
@@ -118,16 +118,16 @@ def _unit(name: str) -> re.Match[str] | None:
 
 
 # start and end in front of a line without tabs: separated by blanks; or by a comma or a semicolon, too
-_SPACED = re.compile(r"\s*+[-+]?\d[\d.:]*+ ++[-+]?\d[\d.:]*+(?: |$)")
+_BLANKS = re.compile(r"\s*+[-+]?\d[\d.:]*+ ++[-+]?\d[\d.:]*+(?: |$)")
 _ROW = re.compile(r"\s*+[-+]?\d[\d.:]*+(?: ++|[,;] *+)[-+]?\d[\d.:]*+(?:[ ,;]|$)")
 
 
-_QUOTED = re.compile(r'"[^"]*+"')
+_QUOTES = re.compile(r'"[^"]*+"')
 
 
 def _split(line: str, most: int) -> list[str]:
-    """Cells of a line; in quotes, a comma or a semicolon is part of a cell. Between tabs, so many are cut off; -1: all."""
-    mark = "\t" if "\t" in line else None if _SPACED.match(line) else ";" if ";" in _QUOTED.sub("", line) else ","
+    """Cells of a line; in quotes, a comma or a semicolon is part of a cell. Of tabs, only the first ``most`` split; -1: all."""
+    mark = "\t" if "\t" in line else None if _BLANKS.match(line) else ";" if ";" in _QUOTES.sub("", line) else ","
     try:
         cells = (
             line.split(mark, maxsplit=2 if mark is None else most)

@@ -1,4 +1,4 @@
-"""The text of a file, and what is no transcript although it is text: errors say how to make one of it."""
+"""Decode the text of a file, and refuse text that is no transcript; the errors say how to make one of it."""
 
 from __future__ import annotations
 
@@ -68,15 +68,15 @@ def _quote(name: str) -> str:
 
 
 def refuse_others(text: str, name: str) -> None:
-    """Tell of text in formats that are not read.
+    """Refuse text in formats that cannot be read.
 
     Raises:
-        InputError: it is of such a format; the hint says how to make one of it that is read.
+        InputError: it is in such a format; the hint says how to convert it.
     """
     for pattern, what, hint in _OTHERS:
         if pattern.search(text[:_HEAD]) if pattern.flags & re.MULTILINE else pattern.match(text[:_HEAD]):
-            told = hint.format(name=_quote(name), stem=_quote(Path(name).stem))
-            raise InputError(f"{name!r} holds {what}", told)
+            advice = hint.format(name=_quote(name), stem=_quote(Path(name).stem))
+            raise InputError(f"{name!r} holds {what}", advice)
 
 
 def check_prose(text: str, name: str) -> None:

@@ -23,7 +23,7 @@ _WORDS = re.compile(
     r"|单词|單詞|単語|단어|어절|词语|詞語|^[语語词詞]$|^分[词詞]$|كلم|מילים|शब्द",
     re.IGNORECASE,
 )
-# Names of tiers of smaller things, or of what is not said
+# Names of tiers of smaller units, or of annotations that are not said
 _NO_WORDS = re.compile(
     r"phon|seg|syl|silb|tone|tobi|break|pitch|point|gest|state|\bmau\b|\bkan\b|\bmas\b|laut|\bapi\b|\bipa\b|sampa"
     r"|\bsons?\b|stress|accent|wortart|klasse|sound|fonem|lemma|\bpos\b|pinyin|romaji|^音$|音素|音节|音節|音韻|拼音|음소|음절|звук",
@@ -58,8 +58,10 @@ def read(text: str, note: Note) -> Iterator[Entry]:
     def take(kind: type) -> str | float:
         value = next(values, None)
         if value is None or not isinstance(value, kind):
-            found = "its end" if value is None else repr(value)[:40]
-            raise InputError(f"a TextGrid with {found} where a {'text' if kind is str else 'number'} belongs", "is it cut off?")
+            value_name = "its end" if value is None else repr(value)[:40]
+            raise InputError(
+                f"a TextGrid with {value_name} where a {'text' if kind is str else 'number'} belongs", "is it cut off?"
+            )
         return value
 
     if (take(str), take(str)) != ("ooTextFile", "TextGrid"):
@@ -113,12 +115,12 @@ def _find_word_tier(tiers: Sequence[_Tier], note: Note) -> list[Entry]:
     words = [tier for tier in full if _WORDS.search(tier.name)]
     words = [tier for tier in words if not _NO_WORDS.search(tier.name)] or words
     others = [tier for tier in full if not _NO_WORDS.search(tier.name)] or full
-    chosen = words or [tier for tier in others if not _holds_sounds(tier)] or others
-    found = max(chosen, key=lambda tier: count[id(tier)])
-    if len(chosen if words else full) > 1:
+    candidates = words or [tier for tier in others if not _holds_sounds(tier)] or others
+    best = max(candidates, key=lambda tier: count[id(tier)])
+    if len(candidates if words else full) > 1:
         names = ", ".join(repr(tier.name[:40]) for tier in full[:5])
-        note(f"the words are those of the tier {found.name[:40]!r}, of {names}{' …' if len(full) > 5 else ''}")
-    return found.entries
+        note(f"the words are those of the tier {best.name[:40]!r}, of {names}{' …' if len(full) > 5 else ''}")
+    return best.entries
 
 
 def _holds_sounds(tier: _Tier) -> bool:

@@ -24,7 +24,7 @@ _FRAMES = re.compile(r"(\d{1,4}:\d\d:\d\d)[:;](\d{1,4})(?:\.\d+)?")
 _SECONDS = {"h": 3600.0, "m": 60.0, "s": 1.0, "ms": 0.001}
 _RATE = 30.0  # frames a second where the document says none (TTML 1, 6.2.4)
 _SPACE = re.compile(r"\s+")
-_ROUNDED = 0.001  # seconds; times have milliseconds
+_TOLERANCE = 0.001  # seconds; times have milliseconds
 _DEPTH = 200  # elements in each other; documents have some six [ours]
 _HINT = 'each <p> needs begin and end, such as begin="00:00:01.500" end="00:00:03.000"'
 
@@ -35,7 +35,7 @@ def fits(text: str) -> bool:
 
 
 def read(text: str, note: Note) -> Iterator[Entry]:
-    """What the paragraphs say.
+    """The texts of the paragraphs.
 
     Raises:
         InputError: it is no XML, has a document type or elements nested too deeply, or no paragraph has times.
@@ -52,17 +52,17 @@ def read(text: str, note: Note) -> Iterator[Entry]:
         raise InputError(f"it is no XML: {error}", "is it cut off?") from None
     if not document.cues:
         raise InputError("no paragraph has times", _HINT)
-    if document.lost:
-        note(f"{document.lost} of {document.lost + document.paragraphs} paragraphs left out, they have no times")
+    if document.loss_count:
+        note(f"{document.loss_count} of {document.loss_count + document.paragraphs} paragraphs left out, they have no times")
     return say_cues(document.cues)
 
 
-def _refuse_doctype(*given: object) -> None:
+def _refuse_doctype(*arguments: object) -> None:
     raise InputError("it has a document type", "remove <!DOCTYPE …>; TTML needs none")
 
 
 class _Element(NamedTuple):
-    """An element that is open: when its times count from, its own times, and how many parts were heard before it."""
+    """An element that is open: its name, the time from which its times count, and its own times."""
 
     name: str
     origin: float
@@ -75,7 +75,7 @@ class _Document:
 
     def __init__(self) -> None:
         self.cues: list[Cue] = []
-        self.lost = self.paragraphs = self._count = 0
+        self.loss_count = self.paragraphs = self._count = 0
         self._open: list[_Element] = []
         self._parts: list[Cue] = []  # of the paragraph: text outside of spans with times, and inside; times as they stand
         self._rates: tuple[float, float] = _RATE, 1.0
@@ -85,8 +85,8 @@ class _Document:
         name, origin = tag.rpartition(":")[2], self._open[-1].origin if self._open else 0.0
         self._count += 1
         if len(self._open) >= _DEPTH or self._count > 4 * WORDS:
-            nested = "nested too deeply" if len(self._open) >= _DEPTH else f"more than {4 * WORDS:,}"
-            raise InputError(f"XML in which elements are {nested}", "is it TTML?")
+            fault = "nested too deeply" if len(self._open) >= _DEPTH else f"more than {4 * WORDS:,}"
+            raise InputError(f"XML in which elements are {fault}", "is it TTML?")
         if not self._open:
             self._rates = _read_rates({key.rpartition(":")[2]: value for key, value in attributes.items()})
         start, end, length = (self._read_time(attributes.get(key)) for key in ("begin", "end", "dur"))
@@ -111,7 +111,7 @@ class _Document:
             self._parts.append(Cue([""], -1.0, -1.0))  # what comes behind it has no times
 
     def hear(self, text: str) -> None:
-        """Text. A line of the document breaks none of the subtitle."""
+        """Add text. A line break of the document is none of the subtitle."""
         self._add(text.replace("\n", " "))
 
     def _add(self, text: str) -> None:
@@ -124,10 +124,10 @@ class _Document:
     def _end_paragraph(self, paragraph: _Element) -> None:
         parts = [part._replace(lines=_split_lines("".join(part.lines))) for part in self._parts]
         parts = [part for part in parts if any(map(str.strip, part.lines))]
-        timed = bool(parts) and all(part.start >= 0 for part in parts)
-        if not timed:
+        has_times = bool(parts) and all(part.start >= 0 for part in parts)
+        if not has_times:
             if paragraph.start is None or paragraph.end is None:
-                self.lost += bool(parts)
+                self.loss_count += bool(parts)
                 return
             lines = [line for part in parts for line in part.lines]
             parts = [Cue(lines or [""], paragraph.start, paragraph.end)]
@@ -162,13 +162,13 @@ class _Document:
 
 
 def _lies_inside(parts: Sequence[Cue], paragraph: _Element) -> bool:
-    """Whether times of spans are those of the clock, as some programs write them: all lie in the time of the paragraph."""
-    early = min(part.start for part in parts) < (paragraph.start or 0.0) - _ROUNDED
-    return not early and (paragraph.end is None or max(part.end for part in parts) <= paragraph.end + _ROUNDED)
+    """Whether times of spans count from the start of the document, as some programs write them: all lie in the paragraph."""
+    early = min(part.start for part in parts) < (paragraph.start or 0.0) - _TOLERANCE
+    return not early and (paragraph.end is None or max(part.end for part in parts) <= paragraph.end + _TOLERANCE)
 
 
 def _split_lines(text: str) -> list[str]:
-    """Lines, with a blank for all those of a document that is set out neatly."""
+    """Lines; a run of blanks, as in an indented document, becomes one blank."""
     return [_SPACE.sub(" ", line) for line in text.split("\n")]
 
 

@@ -18,7 +18,7 @@ Piece = Mapping[str, Any]
 
 
 class Service(NamedTuple):
-    """How the objects of a service are recognised and read."""
+    """How to recognise and read the objects of a service."""
 
     has_fields: Callable[[Piece], bool]
     """Whether an object has the names of its fields."""

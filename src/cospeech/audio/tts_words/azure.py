@@ -41,13 +41,13 @@ def read(pieces: Iterator[Mapping[str, Any]]) -> Iterator[Entry]:
         if "visemeid" in fields or kind == _SENTENCE or "sentence" in str(kind).lower():
             continue
         name, text = fields.get("text", ("text", None))
-        said = check_text(text, name, "the SDK has it since version 1.21")
+        word = check_text(text, name, "the SDK has it since version 1.21")
         name, offset = fields.get("audiooffset", ("audio_offset", None))
         length_name, length = fields.get("duration", ("duration", None))
         unit = _MILLISECOND if name == "AudioOffset" and not isinstance(length, str) else _TICK
         what = "milliseconds" if unit == _MILLISECOND else "ticks of 100 ns"
-        start = check_number(offset, f"{name} of {said[:40]!r}", what) * unit
-        yield said, start, start + _read_duration(length, f"{length_name} of {said[:40]!r}", unit, what)
+        start = check_number(offset, f"{name} of {word[:40]!r}", what) * unit
+        yield word, start, start + _read_duration(length, f"{length_name} of {word[:40]!r}", unit, what)
 
 
 def _fields(piece: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
@@ -58,9 +58,9 @@ def _fields(piece: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
 def _read_duration(value: Any, name: str, unit: float, what: str) -> float:
     """Seconds."""
     if isinstance(value, str):
-        found = _CLOCK.match(value)
-        if found is None:
+        match = _CLOCK.match(value)
+        if match is None:
             raise InputError(f"{name} is {value[:40]!r}", f"{what}, or a text such as 0:00:00.1375")
-        return int(found[1]) * 3600 + int(found[2]) * 60 + float(found[3])
+        return int(match[1]) * 3600 + int(match[2]) * 60 + float(match[3])
     number = check_number(value, name, what)
     return number if unit == _TICK and number < _SECONDS else number * unit

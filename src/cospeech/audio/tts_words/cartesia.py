@@ -39,9 +39,9 @@ def read(pieces: Iterator[Mapping[str, Any]]) -> Iterator[Entry]:
             problem = f"{_ALIGNMENT} has {len(words)} words, {len(starts)} starts and {len(ends)} ends"
             raise InputError(problem, "one value for each word")
         for word, start, end in zip(words, starts, ends, strict=True):
-            said = check_text(word, "a word", "a text belongs there")
-            shown = repr(said[:40])
-            yield said, check_number(start, f"start of {shown}", "seconds"), check_number(end, f"end of {shown}", "seconds")
+            text = check_text(word, "a word", "a text belongs there")
+            label = repr(text[:40])
+            yield text, check_number(start, f"start of {label}", "seconds"), check_number(end, f"end of {label}", "seconds")
 
 
 def _read_list(times: Mapping[str, Any], name: str) -> list[Any]:

@@ -29,8 +29,8 @@ _BACK = 0.05  # seconds by which a time may be before the one ahead of it [ours:
 
 def has_fields(piece: Mapping[str, Any]) -> bool:
     """Whether an object has an alignment, or is one."""
-    named = any(name in piece for name in ("audio_base64", "isFinal", _STARTS, _STARTS_MS))
-    return named or any(isinstance(piece.get(name), dict) for name in _ALIGNMENTS)
+    has_name = any(name in piece for name in ("audio_base64", "isFinal", _STARTS, _STARTS_MS))
+    return has_name or any(isinstance(piece.get(name), dict) for name in _ALIGNMENTS)
 
 
 def read(pieces: Iterator[Mapping[str, Any]]) -> Iterator[Entry]:

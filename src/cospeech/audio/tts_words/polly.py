@@ -26,7 +26,7 @@ def has_fields(piece: Mapping[str, Any]) -> bool:
 
 
 def read(pieces: Iterator[Mapping[str, Any]]) -> Iterator[Entry]:
-    """The words. Each may last until the next one, which cuts it; before a pause it is as long as its syllables need.
+    """The words. A word ends where the next one begins; before a pause it is as long as its syllables need.
 
     Raises:
         InputError: a field is missing or is not what it should be.
@@ -36,6 +36,6 @@ def read(pieces: Iterator[Mapping[str, Any]]) -> Iterator[Entry]:
         if kind not in _TYPES:
             raise InputError(f"type is {str(kind)[:40]!r}" if kind is not None else "a mark has no type", ", ".join(_TYPES))
         if kind == "word":
-            said = check_text(piece.get("value"), "value", "the word belongs there")
-            start = check_number(piece.get("time"), f"time of {said[:40]!r}", "milliseconds") * _MILLISECOND
-            yield said, start, start + _SYLLABLE * count_syllables(said)
+            word = check_text(piece.get("value"), "value", "the word belongs there")
+            start = check_number(piece.get("time"), f"time of {word[:40]!r}", "milliseconds") * _MILLISECOND
+            yield word, start, start + _SYLLABLE * count_syllables(word)

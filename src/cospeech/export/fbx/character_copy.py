@@ -1,4 +1,4 @@
-"""Somebody's FBX character with our motion: a copy of its file, in which our clip takes the place of its own."""
+"""Copy somebody's FBX character with our motion: our clip replaces the clips of the file."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from .tree import Node
 
 __all__ = ["CharacterCopy"]
 
-_DROPPED = ("AnimationStack", "AnimationLayer", "AnimationCurveNode", "AnimationCurve")
+_CLIP_KINDS = ("AnimationStack", "AnimationLayer", "AnimationCurveNode", "AnimationCurve")
 _MOST = 1 << 62  # number of an object; new ones come after it; ours
-_ALIKE = 1e-6  # of places and turns; ours
+_ALIKE = 1e-6  # difference below which places and turns are the same; ours
 
 
 class CharacterCopy:
-    """What a writer needs to put motion on an FBX character; the same names as `FbxFigure`.
+    """Gives a writer what it needs for motion on an FBX character; it has the same names as `FbxFigure`.
 
     Args:
         avatar: the character.
@@ -49,38 +49,38 @@ class CharacterCopy:
         self.last_number = max(fbx.objects, default=0)
         if self.last_number > _MOST:
             raise InputError(f"{fbx.name} has an object of number {self.last_number}", "export it again")
-        self._kept = [found for found in fbx.objects.values() if found.kind not in _DROPPED]
-        self.kinds: Sequence[str] = tuple(dict.fromkeys(found.kind for found in self._kept))
-        listed = fbx.root.find("Definitions")
+        self._entries = [entry for entry in fbx.objects.values() if entry.kind not in _CLIP_KINDS]
+        self.kinds: Sequence[str] = tuple(dict.fromkeys(entry.kind for entry in self._entries))
+        definitions = fbx.root.find("Definitions")
         self.templates: Mapping[str, Sequence[Node]] = {
             str(node.values[0]): [inner for inner in node.nodes if inner.name != "Count"]
-            for node in ([] if listed is None else listed.all("ObjectType")) if node.values
+            for node in ([] if definitions is None else definitions.all("ObjectType")) if node.values
         }  # fmt: skip
         self._joints = [self._file.models[node] for node in self._tracks.turning]
         self._angles = AngleRecorder([model.order for model in self._joints])
-        self._shapes = {node: self._file.targets[node] for node in self._tracks.shaped}
+        self._shapes = {node: self._file.targets[node] for node in self._tracks.mesh_nodes}
         self._still = self._find_offset_bones()
-        self._placed = self._find_placed_joints()
-        self.widths = [3] * (len(self._placed) + len(self._joints) + 2 * len(self._still))
+        self._place_joints = self._find_placed_joints()
+        self.widths = [3] * (len(self._place_joints) + len(self._joints) + 2 * len(self._still))
         self.widths += [1] * sum(map(len, self._shapes.values()))
 
     def _find_offset_bones(self) -> list[tuple[FbxModel, Transform]]:
-        """Bones that do not move, and that the file keeps in another pose than that to which its skin is bound."""
-        driven = {*self._tracks.turning}
-        found = []
-        for node, (model, bound) in enumerate(zip(self._file.models, self._file.rest, strict=True)):
+        """Bones that do not move, and whose pose in the file is not the pose to which the skin is bound."""
+        turning = {*self._tracks.turning}
+        bones = []
+        for node, (model, rest) in enumerate(zip(self._file.models, self._file.rest, strict=True)):
             own = model.rest
-            far = max(np.abs(bound.translation - own.translation).max(), 1 - abs(float(bound.rotation @ own.rotation)))
-            if node not in driven and far > _ALIKE:
-                found.append((model, bound))
-        return found
+            far = max(np.abs(rest.translation - own.translation).max(), 1 - abs(float(rest.rotation @ own.rotation)))
+            if node not in turning and far > _ALIKE:
+                bones.append((model, rest))
+        return bones
 
     def _find_placed_joints(self) -> list[int]:
-        """Which of the joints need a place: the root, and those that the file keeps elsewhere than its skin is bound to."""
+        """Joints that need a place: the root, and those whose place in the file is not the place to which the skin is bound."""
         rests = [self._file.rest[node] for node in self._tracks.turning]
         return [
-            k for k, (node, model, bound) in enumerate(zip(self._tracks.turning, self._joints, rests, strict=True))
-            if node == self._tracks.root or np.abs(bound.translation - model.rest.translation).max() > _ALIKE
+            k for k, (node, model, rest) in enumerate(zip(self._tracks.turning, self._joints, rests, strict=True))
+            if node == self._tracks.root or np.abs(rest.translation - model.rest.translation).max() > _ALIKE
         ]  # fmt: skip
 
     def rows(self, motion: Motion) -> Array:
@@ -91,21 +91,21 @@ class CharacterCopy:
             node = self._tracks.turning[k]
             where = translation if node == self._tracks.root else self._file.rest[node].translation
             place, turns[:, k] = model.properties_at(where, rotations[:, k])
-            columns += [place] if k in self._placed else []
+            columns += [place] if k in self._place_joints else []
         columns.append(self._angles.degrees(turns).reshape(len(motion), -1))
-        for model, bound in self._still:
-            place, turn = model.properties_at(bound.translation, bound.rotation)
+        for model, rest in self._still:
+            place, turn = model.properties_at(rest.translation, rest.rotation)
             angles = np.degrees(sort_axes(quat_to_euler(turn, model.order), model.order))
             columns.append(np.tile(np.concatenate([place, angles]), (len(motion), 1)))
         columns += [weights[node][:, : len(channels)] * PERCENT for node, channels in self._shapes.items()]
         return np.concatenate(columns, 1)
 
     def write(self, nodes: NodeWriter, scene: SceneWriter, name: str) -> list[DrivenProperty]:
-        """Write its objects, and say what drives it."""
-        for found in self._kept:
-            nodes.copy(found.node)
-            scene.counts[found.kind] = scene.counts.get(found.kind, 0) + 1
-        channels = [_place_of(self._joints[k]) for k in self._placed]
+        """Write its objects; give the properties that drive it."""
+        for entry in self._entries:
+            nodes.copy(entry.node)
+            scene.counts[entry.kind] = scene.counts.get(entry.kind, 0) + 1
+        channels = [_place_of(self._joints[k]) for k in self._place_joints]
         channels += [_turn_of(model) for model in self._joints]
         for model, _ in self._still:
             channels += [_place_of(model), _turn_of(model)]
@@ -113,10 +113,10 @@ class CharacterCopy:
         return channels
 
     def write_connections(self, nodes: NodeWriter) -> None:
-        """Write those between objects that are kept."""
-        kept = {0, *(found.number for found in self._kept)}
+        """Write the connections between the objects that are kept."""
+        numbers = {0, *(entry.number for entry in self._entries)}
         for node in self._file.fbx.connections:
-            if {value for value in node.values if isinstance(value, int)} <= kept:  # names of properties may lie between
+            if {value for value in node.values if isinstance(value, int)} <= numbers:  # names of properties may lie between
                 nodes.copy(node)
 
 

@@ -1,4 +1,4 @@
-"""Animations of an FBX file, sampled at every frame; read only when somebody wants one, as characters may have a hundred."""
+"""Read animations of an FBX file, sampled at every frame; one at a time, because characters may have a hundred."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from .tree import Node
 __all__ = ["FbxClip", "list_clips", "read_clip"]
 
 _CONSTANT, _CUBIC = 2, 8  # interpolation, among the flags of a key
-_ON_KEY = 1e-4  # of the time between keys; ours
-_STEPS = (1e-3, 0.1)  # s between keys of what is keyed on every frame; ours
+_ON_KEY = 1e-4  # of the time between keys: so near to a key, its value counts; ours
+_STEPS = (1e-3, 0.1)  # s between keys of a clip that has one on every frame; ours
 _PLACES = ("Lcl Translation", "Lcl Rotation", "Lcl Scaling")
 _PATHS = ("translation", "rotation", "scale")
 _NODE, _PERCENT = "AnimationCurveNode", "DeformPercent"
@@ -53,8 +53,8 @@ def read_clip(
     """An animation, sampled at every frame.
 
     Args:
-        fbx: that has it.
-        clip: which.
+        fbx: the file.
+        clip: which animation.
         models: node by node.
         targets: node → numbers of the blendshape channels of its mesh.
 
@@ -72,13 +72,13 @@ def read_clip(
     joints = len(models) + sum(len(channels) for channels in targets.values())
     check_frames(fbx.name, frames, joints, sum(curve.size for curve in every))
     times = begin + np.arange(frames) / fps
-    found: dict[tuple[int, str], Curve] = {}
+    tracks: dict[tuple[int, str], Curve] = {}
     for node, model in enumerate(models):
         own = [curves.get((model.object.number, name), {}) for name in _PLACES]
         if any(own):
             place = model.place(*(_sample(parts, still, times) for parts, still in zip(own, model.still, strict=True)))
             for path, values in zip(_PATHS, (place.translation, quat_continuous(place.rotation), place.scale), strict=True):
-                found[node, path] = Curve(times - begin, values, "LINEAR", path == "rotation")
+                tracks[node, path] = Curve(times - begin, values, "LINEAR", path == "rotation")
         shapes = [curves.get((number, _PERCENT), {}).get(_PERCENT) for number in targets.get(node, ())]
         if any(isinstance(curve, KeyedCurve) for curve in shapes):
             still = [rest_weight(fbx, fbx.objects[number]) for number in targets[node]]
@@ -87,24 +87,24 @@ def read_clip(
                 for curve, rest in zip(shapes, still, strict=True)
             ]
             weights = np.stack(columns, 1)
-            found[node, "weights"] = Curve(times - begin, weights, "LINEAR", False)
-    return found
+            tracks[node, "weights"] = Curve(times - begin, weights, "LINEAR", False)
+    return tracks
 
 
 def _sample(curves: Mapping[str, KeyedCurve | float], still: Array, times: Array) -> Array:
-    """(T, 3) of the curves of X, Y and Z; what has no curve is ``still``."""
-    found = np.tile(still, (len(times), 1))
+    """(T, 3) values of the curves of X, Y and Z; ``still`` for those without a curve."""
+    values = np.tile(still, (len(times), 1))
     for k, part in enumerate("XYZ"):
         curve = curves.get(part, still[k])
-        found[:, k] = curve.at(times) if isinstance(curve, KeyedCurve) else curve
-    return found
+        values[:, k] = curve.at(times) if isinstance(curve, KeyedCurve) else curve
+    return values
 
 
 class KeyedCurve:
     """One number over time.
 
     Args:
-        node: that has the keys.
+        node: the node with the keys.
     """
 
     def __init__(self, node: Node) -> None:
@@ -122,13 +122,13 @@ class KeyedCurve:
         self._holds, self._bends = (spread & _CONSTANT) > 0, (spread & _CUBIC) > 0
 
     def at(self, times: Array) -> Array:
-        """Its value at ``times``, s; held before the first and after the last key.
+        """Its value at ``times``, s; constant before the first and after the last key.
 
-        Between keys with a curve in between, the slope at a key is that of the line through its neighbours.
+        Where the way between two keys is cubic, the slope at a key is that of the line through its neighbours.
         """
-        found = np.interp(times, self.times, self.values)
+        values = np.interp(times, self.times, self.values)
         if not (self._holds.any() or self._bends.any()) or (np.diff(self.times) <= 0).any():
-            return found
+            return values
         low = np.clip(np.searchsorted(self.times, times + 1e-7, side="right") - 1, 0, len(self.times) - 2)
         span = self.times[low + 1] - self.times[low]
         t = np.clip((times - self.times[low]) / span, 0, 1)
@@ -137,33 +137,33 @@ class KeyedCurve:
             return np.where(t < 0.5, a, b)
         slopes = np.gradient(self.values, self.times)
         out, into = slopes[low] * span, slopes[low + 1] * span
-        bent = a + t * out + t**2 * (3 * (b - a) - 2 * out - into) + t**3 * (2 * (a - b) + out + into)
-        found = np.where(self._bends[low], bent, found)
-        held = self._holds[low] & (t < 1 - _ON_KEY)
-        return np.where(held, a, found)
+        cubic = a + t * out + t**2 * (3 * (b - a) - 2 * out - into) + t**3 * (2 * (a - b) + out + into)
+        values = np.where(self._bends[low], cubic, values)
+        holds = self._holds[low] & (t < 1 - _ON_KEY)
+        return np.where(holds, a, values)
 
 
 def _find_targets(fbx: Document, node: Object) -> list[tuple[Object, str]]:
-    """The models and blendshape channels that a node of curves drives, and which of their properties."""
-    above = (found for kind in ("Model", "Deformer") for found in fbx.above(node.number, kind))
-    return [(found, name) for found, name in above if name]
+    """The models and blendshape channels that a node of curves drives, and the names of the driven properties."""
+    above = (target for kind in ("Model", "Deformer") for target in fbx.above(node.number, kind))
+    return [(target, name) for target, name in above if name]
 
 
 def _read_curves(fbx: Document, layer: Object) -> _Curves:
-    """(Number of an object, name of its property) → part of it → curve, or what the node of curves says where it has none."""
+    """(Number of an object, name of its property) → part of it → curve, or the default of the node where there is no curve."""
     curves: _Curves = {}
     for node, _ in fbx.below(layer.number, _NODE):
-        found = {name.split("|", 1)[-1]: KeyedCurve(curve.node) for curve, name in fbx.below(node.number, "AnimationCurve")}
-        if found:
-            told = {part: node.number_of(f"d|{part}", 0) for part in "XYZ" if f"d|{part}" in node.properties}
-            curves |= {(driven.number, name): {**told, **found} for driven, name in _find_targets(fbx, node)}
+        own = {name.split("|", 1)[-1]: KeyedCurve(curve.node) for curve, name in fbx.below(node.number, "AnimationCurve")}
+        if own:
+            defaults = {part: node.number_of(f"d|{part}", 0) for part in "XYZ" if f"d|{part}" in node.properties}
+            curves |= {(target.number, name): {**defaults, **own} for target, name in _find_targets(fbx, node)}
     return curves
 
 
 def _frame_rate(fbx: Document, times: Array) -> float:
-    """Of the longest curve's keys; what the file says where they are far apart."""
+    """The rate of the longest curve's keys; the rate that the file states where they are far apart."""
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     if _STEPS[0] <= step <= _STEPS[1]:
         return frame_rate(times, 30.0)
-    told = rate_of(int(fbx.settings.number_of("TimeMode", 0)), fbx.settings.number_of("CustomFrameRate", 0))
-    return told if 1 <= told <= 1000 else 30.0
+    rate = rate_of(int(fbx.settings.number_of("TimeMode", 0)), fbx.settings.number_of("CustomFrameRate", 0))
+    return rate if 1 <= rate <= 1000 else 30.0

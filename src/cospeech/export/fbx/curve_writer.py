@@ -1,7 +1,7 @@
 """The animation of an FBX file: a stack with one layer, and curves with a key on every frame.
 
-Keys lie on every frame, with straight lines between them; a curve that never changes keeps one key. Angles run on without
-jumps, because programs go straight from key to key.
+Keys lie on every frame, with straight lines between them; a curve that never changes keeps one key. Angles do not jump, because
+programs go straight from key to key.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PERCENT = 100.0
 
 
 class AngleRecorder:
-    """Makes angles of quaternions that run on without jumps from piece to piece.
+    """Turns quaternions into angles that do not jump, also between pieces.
 
     Args:
         orders: of each joint's rotation, intrinsic, such as ``"ZXY"``.
@@ -39,16 +39,16 @@ class AngleRecorder:
 
     def degrees(self, rotations: Array) -> Array:
         """Quaternions (T, J, 4) → angles (T, J, 3) about X, Y and Z, degrees."""
-        found = np.empty((*rotations.shape[:2], 3))
+        result = np.empty((*rotations.shape[:2], 3))
         for order, own in self._columns.items():
             angles = continuous_euler(quat_to_euler(np.asarray(rotations[:, own], float), order), self._last.get(order))
             self._last[order] = angles[-1]
-            found[:, own] = np.degrees(sort_axes(angles, order))
-        return found
+            result[:, own] = np.degrees(sort_axes(angles, order))
+        return result
 
 
 class FrameRecorder:
-    """Takes frames as they come, and writes them as curves in the end; they wait in a temporary file.
+    """Takes frames as they come, and writes them as curves at the end; they wait in a temporary file.
 
     Args:
         widths: numbers of each channel in a frame.
@@ -74,7 +74,7 @@ class FrameRecorder:
 
         Args:
             nodes: to write to, inside of the node ``Objects``.
-            scene: that has the objects.
+            scene: the objects.
             name: of the animation.
             channels: in the order of the numbers of `add`.
         """

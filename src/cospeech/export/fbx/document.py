@@ -1,4 +1,4 @@
-"""Objects of an FBX file by their numbers, how they hang together, and their properties."""
+"""Objects of an FBX file by their numbers, with their connections and their properties."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class Object:
     """An object.
 
     Attributes:
-        number: of its own.
-        node: that says it.
+        number: its own.
+        node: the node that describes it.
         kind: of the node: ``FbxModel``, ``Geometry``, ``Deformer`` and so on.
         name: without what the format adds.
-        sort: what kind of its kind: ``LimbNode``, ``Mesh``, ``Skin``.
+        sort: the kind within the kind: ``LimbNode``, ``Mesh``, ``Skin``.
     """
 
     number: int
@@ -54,8 +54,8 @@ class Object:
 
 def read_properties(node: Node) -> dict[str, list[object]]:
     """The list of properties of a node, values only."""
-    listed = node.find("Properties70")
-    rows = [] if listed is None else [row.values for row in listed.all("P")]
+    block = node.find("Properties70")
+    rows = [] if block is None else [row.values for row in block.all("P")]
     return {str(row[0]): row[4:] for row in rows if row}
 
 
@@ -68,7 +68,7 @@ class Document:
 
     Attributes:
         objects: by their numbers.
-        connections: nodes that say which object belongs to which.
+        connections: nodes that connect two objects.
     """
 
     def __init__(self, root: Node, name: str) -> None:
@@ -76,15 +76,15 @@ class Document:
         settings = root.find("GlobalSettings")
         self.settings = Object(0, settings or Node(""), "GlobalSettings", "", "")
         self.objects: dict[int, Object] = {}
-        listed = root.find("Objects")
-        for node in [] if listed is None else listed.nodes:
+        block = root.find("Objects")
+        for node in [] if block is None else block.nodes:
             number, label, sort = (*node.values[:3], "", "", "")[:3]
             if isinstance(number, int):
                 self.objects[number] = Object(number, node, node.name, str(label).split("\0", 1)[0], str(sort))
         self._below: dict[int, list[tuple[int, str]]] = {}
         self._above: dict[int, list[tuple[int, str]]] = {}
-        connected = root.find("Connections")
-        self.connections = [] if connected is None else list(connected.all("C"))
+        links = root.find("Connections")
+        self.connections = [] if links is None else list(links.all("C"))
         for node in self.connections:
             _, child, parent, *rest = (*node.values, None, None, None)
             if isinstance(child, int) and isinstance(parent, int):
@@ -100,15 +100,15 @@ class Document:
         """Objects of a kind that an object belongs to, and the property of them that it drives, if any."""
         yield from self._choose(self._above.get(number, []), kind, sort)
 
-    def _choose(self, linked: list[tuple[int, str]], kind: str, sort: str) -> Iterator[tuple[Object, str]]:
-        for number, name in linked:
-            found = self.objects.get(number)
-            if found is not None and found.kind == kind and sort in ("", found.sort):
-                yield found, name
+    def _choose(self, links: list[tuple[int, str]], kind: str, sort: str) -> Iterator[tuple[Object, str]]:
+        for number, name in links:
+            entry = self.objects.get(number)
+            if entry is not None and entry.kind == kind and sort in ("", entry.sort):
+                yield entry, name
 
     def of_kind(self, kind: str) -> list[Object]:
         """All objects of a kind, in the order of the file."""
-        return [found for found in self.objects.values() if found.kind == kind]
+        return [entry for entry in self.objects.values() if entry.kind == kind]
 
     def to_metres(self) -> tuple[Array, float]:
         """(4,) turn from the file's axes to Y up and +Z front, and metres per unit."""
@@ -125,17 +125,17 @@ class Document:
 
 
 def rest_weight(fbx: Document, channel: Object) -> float:
-    """Weight of a blendshape where no clip moves it, as of the shape of a body; what clips move rests at 0."""
+    """Weight of a blendshape that no clip moves, such as the shape of a body; blendshapes that clips move rest at 0."""
     if any(True for _ in fbx.below(channel.number, "AnimationCurveNode")):
         return 0.0
-    told = channel.node.value("DeformPercent", 0.0)
-    weight = channel.number_of("DeformPercent", told if isinstance(told, float) else 0.0) / 100
+    value = channel.node.value("DeformPercent", 0.0)
+    weight = channel.number_of("DeformPercent", value if isinstance(value, float) else 0.0) / 100
     return weight if np.isfinite(weight) else 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Transform:
-    """Where an object is, below its parent: (..., 3) translation, (..., 4) rotation, (..., 3) scale."""
+    """Place of an object relative to its parent: (..., 3) translation, (..., 4) rotation, (..., 3) scale."""
 
     translation: Array
     rotation: Array
@@ -143,41 +143,41 @@ class Transform:
 
 
 class FbxModel:
-    """A bone, a mesh or an empty, with the place that the format gives it by some ten properties.
+    """A bone, a mesh or an empty; the format gives its place by some ten properties.
 
     Source: Autodesk's FBX SDK help, "Computing transformation matrices": T · Roff · Rp · Rpre · R · Rpost⁻¹ · Rp⁻¹ · Soff · Sp
     · S · Sp⁻¹.
     """
 
-    def __init__(self, found: Object) -> None:
-        self.object = found
+    def __init__(self, entry: Object) -> None:
+        self.object = entry
         zero = (0.0, 0.0, 0.0)
-        turns = found.number_of("RotationActive", 0) != 0
-        order = int(found.number_of("RotationOrder", 0)) if turns else 0
-        self.order = _ORDERS[order] if 0 <= order < len(_ORDERS) else _ORDERS[0]  # 6 is a spherical turn, which nobody uses
-        before, after = (found.vector(name, zero) if turns else np.zeros(3) for name in ("PreRotation", "PostRotation"))
+        turns = entry.number_of("RotationActive", 0) != 0
+        order = int(entry.number_of("RotationOrder", 0)) if turns else 0
+        self.order = _ORDERS[order] if 0 <= order < len(_ORDERS) else _ORDERS[0]  # 6 is a spherical rotation, which nobody uses
+        before, after = (entry.vector(name, zero) if turns else np.zeros(3) for name in ("PreRotation", "PostRotation"))
         self._before, self._after = _turn(before, _ORDERS[0]), quat_conjugate(_turn(after, _ORDERS[0]))
         names = ("RotationOffset", "RotationPivot", "ScalingOffset", "ScalingPivot")
         self._rotation_offset, self._rotation_pivot, self._scaling_offset, self._scaling_pivot = (
-            found.vector(name, zero) for name in names
+            entry.vector(name, zero) for name in names
         )
         defaults = (zero, zero, (1.0, 1.0, 1.0))
-        self.still = tuple(found.vector(name, x) for name, x in zip(_TURNS_AND_PLACES, defaults, strict=True))
+        self.still = tuple(entry.vector(name, x) for name, x in zip(_TURNS_AND_PLACES, defaults, strict=True))
 
     def place(self, translation: Array, angles: Array, scale: Array) -> Transform:
-        """Where it is, (..., 3) each: what its three properties are, angles in degrees."""
+        """Its place for values of its three properties, (..., 3) each; angles in degrees."""
         turn = quat_multiply(quat_multiply(self._before, _turn(angles, self.order)), self._after)
         place = translation + self._shift(turn, scale)
         return Transform(place, np.broadcast_to(turn, (*place.shape[:-1], 4)), np.broadcast_to(scale, place.shape))
 
     def _shift(self, turn: Array, scale: Array) -> Array:
-        """How far pivots move it, when it turns and grows."""
+        """How far its pivots move it, when it turns and is scaled."""
         inner = self._scaling_offset + self._scaling_pivot - scale * self._scaling_pivot - self._rotation_pivot
-        moved: Array = self._rotation_offset + self._rotation_pivot + quat_rotate(turn, inner)
-        return moved
+        shift: Array = self._rotation_offset + self._rotation_pivot + quat_rotate(turn, inner)
+        return shift
 
     def properties_at(self, translation: Array, rotation: Array) -> tuple[Array, Array]:
-        """What `place` makes a place (..., 3) and a rotation (..., 4) of, with the scale that it has.
+        """The properties for which `place` gives this place (..., 3) and rotation (..., 4), with its own scale.
 
         Returns:
             (..., 3) translation, and the rotation that the angles make, (..., 4), in the order of `order`.
@@ -187,11 +187,11 @@ class FbxModel:
 
     @property
     def rest(self) -> Transform:
-        """Where it is without animation."""
+        """Its place without animation."""
         return self.place(*self.still)
 
     def shape_matrix(self) -> Array:
-        """(4, 4) what the format does to the points of a mesh before anything else."""
+        """(4, 4) the matrix that the format applies first to the points of a mesh."""
         zero, one = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
         matrix = np.eye(4)
         turn = _turn(self.object.vector("GeometricRotation", zero), _ORDERS[0])

@@ -1,4 +1,4 @@
-"""What an FBX of ours shows: the mannequin, or the bones of another skeleton."""
+"""The figure in an FBX of ours: the mannequin, or the bones of another skeleton."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["FbxFigure"]
 
 
 class FbxFigure:
-    """A skeleton, with the mannequin where it is ours.
+    """A skeleton; with the mannequin if the skeleton is ours.
 
     Args:
         skeleton: of the motion to come.
@@ -38,38 +38,38 @@ class FbxFigure:
     last_number = FIRST_NUMBER
     """Numbers of new objects begin after it."""
     templates: Mapping[str, Sequence[Node]] = {}
-    """Kind of objects → nodes that say what all of them have."""
+    """Kind of objects → nodes of the properties that all of them have."""
 
     def __init__(self, skeleton: Skeleton) -> None:
         self._skeleton, ours = skeleton, humanoid()
-        self._dressed = skeleton.names == ours.names and np.allclose(skeleton.offsets, ours.offsets, atol=1e-6)
-        self._has_face = self._dressed
+        self._has_mannequin = skeleton.names == ours.names and np.allclose(skeleton.offsets, ours.offsets, atol=1e-6)
+        self._has_face = self._has_mannequin
         self._angles = AngleRecorder([ORDER] * len(skeleton))
         self.widths = [3] * (1 + len(skeleton)) + [1] * len(ARKIT)
-        self.kinds = ("NodeAttribute", "Pose", *(("Geometry", "Material", "Deformer") if self._dressed else ()))
+        self.kinds = ("NodeAttribute", "Pose", *(("Geometry", "Material", "Deformer") if self._has_mannequin else ()))
 
     def rows(self, motion: Motion) -> Array:
         """(T, sum of the widths) for a piece of motion."""
         self._has_face |= motion.face is not None
         face = np.zeros((len(motion), len(ARKIT))) if motion.face is None else motion.face
         angles = self._angles.degrees(motion.rotations).reshape(len(motion), -1)
-        return np.concatenate([motion.root * CENTIMETRES, angles, face * (PERCENT if self._dressed else 1)], 1)
+        return np.concatenate([motion.root * CENTIMETRES, angles, face * (PERCENT if self._has_mannequin else 1)], 1)
 
     def write(self, nodes: NodeWriter, scene: SceneWriter, name: str) -> list[DrivenProperty]:
-        """Write its objects, and say what drives it."""
-        extra = ARKIT if self._has_face and not self._dressed else ()
+        """Write its objects; give the properties that drive it."""
+        extra = ARKIT if self._has_face and not self._has_mannequin else ()
         bones, channels = scene.write_bones(self._skeleton, extra)
         worlds = place_bones(self._skeleton)
-        posed = list(zip(bones, worlds, strict=True))
-        if self._dressed:
+        poses = list(zip(bones, worlds, strict=True))
+        if self._has_mannequin:
             from ..mannequin import build
 
             for mesh_name, parts in build().meshes():
                 mesh, shapes = scene.write_mesh(mesh_name, parts, bones, worlds)
-                posed.append((mesh, np.eye(4)))
+                poses.append((mesh, np.eye(4)))
                 channels += shapes
-        scene.write_pose(name, posed)
+        scene.write_pose(name, poses)
         return channels
 
     def write_connections(self, nodes: NodeWriter) -> None:
-        """Write connections that the scene does not know: there are none."""
+        """Write connections that are not in the scene: there are none."""

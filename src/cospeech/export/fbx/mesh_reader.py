@@ -20,7 +20,7 @@ __all__ = ["MeshReader"]
 
 _MIMES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 _MOST_JOINTS = 4  # of a point
-_LEAST_POINTS = 20_000  # that a shape counts for: a small one takes time, too; ours
+_LEAST_POINTS = 20_000  # that each shape counts for at least: a small one takes time, too; ours
 _HALF = 0.5  # opacity below which a textured surface has a hole; ours
 
 
@@ -29,7 +29,7 @@ class Corners:
     """Triangles of a mesh.
 
     Attributes:
-        points: (P,) the point of each vertex that the glTF mesh has: a point that lies on a seam of the texture is there twice.
+        points: (P,) the point of each vertex of the glTF mesh: a point on a seam of the texture has two vertices.
         triangles: (F, 3) vertices.
         materials: (F,) the material of each triangle.
         places: (P, 2) texture coordinates, or None.
@@ -45,7 +45,7 @@ class MeshReader:
     """Adds meshes to a document.
 
     Args:
-        fbx: that has them.
+        fbx: the file with the meshes.
         builder: of the document.
         place: number of a model → its node.
     """
@@ -62,7 +62,7 @@ class MeshReader:
         Returns:
             numbers of its blendshape channels, in the order of the mesh's targets.
         """
-        geometry = next((found for found, _ in self._fbx.below(model.object.number, "Geometry", "Mesh")), None)
+        geometry = next((entry for entry, _ in self._fbx.below(model.object.number, "Geometry", "Mesh")), None)
         if geometry is None:
             return []
         self._count(geometry)
@@ -76,11 +76,11 @@ class MeshReader:
             attributes["TEXCOORD_0"] = self._builder.add(corners.places.astype(np.float32), "VEC2")
         skin = self._add_skin(geometry, corners, len(points), attributes)
         channels, targets = self._add_targets(geometry, corners, points, matrix[:3, :3])
-        materials = [self._material(found) for found, _ in self._fbx.below(model.object.number, "Material")]
+        materials = [self._material(entry) for entry, _ in self._fbx.below(model.object.number, "Material")]
         primitives = []
-        for number, chosen in _split(corners.triangles, corners.materials, len(materials)):
+        for number, triangles in _split(corners.triangles, corners.materials, len(materials)):
             primitive: dict[str, Any] = {
-                "attributes": attributes, "indices": self._builder.add(chosen.astype(np.uint32).reshape(-1, 1), "SCALAR"),
+                "attributes": attributes, "indices": self._builder.add(triangles.astype(np.uint32).reshape(-1, 1), "SCALAR"),
             }  # fmt: skip
             if number >= 0:
                 primitive["material"] = materials[number]
@@ -89,15 +89,15 @@ class MeshReader:
             primitives.append(primitive)
         mesh: dict[str, Any] = {"name": model.object.name, "primitives": primitives}
         if targets:
-            rest = [rest_weight(self._fbx, found) for found in channels]
-            mesh |= {"weights": rest, "extras": {"targetNames": [found.name for found in channels]}}
+            rest = [rest_weight(self._fbx, entry) for entry in channels]
+            mesh |= {"weights": rest, "extras": {"targetNames": [entry.name for entry in channels]}}
         self._builder.json["nodes"][node]["mesh"] = self._builder.append("meshes", mesh)
         if skin is not None:
             self._builder.json["nodes"][node]["skin"] = skin
-        return [found.number for found in channels]
+        return [entry.number for entry in channels]
 
     def _count(self, geometry: Object) -> None:
-        """Refuse what would take too much memory or time, before an array is unpacked: several models may share a mesh.
+        """Refuse meshes that would take too much memory or time, before an array is unpacked. Several models may share a mesh.
 
         Raises:
             InputError: the meshes so far have too many corners, points or shapes.
@@ -116,24 +116,24 @@ class MeshReader:
             raise InputError(f"{name} has more than {FBX_SHAPE_POINTS:,} points × shapes", "export it with fewer shapes")
 
     def _add_skin(self, geometry: Object, corners: Corners, count: int, attributes: dict[str, int]) -> int | None:
-        """The skin of a mesh, and the attributes of its vertices; None where it hangs on its node."""
+        """Add the skin of a mesh, and the attributes of its vertices; None where the mesh follows its node."""
         joints, binds, rows, shares = list[int](), list[Array](), list[Array](), list[Array]()
         for deformer, _ in self._fbx.below(geometry.number, "Deformer", "Skin"):
             for cluster, _ in self._fbx.below(deformer.number, "Deformer", "Cluster"):
-                bone = next((self._place.get(found.number) for found, _ in self._fbx.below(cluster.number, "Model")), None)
-                held, weights = (cluster.node.array(name) for name in ("Indexes", "Weights"))
-                if bone is None or not len(held):
+                bone = next((self._place.get(entry.number) for entry, _ in self._fbx.below(cluster.number, "Model")), None)
+                indices, weights = (cluster.node.array(name) for name in ("Indexes", "Weights"))
+                if bone is None or not len(indices):
                     continue
-                if len(held) != len(weights) or held.min() < 0 or held.max() >= count:
+                if len(indices) != len(weights) or indices.min() < 0 or indices.max() >= count:
                     raise InputError(f"{self._fbx.name} is damaged: a skin names points that are not there", "export it again")
                 joints.append(bone)
-                binds.append(cluster.node.array("Transform").reshape(4, 4))  # its columns lie one after another, as glTF's
-                rows.append(held)
+                binds.append(cluster.node.array("Transform").reshape(4, 4))  # column after column, as in glTF
+                rows.append(indices)
                 shares.append(weights)
         if not joints:
             return None
-        chosen, weights = _choose_joints(rows, shares, count)
-        attributes["JOINTS_0"] = self._builder.add(chosen[corners.points].astype(np.uint16), "VEC4")
+        vertex_joints, weights = _choose_joints(rows, shares, count)
+        attributes["JOINTS_0"] = self._builder.add(vertex_joints[corners.points].astype(np.uint16), "VEC4")
         attributes["WEIGHTS_0"] = self._builder.add(weights[corners.points].astype(np.float32), "VEC4")
         matrices = np.array(binds).reshape(-1, 16).astype(np.float32)
         return self._builder.append("skins", {"joints": joints, "inverseBindMatrices": self._builder.add(matrices, "MAT4")})
@@ -141,38 +141,38 @@ class MeshReader:
     def _add_targets(
         self, geometry: Object, corners: Corners, points: Array, turn: Array
     ) -> tuple[list[Object], list[dict[str, int]]]:
-        """Channels of blendshapes, and their targets."""
+        """Add blendshapes; give their channels and their targets."""
         channels, targets = list[Object](), list[dict[str, int]]()
         for deformer, _ in self._fbx.below(geometry.number, "Deformer", "BlendShape"):
             for channel, _ in self._fbx.below(deformer.number, "Deformer", "BlendShapeChannel"):
-                shapes = [found for found, _ in self._fbx.below(channel.number, "Geometry", "Shape")]
+                shapes = [entry for entry, _ in self._fbx.below(channel.number, "Geometry", "Shape")]
                 if not shapes:
                     continue
-                moved = np.zeros_like(points)
-                held = shapes[-1].node.array("Indexes").astype(np.int64)  # the last of several is that of the full weight
-                moved[held] = shapes[-1].node.array("Vertices").reshape(-1, 3) @ turn.T
+                deltas = np.zeros_like(points)
+                indices = shapes[-1].node.array("Indexes").astype(np.int64)  # of several, the last has the full weight
+                deltas[indices] = shapes[-1].node.array("Vertices").reshape(-1, 3) @ turn.T
                 channels.append(channel)
-                targets.append({"POSITION": self._builder.add_sparse(moved[corners.points].astype(np.float32))})
+                targets.append({"POSITION": self._builder.add_sparse(deltas[corners.points].astype(np.float32))})
         return channels, targets
 
-    def _material(self, found: Object) -> int:
-        if found.number not in self._materials:
-            colour = found.vector("DiffuseColor" if "DiffuseColor" in found.properties else "Diffuse", (0.8, 0.8, 0.8))
-            textures = {name: texture for texture, name in self._fbx.below(found.number, "Texture")}
+    def _material(self, material: Object) -> int:
+        if material.number not in self._materials:
+            colour = material.vector("DiffuseColor" if "DiffuseColor" in material.properties else "Diffuse", (0.8, 0.8, 0.8))
+            textures = {name: texture for texture, name in self._fbx.below(material.number, "Texture")}
             surface: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 0.8}
             image = self._texture(textures["DiffuseColor"]) if "DiffuseColor" in textures else None
             if image is None:
                 surface["baseColorFactor"] = [*from_srgb(np.clip(colour, 0, 1)).tolist(), 1.0]
             else:
                 surface["baseColorTexture"] = {"index": image}
-            entry: dict[str, Any] = {"name": found.name, "pbrMetallicRoughness": surface}
+            entry: dict[str, Any] = {"name": material.name, "pbrMetallicRoughness": surface}
             if "TransparentColor" in textures:
                 entry |= {"alphaMode": "MASK", "alphaCutoff": _HALF}
-            self._materials[found.number] = self._builder.append("materials", entry)
-        return self._materials[found.number]
+            self._materials[material.number] = self._builder.append("materials", entry)
+        return self._materials[material.number]
 
     def _texture(self, texture: Object) -> int | None:
-        """A texture whose picture lies in the file; None where it lies elsewhere."""
+        """Add a texture whose picture lies in the file; None where it lies elsewhere."""
         for video, _ in self._fbx.below(texture.number, "Video"):
             if video.number in self._textures:
                 return self._textures[video.number]
@@ -188,7 +188,7 @@ class MeshReader:
 
 
 def _read_corners(geometry: Node, name: str) -> Corners:
-    """Polygons as fans of triangles."""
+    """Read polygons as fans of triangles."""
     corners = geometry.array("PolygonVertexIndex").astype(np.int64)
     count = len(geometry.array("Vertices")) // 3
     last = corners < 0
@@ -199,32 +199,32 @@ def _read_corners(geometry: Node, name: str) -> Corners:
     starts = np.concatenate([[0], ends[:-1] + 1]) if len(ends) else ends
     polygon = np.repeat(np.arange(len(ends)), ends - starts + 1)
     at = np.arange(len(points))
-    inner = (at > starts[polygon]) & ~last  # each of these, and the corner after it, makes a triangle with the first corner
+    inner = (at > starts[polygon]) & ~last  # each of these makes a triangle with the next and the first corner
     fans = np.stack([starts[polygon[inner]], at[inner], at[inner] + 1], 1)
     materials = _spread(geometry.find("LayerElementMaterial"), "Materials", polygon[inner])
     places = _texture_places(geometry, points, name)
     if places is None:
-        used, vertices = np.unique(points, return_inverse=True)
-        return Corners(used, vertices.reshape(-1)[fans], materials, None)
+        unique, vertices = np.unique(points, return_inverse=True)
+        return Corners(unique, vertices.reshape(-1)[fans], materials, None)
     rows, vertices = np.unique(np.column_stack([points, places]), axis=0, return_inverse=True)
     own = rows[:, 1:] * (1, -1) + (0, 1)  # v counts from below, glTF's from above
     return Corners(rows[:, 0].astype(np.int64), vertices.reshape(-1)[fans], materials, own)
 
 
 def _split(triangles: Array, materials: Array, count: int) -> list[tuple[int, Array]]:
-    """The triangles of each material that there is; -1 for those whose material is none of the ``count``."""
-    known = np.where((materials >= 0) & (materials < count), materials, -1)
-    order = np.argsort(known, kind="stable")
-    numbers, starts = np.unique(known[order], return_index=True)
+    """The triangles by number of material; -1 for triangles whose material is none of the ``count``."""
+    valid = np.where((materials >= 0) & (materials < count), materials, -1)
+    order = np.argsort(valid, kind="stable")
+    numbers, starts = np.unique(valid[order], return_index=True)
     return list(zip(numbers.tolist(), np.split(triangles[order], starts[1:]), strict=True))
 
 
 def _spread(layer: Node | None, values: str, polygons: Array) -> Array:
     """The number that a layer gives to each of ``polygons``."""
-    found = np.zeros(0) if layer is None else layer.array(values)
-    if layer is None or not len(found) or layer.value("MappingInformationType") != "ByPolygon":
-        return np.full(len(polygons), int(found[0]) if len(found) else 0)
-    return found.astype(np.int64)[np.minimum(polygons, len(found) - 1)]
+    table = np.zeros(0) if layer is None else layer.array(values)
+    if layer is None or not len(table) or layer.value("MappingInformationType") != "ByPolygon":
+        return np.full(len(polygons), int(table[0]) if len(table) else 0)
+    return table.astype(np.int64)[np.minimum(polygons, len(table) - 1)]
 
 
 def _texture_places(geometry: Node, points: Array, name: str) -> Array | None:
@@ -241,21 +241,21 @@ def _texture_places(geometry: Node, points: Array, name: str) -> Array | None:
             table, at = np.concatenate([np.zeros((1, 2)), table]), np.maximum(at, -1) + 1
     if len(at) and not (at.min() >= 0 and at.max() < len(table)):
         raise InputError(f"{name} is damaged: texture coordinates are missing", "export it again")
-    found: Array = table[at]
-    return found
+    places: Array = table[at]
+    return places
 
 
 def _choose_joints(rows: list[Array], shares: list[Array], count: int) -> tuple[Array, Array]:
-    """(count, 4) joints and weights of each point: the four that hold it most; what nothing holds goes with the first."""
+    """(count, 4) joints of each point with the largest weights, and these; a point without weights follows the first joint."""
     points = np.concatenate(rows).astype(np.int64)
-    joints = np.repeat(np.arange(len(rows)), [len(held) for held in rows])
+    joints = np.repeat(np.arange(len(rows)), [len(row) for row in rows])
     weights = np.maximum(np.concatenate(shares), 0)
     order = np.lexsort((-weights, points))
     points, joints, weights = points[order], joints[order], weights[order]
     first = np.searchsorted(points, points)
     rank = np.arange(len(points)) - first
-    kept = rank < _MOST_JOINTS
-    chosen, held = np.zeros((count, _MOST_JOINTS), np.int64), np.zeros((count, _MOST_JOINTS))
-    chosen[points[kept], rank[kept]], held[points[kept], rank[kept]] = joints[kept], weights[kept]
-    held[held.sum(1) <= 0, 0] = 1
-    return chosen, held / held.sum(1, keepdims=True)
+    is_top = rank < _MOST_JOINTS
+    top_joints, top_weights = np.zeros((count, _MOST_JOINTS), np.int64), np.zeros((count, _MOST_JOINTS))
+    top_joints[points[is_top], rank[is_top]], top_weights[points[is_top], rank[is_top]] = joints[is_top], weights[is_top]
+    top_weights[top_weights.sum(1) <= 0, 0] = 1
+    return top_joints, top_weights / top_weights.sum(1, keepdims=True)

@@ -1,8 +1,8 @@
 """Nodes of a binary FBX file, version 7.4: names, values and nodes in nodes, written in one pass.
 
 Autodesk has not published the layout; this follows the description of the Blender Foundation (code.blender.org, "FBX binary
-file format specification", 2013). A record is: where it ends, how many values it has and how many bytes they take, the length
-of its name (uint32, uint32, uint32, uint8), the name, the values, and the nodes in it, which an empty record ends.
+file format specification", 2013). A record has: its end, the number of its values and of their bytes, the length of its name
+(uint32, uint32, uint32, uint8), the name, the values, and the nodes in it, which an empty record ends.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ def _pack(value: object) -> bytes:
     if not isinstance(value, np.ndarray):
         raise TypeError(f"a value of type {type(value).__name__} in a node")
     data = np.ascontiguousarray(value, value.dtype.newbyteorder("<")).tobytes()
-    packed = zlib.compress(data, _LEVEL) if len(data) >= _LEAST_PACKED else data
-    return _ARRAYS[value.dtype.str[1:]] + struct.pack("<III", value.size, packed is not data, len(packed)) + packed
+    body = zlib.compress(data, _LEVEL) if len(data) >= _LEAST_PACKED else data
+    return _ARRAYS[value.dtype.str[1:]] + struct.pack("<III", value.size, body is not data, len(body)) + body
 
 
 class NodeWriter:
@@ -72,40 +72,40 @@ class NodeWriter:
 
     @contextmanager
     def node(self, name: str, *values: object) -> Iterator[None]:
-        """A node with ``values``; nodes that are written inside of the ``with`` block lie in it.
+        """Write a node with ``values``; nodes that are written inside of the ``with`` block lie in it.
 
         Raises:
-            InputError: the file grew beyond what its 32-bit places can say.
+            InputError: the file is too large for its 32-bit places.
         """
         with self._open(name, len(values), b"".join(map(_pack, values)), ends=True):
             yield
 
     def leaf(self, name: str, *values: object) -> None:
-        """A node without nodes in it."""
+        """Write a node without nodes in it."""
         with self._open(name, len(values), b"".join(map(_pack, values)), ends=False):
             pass
 
     def copy(self, node: Node) -> None:
-        """A node of another file, with all that is in it."""
+        """Write a node of another file, with all that is in it."""
         with self._open(node.name, len(node.values), bytes(node.raw), ends=node.has_block):
             for inner in node.nodes:
                 self.copy(inner)
 
     def properties(self, *rows: tuple[object, ...]) -> None:
-        """A list of named properties: name, type, kind, flags, values."""
+        """Write a list of named properties: name, type, kind, flags, values."""
         with self.node("Properties70"):
             for row in rows:
                 self.leaf("P", *row)
 
     def finish(self) -> None:
-        """Write what ends a file."""
+        """Write the end of a file."""
         self._file.write(_EMPTY + _FOOTER_ID + bytes(4))
         self._file.write(bytes(-self._file.tell() % 16 or 16))
         self._file.write(struct.pack("<I", VERSION) + bytes(120) + _FOOTER_END)
 
     @contextmanager
     def _open(self, name: str, count: int, values: bytes, *, ends: bool) -> Iterator[None]:
-        """A record whose end is written once it is known; ``ends``: an empty record ends the nodes in it."""
+        """Write a record, and its end once it is known; ``ends``: an empty record ends the nodes in it."""
         start, label = self._file.tell(), name.encode()
         self._file.write(struct.pack("<IIIB", 0, count, len(values), len(label)) + label + values)
         yield

@@ -1,4 +1,4 @@
-"""A skeleton and a figure on it as objects of an FBX scene: bones, meshes, skin, blendshapes, and how they hang together.
+"""Write a skeleton and a figure on it as objects of an FBX scene: bones, meshes, skin, blendshapes, and their connections.
 
 An object is a node with a number of its own; connections say which object belongs to which. Lengths are in centimetres, Y is
 up. A rotation is three angles in degrees, in the order of `ORDER`. Matrices lie column after column.
@@ -22,11 +22,11 @@ __all__ = ["CENTIMETRES", "FIRST_NUMBER", "ORDER", "DrivenProperty", "SceneWrite
 
 CENTIMETRES = 100.0  # in a metre
 ORDER = "ZXY"  # intrinsic; as in our BVH: its poles lie at ±90° of X, where arms and head seldom are
-ROTATION_ORDER = 3  # the same for FBX, which counts from the inside: Y, then X, then Z
+ROTATION_ORDER = 3  # the same order in FBX, which counts from the inside: Y, then X, then Z
 FIRST_NUMBER = 1_000_000  # of objects; ours
 _ALIKE = 0.1  # of sRGB 0 … 1: triangles whose colours differ by less share a material; ours
 _XYZ = ("X", "Y", "Z")
-_BONE_SIZE = 3.0  # centimetres, with which programs draw a joint; ours
+_BONE_SIZE = 3.0  # centimetres: the size at which programs draw a joint; ours
 
 
 Row: TypeAlias = "tuple[object, ...]"
@@ -51,12 +51,12 @@ class DrivenProperty(NamedTuple):
 
     @classmethod
     def of_place(cls, number: int, still: Array | Sequence[float]) -> DrivenProperty:
-        """Where a model is."""
+        """The place of a model."""
         return cls(number, "Lcl Translation", "T", _XYZ, tuple(map(float, still)))
 
     @classmethod
     def of_turn(cls, number: int, still: Array | Sequence[float]) -> DrivenProperty:
-        """How a model is turned, degrees."""
+        """The rotation of a model, degrees."""
         return cls(number, "Lcl Rotation", "R", _XYZ, tuple(map(float, still)))
 
     @classmethod
@@ -94,11 +94,11 @@ class SceneWriter:
         return self._next
 
     def connect(self, child: int, parent: int, name: str = "") -> None:
-        """Say that an object belongs to another one (0: to the scene), or drives its property ``name``."""
+        """Connect an object to the one that it belongs to (0: the scene), or whose property ``name`` it drives."""
         self.connections.append(("OP" if name else "OO", Long(child), Long(parent), *([name] if name else [])))
 
     def write_bones(self, skeleton: Skeleton, extra: Sequence[str] = ()) -> tuple[list[int], list[DrivenProperty]]:
-        """The joints, in their T-pose.
+        """Write the joints, in their T-pose.
 
         Args:
             skeleton: whose joints.
@@ -127,7 +127,7 @@ class SceneWriter:
         self, number: int, name: str, sort: str, place: Sequence[float] = (0.0, 0.0, 0.0),
         turn: Sequence[float] = (0.0, 0.0, 0.0), *, before: Sequence[Row] = (), after: Sequence[Row] = (),
     ) -> None:  # fmt: skip
-        """A bone or a mesh; ``before`` and ``after`` are further properties."""
+        """Write a bone or a mesh; ``before`` and ``after`` are further properties."""
         with self._nodes.node("Model", Long(number), f"{name}\0\1Model", sort):
             self._nodes.leaf("Version", 232)
             self._nodes.properties(
@@ -146,19 +146,19 @@ class SceneWriter:
             self._nodes.leaf("TypeFlags", "Skeleton")
         self.connect(number, model)
 
-    def write_pose(self, name: str, posed: Sequence[tuple[int, Array]]) -> None:
-        """The pose to which skin is bound: objects and their (4, 4) places in the world."""
+    def write_pose(self, name: str, places: Sequence[tuple[int, Array]]) -> None:
+        """Write the pose to which skin is bound: objects and their (4, 4) places in the world."""
         with self._nodes.node("Pose", Long(self.number("Pose")), f"{name}\0\1Pose", "BindPose"):
             self._nodes.leaf("Type", "BindPose")
             self._nodes.leaf("Version", 100)
-            self._nodes.leaf("NbPoseNodes", len(posed))
-            for number, matrix in posed:
+            self._nodes.leaf("NbPoseNodes", len(places))
+            for number, matrix in places:
                 with self._nodes.node("PoseNode"):
                     self._nodes.leaf("Node", Long(number))
                     self._nodes.leaf("Matrix", matrix.T.ravel())
 
     def write_mesh(self, name: str, parts: Sequence[Part], bones: list[int], worlds: Array) -> tuple[int, list[DrivenProperty]]:
-        """Surfaces as one mesh with skin, and blendshapes where the first part has some.
+        """Write surfaces as one mesh with skin, and with blendshapes where the first part has some.
 
         Args:
             name: of the mesh.
@@ -184,7 +184,7 @@ class SceneWriter:
         starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
         triangles = np.concatenate([part.triangles + start for part, start in zip(parts, starts, strict=False)])
         corners = triangles.astype(np.int32)
-        corners[:, 2] = ~corners[:, 2]  # the last corner of a polygon is told by its complement
+        corners[:, 2] = ~corners[:, 2]  # the last corner of a polygon is marked by its complement
         vertices, normals = (np.concatenate([getattr(part, what) for part in parts]) for what in ("vertices", "normals"))
         with self._nodes.node("Geometry", Long(number), f"{name}\0\1Geometry", "Mesh"):
             self._nodes.leaf("GeometryVersion", 124)
@@ -192,12 +192,12 @@ class SceneWriter:
             self._nodes.leaf("PolygonVertexIndex", corners.ravel())
             layers = (("Normal", "ByPolygonVertex", "Direct", ("Normals", normals[triangles].astype(np.float64).ravel())),
                       ("Material", "ByPolygon", "IndexToDirect", ("Materials", materials.astype(np.int32))))  # fmt: skip
-            for kind, mapped, referred, values in layers:
+            for kind, mapping, reference, values in layers:
                 with self._nodes.node(f"LayerElement{kind}", 0):
                     self._nodes.leaf("Version", 101)
                     self._nodes.leaf("Name", "")
-                    self._nodes.leaf("MappingInformationType", mapped)
-                    self._nodes.leaf("ReferenceInformationType", referred)
+                    self._nodes.leaf("MappingInformationType", mapping)
+                    self._nodes.leaf("ReferenceInformationType", reference)
                     self._nodes.leaf(*values)
             with self._nodes.node("Layer", 0):
                 self._nodes.leaf("Version", 100)
@@ -227,15 +227,15 @@ class SceneWriter:
         joints, weights = (np.concatenate([getattr(part, what) for part in parts]) for what in ("joints", "weights"))
         for joint, bone in enumerate(bones):
             shares = np.where(joints == joint, weights, 0).sum(1, dtype=np.float64)
-            (held,) = np.nonzero(shares)
-            if not len(held):
+            (indices,) = np.nonzero(shares)
+            if not len(indices):
                 continue
             cluster = self.number("Deformer")
             with self._nodes.node("Deformer", Long(cluster), f"{name}{joint}\0\1SubDeformer", "Cluster"):
                 self._nodes.leaf("Version", 100)
                 self._nodes.leaf("UserData", "", "")
-                self._nodes.leaf("Indexes", held.astype(np.int32))
-                self._nodes.leaf("Weights", shares[held])
+                self._nodes.leaf("Indexes", indices.astype(np.int32))
+                self._nodes.leaf("Weights", shares[indices])
                 self._nodes.leaf("Transform", np.linalg.inv(worlds[joint]).T.ravel())
                 self._nodes.leaf("TransformLink", worlds[joint].T.ravel())
             self.connect(cluster, skin)
@@ -248,18 +248,18 @@ class SceneWriter:
         self.connect(blend, geometry)
         for shape in ARKIT:
             channel, target = self.number("Deformer"), self.number("Geometry")
-            moved = np.concatenate([part.morphs.get(shape, np.zeros_like(part.vertices)) for part in parts])
-            (held,) = np.nonzero(moved.any(1))
-            held = held if len(held) else np.zeros(1, int)  # programs drop a shape of no points
+            deltas = np.concatenate([part.morphs.get(shape, np.zeros_like(part.vertices)) for part in parts])
+            (indices,) = np.nonzero(deltas.any(1))
+            indices = indices if len(indices) else np.zeros(1, int)  # programs drop a shape of no points
             with self._nodes.node("Deformer", Long(channel), f"{shape}\0\1SubDeformer", "BlendShapeChannel"):
                 self._nodes.leaf("Version", 100)
                 self._nodes.leaf("DeformPercent", 0.0)
                 self._nodes.leaf("FullWeights", np.array([100.0]))
             with self._nodes.node("Geometry", Long(target), f"{shape}\0\1Geometry", "Shape"):
                 self._nodes.leaf("Version", 100)
-                self._nodes.leaf("Indexes", held.astype(np.int32))
-                self._nodes.leaf("Vertices", moved[held].astype(np.float64).ravel() * CENTIMETRES)
-                self._nodes.leaf("Normals", np.zeros(3 * len(held)))
+                self._nodes.leaf("Indexes", indices.astype(np.int32))
+                self._nodes.leaf("Vertices", deltas[indices].astype(np.float64).ravel() * CENTIMETRES)
+                self._nodes.leaf("Normals", np.zeros(3 * len(indices)))
             self.connect(channel, blend)
             self.connect(target, channel)
             channels.append(DrivenProperty.of_number(channel, "DeformPercent"))

@@ -1,6 +1,6 @@
-"""An FBX file as the glTF document that says the same, so that all that reads characters reads FBX, too.
+"""Read an FBX file as a glTF document of the same content, so that all readers of characters read FBX, too.
 
-Bones keep their names and their tree, below one node that turns the file's axes to Y up and its unit to metres. Skin,
+Bones keep their names and their tree, below one node that converts the file's axes to Y up and its unit to metres. Skin,
 blendshapes, colours, textures that lie in the file, and animations are kept; cameras, lights and constraints are left out.
 """
 
@@ -38,26 +38,26 @@ def read_fbx(path: str | PathLike[str]) -> GltfFile:
     name = repr(str(path))
     data = read_bytes(path)
     root = parse_fbx(data, name)
-    with report_damage(name), np.errstate(all="ignore"):  # what is not finite then is refused
+    with report_damage(name), np.errstate(all="ignore"):  # values that are not finite are refused later
         return FbxFile(Document(root, name), len(data))
 
 
 class FbxFile(GltfFile):
-    """The glTF document that says what an FBX says; animations are read when somebody wants one.
+    """The glTF document of an FBX; an animation is read when it is needed.
 
     Args:
         fbx: the file.
-        size: of it, bytes.
+        size: its bytes.
 
     Attributes:
-        models: what each node of the document is; the last node, which is not there, holds all.
-        rest: where each of them rests.
+        models: the model of each node of the document, but for the last node, which holds all others.
+        rest: the rest place of each of them.
         targets: node → numbers of the blendshape channels of its mesh.
     """
 
     def __init__(self, fbx: Document, size: int) -> None:
         self.fbx = fbx
-        self.models = [FbxModel(found) for found in fbx.of_kind(MODEL) if found.sort not in _LEFT_OUT]
+        self.models = [FbxModel(entry) for entry in fbx.of_kind(MODEL) if entry.sort not in _LEFT_OUT]
         if not self.models:
             raise InputError(f"{fbx.name} holds no character", "export bones or meshes")
         parents = _find_parents(fbx, self.models)
@@ -77,11 +77,11 @@ class FbxFile(GltfFile):
 
 
 def _find_parents(fbx: Document, models: list[FbxModel]) -> list[int]:
-    """Which of the models each hangs on, -1 for none."""
+    """Index of the parent of each model, -1 for none."""
     place = {model.object.number: k for k, model in enumerate(models)}
     parents = list[int]()
     for model in models:
-        above = (found.number for found, _ in fbx.above(model.object.number, MODEL))
+        above = (entry.number for entry, _ in fbx.above(model.object.number, MODEL))
         parents.append(next((place[number] for number in above if number in place), -1))
     return parents
 

@@ -1,7 +1,7 @@
 """The nodes of a binary FBX file, read without trusting it.
 
-Arrays stay packed until somebody asks for them. Records are those of `node_writer`; from version 7.5 on, places and counts have
-64 bits.
+Arrays stay packed until they are needed. Records are those of `node_writer`; from version 7.5 on, places and counts have 64
+bits.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ...motion.rotations import Array
 __all__ = ["MAGIC", "Node", "PackedArray", "parse_fbx"]
 
 MAGIC = b"Kaydara FBX Binary  \0\x1a\0"
-_FIRST = len(MAGIC) + 4  # where the nodes begin, after the version
+_FIRST = len(MAGIC) + 4  # place of the first node, after the version
 _OLDEST, _WIDE = 7000, 7500  # versions: with numbers and connections of objects; with places of 64 bits
 _PLAIN = {b"C": "<?", b"B": "<?", b"Y": "<h", b"I": "<i", b"F": "<f", b"D": "<d", b"L": "<q"}
 _ARRAYS = {b"f": "<f4", b"d": "<f8", b"i": "<i4", b"l": "<i8", b"b": "u1", b"c": "u1"}
@@ -29,14 +29,14 @@ _ADVICE = "export it again"
 
 
 class Budget:
-    """Bytes that all arrays of a file may still become.
+    """How many bytes all arrays of a file may still be unpacked to.
 
     Args:
         size: bytes of the file.
     """
 
     def __init__(self, size: int) -> None:
-        self.whole = self.left = min(FBX_UNPACKED, FBX_FREE_UNPACKED + FBX_UNPACKED_PER_BYTE * size)
+        self.whole = self.remaining = min(FBX_UNPACKED, FBX_FREE_UNPACKED + FBX_UNPACKED_PER_BYTE * size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class PackedArray:
 
     dtype: str
     count: int
-    deflated: bool
+    is_deflated: bool
     data: memoryview
     budget: Budget
 
@@ -53,14 +53,14 @@ class PackedArray:
         """(count,) numbers.
 
         Raises:
-            InputError: they are not there, or are more than a file may have.
+            InputError: they are cut off, or are more than a file may have.
         """
         size = self.count * np.dtype(self.dtype).itemsize
-        self.budget.left -= size
-        if self.budget.left < 0:
+        self.budget.remaining -= size
+        if self.budget.remaining < 0:
             raise InputError(f"an FBX becomes more than {self.budget.whole >> 20:,} MiB", "is it damaged?")
         try:
-            raw = zlib.decompressobj().decompress(self.data, size) if self.deflated and size else bytes(self.data[:size])
+            raw = zlib.decompressobj().decompress(self.data, size) if self.is_deflated and size else bytes(self.data[:size])
         except zlib.error:
             raw = b""
         if len(raw) != size:
@@ -75,7 +75,7 @@ class Node:
         name: of it.
         values: that it has.
         raw: the bytes of the values in the file.
-        read: gives the nodes in it, once somebody asks: a character with many clips has 100,000s; None: it has no block of
+        read: reads the nodes in it, when they are needed: a character with many clips has 100,000s; None: it has no block of
             nodes, not even an empty one.
     """
 
@@ -112,26 +112,26 @@ class Node:
 
     def value(self, name: str, default: object = None) -> object:
         """The first value of the first node of that name."""
-        found = self.find(name)
-        return default if found is None or not found.values else found.values[0]
+        node = self.find(name)
+        return default if node is None or not node.values else node.values[0]
 
     def count(self, name: str) -> int:
-        """How many numbers `array` would give, told without unpacking them."""
-        found = self.value(name)
-        return found.count if isinstance(found, PackedArray) else 0
+        """How many numbers `array` would give, without unpacking them."""
+        value = self.value(name)
+        return value.count if isinstance(value, PackedArray) else 0
 
     def array(self, name: str) -> Array:
         """The numbers of the first node of that name; none where there is no such node."""
-        found = self.value(name)
-        if found is None:
+        value = self.value(name)
+        if value is None:
             return np.zeros(0)
-        if not isinstance(found, PackedArray):
+        if not isinstance(value, PackedArray):
             raise InputError(f"an FBX is damaged: {name} is no array", _ADVICE)
-        return found.unpack()
+        return value.unpack()
 
 
 def parse_fbx(data: bytes, name: str) -> Node:
-    """The root of the nodes of a file.
+    """Parse a file; give the root of its nodes.
 
     Args:
         data: of the file.
@@ -156,7 +156,7 @@ class _Parser:
     def __init__(self, data: memoryview, name: str, *, wide: bool) -> None:
         self._data, self._name = data, name
         self._head = struct.Struct("<QQQB" if wide else "<IIIB")
-        self._budget, self._left = Budget(len(data)), FBX_NODES
+        self._budget, self._remaining = Budget(len(data)), FBX_NODES
 
     def parse(self) -> Node:
         return Node("", read=lambda: self._nodes(_FIRST, len(self._data), 0))
@@ -171,7 +171,7 @@ class _Parser:
             raise self._damage("a node has no name that can be read") from None
 
     def _read_nodes(self, at: int, end: int, depth: int) -> list[Node]:
-        found: list[Node] = []
+        nodes: list[Node] = []
         if depth > FBX_DEPTH:
             raise self._damage("its nodes are nested too deeply")
         while at + self._head.size <= end:
@@ -181,15 +181,15 @@ class _Parser:
             start = at + self._head.size + length
             if not start + size <= stop <= end:
                 raise self._damage("a node ends beyond its parent")
-            self._left -= 1
-            if self._left < 0:
+            self._remaining -= 1
+            if self._remaining < 0:
                 raise InputError(f"{self._name} has more than {FBX_NODES:,} nodes", "is it damaged?")
             name = bytes(self._data[start - length : start]).decode("utf-8")
             inside = partial(self._nodes, start + size, stop, depth + 1) if stop > start + size else None
             values = self._values(start, start + size, count)
-            found.append(Node(name, values, self._data[start : start + size], inside))
+            nodes.append(Node(name, values, self._data[start : start + size], inside))
             at = stop
-        return found
+        return nodes
 
     def _values(self, at: int, end: int, count: int) -> list[object]:
         values: list[object] = []
@@ -207,9 +207,9 @@ class _Parser:
                 values.append(raw.decode("utf-8", "replace") if kind == b"S" else raw)
                 at += 4 + length
             elif kind in _ARRAYS:
-                size, packed, length = struct.unpack_from("<III", self._data, at)
+                size, is_deflated, length = struct.unpack_from("<III", self._data, at)
                 data = self._data[at + 12 : at + 12 + length]
-                values.append(PackedArray(_ARRAYS[kind], size, packed == 1, data, self._budget))
+                values.append(PackedArray(_ARRAYS[kind], size, is_deflated == 1, data, self._budget))
                 at += 12 + length
             else:
                 raise self._damage(f"a value of kind {kind!r}")

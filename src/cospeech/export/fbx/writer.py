@@ -1,9 +1,9 @@
-"""FBX, binary, version 7.4: our mannequin, moving; somebody's character; or the bones of another skeleton without a figure.
+"""FBX, binary, version 7.4: our mannequin or somebody's character, moving; or the bones of another skeleton without a figure.
 
-Autodesk's Maya, 3ds Max and MotionBuilder, Unreal, Unity and Blender read it. Ours has centimetres, Y up, and a character that
-faces +Z; the pose without animation is the T-pose. With another skeleton than ours, the file holds its bones, and the 52
-weights of a face as properties of the root bone, called as ARKit calls them: Unreal makes curves of those. A character that is
-an FBX itself is copied with all that it has; only its clips make room for ours.
+Autodesk's Maya, 3ds Max and MotionBuilder, Unreal, Unity and Blender read it. Our files are in centimetres, Y up; the character
+faces +Z, and its pose without animation is the T-pose. With another skeleton than ours, the file holds its bones, and the 52
+weights of a face as properties of the root bone, with ARKit's names: Unreal turns those into curves. A character that is an FBX
+itself is copied with all that it has; only its clips are replaced by ours.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ __all__ = ["Writer", "load"]
 
 _NAME = "speech"  # of the animation, as in our GLB
 _MOVING = ("Model", "AnimationStack", "AnimationLayer", "AnimationCurveNode", "AnimationCurve")  # kinds of objects
-_CREATED = (1970, 1, 1, 10, 0, 0)  # as `CREATION_TIME`
+_CREATION_DATE = (1970, 1, 1, 10, 0, 0)  # as `CREATION_TIME`
 
 
 class Writer(BaseWriter):
@@ -69,13 +69,13 @@ class Writer(BaseWriter):
         nodes = NodeWriter(file)
         scene = SceneWriter(nodes, self._subject.last_number)
         self._write_head(nodes, recorder.end)
-        counted = file.tell()
+        counts_at = file.tell()
         self._write_counts(nodes, scene)
         with nodes.node("Objects"):
             recorder.write_curves(nodes, scene, _NAME, self._subject.write(nodes, scene, _NAME))
         end = file.tell()
-        file.seek(counted)
-        self._write_counts(nodes, scene)  # as long as before: now they are known
+        file.seek(counts_at)
+        self._write_counts(nodes, scene)  # as many bytes as before: now the counts are known
         file.seek(end)
         with nodes.node("Connections"):
             self._subject.write_connections(nodes)
@@ -98,7 +98,7 @@ class Writer(BaseWriter):
             nodes.leaf("EncryptionType", 0)
             with nodes.node("CreationTimeStamp"):
                 nodes.leaf("Version", 1000)
-                for what, value in zip(("Year", "Month", "Day", "Hour", "Minute", "Second"), _CREATED, strict=True):
+                for what, value in zip(("Year", "Month", "Day", "Hour", "Minute", "Second"), _CREATION_DATE, strict=True):
                     nodes.leaf(what, value)
                 nodes.leaf("Millisecond", 0)
             nodes.leaf("Creator", creator)

@@ -1,1 +1,1 @@
-"""Motion that leaves while the speech comes in: wire formats, and those who receive them."""
+"""Send motion while the speech comes in: wire formats and receivers."""

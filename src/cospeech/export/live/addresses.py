@@ -15,22 +15,22 @@ _PORT = 8765  # of WebSockets, in hints [ours: the port of the websockets librar
 
 
 def scheme_of(address: str) -> str:
-    """What stands before ``://``, in small letters; nothing where there is none.
+    """The scheme before ``://``, in small letters; empty where there is none.
 
     >>> scheme_of("WS://127.0.0.1:80"), scheme_of("talk.wav")
     ('ws', '')
     """
-    scheme, found, _ = address.partition("://")
-    return scheme.lower() if found else ""
+    scheme, mark, _ = address.partition("://")
+    return scheme.lower() if mark else ""
 
 
-def unknown_address(what: str, known: Iterable[str]) -> InputError:
+def unknown_address(what: str, schemes: Iterable[str]) -> InputError:
     """The error of an address whose scheme cannot be used.
 
     >>> str(unknown_address("cannot send to 'x://y'", ["-", "ws"]))
     "cannot send to 'x://y' (known: -, ws://)"
     """
-    return InputError(what, f"known: {', '.join(each if each == '-' else f'{each}://' for each in known)}")
+    return InputError(what, f"known: {', '.join(each if each == '-' else f'{each}://' for each in schemes)}")
 
 
 def split_address(url: str, port: int | None, *, query: tuple[str, ...] = ()) -> tuple[str, int, dict[str, str]]:
@@ -38,27 +38,26 @@ def split_address(url: str, port: int | None, *, query: tuple[str, ...] = ()) ->
 
     Args:
         port: where the address has none; None: it must have one.
-        query: options that there are.
+        query: options that are known.
 
     Raises:
-        InputError: no host, no port or port 0 (but of ``listen://``, where it takes a free one), a path, or an option that
-            there is not.
+        InputError: no host, no port or port 0 (but of ``listen://``, where it takes a free one), a path, or an unknown option.
     """
     scheme = scheme_of(url)
     hint = f"write {scheme}://127.0.0.1:{_PORT if scheme in SOURCES else port}"
     try:
         parts = urlsplit(url)
-        found = port if parts.port is None else parts.port
+        number = port if parts.port is None else parts.port
     except ValueError:
         raise InputError(f"{url!r} is no address", hint) from None
     options = {key: values[-1] for key, values in parse_qs(parts.query, keep_blank_values=True).items()}
-    if not parts.hostname or found is None:
+    if not parts.hostname or number is None:
         raise InputError(f"{url!r} has no {'port' if parts.hostname else 'host'}", hint)
-    if found == 0 and scheme != "listen":
+    if number == 0 and scheme != "listen":
         raise InputError(f"{url!r} has port 0, at which nobody listens", hint)
     if parts.path.strip("/") and scheme not in ("ws", "wss"):
         raise InputError(f"{url!r} has a path {parts.path[:40]!r}", hint)
     for key in options:
         if key not in query:
             raise InputError(f"{url!r} has an unknown option {key!r}", f"known: {', '.join(query) or 'none'}")
-    return parts.hostname, found, options
+    return parts.hostname, number, options

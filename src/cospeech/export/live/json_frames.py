@@ -1,6 +1,6 @@
 """Frames as JSON texts: one per WebSocket message, or one per line (NDJSON).
 
-The first text says what the others hold, and the last that there are no more:
+The first text describes the others, and the last one ends the stream:
 
     {"type": "start", "version": 1, "fps": 60, "latency": 1.6, "joints": ["hips", …], "parents": [-1, …],
      "offsets": [[x, y, z], …], "face": ["eyeBlinkLeft", …]}
@@ -35,9 +35,9 @@ class JsonEncoder:
 
     Args:
         fps: of the motion.
-        latency: seconds that a frame comes after its sound.
+        latency: seconds by which a frame comes after its sound.
         skeleton: of the motion.
-        face: whether there is one.
+        face: whether the motion has one.
     """
 
     def __init__(self, fps: float, latency: float, skeleton: Skeleton, *, face: bool) -> None:

@@ -24,7 +24,7 @@ __all__ = ["PORT", "LiveLinkEncoder"]
 
 PORT = 11111
 _VERSION = 6
-_NAMESPACE = uuid.UUID("6e0a1a52-6a0b-5d0e-9c11-0b6a0f1b9f5c")  # ours, drawn once: of the identities of our subjects
+_NAMESPACE = uuid.UUID("6e0a1a52-6a0b-5d0e-9c11-0b6a0f1b9f5c")  # ours, a random one: for the identities of our subjects
 
 
 class LiveLinkEncoder:
@@ -40,7 +40,7 @@ class LiveLinkEncoder:
         self._head = struct.pack("<I", _VERSION) + identity + struct.pack("!i", len(name)) + name
 
     def begin(self) -> bytes:
-        """Nothing: every frame says all."""
+        """Nothing: every frame is complete."""
         return b""
 
     end = begin

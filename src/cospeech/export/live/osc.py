@@ -15,18 +15,18 @@ _BUNDLE = b"#bundle\0" + struct.pack(">Q", 1)  # the time tag 1 says: at once
 
 def message(address: str, *arguments: str | int | float) -> bytes:
     """One message; texts, whole numbers (int32) and numbers (float32) have the types s, i and f."""
-    tags, packed = ",", []
+    tags, values = ",", []
     for argument in arguments:
         if isinstance(argument, str):
             tags += "s"
-            packed.append(_text(argument))
+            values.append(_text(argument))
         elif isinstance(argument, int):
             tags += "i"
-            packed.append(struct.pack(">i", argument))
+            values.append(struct.pack(">i", argument))
         else:
             tags += "f"
-            packed.append(struct.pack(">f", argument))
-    return _text(address) + _text(tags) + b"".join(packed)
+            values.append(struct.pack(">f", argument))
+    return _text(address) + _text(tags) + b"".join(values)
 
 
 def bundle(messages: Iterable[bytes]) -> bytes:
@@ -35,7 +35,7 @@ def bundle(messages: Iterable[bytes]) -> bytes:
 
 
 def split_bundles(messages: Sequence[bytes], most: int) -> list[bytes]:
-    """As few bundles as fit into ``most`` bytes each, in order; a message is never cut."""
+    """Split messages into as few bundles of at most ``most`` bytes as possible, in order; a message is never cut."""
     bundles: list[bytes] = []
     now: list[bytes] = []
     size = len(_BUNDLE)

@@ -1,4 +1,4 @@
-"""Where frames go while they are made: one thread for each receiver, so that none can hold up the others or the session."""
+"""Send frames while they are made: one thread for each receiver, so that none can delay the others or the session."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ __all__ = ["Encoder", "LineWire", "Outlet", "UdpWire", "Wire"]
 
 WAITING = 2.0  # seconds of frames that a slow receiver may be behind; then the oldest are dropped (ours)
 _RETRY = (0.25, 4.0)  # seconds between two attempts to connect: the first, and the longest (ours)
-_ANSWERED = 2.0  # seconds without a refusal after which somebody listens (ours: machines send one or more a second)
+_REFUSAL_LASTS = 2.0  # seconds for which a refusal counts (ours: machines send one or more a second)
 
 
 class Encoder(Protocol):
     """Frames of motion → what a receiver takes."""
 
     def begin(self) -> bytes:
-        """What comes before the first frame of a connection; nothing where it is empty."""
+        """Bytes before the first frame of a connection; empty: nothing is sent."""
 
     def end(self) -> bytes:
-        """What comes after the last frame."""
+        """Bytes after the last frame."""
 
     def frames(self, motion: Motion) -> Iterator[list[bytes]]: ...
 
@@ -56,11 +56,11 @@ class Wire(Protocol):
 
 
 class UdpWire:
-    """Datagrams, which nobody has to receive."""
+    """Sends datagrams, which nobody has to receive."""
 
     def __init__(self, host: str, port: int) -> None:
         self._address, self._socket = (host, port), None
-        self._refused: float | None = None  # when a datagram was last refused
+        self._refusal: float | None = None  # when a datagram was last refused
 
     _socket: socket.socket | None
     is_alone = False
@@ -69,14 +69,14 @@ class UdpWire:
     @property
     def is_refused(self) -> bool:
         """See `Wire`."""
-        return self._refused is not None and time.monotonic() - self._refused < _ANSWERED
+        return self._refusal is not None and time.monotonic() - self._refusal < _REFUSAL_LASTS
 
     def connect(self) -> None:
-        """See `Wire`; the name of the host is looked up. Of several addresses, such as those of localhost, IPv4's is taken:
-        there receivers of these protocols listen, and nobody would answer that nobody is at the other.
+        """See `Wire`; looks up the name of the host. Of several addresses, such as those of localhost, IPv4's is taken:
+        receivers of these protocols listen there, and the other address would give no error if nobody listens.
         """
-        found = socket.getaddrinfo(*self._address, type=socket.SOCK_DGRAM)
-        family, kind, protocol, _, address = min(found, key=lambda each: each[0] != socket.AF_INET)
+        addresses = socket.getaddrinfo(*self._address, type=socket.SOCK_DGRAM)
+        family, kind, protocol, _, address = min(addresses, key=lambda each: each[0] != socket.AF_INET)
         self._socket = socket.socket(family, kind, protocol)
         self._socket.connect(address)
 
@@ -85,8 +85,8 @@ class UdpWire:
         assert self._socket is not None
         try:
             self._socket.send(data)
-        except (ConnectionRefusedError, ConnectionResetError):  # of an earlier datagram; the latter is what Windows says
-            self._refused = time.monotonic()
+        except (ConnectionRefusedError, ConnectionResetError):  # of an earlier datagram; the latter on Windows
+            self._refusal = time.monotonic()
 
     def close(self) -> None:
         """See `Wire`."""
@@ -95,7 +95,7 @@ class UdpWire:
 
 
 class LineWire:
-    """Lines of standard output, or of another binary file."""
+    """Writes lines to standard output, or to another binary file."""
 
     is_refused = False
     is_alone = False
@@ -122,18 +122,18 @@ class LineWire:
 
 
 class Outlet:
-    """One receiver at work.
+    """Sends frames to one receiver, in a thread.
 
     Args:
         name: for messages.
         encoder: of its format.
         wire: to it.
         fps: of the motion.
-        note: told when the receiver goes, and when it is back.
+        note: called when the receiver goes, and when it is back.
 
     Attributes:
-        sent, dropped: frames.
-        problem: why nobody receives frames now, in words; nothing where they are received.
+        sent, dropped: numbers of frames.
+        problem: why nobody receives frames now, in words; empty where they are received.
     """
 
     def __init__(self, name: str, encoder: Encoder, wire: Wire, *, fps: float, note: Callable[[str], None]) -> None:
@@ -141,7 +141,7 @@ class Outlet:
         self._encoder, self._wire, self._note = encoder, wire, note
         self._waiting: deque[Motion] = deque()
         self._most = max(1, round(WAITING * fps))
-        self._changed, self._over, self._in_hand = threading.Condition(), False, False
+        self._condition, self._over, self._in_hand = threading.Condition(), False, False
         self._error: OSError | None = None
         self._thread = threading.Thread(target=self._work, name=f"cospeech {name}", daemon=True)
         self._thread.start()
@@ -149,20 +149,20 @@ class Outlet:
     def send(self, frame: Motion) -> None:
         """Queue one frame; returns at once. Raises OSError, once, if the receiver is needed and has gone."""
         self._raise_error()
-        with self._changed:
+        with self._condition:
             if len(self._waiting) >= self._most:
                 self._waiting.popleft()
                 self.dropped += 1
             self._waiting.append(frame)
-            self._changed.notify()
+            self._condition.notify()
 
     def close(self, timeout: float = 2.0) -> None:
         """Send what waits, and end; a receiver that takes longer than ``timeout`` seconds does not get it. Raises as `send`."""
-        with self._changed:
+        with self._condition:
             self._over = True
-            self._changed.notify()
+            self._condition.notify()
         self._thread.join(timeout)
-        with self._changed:
+        with self._condition:
             self.dropped += len(self._waiting) + self._in_hand  # a frame in hand is given up, too
             self._waiting.clear()
             self._in_hand = False
@@ -175,57 +175,57 @@ class Outlet:
             raise error
 
     def _next(self) -> Motion | None:
-        with self._changed:
+        with self._condition:
             while not self._waiting and not self._over:
-                self._changed.wait()
+                self._condition.wait()
             self._in_hand = bool(self._waiting)
             return self._waiting.popleft() if self._waiting else None
 
-    def _count(self, *, sent: bool) -> None:
-        with self._changed:
-            self.sent += sent and self._in_hand
-            self.dropped += not sent and self._in_hand
+    def _count(self, *, is_sent: bool) -> None:
+        with self._condition:
+            self.sent += is_sent and self._in_hand
+            self.dropped += not is_sent and self._in_hand
             self._in_hand = False
 
     def _fault(self) -> str:
-        """Why nobody may have got the frame, in words; nothing where it is received."""
+        """Why perhaps nobody got the frame, in words; empty where it is received."""
         if self._wire.is_refused:
             return f"nobody listens at {self.name}; frames are sent all the same"
         return f"nobody is connected to {self.name}; frames are dropped until a client comes" if self._wire.is_alone else ""
 
     def _work(self) -> None:
-        connected, told, wait, notes = False, False, _RETRY[0], set[str]()
+        is_connected, has_warned, wait, notes = False, False, _RETRY[0], set[str]()
         while (frame := self._next()) is not None:
             try:
-                if not connected:
+                if not is_connected:
                     self._wire.connect()
                     if first := self._encoder.begin():
                         self._wire.send(first)
-                    if told:
+                    if has_warned:
                         self._note(f"{self.name} is back")
-                    connected, told, wait = True, False, _RETRY[0]
+                    is_connected, has_warned, wait = True, False, _RETRY[0]
                 for packets in self._encoder.frames(frame):
                     for data in packets:
                         self._wire.send(data)
-                self._count(sent=not self._wire.is_alone)
+                self._count(is_sent=not self._wire.is_alone)
                 self.problem = self._fault()
                 if self.problem and self.problem not in notes:
                     notes.add(self.problem)
                     self._note(self.problem)
             except OSError as error:
-                self._count(sent=False)
+                self._count(is_sent=False)
                 if self._wire.is_needed:
                     self._error = error
                     return
-                connected = False
+                is_connected = False
                 self.problem = f"{self.name} cannot be reached ({error.strerror or error}); trying again"
-                if not told:
-                    told = True
+                if not has_warned:
+                    has_warned = True
                     self._note(self.problem)
-                with self._changed:
-                    self._changed.wait_for(lambda: self._over, wait)
+                with self._condition:
+                    self._condition.wait_for(lambda: self._over, wait)
                 wait = min(2 * wait, _RETRY[1])
-        if connected and (last := self._encoder.end()):
+        if is_connected and (last := self._encoder.end()):
             try:
                 self._wire.send(last)
             except OSError as error:

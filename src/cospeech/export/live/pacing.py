@@ -1,4 +1,4 @@
-"""Frames that leave evenly, each at its own time on the clock, however unevenly they are made."""
+"""Send frames evenly, each at its own time on the clock, even if they are made unevenly."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["FramePacer", "Pace"]
 
 MARGIN, SHORT_MARGIN = 0.06, 0.03
 """Seconds between the last moment at which a frame can be ready and its time to leave: four frames of 60 a second, and two for
-who wants to be quick (ours)."""
+callers that want to be quick (ours)."""
 
 
 @dataclass
@@ -37,7 +37,7 @@ class FramePacer:
         outlets: the receivers.
         delay: seconds that a frame leaves after its sound: the session's latency, the length of a piece, and a margin.
         paced: False: frames leave when they are made.
-        clock: seconds that only grow.
+        clock: gives seconds, which only grow.
     """
 
     outlets: Sequence[Outlet]
@@ -48,7 +48,7 @@ class FramePacer:
 
     def __post_init__(self) -> None:
         self._waiting: deque[Motion] = deque()
-        self._changed, self._over = threading.Condition(), False
+        self._condition, self._over = threading.Condition(), False
         self._start: float | None = None
         self._end: float | None = None  # of the last frame that left or waits
         self._error: Exception | None = None
@@ -60,27 +60,27 @@ class FramePacer:
         """Whether the first sound was heard."""
         return self._start is not None
 
-    def begin(self, heard: float = 0.0) -> None:
-        """So many seconds of sound have been heard now; before `push`."""
-        self._start = self.clock() - heard
+    def begin(self, seconds: float = 0.0) -> None:
+        """Start the clock, when so many ``seconds`` of sound have been heard; call it before `push`."""
+        self._start = self.clock() - seconds
 
     def push(self, motion: Motion) -> None:
-        """Frames that were made.
+        """Queue frames.
 
         Raises:
             Exception: what an outlet raised; no frame leaves any more.
         """
-        with self._changed:
+        with self._condition:
             if self._error is not None:
                 raise self._error
             if len(motion):
                 self._waiting.extend(motion[k : k + 1] for k in range(len(motion)))
                 self._end = motion.start + len(motion) / motion.fps
-            self._changed.notify()
+            self._condition.notify()
 
     def take_back(self) -> float | None:
-        """Forget the frames that have not left; the time of the first frame to leave next, None where none has left."""
-        with self._changed:
+        """Forget the frames that have not left. Give the time of the next frame to leave; None where none has left."""
+        with self._condition:
             self._end = self._waiting[0].start if self._waiting else self._end
             self._waiting.clear()
             return self._end if self.pace.frames else None
@@ -91,22 +91,22 @@ class FramePacer:
         Raises:
             Exception: what an outlet raised; the frames after it have not left.
         """
-        with self._changed:
+        with self._condition:
             if drop:
                 self.take_back()
             self._over = True
-            self._changed.notify()
+            self._condition.notify()
         self._thread.join()
         if self._error is not None:
             raise self._error
         return self.pace
 
     def _work(self) -> None:
-        """In a thread."""
+        """Send frames, in a thread."""
         try:
             self._send_all()
         except Exception as error:  # it is raised again where frames are pushed
-            with self._changed:
+            with self._condition:
                 self._error = error
                 self._waiting.clear()
 
@@ -123,9 +123,9 @@ class FramePacer:
                 outlet.send(frame)
 
     def _next(self) -> Motion | None:
-        with self._changed:
+        with self._condition:
             while not self._waiting and not self._over:
-                self._changed.wait()
+                self._condition.wait()
             return self._waiting.popleft() if self._waiting else None
 
     def _sleep_until(self, due: float) -> None:

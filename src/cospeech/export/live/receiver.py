@@ -1,4 +1,4 @@
-"""Sound and messages that come over WebSockets (the extra ``live``): from a server, or from clients that connect to us."""
+"""Receive sound and messages over WebSockets (the extra ``live``): from a server, or from clients that connect to us."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from .websocket import CLIENT, import_websockets, serve_here
 
 __all__ = ["open_receiver"]
 
-_MESSAGES = 64  # that may wait to be heard, of 1 MiB at most; then their sender waits (ours: a second of pieces)
-_LOOK = 0.1  # seconds between two looks whether the server ends, while messages wait (ours)
+_MESSAGES = 64  # that may wait, of 1 MiB at most; then their sender waits (ours: a second of pieces)
+_LOOK = 0.1  # seconds between two checks whether the server ends, while messages wait (ours)
 
 
 @contextmanager
@@ -25,7 +25,7 @@ def open_receiver(address: str, note: Callable[[str], object] = lambda text: Non
     Args:
         address: ``ws://`` or ``wss://`` of a server; or ``listen://HOST:PORT``, where the first client that comes is heard,
             and after it the next one (``?origin=…``: `cospeech.export.live.websocket.serve_here`).
-        note: told once if a second client comes while the first one is heard; and of pages that are refused.
+        note: called once if a second client comes while the first one is heard; and for pages that are refused.
 
     Raises:
         InputError: another scheme, nobody answers at the address, or it cannot be listened on.
@@ -50,7 +50,7 @@ def open_receiver(address: str, note: Callable[[str], object] = lambda text: Non
 
 
 def _hear_to_the_end(connection: Any) -> Iterator[str | bytes]:
-    """Messages to the end, also where the other side goes without a word."""
+    """Messages up to the end, also where the other side goes without closing."""
     from websockets.exceptions import ConnectionClosed
 
     with suppress(ConnectionClosed):
@@ -61,19 +61,19 @@ def _hear_to_the_end(connection: Any) -> Iterator[str | bytes]:
 def _listening(address: str, note: Callable[[str], object]) -> Iterator[Iterator[str | bytes]]:
     from websockets.sync.server import serve
 
-    arrived: queue.Queue[str | bytes] = queue.Queue(_MESSAGES)
-    one, told, over = threading.Lock(), threading.Event(), threading.Event()
+    messages: queue.Queue[str | bytes] = queue.Queue(_MESSAGES)
+    one, has_warned, over = threading.Lock(), threading.Event(), threading.Event()
 
     def pass_on(message: str | bytes) -> bool:
         while not over.is_set():
             with suppress(queue.Full):
-                arrived.put(message, timeout=_LOOK)
+                messages.put(message, timeout=_LOOK)
                 return True
         return False
 
     def hear(connection: Any) -> None:
-        if one.locked() and not told.is_set():
-            told.set()
+        if one.locked() and not has_warned.is_set():
+            has_warned.set()
             note(f"a second client waits at {address} until the first one has gone")
         with one:  # one voice at a time
             pass_on(b"")  # a new voice begins with a whole sample
@@ -84,7 +84,7 @@ def _listening(address: str, note: Callable[[str], object]) -> Iterator[Iterator
     server = serve_here(serve, hear, address, note)
     threading.Thread(target=server.serve_forever, name="cospeech sound server", daemon=True).start()
     try:
-        yield iter(arrived.get, None)
+        yield iter(messages.get, None)
     finally:
         over.set()
         server.shutdown()

@@ -19,27 +19,27 @@ from .websocket import WebSocketServer, WebSocketWire
 
 __all__ = ["SCHEMES", "StreamSettings", "open_outlet"]
 
-_PACKET = range(200, 65_001)  # bytes of a datagram that can be asked for: one bone must fit (ours)
+_PACKET = range(200, 65_001)  # bytes of a datagram that a user may set: one bone must fit (ours)
 
 Note = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class StreamSettings:
-    """What the encoders have to know of a stream."""
+    """The facts about a stream that the encoders need."""
 
     fps: float
     latency: float
-    """Seconds that a frame leaves after its sound."""
+    """Seconds by which a frame leaves after its sound."""
     parts: tuple[str, ...]
     avatar: Path | None = None
-    """Whose bones receivers of bones have."""
+    """The character whose bones the receivers of bones have."""
     bone_map: Mapping[str, str] | None = None
     """Our name → name of a joint of the avatar, where its joints are not recognised."""
 
 
 def open_outlet(address: str, settings: StreamSettings, note: Note) -> Outlet:
-    """The receiver at an address; it is connected to when the first frame comes, and again whenever it was lost.
+    """Open the receiver at an address. It is connected when the first frame comes, and again whenever the connection is lost.
 
     Raises:
         InputError: no such scheme, a part of the address that is missing or unknown, or a port that is taken.
@@ -90,4 +90,4 @@ SCHEMES: dict[str, Callable[[str, StreamSettings, Note], tuple[Encoder, Wire]]] 
     "vmc": _vmc, "livelink": _live_link, "ws": _websocket, "wss": _websocket, "listen": _listen,
     "-": lambda address, settings, note: (_json(settings), LineWire()),
 }  # fmt: skip
-"""Scheme → what opens a receiver of that kind."""
+"""Scheme → the function that opens a receiver of that kind."""

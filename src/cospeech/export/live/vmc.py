@@ -31,14 +31,14 @@ __all__ = ["FACES", "PORT", "VmcEncoder", "avatar_offsets"]
 
 PORT = 39539
 FACES = ("vrm0", "vrm1", "arkit")
-"""Names of blend shapes that can be asked for; the protocol wants VRM 0.x's unless the user chooses."""
+"""Names of blend shapes that a user may choose; the protocol wants VRM 0.x's otherwise."""
 
 _VRM0 = {
     "aa": "A", "ih": "I", "ou": "U", "ee": "E", "oh": "O", "blink": "Blink", "blinkLeft": "Blink_L", "blinkRight": "Blink_R",
     "happy": "Joy", "angry": "Angry", "sad": "Sorrow", "surprised": "Surprised",
 }  # fmt: skip
 """VRM 1.0's presets → VRM 0.x's (the table of the protocol). 0.x has no preset of surprise: some avatars have such a shape."""
-_MOST = 65_000  # bytes of a UDP datagram, a little less than can be
+_MOST = 65_000  # bytes of a UDP datagram, a little less than is possible
 _THUMBS = {new: old for old, new in FROM_VRM0.items()}  # Unity's names are those of VRM 0.x
 
 
@@ -53,8 +53,8 @@ class VmcEncoder:
     Args:
         face: one of `FACES`: which names the blend shapes have; "arkit" are those of "perfect sync" avatars.
         rest: offsets of the avatar's own bones, so that they keep their lengths (`avatar_offsets`); ours where not given.
-        still_eyes: eye bones rest, because blend shapes turn the avatar's eyes (`Avatar.eyes_by_shapes`); of "arkit" alone, as
-            other names say nothing of the eyes.
+        still_eyes: eye bones rest, because blend shapes turn the avatar's eyes (`Avatar.eyes_by_shapes`); only with "arkit",
+            because the other names have no shapes for the eyes.
         most: bytes of a datagram; a frame that is longer is sent as several bundles.
     """
 
@@ -74,7 +74,7 @@ class VmcEncoder:
         self._places = _unity_place(np.array([offsets[name] for name in names], float))
 
     def begin(self) -> bytes:
-        """Nothing: every frame says all."""
+        """Nothing: every frame is complete."""
         return b""
 
     end = begin
@@ -86,9 +86,9 @@ class VmcEncoder:
             motion: the next frames; ``start`` and ``fps`` give their times on the audio clock.
         """
         motion = as_humanoid(motion)
-        turned = motion.rotations[:, self._bones] * np.array([1, -1, -1, 1], np.float32)
+        rotations = motion.rotations[:, self._bones] * np.array([1, -1, -1, 1], np.float32)
         if motion.face is not None:
-            turned[:, self._still] = quat_identity(1)
+            rotations[:, self._still] = quat_identity(1)
         root = _unity_place(motion.root * self._scale)
         weights, shapes = self._weights(motion), [] if motion.face is None else self._shapes
         for k in range(len(motion)):
@@ -99,7 +99,7 @@ class VmcEncoder:
             ]
             places = self._places.copy()
             places[0] = root[k]
-            values = np.concatenate([places, turned[k]], 1).astype(">f4")
+            values = np.concatenate([places, rotations[k]], 1).astype(">f4")
             messages += [head + row.tobytes() for head, row in zip(self._heads, values, strict=True)]
             messages += [head + struct.pack(">f", value) for head, value in zip(shapes, weights[k], strict=True)]
             messages.append(osc.message("/VMC/Ext/Blend/Apply"))
@@ -126,7 +126,7 @@ def avatar_offsets(avatar: Avatar) -> dict[str, Array]:
     if "hips" not in bones:
         raise InputError(f"{avatar.file.name} has no body that VMC could move", "leave --avatar out: VMC then moves the face")
     hips = bones["hips"]
-    places[:, 1] += world_matrices(avatar.file)[avatar.rig.nodes[hips]][1, 3] - places[hips, 1]  # the skeleton's is the floor
+    places[:, 1] += world_matrices(avatar.file)[avatar.rig.nodes[hips]][1, 3] - places[hips, 1]  # its own is from the floor
     offsets = {}
     for k, name in enumerate(own.names):
         if name not in bones:

@@ -21,18 +21,18 @@ CLIENT: dict[str, Any] = {"open_timeout": _PATIENCE, "close_timeout": _PATIENCE,
 ORIGIN = "origin"
 """Option of ``listen://`` addresses: further origins whose pages may connect, with commas between them."""
 _LOCAL = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?")
-"""Origins of pages that may connect: those of this machine. Programs send no origin. Files say ``null``, but so does a page of
-any site that puts itself into a frame (HTML standard, sandboxed origin). So they may connect only if they are named."""
+"""Origins of pages that may connect: those of this machine. Programs send no origin. Files send ``null``, but so does a page of
+any site that puts itself into a frame (HTML standard, sandboxed origin). So ``null`` may connect only if it is named."""
 _ORIGIN = re.compile(r"null|file://|[a-z][a-z0-9+.-]*://[^/?#\s]+", re.IGNORECASE)  # RFC 6454, section 6.1
 MOST_CLIENTS = 64
-"""At once, also before they have said what they want [ours: pages, games and tools of one stage]. Others are cut off."""
-_TOLD = 8  # refused origins that are told ([ours]: a page that tries on has one)
+"""Connections at once, also before their first message [ours: pages, games and tools of one stage]. Others are cut off."""
+_MOST_NOTES = 8  # refused origins that are noted ([ours]: a page that tries again has the same one)
 
 Note = Callable[[str], object]
 
 
 def import_websockets() -> None:
-    """See that the library is there.
+    """Check that the library is installed.
 
     Raises:
         InputError: it is not installed.
@@ -44,28 +44,28 @@ def import_websockets() -> None:
 
 
 def serve_here(serve: Any, handler: Any, address: str, note: Note) -> Any:
-    """A server for programs, for pages of this machine, and for pages of the origins that the address names.
+    """Start a server for programs, for pages of this machine, and for pages of the origins that the address names.
 
     Args:
-        serve: of the library.
-        handler: of a connection.
+        serve: the function of the library.
+        handler: for a connection.
         address: ``listen://HOST:PORT?origin=ORIGIN,…``.
-        note: told of an origin that is refused.
+        note: called for an origin that is refused.
 
     Raises:
         InputError: no such address, or it cannot be listened on.
     """
     host, port, options = split_address(address, None, query=(ORIGIN,))
-    allowed, told = _read_origins(options.get(ORIGIN, ""), address), set[str]()
+    origins, refusals = _read_origins(options.get(ORIGIN, ""), address), set[str]()
 
     def check_origin(connection: Any, request: Any) -> Any:
-        said = request.headers.get_all("Origin")
-        if not said or (len(said) == 1 and (_LOCAL.fullmatch(said[0]) or said[0].lower() in allowed)):
+        headers = request.headers.get_all("Origin")
+        if not headers or (len(headers) == 1 and (_LOCAL.fullmatch(headers[0]) or headers[0].lower() in origins)):
             return None
-        origin = said[0]
-        if origin not in told and len(told) < _TOLD:
-            told.add(origin)
-            names = ",".join([*sorted(allowed), origin[:80]])
+        origin = headers[0]
+        if origin not in refusals and len(refusals) < _MOST_NOTES:
+            refusals.add(origin)
+            names = ",".join([*sorted(origins), origin[:80]])
             what = "a file, or a page in a frame," if origin == "null" else f"a page of {origin[:80]!r}"
             note(f"{what} was refused at {address} (to let it in: {address.split('?')[0]}?{ORIGIN}={names})")
         return connection.respond(HTTPStatus.FORBIDDEN, f"pages of {origin[:80]!r} may not connect\n")
@@ -82,7 +82,7 @@ def serve_here(serve: Any, handler: Any, address: str, note: Note) -> Any:
 
 
 def _limit_clients(serve_client: Callable[[socket.socket, Any], None]) -> Callable[[socket.socket, Any], None]:
-    """The same work of the library, which has two threads for a client, for so many at once."""
+    """Limit ``serve_client`` of the library, which has two threads for each client, to `MOST_CLIENTS` at once."""
     free = threading.BoundedSemaphore(MOST_CLIENTS)
 
     def serve_if_free(client: socket.socket, address: Any) -> None:
@@ -107,7 +107,7 @@ def _read_origins(text: str, address: str) -> set[str]:
 
 
 class WebSocketWire:
-    """A client: messages go to a server. See `cospeech.export.live.outlets.Wire`."""
+    """A client that sends messages to a server. See `cospeech.export.live.outlets.Wire`."""
 
     is_refused = False
     is_alone = False
@@ -144,13 +144,13 @@ class WebSocketWire:
 
 
 class WebSocketServer:
-    """A server: every client that connects gets the first message, and then all that come. See `Wire`.
+    """A server: every client that connects gets the first message, and then all new ones. See `Wire`.
 
     Each client has a thread and a queue of its own. One that is slower than the frames misses the oldest.
 
     Args:
-        address: ``listen://HOST:PORT?origin=…``, see `serve_here`; port 0 takes a free one (`port` tells which).
-        note: told of pages that are refused.
+        address: ``listen://HOST:PORT?origin=…``, see `serve_here`; port 0 takes a free one, which is `port`.
+        note: called for pages that are refused.
         most: messages that wait for a slow client.
 
     Raises:
@@ -167,7 +167,7 @@ class WebSocketServer:
 
         self._first, self._most = b"", most
         self._clients: dict[int, list[bytes]] = {}
-        self._changed, self._over = threading.Condition(), False
+        self._condition, self._over = threading.Condition(), False
         self._server = serve_here(serve, self._serve, address, note)
         self.port: int = self._server.socket.getsockname()[1]
         threading.Thread(target=self._server.serve_forever, name="cospeech websocket server", daemon=True).start()
@@ -177,38 +177,38 @@ class WebSocketServer:
 
     def send(self, data: bytes) -> None:
         """See `Wire`; the first message is kept for clients that come later."""
-        with self._changed:
+        with self._condition:
             self._first, self.is_alone = self._first or data, not self._clients
             for waiting in self._clients.values():
                 if len(waiting) >= self._most:
                     del waiting[1]  # the oldest frame; before it, there may be the first message
                 waiting.append(data)
-            self._changed.notify_all()
+            self._condition.notify_all()
 
     def close(self) -> None:
-        """See `Wire`; what waits for a client is sent to it for two seconds more."""
-        with self._changed:
+        """See `Wire`; messages that wait for a client are sent for two seconds more."""
+        with self._condition:
             self._over = True
-            self._changed.notify_all()
-            self._changed.wait_for(lambda: not any(self._clients.values()), _PATIENCE)
+            self._condition.notify_all()
+            self._condition.wait_for(lambda: not any(self._clients.values()), _PATIENCE)
         self._server.shutdown()
 
     def _serve(self, connection: Any) -> None:
         from websockets.exceptions import WebSocketException
 
         key = id(connection)
-        with self._changed:
+        with self._condition:
             self._clients[key] = [self._first] if self._first else []
         with suppress(WebSocketException, OSError):
             while (data := self._next(key)) is not None:
                 connection.send(data, text=True)
-        with self._changed:
+        with self._condition:
             del self._clients[key]
-            self._changed.notify_all()
+            self._condition.notify_all()
 
     def _next(self, key: int) -> bytes | None:
-        with self._changed:
+        with self._condition:
             while not self._clients[key] and not self._over:
-                self._changed.wait()
-            self._changed.notify_all()
+                self._condition.wait()
+            self._condition.notify_all()
             return self._clients[key].pop(0) if self._clients[key] else None

@@ -1,6 +1,6 @@
 """The mannequin: our own character, skinned to the humanoid, with the 52 ARKit expressions.
 
-`build` gives the character as it ships; ``tools/mannequin`` sculpts it anew by code. Facial movement is in the morphs alone:
+`build` gives the character of the package; ``tools/mannequin`` sculpts it anew by code. Facial movement is in the morphs alone:
 the skeleton's ``jaw`` bone carries no weight, the eyeballs follow ``leftEye`` and ``rightEye``, and ``eyeLook*`` moves the
 lids.
 """
@@ -21,7 +21,7 @@ __all__ = ["Character", "Part", "build", "pose_surface", "skin", "skin_with_norm
 # plum, moss, slate
 _SHIRTS = ((0.52, 0.16, 0.10), (0.46, 0.27, 0.06), (0.27, 0.11, 0.28), (0.17, 0.25, 0.09), (0.16, 0.18, 0.26))
 _CLOTH = ("shirt", "pocket")
-_BLUER = 1.25  # times as much blue as red, from which a vertex of these parts is cloth; the vest and the buttons are white
+_BLUER = 1.25  # a vertex of these parts with so many times more blue than red is cloth; the vest and the buttons are white
 
 
 @lru_cache(6)
@@ -29,7 +29,7 @@ def build(shirt: int = 0) -> Character:
     """The character that ships with the package (some 20 ms the first time, then the same object).
 
     Args:
-        shirt: 0 as it ships; from 1 on, a shirt of another colour, so that persons in one picture can be told apart.
+        shirt: 0: as in the package; from 1 on: another colour, so that persons in one picture look different.
     """
     from .asset import load
 
@@ -40,7 +40,7 @@ def build(shirt: int = 0) -> Character:
 
 
 def _dye(part: Part, shirt: int) -> Part:
-    """A part with the cloth of that colour, as bright in each place as it was."""
+    """The same part with cloth of another colour; each place keeps its brightness."""
     if part.name not in _CLOTH:
         return part
     colour = np.array(part.colour, np.float32)

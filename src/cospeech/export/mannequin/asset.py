@@ -13,7 +13,7 @@ from .character import Character, Part
 
 __all__ = ["load", "save"]
 
-_MORPH_STEP = 2e-6  # metres per unit of the stored int16 displacements; ours: far below a hair, reaches ±65 mm
+_MORPH_STEP = 2e-6  # metres per unit of the stored int16 displacements; ours: far finer than a hair, and up to ±65 mm
 _ASSET = "assets/mannequin.npz"
 
 

@@ -69,7 +69,7 @@ class Character:
         return next(part for part in self.parts if part.name == name)
 
     def meshes(self) -> list[tuple[str, list[Part]]]:
-        """Two meshes for files: what has morph targets, so that animators find one set of shape keys, and what has none."""
+        """Two meshes for files: the parts with morph targets, so that animators find one set of shape keys, and the others."""
         moving = [part for part in self.parts if part.morphs]
         still = [part for part in self.parts if not part.morphs]
         return [(name, parts) for name, parts in (("face", moving), ("body", still)) if parts]
@@ -81,7 +81,7 @@ class Character:
 
 @dataclass(frozen=True, eq=False)
 class Tables:
-    """All parts in one row of vertices, ready for posing. Coordinates come first: so numpy works on long rows."""
+    """All parts as one row of vertices, ready for posing. Coordinates are the first axis, so that numpy works on long rows."""
 
     bounds: list[slice]
     weights: Array  # (J, V)
@@ -89,9 +89,9 @@ class Tables:
     normals: Array  # (3, V)
     moving: Array  # (R,) vertices that some morph moves
     morphs: Array  # (S, 3 * R), by shape
-    faces: _Faces  # those that touch a moving vertex; indices into ``touched``
-    touched: Array  # (U,) vertices of those faces
-    neutral: Array  # (3, U) their face-averaged normals without any morph
+    faces: _Faces  # those that touch a moving vertex; indices into ``face_vertices``
+    face_vertices: Array  # (U,) vertices of those faces
+    neutral: Array  # (3, U) their normals, averaged over faces, without any morph
 
     @classmethod
     def of(cls, character: Character) -> Tables:
@@ -110,8 +110,8 @@ class Tables:
                 dense[index[name], :, where] = delta.T
         moving = np.flatnonzero(dense.any((0, 1)))
         triangles = np.concatenate([p.triangles + b.start for p, b in zip(parts, bounds, strict=True)])
-        touched, local = np.unique(triangles[np.isin(triangles, moving).any(1)], return_inverse=True)
-        faces = _Faces.of(local.reshape(-1, 3), len(touched))
+        face_vertices, local = np.unique(triangles[np.isin(triangles, moving).any(1)], return_inverse=True)
+        faces = _Faces.of(local.reshape(-1, 3), len(face_vertices))
         return cls(
             bounds=bounds,
             weights=np.ascontiguousarray(weights.T),
@@ -120,18 +120,18 @@ class Tables:
             moving=moving,
             morphs=dense[:, :, moving].reshape(len(dense), 3 * len(moving)),
             faces=faces,
-            touched=touched,
-            neutral=faces.normals(vertices[:, touched]),
+            face_vertices=face_vertices,
+            neutral=faces.normals(vertices[:, face_vertices]),
         )
 
 
 @dataclass(frozen=True, eq=False)
 class _Faces:
-    """Triangles of a few vertices, each of which has one at least."""
+    """Triangles of a few vertices; each vertex has at least one."""
 
     corners: Array  # (3, F)
     around: Array  # (3 * F,) triangles, those around the first vertex first
-    first: Array  # (U,) where in ``around`` those of each vertex begin
+    first: Array  # (U,) where the triangles of each vertex begin in ``around``
 
     @classmethod
     def of(cls, triangles: Array, vertices: int) -> _Faces:
@@ -141,7 +141,7 @@ class _Faces:
         return cls(np.ascontiguousarray(triangles.T), order // 3, first)
 
     def normals(self, points: Array) -> Array:
-        """Unit normals (3, U) at the vertices, whose places (3, U) are given: averages over their triangles by area."""
+        """Unit normals (3, U) at the vertices ``points`` (3, U): averages over their triangles, weighted by area."""
         if not len(self.first):
             return np.zeros((3, 0), np.float32)
         a, b, c = (points.take(corner, 1) for corner in self.corners)
@@ -166,30 +166,32 @@ def pose_surface(character: Character, rotations: Array, positions: Array, face:
     vertices, normals = tables.vertices, tables.normals
     weights = face if face is None or character.drive is None else character.drive(face)
     if weights is not None and np.abs(weights).max(initial=0) > _REST:
-        used = np.flatnonzero(np.abs(weights) > _REST)
+        active = np.flatnonzero(np.abs(weights) > _REST)
         vertices, normals = vertices.copy(), normals.copy()
-        delta = np.asarray(weights, np.float32)[used] @ tables.morphs[used]
+        delta = np.asarray(weights, np.float32)[active] @ tables.morphs[active]
         vertices[:, tables.moving] += delta.reshape(3, -1)
-        normals[:, tables.touched] += tables.faces.normals(vertices.take(tables.touched, 1)) - tables.neutral
+        normals[:, tables.face_vertices] += tables.faces.normals(vertices.take(tables.face_vertices, 1)) - tables.neutral
     turn = quat_to_matrix(np.asarray(rotations, np.float32))
     shift = np.asarray(positions - np.einsum("jab,jb->ja", turn, character.skeleton.tpose), np.float32)
     rows = np.concatenate([turn, shift[:, :, None]], 2).reshape(len(turn), 12)
     blend = (rows.T @ tables.weights).reshape(3, 4, -1)
-    posed, turned = np.empty_like(vertices), np.empty_like(normals)
+    points, directions = np.empty_like(vertices), np.empty_like(normals)
     for axis, (x, y, z, by) in enumerate(blend):
-        posed[axis] = x * vertices[0] + y * vertices[1] + z * vertices[2] + by
-        turned[axis] = x * normals[0] + y * normals[1] + z * normals[2]
-    turned /= np.maximum(np.sqrt(turned[0] * turned[0] + turned[1] * turned[1] + turned[2] * turned[2]), np.float32(1e-9))
-    return posed, turned
+        points[axis] = x * vertices[0] + y * vertices[1] + z * vertices[2] + by
+        directions[axis] = x * normals[0] + y * normals[1] + z * normals[2]
+    directions /= np.maximum(
+        np.sqrt(directions[0] * directions[0] + directions[1] * directions[1] + directions[2] * directions[2]), np.float32(1e-9)
+    )
+    return points, directions
 
 
 def skin_with_normals(
     character: Character, rotations: Array, positions: Array, face: Array | None = None
 ) -> tuple[list[Array], list[Array]]:
     """Per part the vertices (V, 3) and the unit normals (V, 3) of `pose_surface`."""
-    posed, turned = pose_surface(character, rotations, positions, face)
+    points, directions = pose_surface(character, rotations, positions, face)
     bounds = character._tables.bounds
-    return [posed[:, b].T.copy() for b in bounds], [turned[:, b].T.copy() for b in bounds]
+    return [points[:, b].T.copy() for b in bounds], [directions[:, b].T.copy() for b in bounds]
 
 
 def skin(character: Character, rotations: Array, positions: Array, face: Array | None = None) -> list[Array]:

@@ -1,4 +1,4 @@
-"""A process of its own that draws pictures, so that several cores draw.
+"""A child process that draws pictures, so that several cores can draw.
 
 `cospeech.audio.worker` starts it for `cospeech.export.render.worker`. A request ``R`` is a batch of rows of float32. Each row
 is answered by a ``P``: the top row, the left column, the height and the width of a patch (uint32), and its RGB bytes.
@@ -20,11 +20,11 @@ __all__ = ["serve"]
 
 
 def serve(look: str) -> None:
-    """Draw the batches that are asked for; ``look`` is a `Look` as JSON."""
+    """Draw the requested batches; ``look`` is a `Look` as JSON."""
     values = json.loads(look)
     values |= {"view": View(**values["view"]), "background": tuple(values["background"])}
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", CospeechWarning)  # the program that asks has told the same
+        warnings.simplefilter("ignore", CospeechWarning)  # the parent process has warned already
         renderer = FrameRenderer(Look(**values))
     for _, rows in requests():
         for patch in renderer.draw(np.frombuffer(rows, "<f4").reshape(-1, ROW)):

@@ -1,4 +1,4 @@
-"""The camera: where it stands, what it sees, and where to stand so that all of given points are in the picture."""
+"""The camera: where it stands, what it sees, and where it must stand so that given points are in the picture."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Camera:
     def project(self, points: Array) -> Array:
         """World points (N, 3) → (N, 3) float32: x and y in pixels (y down), and the inverse depth in 1 / metres.
 
-        Points behind the camera or nearer than 5 cm get the inverse depth −1. Each coordinate lies in one piece of memory.
+        Points behind the camera or nearer than 5 cm get the inverse depth −1. Each coordinate is contiguous in memory.
         """
         matrix = self.axes.astype(np.float32)
         right, up, depth = matrix @ (points - self.position).T.astype(np.float32)
@@ -68,11 +68,11 @@ class View:
         joints: beginnings of the names of the joints that must stay in the picture, or all of them where empty.
         low: (3,) corner of a box in metres that is always in the picture (humanoid of 1.72 m).
         high: (3,) its other corner.
-        reach: metres kept free around each joint: flesh, and the fingers beyond their last joint.
+        reach: metres of free room around each joint: for flesh, and for the fingers beyond their last joint.
         yaw: degrees by which the camera stands to the character's left.
         pitch: degrees by which it looks down.
         angle: degrees from the bottom to the top of the picture.
-        follows: name of a joint with which the box goes, smoothly; the box is then that of the T-pose.
+        follows: name of a joint that the box follows, smoothly; the box is then that of the T-pose.
     """
 
     joints: tuple[str, ...]
@@ -85,7 +85,7 @@ class View:
     follows: str = ""
 
     def joints_of(self, skeleton: Skeleton) -> list[int]:
-        """Indices of the joints that must stay in the picture; what a character lacks need not."""
+        """Indices of the joints that must stay in the picture, without those that the character lacks."""
         there = [k for k, name in enumerate(skeleton.names) if skeleton.bone_map.get(name) != ""]
         return [k for k in there if not self.joints or skeleton.names[k].startswith(self.joints)]
 
@@ -128,7 +128,7 @@ CAMERAS: dict[str, View] = {
 
 
 def find_view(name: str | View) -> View:
-    """Look up a view by its name; one that is a view already is taken as it is.
+    """Look up a view by its name; a `View` is returned as it is.
 
     Raises:
         InputError: there is none of that name.

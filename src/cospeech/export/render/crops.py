@@ -1,4 +1,4 @@
-"""How wide each picture of a strip is: the figure's width in its pose, so that all stand on one scale, as large as fits."""
+"""Crop the pictures of a strip to the width of the figure in its pose, so that all have one scale, as large as fits."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from .framing import FramedPose, box_of
 
 __all__ = ["Crops", "crop_poses"]
 
-_WIDE = 4  # width of the pictures that are cropped, of their height; ours: more than arms that are spread
+_WIDE = 4  # width over height of a picture before it is cropped; ours: more than spread arms
 _BORDER = 0.05  # metres beside a figure; ours
 _ROUNDS = 6  # ours: the perspective changes a little with the camera's distance
-_NEAR_ENOUGH = 1.01  # of the room: how far the pictures may be beyond it, before they are made to fit; ours
+_NEAR_ENOUGH = 1.01  # least factor by which the camera goes back in a round; ours
 
 
 class Crops(NamedTuple):
-    """How the pictures of a strip are taken.
+    """The camera's box and the crops of the pictures of a strip.
 
     Attributes:
         box: (6,) low and high corner of what the camera shows.
         width: of a picture before it is cropped, pixels.
-        columns: of each picture that are kept: first, and the one after the last.
-        far: by how much the camera stands back, so that all fit: 1 where the view fills the height.
+        columns: of each picture that are kept: the first, and the one after the last.
+        far: factor by which the camera shows more height, so that all fit: 1 where the view fills the height.
     """
 
     box: Array
@@ -37,7 +37,7 @@ class Crops(NamedTuple):
 
 
 def crop_poses(view: View, character: Character, poses: Sequence[FramedPose], room: int, height: int) -> Crops:
-    """Pictures of poses, side by side in ``room`` pixels, each ``height`` pixels high.
+    """Find crops for pictures of poses, side by side in ``room`` pixels, each ``height`` pixels high.
 
     Args:
         view: one that does not follow a joint.
@@ -53,15 +53,15 @@ def crop_poses(view: View, character: Character, poses: Sequence[FramedPose], ro
         low, high = np.split(_stand_back(box, far), 2)
         camera = view.camera(low, high, width, height)
         columns = [_columns_of(camera, skin) for skin in skins]
-        wanted = sum(right - left for left, right in columns)
-        if wanted <= room:
+        total = sum(right - left for left, right in columns)
+        if total <= room:
             break
-        far *= max(wanted / room, _NEAR_ENOUGH)
+        far *= max(total / room, _NEAR_ENOUGH)
     return Crops(_stand_back(box, far), width, _fill(columns, room, width), far)
 
 
 def _stand_back(box: Array, far: float) -> Array:
-    """A box that is ``far`` times as high: down to the floor first, and one that begins there grows to both sides."""
+    """A box that is ``far`` times as high. It grows down to the floor first; a box that begins at the floor grows both ways."""
     low, high = box[1], box[4]
     more = (high - low) * (far - 1)
     below = min(more, low) if low > 0 else more / 2  # legs rather than air
@@ -69,7 +69,7 @@ def _stand_back(box: Array, far: float) -> Array:
 
 
 def _columns_of(camera: Camera, skin: Array) -> tuple[int, int]:
-    """Columns of the picture in which a figure (V, 3) is seen, and a border."""
+    """Columns of the picture that show a figure (V, 3), with a border."""
     x, y, inverse = camera.project(skin).T
     x = x[(inverse > 0) & (y >= 0) & (y <= camera.height)]
     if not len(x):
@@ -80,12 +80,12 @@ def _columns_of(camera: Camera, skin: Array) -> tuple[int, int]:
 
 
 def _fill(columns: list[tuple[int, int]], room: int, width: int) -> list[tuple[int, int]]:
-    """The columns with what is left of the room shared between them, or with what is too much taken away."""
+    """Share the spare room between the columns, or take away what is too much."""
     spare = room - sum(right - left for left, right in columns)
     shares = np.diff(np.linspace(0, spare, len(columns) + 1).round().astype(int)).tolist()
-    found = []
+    result = []
     for (left, right), share in zip(columns, shares, strict=True):
         size = min(max(right - left + share, 2), width)
         start = min(max((left + right - size) // 2, 0), width - size)
-        found.append((start, start + size))
-    return found
+        result.append((start, start + size))
+    return result

@@ -1,4 +1,4 @@
-"""From pieces of motion to pictures in order, on all cores and in constant memory."""
+"""Draw pieces of motion as pictures in order, on all cores and in constant memory."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from .worker import FrameRenderer, Helper, Look, pack
 __all__ = ["BACKDROP", "FrameStream", "cores"]
 
 BACKDROP = (206, 212, 220)  # sRGB: a light grey-blue; ours, by eye
-_BATCH = 6  # pictures per order to a helper; ours: enough to hide the hand-over, few enough to share the work evenly
-_ALONE = 24  # pictures; ours: for fewer, starting helpers takes longer than drawing
-_MOST_HELPERS = 8  # ours: beyond that the video encoder is what is waited for
+_BATCH = 6  # pictures per order to a helper; ours: enough to hide the time for messages, few enough to share the work evenly
+_ALONE = 24  # pictures; ours: for fewer, it takes longer to start helpers than to draw
+_MOST_HELPERS = 8  # ours: with more, the video encoder is the slowest part
 _SIDES = (16, 4096)  # pixels; ours
 
 
@@ -39,7 +39,7 @@ class FrameStream:
         look: size, view and backdrop.
         motion_fps: of the motion to come.
         fps: of the pictures to give: the frame at or before each moment is drawn.
-        character: that of ``look``, where it is no mannequin.
+        character: that of ``look``, if it is not the mannequin.
 
     Raises:
         InputError: size or fps make no sense.
@@ -56,7 +56,7 @@ class FrameStream:
         skeleton = humanoid() if character is None else character.skeleton
         self._stage, self._character = PoseStage(skeleton, motion_fps), character
         self._framing = Framing(look.view, skeleton, fps)
-        self._taken = self._drawn = 0
+        self._frame_count = self._picture_count = 0
         self._rows: list[Array] = []
         self._orders: deque[Future[list[Patch]]] = deque()
         self._renderer: FrameRenderer | None = None
@@ -65,18 +65,18 @@ class FrameStream:
         self._threads: ThreadPoolExecutor | None = None
 
     def push(self, motion: Motion) -> Iterator[Patch]:
-        """Take a piece of motion; give what is not the bare backdrop of the pictures that are ready."""
+        """Take a piece of motion; give the patches of the pictures that are ready."""
         for pose in map(FramedPose, *self._stage.place(motion)):
-            while int(self._drawn * self._step) == self._taken:
-                self._drawn += 1
-                self._rows.extend(pack(*framed) for framed in self._framing.push(pose))
-            self._taken += 1
+            while int(self._picture_count * self._step) == self._frame_count:
+                self._picture_count += 1
+                self._rows.extend(pack(*pair) for pair in self._framing.push(pose))
+            self._frame_count += 1
             if self._threads is not None or len(self._rows) >= _ALONE:
                 yield from self._order(_BATCH)
 
     def flush(self) -> Iterator[Patch]:
-        """The rest of the pictures."""
-        self._rows.extend(pack(*framed) for framed in self._framing.flush())
+        """Give the rest of the pictures."""
+        self._rows.extend(pack(*pair) for pair in self._framing.flush())
         if self._threads is None and len(self._rows) < _ALONE:
             yield from self._draw_here()
         yield from self._order(1)
@@ -84,8 +84,8 @@ class FrameStream:
             yield from self._orders.popleft().result()
 
     def _order(self, least: int) -> Iterator[Patch]:
-        """Hand waiting rows, if at least so many, to helpers; give the oldest pictures where many are under way."""
-        if cores() == 1 or not sys.executable:  # an embedded Python, Blender's say, cannot start another
+        """Give waiting rows, if there are at least so many, to helpers; give the oldest pictures where many are in work."""
+        if cores() == 1 or not sys.executable:  # an embedded Python, such as Blender's, cannot start another
             yield from self._draw_here()
         while len(self._rows) >= least:
             if self._threads is None:
@@ -123,7 +123,7 @@ class FrameStream:
         self.close()
 
     def close(self) -> None:
-        """End all helpers, at work or not."""
+        """End all helpers, also those at work."""
         if self._threads is not None:
             self._threads.shutdown(wait=False, cancel_futures=True)
         for helper in self._all_helpers:

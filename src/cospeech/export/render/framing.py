@@ -1,4 +1,4 @@
-"""From motion to what stands before the camera: world poses near the origin, and the space that they take up."""
+"""Turn motion into world poses near the origin, before the camera, and find the space that they take up."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from .camera import View
 
 __all__ = ["FramedPose", "Framing", "PoseStage", "box_of", "boxes_of", "fit_view"]
 
-_SLACK = 0.12  # metres that the hips may wander before the camera follows; ours: swaying is seen, walking is followed
-_HURRY = 0.16  # share of the remaining way that the camera goes in 1/30 s; ours
-_TURNING = 0.5  # seconds before and after over which the camera averages the way of a head that it follows; ours
-_ROOM = 0.03  # metres that such a head may be off before the picture widens; ours
-_ASTRAY = 0.30  # metres between feet and floor in the first frame above which the file has another floor than ours
+_SLACK = 0.12  # metres that the hips may move before the camera follows; ours: swaying is seen, walking is followed
+_HURRY = 0.16  # share of the remaining distance that the camera moves in 1/30 s; ours
+_TURNING = 0.5  # seconds before and after, over which the places of a followed head are averaged; ours
+_ROOM = 0.03  # metres that such a head may differ from the average before the picture widens; ours
+_ASTRAY = 0.30  # metres between feet and floor in the first frame, above which the floor of the file is another one
 
 
 class FramedPose(NamedTuple):
     """One frame, ready to draw: world rotations (J, 4), positions (J, 3) in metres, ARKit weights (52,).
 
-    With one more dimension in front, a row of frames.
+    With one more axis in front, several frames.
     """
 
     rotations: Array
@@ -42,7 +42,7 @@ class FramedPose(NamedTuple):
 class PoseStage:
     """Turns the character to the camera as it stands in the first frame, puts it on the floor, and follows where it walks.
 
-    What it gives for a frame depends on that frame and those before it, not on the pieces in which motion comes.
+    The result for a frame depends on that frame and those before it, not on the pieces of the motion.
     """
 
     def __init__(self, skeleton: Skeleton, fps: float) -> None:
@@ -52,7 +52,7 @@ class PoseStage:
         self._centre, self._floor = (0.0, 0.0), 0.0
 
     def place(self, motion: Motion) -> FramedPose:
-        """The T frames of ``motion``, which is on the skeleton announced: (T, J, 4), (T, J, 3) and (T, 52)."""
+        """Place the T frames of ``motion``, which is on the announced skeleton: (T, J, 4), (T, J, 3) and (T, 52)."""
         positions, rotations = self._skeleton.forward(motion.rotations, motion.root)
         face = np.zeros((len(motion), len(ARKIT))) if motion.face is None else motion.face
         if self._facing is None and len(motion):
@@ -68,7 +68,7 @@ class PoseStage:
         return FramedPose(quat_multiply(self._facing, rotations), quat_rotate(self._facing, positions - centres), face)
 
     def _follow(self, x: float, z: float) -> tuple[float, float]:
-        """Where the camera's point of rest on the floor is when the hips are above (x, z)."""
+        """Move the point on the floor that the camera follows; the hips are above (x, z)."""
         away = (x - self._centre[0], z - self._centre[1])
         far = hypot(*away)
         if far > _SLACK:
@@ -78,10 +78,10 @@ class PoseStage:
 
 
 class Framing:
-    """Decides frame by frame what box the camera must show, so that nothing the view cares for leaves the picture.
+    """Finds, frame by frame, the box that the camera must show, so that all joints of the view stay in the picture.
 
-    The box covers the first ten seconds from the start, and widens, smoothly and in time, for what needs more room later. It
-    goes with the joint that the view follows, if any.
+    From the start, the box covers the first ten seconds. Later it widens smoothly and in time, where more room is needed. It
+    moves with the joint that the view follows, if any.
 
     Args:
         view: what to look at.
@@ -89,7 +89,7 @@ class Framing:
         fps: of the poses.
     """
 
-    SETTLE, AHEAD = 10.0, 1.5  # seconds: ours. The first is as long as a short clip: most never see the camera move
+    SETTLE, AHEAD = 10.0, 1.5  # seconds: ours. The first is as long as a short clip: in most clips the camera never moves
 
     def __init__(self, view: View, skeleton: Skeleton, fps: float) -> None:
         self._view, self._skeleton = view, skeleton
@@ -99,39 +99,39 @@ class Framing:
         self._tracker = _Tracker(view, skeleton, fps)
         self._boxes: deque[Array] = deque()
         self._sum = np.zeros(6)
-        self._settled = False
+        self._is_settled = False
 
     def push(self, pose: FramedPose) -> Iterator[tuple[FramedPose, Array]]:
         """Take a pose; give those whose box (6,) — low corner, high corner — is now known."""
-        for tracked in self._tracker.push(pose):
-            yield from self._take(*tracked)
+        for pair in self._tracker.push(pose):
+            yield from self._take(*pair)
 
     def _take(self, pose: FramedPose, place: Array) -> Iterator[tuple[FramedPose, Array]]:
-        """A pose, and where the camera's point of rest is."""
+        """Take a pose, and the place that the camera follows."""
         box = _box_around(self._view, self._skeleton, pose, place)
         old = box if self._box is None else self._box
         self._box = np.concatenate([np.minimum(old[:3], box[:3]), np.maximum(old[3:], box[3:])])
         self._waiting.append((pose, place))
-        if self._settled:
+        if self._is_settled:
             self._see()
             yield self._next()
         elif len(self._waiting) == self._settle:
             yield from self._start()
 
     def flush(self) -> Iterator[tuple[FramedPose, Array]]:
-        """The rest, at the end of the motion."""
-        for tracked in self._tracker.flush():
-            yield from self._take(*tracked)
+        """Give the rest, at the end of the motion."""
+        for pair in self._tracker.flush():
+            yield from self._take(*pair)
         if self._box is None:
             return
-        if not self._settled:
+        if not self._is_settled:
             yield from self._start()
         while self._waiting:
             self._see()
             yield self._next()
 
     def _start(self) -> Iterator[tuple[FramedPose, Array]]:
-        self._settled = True
+        self._is_settled = True
         for _ in range(self._ahead):
             self._see()
         while len(self._waiting) > self._ahead:
@@ -150,7 +150,7 @@ class Framing:
 
 
 class _Tracker:
-    """The way of the camera's point of rest: that of the joint it follows, averaged over a second, later by half of it."""
+    """Gives the place that the camera follows: that of the joint, averaged over a second; poses come half a second later."""
 
     def __init__(self, view: View, skeleton: Skeleton, fps: float) -> None:
         self._view, self._skeleton = view, skeleton
@@ -168,7 +168,7 @@ class _Tracker:
         yield from self._give()
 
     def flush(self) -> Iterator[tuple[FramedPose, Array]]:
-        """The rest: the joint stays where it was last."""
+        """Give the rest: the joint stays in its last place."""
         while self._waiting:
             self._places.append(self._places[-1])
             yield from self._give()
@@ -179,7 +179,7 @@ class _Tracker:
 
 
 def _place_of(view: View, skeleton: Skeleton, pose: FramedPose) -> Array:
-    """(3,) the middle of the view's box as the joint that it follows carries it; the origin for views that stay."""
+    """(3,) the middle of the view's box, which moves with the joint that it follows; the origin for views without one."""
     if not view.follows:
         return np.zeros(3)
     joint = skeleton.index[view.follows]
@@ -188,7 +188,7 @@ def _place_of(view: View, skeleton: Skeleton, pose: FramedPose) -> Array:
 
 
 def _box_around(view: View, skeleton: Skeleton, pose: FramedPose, place: Array) -> Array:
-    """Low and high corner (6,), as seen from ``place``, of the box that the camera must show for one pose."""
+    """Low and high corner (6,), relative to ``place``, of the box that the camera must show for one pose."""
     if not view.follows:
         return box_of(view, skeleton, pose.positions[None])
     half = (np.array(view.high) - view.low) / 2
@@ -197,7 +197,7 @@ def _box_around(view: View, skeleton: Skeleton, pose: FramedPose, place: Array) 
 
 
 def boxes_of(view: View, skeleton: Skeleton, poses: Sequence[FramedPose]) -> list[Array]:
-    """A box (6,) for each of a few poses that are shown side by side: the same one, or that of the joint the view follows."""
+    """A box (6,) for each of a few poses that are shown side by side: one for all, or that of the joint the view follows."""
     if not view.follows:
         return [box_of(view, skeleton, np.stack([pose.positions for pose in poses]))] * len(poses)
     half = (np.array(view.high) - view.low) / 2
@@ -205,10 +205,10 @@ def boxes_of(view: View, skeleton: Skeleton, poses: Sequence[FramedPose]) -> lis
 
 
 def fit_view(view: View, character: Character) -> View:
-    """The view for a character of other size or other head than our mannequin's.
+    """Fit a view to a character whose size or head differs from our mannequin's.
 
-    The box of a view that follows the head spans from below its chin to above its crown, hair and hat included. Of a
-    character that is there in part, a half body say, the other boxes end where its surface ends.
+    The box of a view that follows the head spans from below its chin to above its crown, hair and hat included. For a part of a
+    character, such as a half body, the other boxes end where its surface ends.
 
     Raises:
         InputError: nothing of the character is in the view.
@@ -222,7 +222,7 @@ def fit_view(view: View, character: Character) -> View:
     crown = float(points[:, 1].max()) if len(points) else HEIGHT
     if not view.follows:
         low, high = crown / HEIGHT * np.array(view.low), crown / HEIGHT * np.array(view.high)
-        if len(points) and (not view.joints or "head" in view.joints):  # a hat may be broader than the room for the arms
+        if len(points) and (not view.joints or "head" in view.joints):  # a hat may be wider than the room for the arms
             low[0], high[0] = min(low[0], points[:, 0].min()), max(high[0], points[:, 0].max())
         if skeleton.bone_map:
             _cut_box(low, high, character, view.reach)
@@ -230,14 +230,14 @@ def fit_view(view: View, character: Character) -> View:
     ours = humanoid().tpose[humanoid().index["head"]]
     scale = max((crown - base[1]) / (HEIGHT - ours[1]), 0.1)
     low, high = base + scale * (np.array(view.low) - ours), base + scale * (np.array(view.high) - ours)
-    for axis in (0, 2) if len(points) else ():  # a high hat or hairdo is not as broad
+    for axis in (0, 2) if len(points) else ():  # a high hat or hairdo is not as wide
         low[axis] = max(low[axis], float(points[:, axis].min()) - _ROOM)
         high[axis] = min(high[axis], float(points[:, axis].max()) + _ROOM)
     return replace(view, low=tuple(low.tolist()), high=tuple(high.tolist()))
 
 
 def _cut_box(low: Array, high: Array, character: Character, reach: float) -> None:
-    """Take away below what is beyond the surface in the T-pose, to ``reach`` metres; without arms it is as broad as that."""
+    """Cut a box at the bottom of the surface in the T-pose, less ``reach`` metres; without arms, cut its sides, too."""
     points = np.concatenate([part.vertices for part in character.parts])
     low[1] = max(low[1], float(points[:, 1].min()) - reach)
     if not character.skeleton.bone_map["leftUpperArm"] and not character.skeleton.bone_map["rightUpperArm"]:
@@ -247,7 +247,7 @@ def _cut_box(low: Array, high: Array, character: Character, reach: float) -> Non
 
 
 def box_of(view: View, skeleton: Skeleton, positions: Array) -> Array:
-    """Low and high corner (6,) of the box that the camera must show: the view's own and what its joints need.
+    """Low and high corner (6,) of the box that the camera must show: the view's own box and the room of its joints.
 
     Args:
         positions: (T, J, 3) metres.

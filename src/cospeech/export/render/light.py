@@ -1,7 +1,7 @@
 """The studio: three lights, a backdrop, and how surfaces answer them.
 
-A warm soft key from the front left, a cool rim from behind on the right, and light from all around, cool from above and warm
-from the floor. All colours are linear RGB until `develop` makes 8-bit sRGB of them (IEC 61966-2-1).
+There is a warm soft key light from the front left, a cool rim light from behind on the right, and light from all around, cool
+from above and warm from the floor. All colours are linear RGB until `develop` turns them into 8-bit sRGB (IEC 61966-2-1).
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ _RIM_COLOUR = _colour(0.75, 0.90, 1.15)
 _SKY, _GROUND = _colour(0.40, 0.44, 0.51), _colour(0.22, 0.20, 0.195)
 _WRAP = _colour(0.32, 0.20, 0.16)  # how far the key reaches round an edge; red farthest, as in skin
 REACH = -float(_WRAP.max())
-"""Cosine between a normal and the key, at and below which the key does nothing."""
-_STRAY = np.float32(0.25)  # of the key, bounced into its own shadows
+"""Cosine between a normal and the key light, at and below which the key has no effect."""
+_STRAY = np.float32(0.25)  # share of the key that is reflected into its own shadows
 _SHOULDER = 0.72  # linear light above which highlights are compressed
-_STEPS, _RANGE = 16384, 2.0  # steps of linear light, and the most of it, that `develop` tells apart
+_STEPS, _RANGE = 16384, 2.0  # steps of linear light, and the largest value, that `develop` tells apart
 
 
 def shade(normal: Floats, sight: Floats, colour: Floats, roughness: Floats, open_sky: Floats, lit: Floats) -> Floats:
-    """Light that surface points send to the camera, linear RGB (3, N).
+    """Compute the light that surface points send to the camera, linear RGB (3, N).
 
     Args:
         normal: (3, N) unit normals in the camera's frame (right, up, back to the camera).
@@ -64,11 +64,11 @@ def shade(normal: Floats, sight: Floats, colour: Floats, roughness: Floats, open
 
 
 def scatter(normal: Floats, open_sky: Floats, lit: Floats) -> Floats:
-    """What a white surface would send to all sides, (3, N); arguments as of `shade`."""
-    wrapped = np.maximum((KEY @ normal + _WRAP) / (1 + _WRAP), 0)
+    """Compute the diffuse light of a white surface, (3, N); arguments as of `shade`."""
+    diffuse = np.maximum((KEY @ normal + _WRAP) / (1 + _WRAP), 0)
     up = np.float32(0.5) + np.float32(0.5) * normal[1]
     out: Floats = (_GROUND + (_SKY - _GROUND) * up) * open_sky
-    out += _KEY_COLOUR * (wrapped * (_STRAY * open_sky + (1 - _STRAY) * lit))
+    out += _KEY_COLOUR * (diffuse * (_STRAY * open_sky + (1 - _STRAY) * lit))
     return out
 
 

@@ -1,4 +1,4 @@
-"""What differs between a picture and the bare backdrop: pictures of a film are drawn, sent and encoded as such parts."""
+"""The part of a picture that differs from the bare backdrop: pictures of a film are drawn, sent and encoded as such parts."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Patch(NamedTuple):
     pixels: NDArray[np.uint8]
 
     def paste(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Lay it over a picture (H, W, 3), which is changed and given back."""
+        """Paste it into a picture (H, W, 3), which is changed and returned."""
         height, width, _ = self.pixels.shape
         picture[self.top : self.top + height, self.left : self.left + width] = self.pixels
         return picture

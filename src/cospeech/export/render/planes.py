@@ -1,6 +1,6 @@
-"""Values that are known at the vertices of triangles, everywhere between them: linear in the picture over each triangle.
+"""Interpolate values from the vertices of triangles: linear in the picture over each triangle.
 
-On triangles of some pixels this looks as with weights in perspective, and is several times as fast.
+On triangles of some pixels this looks the same as with perspective, and is several times as fast.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Slopes:
         self._sides = (x1 - x0) * per_area, (x2 - x0) * per_area, (y1 - y0) * per_area, (y2 - y0) * per_area
 
     def some(self, which: Indices) -> Slopes:
-        """Of some of the triangles alone."""
+        """Slopes of some of the triangles."""
         return Slopes(self._screen, pick(self._corners, which, 1))
 
     def planes(self, values: Floats) -> Floats:

@@ -1,14 +1,14 @@
 """Hidden-surface removal in numpy: which triangle is seen in the middle of each pixel, or at four samples of some pixels.
 
-Triangles are cut into rows (scan conversion); every row becomes a run of places whose inverse depth is linear in x.
-Places are then settled with a z-buffer that needs no loop over triangles: a scatter in back-to-front order, where the
-last value written to a place stays, is right nearly everywhere; what is nearer than the one that stayed is scattered
-again, the nearest last.
+Triangles are cut into rows (scan conversion); every row becomes a run of places whose inverse depth is linear in x. Then a
+z-buffer without a loop over triangles finds the nearest triangle of each place. Triangles are written in back-to-front order,
+and the last value written to a place stays: this is right nearly everywhere. Values that are nearer than the one that stayed
+are written again, the nearest last.
 
 Samples lie two by two in a pixel, the lower pair shifted by a quarter of a pixel against the upper one, so that an upright
-edge, the usual kind on a standing figure, is seen in four steps instead of two. A place belongs to a triangle if it lies
-inside it or on its left or top edge. Two triangles with a common edge compute that edge from the same corners in the same
-order, so every place along it belongs to one of them: there are no cracks.
+edge, the usual kind on a standing figure, is seen in four steps instead of two. A place belongs to a triangle if it lies inside
+it or on its left or top edge. Two triangles with a common edge compute it from the same corners in the same order. So every
+place along the edge belongs to one of them: there are no cracks.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ Indices = NDArray[np.intp]  # what numpy indexes with fastest
 Keeps = Callable[[Indices, Indices], NDArray[np.bool_]]
 
 SAMPLES = 4  # per pixel
-_SHIFT = np.array([0.25, 0.75], np.float32)  # where a sample lies in its half pixel, in rows above and below; ours
+_SHIFT = np.array([0.25, 0.75], np.float32)  # x of a sample in its half pixel, in the upper and the lower row; ours
 _BESIDE = np.array([-0.375, 0.125, -0.125, 0.375], np.float32)  # columns from the middle of its pixel
 _BELOW = np.array([-0.25, -0.25, 0.25, 0.25], np.float32)  # rows from there
 # corners of a triangle from top to bottom, by 1 · (1 is above 0) + 2 · (2 is above 1) + 4 · (2 is above 0); 3 and 4 cannot be
 _ORDERS = np.array([(0, 1, 2), (1, 0, 2), (0, 2, 1), (2, 1, 0), (0, 1, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)]).T.copy()
-_CHUNK = 16_384  # places of which values are found at a time, so that these stay in a core's cache: three times faster; ours
-_BLOCK = 4  # pixels along a side of the blocks in which it is looked which triangles matter; ours
+_CHUNK = 16_384  # places that are computed at a time, so that the values stay in a core's cache: three times faster; ours
+_BLOCK = 4  # pixels along a side of the blocks by which triangles are selected; ours
 _SLIVER = 1e-3  # samples²; ours: below half this area a triangle's depth is taken as constant
 
 
 class VisibleSamples(NamedTuple):
-    """What is visible, one entry per covered sample, sorted by pixel.
+    """The visible triangles, one entry per covered sample, sorted by pixel.
 
     Attributes:
         sample: (N,) ``4 · pixel + k``, ascending; pixel = ``row · width + column``, k as in `sample_positions`.
@@ -62,7 +62,7 @@ class VisibleSamples(NamedTuple):
 
 
 class VisiblePixels(NamedTuple):
-    """What is visible in the middles of pixels, one entry per covered pixel.
+    """The visible triangles in the middles of pixels, one entry per covered pixel.
 
     Attributes:
         pixel: (N,) ``row · width + column``, ascending.
@@ -88,12 +88,12 @@ class _Runs(NamedTuple):
 
 
 def pick(values: NDArray[Any], index: Ints, axis: int | None = None) -> NDArray[Any]:
-    """``values.take(index, axis)`` for an index that is known to be right: without the check it takes half the time."""
+    """``values.take(index, axis)`` for an index that is known to be valid: without the check it takes half the time."""
     return values.take(index, axis, mode="clip")
 
 
 def chunks(count: int) -> Iterator[slice]:
-    """Parts of rows of ``count`` places, each so short that what is computed of it stays in a core's cache."""
+    """Slices of ``count`` places, each so short that its values stay in a core's cache."""
     return (slice(start, start + _CHUNK) for start in range(0, count, _CHUNK))
 
 
@@ -115,11 +115,11 @@ def middle_positions(pixel: Indices, width: int) -> tuple[Floats, Floats]:
 
 
 def evaluate(planes: Floats, triangle: Ints, x: Floats, y: Floats) -> Floats:
-    """Values (C, N) at places, in pixels, on triangles (N,) over each of which they are linear.
+    """Values (C, N) at places, in pixels, on triangles (N,); the values are linear over each triangle.
 
     Args:
         planes: (C, 3, K) value at x = y = 0, change along x, and along y.
-        triangle: (N,) indices in these.
+        triangle: (N,) indices of planes.
         x: (N,)
         y: (N,)
     """
@@ -144,7 +144,7 @@ class Raster:
         corners: (3, F) vertices of triangles.
         width: of the picture, pixels.
         height: of the picture, pixels.
-        side: which face is drawn: 1 the one whose corners are counter-clockwise as seen, −1 the other, 0 both.
+        side: which face is drawn: 1: the one whose corners are seen counter-clockwise; −1: the other; 0: both.
 
     Attributes:
         number: (K,) the triangles that may be seen, the farthest first.
@@ -161,8 +161,8 @@ class Raster:
         if side:
             turn = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
             inside &= turn < 0 if side > 0 else turn > 0
-        kept = np.flatnonzero(inside)
-        self.number: Indices = pick(kept, _sort(pick(w[0], kept)))
+        visible = np.flatnonzero(inside)
+        self.number: Indices = pick(visible, _sort(pick(w[0], visible)))
         self._box = [pick(end, self.number) for end in (left, right, top, bottom)]
         order = pick((y[1] < y[0]) + 2 * (y[2] < y[1]) + 4 * (y[2] < y[0]), self.number)
         order = pick(_ORDERS, order, axis=1)  # a the top corner, c the bottom one
@@ -177,40 +177,40 @@ class Raster:
         self._nearest, self._farthest = np.maximum(np.maximum(w0, w1), w2), np.minimum(np.minimum(w0, w1), w2)
         self._plane = np.stack([w0 - x0 * step_x - y0 * step_y, step_x, step_y])
         long, upper, lower = _slope(x0, y0, x2, y2), _slope(x0, y0, x1, y1), _slope(x1, y1, x2, y2)
-        bent = turn > 0
+        bends_right = turn > 0
         self._rows = np.stack([y0, y1, y2])
         # the edges on the left and on the right as (point on it, change of x per row), above and below the middle corner
         self._edges = np.empty((6, len(turn), 2), np.float32)
-        self._edges[:, :, 0] = x0, y0, np.where(bent, long, upper), x0, y0, np.where(bent, upper, long)
-        self._edges[:3, :, 1] = np.where(bent, (x0, y0, long), (x1, y1, lower))
-        self._edges[3:, :, 1] = np.where(bent, (x1, y1, lower), (x0, y0, long))
+        self._edges[:, :, 0] = x0, y0, np.where(bends_right, long, upper), x0, y0, np.where(bends_right, upper, long)
+        self._edges[:3, :, 1] = np.where(bends_right, (x0, y0, long), (x1, y1, lower))
+        self._edges[3:, :, 1] = np.where(bends_right, (x1, y1, lower), (x0, y0, long))
 
-    def see_middles(self, asked: NDArray[np.bool_] | None = None) -> VisiblePixels:
-        """Find the nearest triangle in the middle of every pixel; of those ``asked`` (K,) for, all where None."""
-        runs = self._runs(1, None if asked is None else np.flatnonzero(asked))
+    def see_middles(self, mask: NDArray[np.bool_] | None = None) -> VisiblePixels:
+        """Find the nearest triangle in the middle of every pixel; only those of the ``mask`` (K,), all where None."""
+        runs = self._runs(1, None if mask is None else np.flatnonzero(mask))
         length = np.maximum(runs.stop - runs.start, 0)
         first = runs.row * self.width + runs.start - (np.cumsum(length) - length)
-        both = np.repeat(first << 32 | runs.triangle, length)  # in one number, which is repeated once
+        both = np.repeat(first << 32 | runs.triangle, length)  # both in one number, so that one array is repeated
         place, triangle = both >> 32, both.astype(np.int32)
         place += np.arange(len(place))
         owner = np.full(self.width * self.height, -1, np.int32)
         owner[place] = triangle
-        # what is not seen is few, and most of that lies behind all of the triangle that hides it: only the rest is compared
-        lost = np.flatnonzero(pick(owner, place) != triangle)
-        loser, rival = pick(triangle, lost), pick(owner, pick(place, lost))
+        # few places are hidden, and most of these lie behind all of the triangle that hides them: only the rest is compared
+        clashes = np.flatnonzero(pick(owner, place) != triangle)
+        loser, rival = pick(triangle, clashes), pick(owner, pick(place, clashes))
         close = np.flatnonzero(pick(self._nearest, loser) > pick(self._farthest, rival))
-        loser, rival, at = pick(loser, close), pick(rival, close), pick(place, pick(lost, close))
+        loser, rival, at = pick(loser, close), pick(rival, close), pick(place, pick(clashes, close))
         x, y = middle_positions(at, self.width)
         inverse = self._inverse(loser, x, y)
         nearer = np.flatnonzero(inverse > self._inverse(rival, x, y))
         nearer = pick(nearer, _sort(pick(inverse, nearer)))
         owner[pick(at, nearer)] = pick(loser, nearer)
         pixel = np.flatnonzero(owner >= 0)
-        seen, depth = np.empty(len(pixel), np.intp), np.empty(len(pixel), np.float32)
+        nearest, depth = np.empty(len(pixel), np.intp), np.empty(len(pixel), np.float32)
         for some in chunks(len(pixel)):
-            seen[some] = pick(owner, pixel[some])
-            depth[some] = self._inverse(seen[some], *middle_positions(pixel[some], self.width))
-        return VisiblePixels(pixel, seen, depth)
+            nearest[some] = pick(owner, pixel[some])
+            depth[some] = self._inverse(nearest[some], *middle_positions(pixel[some], self.width))
+        return VisiblePixels(pixel, nearest, depth)
 
     def _inverse(self, triangle: Ints, x: Floats, y: Floats) -> Floats:
         """(N,) inverse depths of triangles, which are indices in `number`, at places in pixels."""
@@ -221,8 +221,8 @@ class Raster:
 
         Args:
             pixels: (P,) ascending, where to look.
-            keeps: tells of samples (N,) and the triangles (N,), as indices in `number`, that cover them which are no holes;
-                None where there are none.
+            keeps: samples (N,) and the triangles (N,) that cover them, as indices in `number` → which are no holes; None where
+                there are no holes.
         """
         # how many of the pixels come before each one of the picture, and before the end
         counts = np.diff(pixels, prepend=-1, append=self.width * self.height)
@@ -233,40 +233,40 @@ class Raster:
         for k in range(2):  # the left and the right samples of pixels
             first = pick(before, row + (runs.start + (1 - k) >> 1))
             length = pick(before, row + (runs.stop + (1 - k) >> 1)) - first
-            kept = np.flatnonzero(length > 0)
-            first, length = pick(first, kept), pick(length, kept)
+            indices = np.flatnonzero(length > 0)
+            first, length = pick(first, indices), pick(length, indices)
             of, past = _spread(length)
-            number, run = np.arange(len(of)) + pick(first - past, of), pick(kept, of)
+            number, run = np.arange(len(of)) + pick(first - past, of), pick(indices, of)
             places.append(4 * number + pick(2 * (runs.row & 1) + k, run))
             triangles.append(pick(runs.triangle, run))
         place, triangle = np.concatenate(places), np.concatenate(triangles)
         sample = 4 * pick(pixels, place >> 2) + (place & 3)
         if keeps is not None:
-            kept = np.flatnonzero(keeps(sample, triangle))
-            place, sample, triangle = place[kept], sample[kept], triangle[kept]
+            indices = np.flatnonzero(keeps(sample, triangle))
+            place, sample, triangle = place[indices], sample[indices], triangle[indices]
         inverse = np.empty(len(sample), np.float32)
         for some in chunks(len(sample)):
             inverse[some] = self._inverse(triangle[some], *sample_positions(sample[some], self.width))
-        seen = _settle(place, inverse, SAMPLES * len(pixels))
-        return VisibleSamples(pick(sample, seen), pick(triangle, seen), pick(inverse, seen))
+        nearest = _settle(place, inverse, SAMPLES * len(pixels))
+        return VisibleSamples(pick(sample, nearest), pick(triangle, nearest), pick(inverse, nearest))
 
     def _touch(self, pixels: Ints) -> NDArray[np.bool_]:
-        """Which triangles may cover some of the pixels: those with one in the blocks that they reach into."""
+        """Which triangles may cover some of the pixels: those that reach into a block with such a pixel."""
         across, down = self.width // _BLOCK + 1, self.height // _BLOCK + 1
         row = pixels // np.int32(self.width)
-        asked = np.zeros((down + 1, across + 1), np.int32)
-        asked[row // _BLOCK + 1, (pixels - row * np.int32(self.width)) // _BLOCK + 1] = 1
-        count = asked.cumsum(0, dtype=np.int32).cumsum(1, dtype=np.int32).ravel()
+        blocks = np.zeros((down + 1, across + 1), np.int32)
+        blocks[row // _BLOCK + 1, (pixels - row * np.int32(self.width)) // _BLOCK + 1] = 1
+        count = blocks.cumsum(0, dtype=np.int32).cumsum(1, dtype=np.int32).ravel()
         left, right, top, bottom = (
             np.minimum(np.maximum(side * np.float32(1 / _BLOCK), 0), most).astype(np.int32)
             for side, most in zip(self._box, (across - 1, across - 1, down - 1, down - 1), strict=True)
         )
         top, bottom = top * (across + 1), (bottom + 1) * (across + 1)
         right += 1
-        found: NDArray[np.bool_] = pick(count, bottom + right) - pick(count, bottom + left) > pick(count, top + right) - pick(
+        touches: NDArray[np.bool_] = pick(count, bottom + right) - pick(count, bottom + left) > pick(count, top + right) - pick(
             count, top + left
         )
-        return found
+        return touches
 
     def _runs(self, fine: int, which: Indices | None = None, before: Ints | None = None) -> _Runs:
         """Cut triangles into runs of places, the farthest triangle first.
@@ -274,7 +274,7 @@ class Raster:
         Args:
             fine: rows and columns of places in a pixel: 2 for samples, 1 for middles.
             which: indices of the triangles in `number`; all where None.
-            before: how many of the pixels that matter come before each one, and before the end; rows without one between the
+            before: how many of the pixels to look up come before each one, and before the end; rows without one between the
                 sides of the triangle are left out.
         """
         rows, edges = self._rows, self._edges
@@ -329,13 +329,13 @@ def _sort(values: Floats) -> Ints:
 
 
 def _spread(length: Ints) -> tuple[Indices, Indices]:
-    """For each of as many places as ``length`` says: the index of its length, and how many places lie before those."""
+    """For each place of runs of these lengths: the index of its run. And for each run: how many places lie before it."""
     index = np.repeat(np.arange(len(length)), length)
     return index, np.cumsum(length) - length
 
 
 def _settle(place: Indices, inverse: Floats, size: int) -> Indices:
-    """Which entries have the greatest inverse depth at their of ``size`` places, ascending by place."""
+    """The entries with the greatest inverse depth at their place, ascending by place; there are ``size`` places."""
     number = np.arange(1, len(place) + 1, dtype=np.int32)
     owner = np.zeros(size, np.int32)
     owner[place] = number

@@ -1,8 +1,8 @@
 """A character in front of a backdrop: pose in, picture out.
 
-`points` finds which points are seen. Pixels that show one smooth piece of surface are shaded once, in their middle; without a
-texture they get a mixture of the colours of the vertices as the screen shows these. Pixels at an outline, at a border of two
-parts or on a glossy part are shaded at four samples and averaged in linear light.
+`points` finds the visible points. Pixels that show one smooth piece of surface are shaded once, in their middle; without a
+texture, the 8-bit colours of the vertices are interpolated. Pixels at an outline, at a border between two parts or on a glossy
+part are shaded at four samples and averaged in linear light.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from .texture import LaidTextures, SurfaceTable
 
 __all__ = ["Scene"]
 
-_PENUMBRA = 0.05  # metres: blur of the key's shadows; ours, as of a large soft box, and no finer than the mesh
-_COARSE = 0.024  # metres: side of the cubes in which one vertex casts the shadow of all; ours, half the penumbra
-_STEP = 32  # pixels by which patches grow; ours: even, as films want, and so long that most pictures have patches of one size
+_PENUMBRA = 0.05  # metres: blur of the key light's shadows; ours, as of a large soft box, and no finer than the mesh
+_COARSE = 0.024  # metres: side of the cubes in which one vertex stands for all in shadows; ours, half the penumbra
+_STEP = 32  # pixels; sides of patches are multiples of it; ours: even, as films want; most patches have one size
 _GLOSSY = 0.5  # roughness below which a highlight is smaller than the triangles: eyes, teeth, tongue
 
 
-# What `light.shade` wants to know, at every vertex.
+# The arguments of `light.shade`, at every vertex.
 _Shine = tuple[raster.Floats, raster.Floats, raster.Floats, raster.Floats, raster.Floats, raster.Floats]
 
 
-class _Seen(NamedTuple):
-    """What a picture shows, and the K triangles that may be seen there.
+class _Visible(NamedTuple):
+    """The visible points of a picture, and the K triangles that may be seen there.
 
     Attributes:
         width: of the picture, pixels.
-        points: what is seen.
+        points: the visible points.
         corners: (3, K) vertices of the triangles.
         slopes: of the triangles.
         glossy: (K,) triangles on which a highlight is smaller than they are.
@@ -101,37 +101,37 @@ class Scene:
         if window is None:
             return patch
         screen[:, :2] -= patch.left, patch.top
-        seen = self._see(screen, *patch.pixels.shape[1::-1])
-        shine = self._shine(camera, vertices, normals, _list_corners(seen))
-        shading = _Shading(seen, shine, light.shade(*shine))
-        canvas, points = patch.pixels.reshape(-1, 3).T, seen.points
-        _paint_whole(canvas, seen, shading)
-        colour = shading.look(points.sampled, *raster.sample_positions(points.sample, seen.width))
-        row, column = np.divmod(points.mixed.astype(np.int32), np.int32(seen.width))
+        visible = self._see(screen, *patch.pixels.shape[1::-1])
+        shine = self._shine(camera, vertices, normals, _list_corners(visible))
+        shading = _Shading(visible, shine, light.shade(*shine))
+        canvas, points = patch.pixels.reshape(-1, 3).T, visible.points
+        _paint_whole(canvas, visible, shading)
+        colour = shading.look(points.sample_triangle, *raster.sample_positions(points.sample, visible.width))
+        row, column = np.divmod(points.edge.astype(np.int32), np.int32(visible.width))
         behind = self._behind(row + patch.top, column + patch.left, shadow)
-        _put(canvas, points.mixed, light.develop(_average(colour, points.covered, behind)))
+        _put(canvas, points.edge, light.develop(_average(colour, points.coverage, behind)))
         return patch
 
-    def _see(self, screen: raster.Floats, width: int, height: int) -> _Seen:
-        """What a picture of that size shows of vertices (V, 3)."""
-        drawn = raster.Raster(screen, self._corners, width, height, side=1)
-        corners, glossy = pick(self._corners, drawn.number, 1), pick(self._glossy, drawn.number)
+    def _see(self, screen: raster.Floats, width: int, height: int) -> _Visible:
+        """Find what a picture of that size shows of vertices (V, 3)."""
+        triangles = raster.Raster(screen, self._corners, width, height, side=1)
+        corners, glossy = pick(self._corners, triangles.number, 1), pick(self._glossy, triangles.number)
         slopes = Slopes(screen, corners)
-        textures = self._surfaces.lay(screen, slopes, corners, drawn.number)
+        textures = self._surfaces.lay(screen, slopes, corners, triangles.number)
         holes = textures.open if textures.open.any() else None
         keeps = None if holes is None else _make_keeps(textures, width)
-        points = find_points(drawn, pick(self._part, drawn.number), glossy, holes, keeps)
-        return _Seen(width, points, corners, slopes, glossy, textures)
+        points = find_points(triangles, pick(self._part, triangles.number), glossy, holes, keeps)
+        return _Visible(width, points, corners, slopes, glossy, textures)
 
     def _bare_patch(self, window: tuple[slice, slice] | None, shadow: FloorShadow | None) -> Patch:
-        """The backdrop where the character in its ``window`` and its shadow on the floor are in the picture."""
+        """The backdrop of the part of the picture with the character, in its ``window``, and its shadow on the floor."""
         parts = [] if window is None else [window]
         if shadow is not None:
             parts.append((shadow.rows, shadow.columns))
         (top, bottom), (left, right) = (_span([part[axis] for part in parts]) for axis in range(2))
         pixels = self.blank[top:bottom, left:right].copy()
         if shadow is not None:
-            dark = light.develop(self._backdrop[:, shadow.rows, None] * shadow.left).transpose(1, 2, 0)
+            dark = light.develop(self._backdrop[:, shadow.rows, None] * shadow.light).transpose(1, 2, 0)
             Patch(shadow.rows.start - top, shadow.columns.start - left, dark).paste(pixels)
         return Patch(top, left, pixels)
 
@@ -141,56 +141,56 @@ class Scene:
         return colour if shadow is None else colour * shadow.share(row, column)
 
     def _shine(self, camera: Camera, vertices: Array, normals: Array, corners: raster.Indices) -> _Shine:
-        """What `light.shade` wants to know at the vertices, if triangles with these corners are seen."""
+        """The arguments of `light.shade` at the vertices; the light only at ``corners``, those of visible triangles."""
         axes = camera.axes * np.array([[1], [1], [-1]])  # right, up, back to the camera
         key = (light.KEY @ axes).astype(np.float32)
-        asked = np.zeros(len(vertices), bool)
-        asked[corners] = True
-        asked &= normals @ key > light.REACH
-        lit = measure_light(vertices, normals, self._casting, key, _PENUMBRA, asked)
+        mask = np.zeros(len(vertices), bool)
+        mask[corners] = True
+        mask &= normals @ key > light.REACH
+        lit = measure_light(vertices, normals, self._casting, key, _PENUMBRA, mask)
         sight = (axes @ (camera.position - vertices).T).astype(np.float32)
         sight /= np.sqrt(_dot(sight, sight))
         return axes.astype(np.float32) @ normals.T, sight, self._colour, self._roughness, self._open, lit
 
 
-def _list_corners(seen: _Seen) -> raster.Indices:
+def _list_corners(visible: _Visible) -> raster.Indices:
     """(3, N) vertices of the triangles that a picture shows."""
-    shown = np.zeros(seen.corners.shape[1], bool)
-    shown[seen.points.triangle] = shown[seen.points.sampled] = True
-    return pick(seen.corners, np.flatnonzero(shown), 1)
+    mask = np.zeros(visible.corners.shape[1], bool)
+    mask[visible.points.triangle] = mask[visible.points.sample_triangle] = True
+    return pick(visible.corners, np.flatnonzero(mask), 1)
 
 
 def _make_keeps(textures: LaidTextures, width: int) -> raster.Keeps:
-    """What tells which samples of surfaces with holes are seen."""
+    """Make the function that finds the visible samples of surfaces with holes."""
 
     def keeps(sample: raster.Indices, triangle: raster.Indices) -> NDArray[np.bool_]:
-        kept = np.ones(len(sample), bool)
-        asked = np.flatnonzero(pick(textures.open, triangle))
-        for some in raster.chunks(len(asked)):
-            own, places = pick(triangle, asked[some]), pick(sample, asked[some])
+        is_shown = np.ones(len(sample), bool)
+        indices = np.flatnonzero(pick(textures.open, triangle))
+        for some in raster.chunks(len(indices)):
+            own, places = pick(triangle, indices[some]), pick(sample, indices[some])
             opacity = textures.opacity(own, *raster.sample_positions(places, width))
-            kept[asked[some]] = textures.shows_surface(own, places, opacity)
-        return kept
+            is_shown[indices[some]] = textures.shows_surface(own, places, opacity)
+        return is_shown
 
     return keeps
 
 
-def _paint_whole(canvas: NDArray[np.uint8], seen: _Seen, shading: _Shading) -> None:
+def _paint_whole(canvas: NDArray[np.uint8], visible: _Visible, shading: _Shading) -> None:
     """Paint the pixels of the canvas (3, P) that show one smooth piece of surface."""
-    pixel, triangle = seen.points.whole, seen.points.triangle
-    textured = pick(seen.textures.textured, triangle)
-    exact = np.flatnonzero(textured)
+    pixel, triangle = visible.points.whole, visible.points.triangle
+    has_texture = pick(visible.textures.has_texture, triangle)
+    exact = np.flatnonzero(has_texture)
     for some in raster.chunks(len(exact)):
         at, own = pick(pixel, exact[some]), pick(triangle, exact[some])
-        _put(canvas, at, light.develop(shading.look(own, *raster.middle_positions(at, seen.width))))
+        _put(canvas, at, light.develop(shading.look(own, *raster.middle_positions(at, visible.width))))
     if len(exact):
-        plain = np.flatnonzero(~textured)
+        plain = np.flatnonzero(~has_texture)
         pixel, triangle = pick(pixel, plain), pick(triangle, plain)
     if len(pixel):
-        half = np.float32(0.5)  # with which the cast to whole numbers rounds
-        planes = seen.slopes.planes(light.tone(shading.shaded) + half)
+        half = np.float32(0.5)  # so that the cast to whole numbers rounds
+        planes = visible.slopes.planes(light.tone(shading.colours) + half)
         for some in raster.chunks(len(pixel)):
-            tones = evaluate(planes, triangle[some], *raster.middle_positions(pixel[some], seen.width))
+            tones = evaluate(planes, triangle[some], *raster.middle_positions(pixel[some], visible.width))
             _put(canvas, pixel[some], np.clip(tones, 0, 255, out=tones).astype(np.uint8))
 
 
@@ -201,43 +201,43 @@ def _put(canvas: NDArray[np.uint8], pixel: raster.Indices, colour: NDArray[np.ui
 
 
 class _Shading:
-    """What places on the triangles of a picture look like.
+    """Gives the colours of places on the triangles of a picture.
 
     Args:
-        seen: the picture.
+        visible: the picture.
         shine: of all vertices.
-        shaded: (3, V) linear colours of the vertices.
+        colours: (3, V) linear colours of the vertices.
     """
 
-    def __init__(self, seen: _Seen, shine: _Shine, shaded: raster.Floats) -> None:
-        self._seen, self._shine, self.shaded = seen, shine, shaded
+    def __init__(self, visible: _Visible, shine: _Shine, colours: raster.Floats) -> None:
+        self._visible, self._shine, self.colours = visible, shine, colours
 
     @cached_property
     def _planes(self) -> raster.Floats:
-        return self._seen.slopes.planes(self.shaded)
+        return self._visible.slopes.planes(self.colours)
 
     @cached_property
     def _bare_planes(self) -> raster.Floats:
-        """Of what scatters to all sides, on which a texture lies."""
+        """Planes of the diffuse light, by which a texture is multiplied."""
         normal, _, albedo, _, open_sky, lit = self._shine
-        return self._seen.slopes.planes(light.scatter(normal, open_sky, lit) * albedo)
+        return self._visible.slopes.planes(light.scatter(normal, open_sky, lit) * albedo)
 
     def look(self, triangle: raster.Indices, x: raster.Floats, y: raster.Floats) -> raster.Floats:
         """Linear colours (3, N) of places x and y, in pixels, on triangles (N,), with their texture and gloss."""
-        seen = self._seen
+        visible = self._visible
         colour = evaluate(self._planes, triangle, x, y)
-        textured, texture = np.flatnonzero(pick(seen.textures.textured, triangle)), np.ones((3, 0), np.float32)
-        if len(textured):
-            own = pick(triangle, textured), pick(x, textured), pick(y, textured)
-            texture = seen.textures.look(*own)
+        indices, texture = np.flatnonzero(pick(visible.textures.has_texture, triangle)), np.ones((3, 0), np.float32)
+        if len(indices):
+            own = pick(triangle, indices), pick(x, indices), pick(y, indices)
+            texture = visible.textures.look(*own)
             bare = evaluate(self._bare_planes, *own)
             bare *= texture - 1
-            colour[:, textured] += bare
-        glossy = np.flatnonzero(pick(seen.glossy, triangle))
+            colour[:, indices] += bare
+        glossy = np.flatnonzero(pick(visible.glossy, triangle))
         if len(glossy):
             normal, sight, albedo, others = self._interpolate(pick(triangle, glossy), pick(x, glossy), pick(y, glossy))
-            both = np.searchsorted(textured, glossy)
-            has = np.flatnonzero(np.append(textured, -1)[both] == glossy)
+            both = np.searchsorted(indices, glossy)
+            has = np.flatnonzero(np.append(indices, -1)[both] == glossy)
             albedo[:, has] *= texture[:, both[has]]
             colour[:, glossy] = light.shade(normal, sight, albedo, *others)
         return colour
@@ -245,25 +245,25 @@ class _Shading:
     def _interpolate(
         self, triangle: raster.Indices, x: raster.Floats, y: raster.Floats
     ) -> tuple[raster.Floats, raster.Floats, raster.Floats, raster.Floats]:
-        """What `light.shade` wants to know at places: normal, sight, colour, and the rest."""
-        shown = np.zeros(len(self._seen.glossy), bool)
-        shown[triangle] = True
-        which = np.flatnonzero(shown)  # few: planes of so many values are not made of all
+        """The arguments of `light.shade` at places: normal, sight, colour, and the rest."""
+        mask = np.zeros(len(self._visible.glossy), bool)
+        mask[triangle] = True
+        which = np.flatnonzero(mask)  # few triangles: planes of so many values are computed for these only
         values = np.concatenate([np.atleast_2d(value) for value in self._shine])
-        values = evaluate(self._seen.slopes.some(which).planes(values), np.searchsorted(which, triangle), x, y)
+        values = evaluate(self._visible.slopes.some(which).planes(values), np.searchsorted(which, triangle), x, y)
         normal = values[:3]
         normal /= np.sqrt(_dot(normal, normal) + np.float32(1e-12))
         return normal, values[3:6], values[6:9], values[9:]
 
 
 def _span(parts: list[slice]) -> tuple[int, int]:
-    """Where the first of some parts of a row begins and the last ends, in whole steps of `_STEP`."""
+    """Start of the first and end of the last of some slices, in whole steps of `_STEP`."""
     start, stop = min((part.start for part in parts), default=0), max((part.stop for part in parts), default=0)
     return start // _STEP * _STEP, -(-stop // _STEP) * _STEP
 
 
 def _window(screen: raster.Floats, width: int, height: int) -> tuple[slice, slice] | None:
-    """Rows and columns of the part of the picture that the points (V, 3) may lie in; None where there is none."""
+    """Rows and columns of the part of the picture in which the points (V, 3) may lie; None where there is none."""
     x, y, inverse = np.ascontiguousarray(screen.T)
     before = inverse > 0
     if not before.any():
@@ -285,10 +285,10 @@ def _corners(character: Character) -> raster.Indices:
 
 @lru_cache(2)
 def _casters(character: Character) -> raster.Indices:
-    """(3, F) vertices of the triangles that keep light away.
+    """(3, F) vertices of the triangles that cast shadows.
 
-    Surfaces that are seen through in proportion keep none away. Shadows are soft: a coarser mesh is enough. Of the vertices
-    in a cube of `_COARSE` that follow the same joint most, one stands for all; what is no triangle then is left out.
+    Translucent surfaces cast none. Shadows are soft: a coarser mesh is enough. Of the vertices in a cube of `_COARSE` that
+    mostly follow the same joint, one stands for all; triangles that collapse are left out.
     """
     corners, stands, start = _corners(character), [], 0
     for number, part in enumerate(character.parts):
@@ -312,7 +312,7 @@ def _openness(character: Character) -> raster.Floats:
 
 
 def _average(colour: raster.Floats, count: raster.Ints, behind: raster.Floats) -> raster.Floats:
-    """Colours (3, P) of pixels of whose samples the first ``count`` (P,) show ``colour`` (3, N), and the others ``behind``."""
+    """Colours (3, P) of pixels: ``count`` (P,) of their samples show ``colour`` (3, N), and the others show ``behind``."""
     total = np.add.reduceat(np.clip(colour, 0, 1), np.cumsum(count) - count, axis=1)
     average: raster.Floats = (total + behind * (raster.SAMPLES - count)) * np.float32(1 / raster.SAMPLES)
     return average

@@ -1,4 +1,4 @@
-"""The strip: pictures of a few moments above the speech that goes with them, as in papers about gesture."""
+"""Draw a strip: pictures of a few moments above the waveform of the speech, as in papers about gesture."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ class Sound:
 
 @dataclass(frozen=True)
 class StripLayout:
-    """Where things are on a strip of ``width × height`` pixels with ``cells`` pictures; all in pixels.
+    """The layout of a strip of ``width × height`` pixels with ``cells`` pictures; all in pixels.
 
     ``rows`` of words are written below the axis. The pictures are as wide as ``widths`` says, equally wide where it is empty.
-    The axis begins with ``start`` seconds: a strip may be of a part of a take.
+    The axis begins at ``start`` seconds: a strip may show a part of a take.
     """
 
     width: int
@@ -56,12 +56,12 @@ class StripLayout:
 
     @property
     def below(self) -> float:
-        """What the axis' labels and the words take, below the waveform."""
+        """Height of the axis' labels and the words, below the waveform."""
         return (3.0 + 1.6 * self.rows) * self.unit
 
     @property
     def unit(self) -> float:
-        """Size of the small print."""
+        """Size of the small letters."""
         return max(7.0, min(self.width / 100, self.height / 36))
 
     @property
@@ -110,7 +110,7 @@ def draw_strip(
     sound: Sound | None = None,
     words: Sequence[Word] = (),
 ) -> Pictures:
-    """Lay out a strip, (H, W, 3).
+    """Draw a strip, (H, W, 3).
 
     Args:
         pictures: N of (h, w, 3), of the height of ``layout.cell``, and of its width or that of ``layout.widths``.
@@ -136,7 +136,7 @@ def draw_strip(
 
 
 def _curves(layout: StripLayout, times: Sequence[float], duration: float, sound: Sound | None) -> Image.Image:
-    """Paper with the waveform, the axis and the leaders from the pictures to it, smooth."""
+    """Draw the waveform, the axis and the lines from the pictures to it, with smooth edges."""
     big = Image.new("RGB", (layout.width * _SCALE, layout.height * _SCALE), _PAPER)
     pen = ImageDraw.Draw(big)
     top, bottom = (_SCALE * y for y in layout.wave)
@@ -148,8 +148,8 @@ def _curves(layout: StripLayout, times: Sequence[float], duration: float, sound:
         at = (x - left) / (right - left) * duration / sound.step
         loudest = max(float(sound.peak.max()), 1e-4)
         for values, colour in ((sound.peak, _PEAK), (sound.level, _BODY)):
-            seen = _columns(values, at) if at[1] - at[0] > 1 else np.interp(at, np.arange(len(values)) + 0.5, values, right=0)
-            height = np.maximum(seen / loudest * half, line / 2)
+            curve = _columns(values, at) if at[1] - at[0] > 1 else np.interp(at, np.arange(len(values)) + 0.5, values, right=0)
+            height = np.maximum(curve / loudest * half, line / 2)
             outline = [*zip(x, middle - height, strict=True), *zip(x[::-1], middle + height[::-1], strict=True)]
             pen.polygon([(float(a), float(b)) for a, b in outline], fill=colour)
     pen.line([(left, bottom), (right, bottom)], _GREY, line)
@@ -164,11 +164,11 @@ def _curves(layout: StripLayout, times: Sequence[float], duration: float, sound:
 
 def _columns(values: Array, at: Array) -> Array:
     """The greatest of ``values`` between each of the positions ``at`` and the next; 0 beyond the end."""
-    padded = np.append(values, 0.0)
+    with_end = np.append(values, 0.0)
     low = np.clip(at.astype(int), 0, len(values))
     high = np.clip(np.append(low[1:], low[-1] + 1), low + 1, len(values) + 1)
     spans = np.stack([low, high], 1).ravel()
-    return np.maximum.reduceat(np.append(padded, 0.0), spans)[::2] * (low < len(values))
+    return np.maximum.reduceat(np.append(with_end, 0.0), spans)[::2] * (low < len(values))
 
 
 def _axis(
@@ -193,7 +193,7 @@ def _words(
     words: Sequence[Word],
     font: ImageFont.FreeTypeFont | ImageFont.ImageFont,
 ) -> None:
-    """Write words, each where it is spoken, in the first row with room; what does not fit is left out."""
+    """Write each word where it is spoken, in the first row with room; words that do not fit are left out."""
     rows = [layout.wave[1] + (3.2 + 1.6 * row) * layout.unit for row in range(layout.rows)]
     free = [0.0] * len(rows)
     for word in words:

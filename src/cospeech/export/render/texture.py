@@ -1,8 +1,8 @@
-"""Textures on the parts of a character: looked up at points of triangles, at the sharpness that the picture can show.
+"""Look up the textures of a character at points of triangles, at the sharpness that the picture can show.
 
-All textures lie one after another in one array, each with smaller and smaller copies of itself (a mip pyramid, Williams
-1983). A triangle uses the copy whose pixels are about as large as the picture's, so that nothing flickers. Every copy has a
-border of one pixel, which says what lies beyond the edge: so the four pixels around a point are always neighbours.
+All textures lie one after another in one array, each with smaller and smaller copies of itself (a mip pyramid, Williams 1983).
+A triangle uses the copy whose pixels are about as large as the picture's, so that nothing flickers. Every copy has a border of
+one pixel, with the values beyond the edge: so the four pixels around a point are always neighbours.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ __all__ = ["LaidTextures", "SurfaceTable"]
 _LANE, _SHARES = 21, 8
 _MOST_LIGHT = (1 << _LANE - _SHARES) - 1
 _LINEAR = np.round(from_srgb(np.arange(256) / 255) * _MOST_LIGHT).astype(np.int64)
-_FARTHEST = 1e4  # ours: so many times no texture is laid side by side; damaged files name places beyond
-_STEPS = np.array([0.125, 0.625, 0.875, 0.375], np.float32)  # opacity above which each sample of a pixel shows the surface
+_FARTHEST = 1e4  # ours: no texture is repeated so often; damaged files have coordinates beyond
+_STEPS = np.array([0.125, 0.625, 0.875, 0.375], np.float32)  # opacities above which the samples of a pixel show the surface
 _FOLDS = {"repeat": 0, "mirror": 1, "clamp": 2}
 
 
@@ -38,7 +38,7 @@ class SurfaceTable:
         character: its parts in their order.
 
     Attributes:
-        textured: (F,) whether a triangle has a texture.
+        has_texture: (F,) whether a triangle has a texture.
         open: (F,) whether a triangle may have holes.
     """
 
@@ -57,7 +57,7 @@ class SurfaceTable:
                 textures.append(surface.texture)
             number.append(kinds[id(surface.texture)])
         self._texture = np.repeat(np.array(number, np.int32), counts)
-        self.textured = self._texture >= 0
+        self.has_texture = self._texture >= 0
         cutoffs = [0.0 if s is None else np.nan if s.cutoff is None else s.cutoff for s in surfaces]
         self._cutoff = np.repeat(np.array(cutoffs, np.float32), counts)
         self.open = self._cutoff != 0
@@ -70,7 +70,7 @@ class SurfaceTable:
         self._measure(textures)
 
     def _measure(self, textures: list[Texture]) -> None:
-        """Find the place of each copy of each texture; `_fill` makes those that are asked for."""
+        """Find the place of each copy of each texture; `_fill` computes a copy when it is needed."""
         self._pictures: list[tuple[Texture, tuple[int, int]]] = []
         self._levels: list[tuple[int, int]] = []
         for texture in textures:
@@ -82,11 +82,11 @@ class SurfaceTable:
             self._levels.append((first, len(self._pictures) - first))
         sizes = np.array([size for _, size in self._pictures], np.int64).reshape(-1, 2)
         counts = (sizes + 2).prod(1)
-        # width, height, first pixel, pixels per row: picked in one go
+        # width, height, first pixel, pixels per row: in one table, for one lookup
         self._tables = np.column_stack([sizes, np.cumsum(counts) - counts, sizes[:, 0] + 2]).astype(np.int32)
         self._folds = np.array([[_FOLDS[axis] for axis in texture.wrap] for texture in textures]).reshape(-1, 2)
-        self._made = np.zeros(len(counts), bool)
-        # memory that is not written to takes no room (zeros come from the system as they are)
+        self._ready = np.zeros(len(counts), bool)
+        # memory that is not written to takes no room (the system gives zeros)
         self._texels, self._alphas = np.zeros(counts.sum(), np.int64), np.zeros(counts.sum(), np.uint8)
 
     def _fill(self, level: int) -> None:
@@ -95,22 +95,22 @@ class SurfaceTable:
         if picture.size != size:
             picture = picture.resize(size, Image.Resampling.BOX)
         across, down = ("wrap" if axis == "repeat" else "edge" for axis in texture.wrap)
-        padded = np.pad(np.asarray(picture), ((0, 0), (1, 1), (0, 0)), mode=across)  # type: ignore[call-overload]
-        padded = np.pad(padded, ((1, 1), (0, 0), (0, 0)), mode=down)  # type: ignore[call-overload]
-        red, green, blue, alpha = padded.reshape(-1, 4).T
+        pixels = np.pad(np.asarray(picture), ((0, 0), (1, 1), (0, 0)), mode=across)  # type: ignore[call-overload]
+        pixels = np.pad(pixels, ((1, 1), (0, 0), (0, 0)), mode=down)  # type: ignore[call-overload]
+        red, green, blue, alpha = pixels.reshape(-1, 4).T
         start = int(self._tables[level, 2])
         self._texels[start : start + len(red)] = _LINEAR[red] << 2 * _LANE | _LINEAR[green] << _LANE | _LINEAR[blue]
         self._alphas[start : start + len(red)] = alpha
-        self._made[level] = True
+        self._ready[level] = True
 
     def lay(self, screen: Floats, slopes: Slopes, corners: Indices, number: Indices) -> LaidTextures:
-        """The textures as they lie on triangles in this picture.
+        """Lay the textures on triangles in this picture.
 
         Args:
             screen: (V, 3) as `raster.Raster` takes it.
             slopes: of the triangles.
             corners: (3, K) their vertices.
-            number: (K,) which of all triangles they are.
+            number: (K,) their numbers among all triangles.
         """
         return LaidTextures(self, screen, slopes, corners, number)
 
@@ -121,35 +121,35 @@ class LaidTextures:
     def __init__(self, table: SurfaceTable, screen: Floats, slopes: Slopes, corners: Indices, number: Indices) -> None:
         self._table, self._screen, self._slopes = table, screen, slopes
         self._texture, self._cutoff = pick(table._texture, number), pick(table._cutoff, number)
-        self.textured = self._texture >= 0
+        self.has_texture = self._texture >= 0
         self.open = self._cutoff != 0
         self._levels = self._find_levels(corners)
         for level in np.unique(self._levels[self._levels >= 0]).tolist():
-            if not table._made[level]:
+            if not table._ready[level]:
                 table._fill(level)
 
     def _find_levels(self, corners: Indices) -> Ints:
         """(K,) which copy of which texture each triangle uses, −1 for none."""
-        table, found = self._table, np.full(len(self._texture), -1, np.int32)
-        which = np.flatnonzero(self.textured)
+        table, levels = self._table, np.full(len(self._texture), -1, np.int32)
+        which = np.flatnonzero(self.has_texture)
         if not len(which):
-            return found
+            return levels
         corner, number = pick(corners, which, 1), self._texture[which]
         first, count = np.array(table._levels, np.int32)[number].T
         texels = _areas(*pick(table._places, corner, 1)) * table._tables[first, :2].astype(np.float32).prod(1)
         pixels = _areas(*pick(np.ascontiguousarray(self._screen[:, :2].T), corner, 1))
         level = np.round(0.5 * np.log2(np.maximum(texels, 1e-9) / np.maximum(pixels, 1e-6)))
-        found[which] = first + np.clip(level, 0, count - 1).astype(np.int32)
-        return found
+        levels[which] = first + np.clip(level, 0, count - 1).astype(np.int32)
+        return levels
 
     @cached_property
     def _planes(self) -> Floats:
-        """(3, K, 4) of inverse depth, and of texture coordinates times that: these are linear in the picture."""
+        """Planes of inverse depth, and of texture coordinates times inverse depth: these are linear in the picture."""
         inverse = np.ascontiguousarray(self._screen[:, 2])
         return self._slopes.planes(np.stack([inverse, *(self._table._places * inverse)]))
 
     def look(self, triangle: Indices, x: Floats, y: Floats) -> Floats:
-        """Linear RGB (3, N) of textures at places, in pixels, of triangles (N,) that have one."""
+        """Linear RGB (3, N) of textures at places, in pixels, on triangles (N,) that have a texture."""
         table, total = self._table, np.zeros(len(triangle), np.int64)
         for place, share in self._find_texels(triangle, x, y):
             texel = pick(table._texels, place)
@@ -162,24 +162,24 @@ class LaidTextures:
         return rgb
 
     def opacity(self, triangle: Indices, x: Floats, y: Floats) -> Floats:
-        """(N,) that of vertices times that of textures."""
-        found = evaluate(self._opacities, triangle, x, y)[0]
-        has = np.flatnonzero(pick(self.textured, triangle))
+        """(N,) opacity of the vertices times that of the textures."""
+        opacity = evaluate(self._opacities, triangle, x, y)[0]
+        has = np.flatnonzero(pick(self.has_texture, triangle))
         if len(has):
             alpha = np.zeros(len(has), np.int64)
             for place, share in self._find_texels(pick(triangle, has), pick(x, has), pick(y, has)):
                 alpha += pick(self._table._alphas, place) * share
-            found[has] *= alpha.astype(np.float32) * np.float32(1 / (255 << _SHARES))
-        return found
+            opacity[has] *= alpha.astype(np.float32) * np.float32(1 / (255 << _SHARES))
+        return opacity
 
     @cached_property
     def _opacities(self) -> Floats:
         return self._slopes.planes(self._table._opacity[None])
 
     def _find_texels(self, triangle: Indices, x: Floats, y: Floats) -> list[tuple[Indices, Ints]]:
-        """The four nearest pixels of a texture, and their shares, which make 256."""
+        """The four nearest pixels of a texture, and their shares, whose sum is 256."""
         inverse, u, v = evaluate(self._planes, triangle, x, y)
-        inverse = np.maximum(inverse, np.float32(1e-6))  # beside a triangle in steep perspective it may reach 0
+        inverse = np.maximum(inverse, np.float32(1e-6))  # beside a triangle in steep perspective it may be 0
         width, height, start, across = pick(pick(self._table._tables, self._levels, 0), triangle, 0).T
         number = pick(self._texture, triangle)
         columns, rows = (
@@ -197,22 +197,22 @@ class LaidTextures:
         ]  # fmt: skip
 
     def shows_surface(self, triangle: Ints, sample: Ints, opacity: Floats) -> NDArray[np.bool_]:
-        """Whether each sample (N,) of a picture shows the surface, whose opacity is given there, or what lies behind it."""
+        """Whether each sample (N,) of a picture shows the surface, which has this opacity there, or what lies behind it."""
         cutoff = pick(self._cutoff, triangle)
         return np.where(np.isnan(cutoff), opacity > pick(_STEPS, sample & 3), opacity >= cutoff)
 
 
 def _areas(x: Floats, y: Floats) -> Floats:
-    """(F,) of triangles with corners (3, F)."""
+    """(F,) areas of triangles with corners (3, F)."""
     return np.abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])) / 2
 
 
 def _fold(at: Floats, folds: Ints, number: Ints) -> Floats:
-    """Texture coordinates (N,) brought into 0 … 1, as the textures (N,) want that."""
-    folded: Floats = at - np.floor(at)
+    """Bring texture coordinates (N,) into 0 … 1: repeated, mirrored or clamped, as the textures (N,) say."""
+    result: Floats = at - np.floor(at)
     if folds.any():
         fold = pick(folds, number)
-        mirrored, clamped = np.flatnonzero(fold == 1), np.flatnonzero(fold == 2)
-        folded[mirrored] = 1 - np.abs(np.mod(at[mirrored], 2) - 1)
-        folded[clamped] = np.clip(at[clamped], 0, 1)
-    return folded
+        mirror, clamp = np.flatnonzero(fold == 1), np.flatnonzero(fold == 2)
+        result[mirror] = 1 - np.abs(np.mod(at[mirror], 2) - 1)
+        result[clamp] = np.clip(at[clamp], 0, 1)
+    return result

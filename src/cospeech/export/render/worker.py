@@ -1,6 +1,6 @@
-"""Draws pictures from rows of numbers: in this process, or in one of its own, which `cospeech.audio.worker` starts.
+"""Draw pictures from rows of numbers: in this process, or in a child process, which `cospeech.audio.worker` starts.
 
-Such a process (`_draw.py`) gets the look of the pictures in JSON as its argument.
+The child process (`_draw.py`) gets the look of the pictures in JSON as its argument.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ __all__ = ["ROW", "FrameRenderer", "Helper", "Look", "find_character", "pack"]
 Pictures = NDArray[np.uint8]
 _WIDTHS = (4 * len(humanoid()), 3 * len(humanoid()), len(ARKIT), 6)  # of a row: rotations, positions, face, box
 _ENDS = np.cumsum(_WIDTHS)
-_PLACE = np.dtype("<u4")  # of each number that says where a patch lies
+_PLACE = np.dtype("<u4")  # of each number of the place of a patch
 ROW = sum(_WIDTHS)
 """Numbers in a row of `pack`."""
 
 
 @dataclass(frozen=True)
 class Look:
-    """What all pictures of a film have in common.
+    """Settings that all pictures of a film share.
 
     Args:
         width: pixels.
@@ -57,7 +57,7 @@ class Look:
 
 
 def pack(pose: FramedPose, box: Array) -> Array:
-    """A row of float32 that says all there is to say about one picture; ``box (6,)`` as `stage.Framing` gives it."""
+    """A row of float32 with all that one picture needs; ``box (6,)`` as `framing.Framing` gives it."""
     return np.concatenate([pose.rotations.ravel(), pose.positions.ravel(), pose.face, box]).astype("<f4")
 
 
@@ -81,7 +81,7 @@ class FrameRenderer:
 
     Args:
         look: of the pictures.
-        character: whom they show, if `find_character` has found it already.
+        character: in the pictures, if `find_character` has found it already.
     """
 
     def __init__(self, look: Look, character: Character | None = None) -> None:
@@ -100,21 +100,21 @@ class FrameRenderer:
         return np.stack(whole)
 
     def draw(self, rows: Array) -> Iterator[Patch]:
-        """Rows (N, …) of `pack` → of each picture what is not the bare backdrop."""
+        """Rows (N, …) of `pack` → the patch of each picture."""
         look = self._look
         for row in rows:
             rotations, positions, face, box = np.split(row, _ENDS[:-1])
-            if self._camera is None or not np.array_equal(box, self._box):  # mostly it stands still
+            if self._camera is None or not np.array_equal(box, self._box):  # mostly the camera stands still
                 self._camera, self._box = look.view.camera(box[:3], box[3:], look.width, look.height), box
             yield self._scene.draw_part(self._camera, rotations.reshape(-1, 4), positions.reshape(-1, 3), face)
 
 
 class Helper:
-    """A renderer in a process of its own."""
+    """A renderer in a child process."""
 
     def __init__(self, look: Look) -> None:
         self._longest = _PLACE.itemsize * 4 + 3 * look.height * look.width
-        # memory of big arrays is kept instead of given back to the system (glibc), which saves a sixth of the time
+        # keep the memory of big arrays instead of giving it back to the system (glibc): this saves a sixth of the time
         settings = {"MALLOC_TRIM_THRESHOLD_": "500000000", "MALLOC_MMAP_THRESHOLD_": "500000000"}
         command = worker_command(Path(__file__).with_name("_draw.py"), json.dumps(asdict(look)))
         self._worker = Worker(command, settings, quiet=False)
@@ -138,5 +138,5 @@ class Helper:
         return Patch(top, left, pixels.reshape(height, width, 3))
 
     def close(self) -> None:
-        """End the process, at work or not."""
+        """End the process, also while it works."""
         self._worker.close()

@@ -85,7 +85,7 @@ class Face:
         emphasis: 0 … about 2; how many accents move the brows, and how far.
         blink_rate: blinks per second without a cause; ends of phrases and gaze shifts add some.
         coupling: 0 … 1; how closely brows and blinks go along with the strokes of the hands.
-        gains: (52,) factors of what comes out; all 1 where not given.
+        gains: (52,) factors of the final weights; None: all are 1.
         delays: how late those parts come that need to know the speech ahead.
     """
 

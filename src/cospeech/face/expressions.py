@@ -1,4 +1,4 @@
-"""What the face shows besides speech: the emotion's expression, brows on accents, small friendly signs."""
+"""Movements of the face besides speech: the emotion's expression, brows on accents, small friendly signs."""
 
 from __future__ import annotations
 

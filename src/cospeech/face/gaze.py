@@ -1,4 +1,4 @@
-"""Eyes on the listener: where somebody who speaks looks, and the eyes of a finished body that look there.
+"""Gaze: the directions in which a speaker looks, and the eyes of a finished body that look there.
 
 The plan is a list of saccades in the world, relative to the direction of the listener. It knows phrases only, never a head. The
 eyes are computed last, against the head that the motion ends up with, whichever system turned it: the eyes then stay on the
@@ -33,7 +33,7 @@ _FREE = 0.75  # [ours] share of the limit up to which eyes turn as far as is ask
 _FULL = (0.56, 0.44)  # rad of yaw and pitch at weight 1 of eyeLook* [ours: what ARKit reports near the limits of comfort]
 _LID_FOLLOWS, _LID_LIFTS = 0.28, 0.15  # [ours] lid lowered per unit of eyeLookDown, widened per unit of eyeLookUp
 
-_PLANS = 0.36  # [ours] chance, at a share of .25 averted, that somebody looks away as a phrase begins (Kendon 1967: most do)
+_PLANS = 0.36  # [ours] chance, at a share of .25 averted, that a speaker looks away as a phrase begins (Kendon 1967: most do)
 _BACK = 0.30  # s before the end of a phrase at which the eyes are back (Kendon 1967: speakers look up as they end)
 _GLANCE = 0.09  # [ours] chance of a glance away at a change of fixation within a phrase, at a share of .25 averted
 _USUAL = 0.25  # the share averted that the two chances above hold for
@@ -68,7 +68,7 @@ class Gaze(Protocol):
 class GazePlanner:
     """Plans the gaze of one take, tick by tick.
 
-    While somebody plans what to say, the eyes glance away; before a phrase ends they return to the listener, and in between
+    While the speaker plans what to say, the eyes glance away; before a phrase ends they return to the listener, and in between
     they go from one of the listener's eyes to the other and to the mouth every 1–4 s (motion.md §1).
 
     Args:

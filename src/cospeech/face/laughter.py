@@ -49,7 +49,7 @@ _OPEN, _CLOSE = "[(<*【", "])>*】"
 _LAUGH = re.compile(unicodedata.normalize("NFKC", _HAHA))
 _EVENT = re.compile(unicodedata.normalize("NFKC", _EVENTS))
 _BY_LANGUAGE = {"es": re.compile(r"j([aeio])(?:j\1)+j?"), "ja": re.compile("w{2,}"), "pt": re.compile("k{3,}|(?:rs){2,}")}
-"""What is laughter in one language only: "jaja" is a word of German."""
+"""Spellings of laughter in one language only: in German, "jaja" is a word."""
 _YES = frozenset({"af", "da", "de", "nl", "no", "sv"})  # there "ja" is yes, however often it is said
 _AMOUNTS = {
     "mouthSmile": 0.95, "cheekSquint": 0.9, "eyeSquint": 0.3, "mouthUpperUp": 0.3, "mouthLowerDown": 0.15, "jawOpen": 0.16,
@@ -73,7 +73,7 @@ def _is_laugh(text: str, language: str) -> bool:
 
 
 def laughter(times: Array, words: Sequence[Word]) -> Array:
-    """How much somebody laughs, or smiles because they have just laughed.
+    """Strength of laughter, and of the smile after it.
 
     Args:
         times: (T,) seconds.

@@ -38,7 +38,7 @@ _SLOW = np.hanning(67)[1:-1] / np.hanning(67)[1:-1].sum()  # ± 0.32 s: whether 
 
 
 class MouthEstimate(NamedTuple):
-    """What the sound says about the mouth, at T times."""
+    """The mouth as estimated from the sound, at T times."""
 
     shape: Array
     """(T, len(MOUTH))."""
@@ -47,7 +47,7 @@ class MouthEstimate(NamedTuple):
     active: Array
     """(T,) 0 in pauses, 1 in speech; it rises before the sound and falls a little after it."""
     effort: Array
-    """(T,) how loud, about 0.5 … 1.2 in speech; scales what the words ask for."""
+    """(T,) how loud, about 0.5 … 1.2 in speech; scales the mouth shapes of words."""
     talking: Array
     """(T,) `active`, slowly: 0 … 1."""
 

@@ -63,7 +63,7 @@ _PHONES: dict[str, tuple[tuple[str, float, int], ...]] = {
 }  # fmt: skip
 
 _REACH = 0.45  # s; phones further than this from all times cannot touch the mouth
-_FAR = 0.35  # s; where a phone's dominance is down to nothing, so that the mouth is a function of what is near in time
+_FAR = 0.35  # s; where a phone's dominance has fallen to 0, so that the mouth depends only on phones near in time
 _SLACK = 0.025  # s; spread of a phone's dominance beyond its own length; ours, by fit
 _AHEAD = 1.25  # the mouth prepares a phone for longer than it keeps it (Cohen & Massaro 1993: anticipation)
 

@@ -49,7 +49,7 @@ class ChainLive(ChainOfGenerationExtended):
 
     Args:
         config: sizes and weights.
-        pose, audio, speakers, hands, text, louder, parts: as of `ChainOfGeneration`.
+        pose, audio, speakers, hands, text, louder, parts: as in `ChainOfGeneration`.
         teacher: a trained one; without it everything is learnt from the recordings, the classifier first.
     """
 
@@ -123,7 +123,7 @@ class ChainLive(ChainOfGenerationExtended):
         """The next piece, of any number of frames.
 
         Args:
-            rows: (B, T, A + W), as of `make`.
+            rows: (B, T, A + W), as in `make`.
             style: (B, T, S + 8).
             mode_noise: (B, T, Z).
             states: after the piece before; none: the speech begins.

@@ -131,7 +131,7 @@ class ChainOfGenerationExtended(ChainOfGeneration):
 
     Args:
         config: sizes and weights.
-        pose, audio, speakers, hands, text: as of `ChainOfGeneration`.
+        pose, audio, speakers, hands, text: as in `ChainOfGeneration`.
         louder: (A,) by how much each number of speech grows with 10 dB, for ``gain_augmentation``.
         parts: columns of each part of the body, for the three terms of parts.
 

@@ -112,7 +112,7 @@ def feature_net(net: nn.Module, *, name: str, pose: str, fps: float, mean: Array
 
 
 def classifier_net(net: nn.Module, *, name: str, pose: str, fps: float, mean: Array, std: Array, hop: int = HOP) -> FeatureNet:
-    """The class probabilities of a trained `cospeech.models.speaker_classifier`; arguments and errors as of `feature_net`."""
+    """The class probabilities of a trained `cospeech.models.speaker_classifier`; arguments and errors as in `feature_net`."""
     if not isinstance(net, SpeakerClassifier):
         raise InputError(f"{name!r} is no classifier", "train the recipe speaker_classifier_pats or a similar one")
     return _window_net(net, net.probabilities, net.window, name=name, pose=pose, fps=fps, mean=mean, std=std, hop=hop)

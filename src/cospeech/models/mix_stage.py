@@ -32,7 +32,8 @@ with ``id_freezes`` the second term of L_id does not reach Eˢₚ; with a ``curr
 Followed: equations 2–8. Changed: the authors toss a coin for each batch, whether D or G has its turn; here they take
 turns (``alternate``). They toss one for each batch, which content is decoded; here one for each row, so that many processes
 train as one would.
-Not said: all sizes (the authors' code's); that Ŷ of (6) is of speech; what is clustered (authors' code: of all training data).
+Not said: all sizes (the authors' code's); that Ŷ of (6) is of speech; which poses are clustered (authors'
+code: those of all training data).
 M = 1 is StAGE (`cospeech.models.stage`); it has no H, as there is only one class. Without Eˢₚ, S and L_id it is CMix-GAN, for
 one speaker (`cospeech.models.cmix_gan`). This file is the paper, in its reading and in that of the authors'
 code; what we add to it is in `cospeech.models.mix_stage_extended`.

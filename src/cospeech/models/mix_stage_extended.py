@@ -80,11 +80,11 @@ class MixStageExtendedConfig(MixStageConfig):
 
 
 class MixStageExtended(MixStage):
-    """Mix-StAGE with our additions: a discriminator that knows poses, people and speech, and training on what is played.
+    """Mix-StAGE with our additions: a discriminator that sees poses, speakers and speech, and training on poses as they play.
 
     Args:
         config: sizes and weights.
-        pose, audio, speakers: as of `MixStage`.
+        pose, audio, speakers: as in `MixStage`.
         parts: columns of each part of the body, for the three terms of parts.
     """
 

@@ -74,7 +74,7 @@ class MoGlowConfig(ModelConfig):
     residual: bool = False
     """Whether the flow models xₜ − xₜ₋₁, which has the density of xₜ, in place of xₜ; ours: small networks learn it sooner."""
     latent_scale: float = 1.0
-    """Scale of random latents at play; ours, as of `cospeech.models.stylised_flow_extended.FlowExtendedConfig`."""
+    """Scale of random latents at play; ours, as in `cospeech.models.stylised_flow_extended.FlowExtendedConfig`."""
     stroke_timing: float = 0.0
     """Weight of the distance in time between recorded strokes and those of self-play; ours, as there."""
     stroke_timing_every: int = 4

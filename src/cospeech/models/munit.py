@@ -43,7 +43,7 @@ STYLE_DOWN = 4  # by the style encoder; authors' code 4
 SCALES = 3  # of a discriminator; authors' configuration 3
 DISCRIMINATOR_DOWN = 4  # convolutions with stride 2 at each scale; authors' configuration 4
 SHORTEST = 2 ** (DISCRIMINATOR_DOWN + SCALES - 1)  # the least number of frames that leaves one score at the coarsest scale
-LEAST_FRAMES = 4 * 2**DOWN  # of what is made: fewer frames would be too short, after the halvings, for reflected edges
+LEAST_FRAMES = 4 * 2**DOWN  # that can be generated: fewer frames are too short, after the halvings, for reflected edges
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ Minimised, in standard deviations of each number of each speaker; y is the track
 Δ is the step from one frame to the next. ŷ₊: weights below 0 count as 0. The last mean is over speakers and numbers; sd(y)
 is over all data of a speaker, sd(ŷ₊) over the batch, and q the 0.999 quantile of y. Distance alone leads to the median, which
 is 0 for a lip that is mostly still; the lip then never moves. The gradient of the last term is
-(ŷ₊ − mean) / sd: it makes what moves most move further, however little that is, so that standing still is no optimum.
+(ŷ₊ − mean) / sd: it makes the largest movements larger, however small they are, so that standing still is no optimum.
 Comparing with the batch's own y would not do: most batches have no frame in which a rare channel moves.
 
 Speech is changed in every step, since the data has few speakers: louder or softer, brighter or darker, of a longer or shorter

@@ -72,7 +72,7 @@ class StylisedFlowExtended(StylisedFlow):
 
     Args:
         config: sizes and weights.
-        pose, audio, omega: as of `StylisedFlow`.
+        pose, audio, omega: as in `StylisedFlow`.
     """
 
     Config = FlowExtendedConfig

@@ -121,7 +121,7 @@ class Cascade(nn.Module):
     """Equations 1 to 5.
 
     Args:
-        layers: what it is built of.
+        layers: of which it is built.
         widths: numbers per frame.
         pose: D.
         hands: columns of a pose that are hands; the others are the body.

@@ -53,7 +53,7 @@ class RhythmIdentity(nn.Module):
     """Equation 6 with its encoders f and g, which the paper does not describe: linear, ReLU, linear, per frame.
 
     Args:
-        channels: of both sequences and of what they are encoded as; 128.
+        channels: of both sequences, and of their codes; 128.
         temperature: τ; 0.1.
     """
 

@@ -34,11 +34,11 @@ class ExportGraph:
     frames: int = 64
     """An example of T, a multiple of ``multiple``."""
     multiple: int = 1
-    """What T is a multiple of."""
+    """T is a multiple of this."""
     shortest: int = 1
     """The least T."""
     window: int | None = None
-    """This, and what follows: see `cospeech.runtime.bundles.signature.Signature`."""
+    """For this field and those below see `cospeech.runtime.bundles.signature.Signature`."""
     look_ahead: int = 0
     hop: int | None = None
     seeds: int = 0

@@ -101,9 +101,9 @@ class ManyInputs(Windowed):
         check_lacks(lacks)
         audio, pose = arrays["audio"], arrays["pose"]
         rows, frames = audio.shape[:2]
-        nobody = arrays["speaker"].new_full((rows, frames), -1)
-        emotion = arrays.get("emotion", nobody) if "emotion" not in lacks else nobody
-        speaker = arrays["speaker"][:, None].expand(-1, frames) if "speaker" not in lacks else nobody
+        unknown = arrays["speaker"].new_full((rows, frames), -1)
+        emotion = arrays.get("emotion", unknown) if "emotion" not in lacks else unknown
+        speaker = arrays["speaker"][:, None].expand(-1, frames) if "speaker" not in lacks else unknown
         face = arrays["face"].nan_to_num() if "face" in arrays and "face" not in lacks else audio.new_zeros(rows, frames, FACE)
         words = self.words(arrays["text"])
         flag = audio.new_zeros(rows, frames, 1)

@@ -16,7 +16,7 @@ from .speed_distance import SPAN, pose_speed, timing_distance
 
 __all__ = ["PartWeights", "Parts", "correlation_distance", "distribution_distance", "part_terms", "part_timing_distance"]
 
-_REST = 0.02  # standard deviations a frame [ours]: hands that are slower rest; the same as of `timing_distance`
+_REST = 0.02  # standard deviations a frame [ours]: hands that are slower rest; as in `timing_distance`
 _TINY = 1e-6  # [ours] a square whose root has a slope
 
 Parts = Sequence[Sequence[int]]

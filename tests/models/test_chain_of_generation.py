@@ -130,9 +130,9 @@ def test_what_was_made_for_the_judge_is_what_the_chain_is_judged_for():
     net = chain(adversarial=1.0, noise=2, dropout=0.4).train()
     data = batch(net)
     net.discriminator_loss(data, 0)
-    kept = net._shared_forward[1].made.pose
+    kept = net._shared_forward[1].output.pose
     calls = []
-    net.terms = lambda batch, turn: calls.append(turn.made.pose) or {}
+    net.terms = lambda batch, turn: calls.append(turn.output.pose) or {}
     net.gesture_loss(data, 0)
     assert calls[0] is kept
     assert net._shared_forward is None
@@ -239,10 +239,10 @@ def test_the_losses_are_those_of_equation_9():
     apart = (made["pose"] - pose).abs()
     assert terms["body"] == pytest.approx(2 * apart[..., body].mean().item(), rel=1e-5)
     assert terms["hands"] == pytest.approx(6 * apart[..., HANDS].mean().item(), rel=1e-5)
-    assert terms["face"] == pytest.approx(5 * (raw.made.face.mT - data["face"]).square().mean().item(), rel=1e-5)
-    encoded = net.rhythm.face(raw.features), net.rhythm.speech(raw.heard)
+    assert terms["face"] == pytest.approx(5 * (raw.output.face.mT - data["face"]).square().mean().item(), rel=1e-5)
+    encoded = net.rhythm.face(raw.features), net.rhythm.speech(raw.audio)
     assert terms["rhythm"] == pytest.approx(7 * info_nce(*encoded, 0.1).item(), rel=1e-5)
-    assert torch.equal(made["face"], raw.made.face.mT.clamp(0, 1))
+    assert torch.equal(made["face"], raw.output.face.mT.clamp(0, 1))
     assert [*terms] == ["body", "hands", "face", "rhythm"]
 
 
@@ -254,7 +254,7 @@ def test_faces_that_nobody_recorded_teach_nothing():
         face[rows] = torch.nan
         data = batch(net, face=face)
         term = net.gesture_loss(data, 0)["face"]
-        made = net._turn(data).made.face.mT
+        made = net._turn(data).output.face.mT
         apart = 5 * (made - known).square()
         apart[rows] = 0
         assert term.item() == pytest.approx(apart.mean().item(), rel=1e-5, abs=1e-9)
@@ -336,7 +336,7 @@ def test_what_is_played_without_seeds_is_made():
 def steady(**changes) -> ChainOfGeneration:
     """In training, without what is drawn inside of it."""
     net = chain(**changes).train()
-    net.cascade.text.worn.p = 0.0
+    net.cascade.text.input_dropout.p = 0.0
     return net
 
 
@@ -357,11 +357,11 @@ def test_shares_of_clips_lack_or_are_given_something_in_training(share, array):
         other = arrays(seed=2)[array] if array != "speaker" else (data["speaker"] + 1) % SPEAKERS
         if array == "emotion":
             other = (data["emotion"] + 1) % 8
-        first, second = (net._turn(Batch(data.arrays | more, StepRandom(0, 0))).made.pose for more in ({}, {array: other}))
+        first, second = (net._turn(Batch(data.arrays | more, StepRandom(0, 0))).output.pose for more in ({}, {array: other}))
         matters = (value == 0.0) if share in ("word_dropout", "seed_dropout") else (value == 1.0)
         assert torch.equal(first, second) is not matters
     half = steady(**{share: 0.5})
-    drawn = [half._turn(Batch(batch(half).arrays, StepRandom(0, step))).made.pose for step in (0, 0, 1)]
+    drawn = [half._turn(Batch(batch(half).arrays, StepRandom(0, step))).output.pose for step in (0, 0, 1)]
     assert torch.equal(drawn[0], drawn[1])
     assert not torch.equal(drawn[0], drawn[2])
 
@@ -371,9 +371,9 @@ def test_who_borrows_speech_keeps_style_and_manner_and_is_compared_with_no_recor
     data = batch(net)
     turn = net._turn(data)
     for name in ("audio", "text", "face"):
-        assert torch.equal(turn.played[name], data[name].roll(1, 0))
+        assert torch.equal(turn.inputs[name], data[name].roll(1, 0))
     for name in ("pose", "emotion", "speaker"):
-        assert torch.equal(turn.played[name], data[name])
+        assert torch.equal(turn.inputs[name], data[name])
     assert torch.equal(turn.style[:, :SPEAKERS, 0].argmax(1), data["speaker"])
     assert torch.equal(turn.style[:, SPEAKERS:, 0].argmax(1), data["emotion"][:, 0])
     assert not turn.own.any()
@@ -381,7 +381,7 @@ def test_who_borrows_speech_keeps_style_and_manner_and_is_compared_with_no_recor
     assert terms["body"] == terms["hands"] == 0
     assert terms["adv"] > 0
     told = 0.0
-    for made, pose in zip(turn.made.pose.mT.detach().double().numpy(), data["pose"].double().numpy(), strict=True):
+    for made, pose in zip(turn.output.pose.mT.detach().double().numpy(), data["pose"].double().numpy(), strict=True):
         told += np.abs(made.mean(0) - pose.mean(0)).mean() + np.abs(made.std(0) - pose.std(0)).mean()
         for order, weight in ((1, 3), (2, 9)):
             told += weight * np.abs(np.diff(made, order, 0).std(0) - np.diff(pose, order, 0).std(0)).mean()
@@ -489,7 +489,7 @@ def test_the_student_learns_what_its_teacher_makes_of_the_same():
     rows = torch.cat([now["audio"], net.words(now["text"])], 2)
     with torch.no_grad():
         shown = teacher.make(rows, turn.style.mT[:, :FRAMES], turn.noise.mT[:, 3:])
-    apart = (turn.made.pose.mT - shown).abs()
+    apart = (turn.output.pose.mT - shown).abs()
     assert terms["teacher_hands"].item() == pytest.approx(2 * apart[..., HANDS].mean().item(), rel=1e-4)
     sum(terms.values()).backward()
     assert all(p.grad is None for p in teacher.parameters())
@@ -555,14 +555,14 @@ def test_louder_speech_is_heard_in_training_alone_and_by_all():
     net = ChainOfGenerationExtended(config, pose=POSE, audio=AUDIO, speakers=SPEAKERS, hands=HANDS, louder=steps).train()
     data = batch(net)
     turn = net._turn(data)
-    more = (turn.recorded["audio"] - data["audio"]) / torch.tensor(steps)
+    more = (turn.recording["audio"] - data["audio"]) / torch.tensor(steps)
     shift = more[:, :1, :1].expand(-1, FRAMES, -1)
     assert torch.allclose(more[..., [0, 1, 4]], shift.expand(-1, -1, 3), atol=1e-5)
-    assert torch.equal(turn.recorded["audio"][..., 2:4], data["audio"][..., 2:4])
+    assert torch.equal(turn.recording["audio"][..., 2:4], data["audio"][..., 2:4])
     assert shift[:, 0, 0].abs().max() <= 1.2
     assert len({round(value.item(), 4) for value in shift[:, 0, 0]}) == ROWS
-    assert torch.equal(turn.played["audio"], turn.recorded["audio"])
-    assert torch.equal(net.eval()._turn(data).recorded["audio"], data["audio"])
+    assert torch.equal(turn.inputs["audio"], turn.recording["audio"])
+    assert torch.equal(net.eval()._turn(data).recording["audio"], data["audio"])
     for wrong in ({"gain_augmentation": -1.0}, {"gain_augmentation": 3.0}):
         with pytest.raises(InputError, match="louder"):
             chain(**wrong)

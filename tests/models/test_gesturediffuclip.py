@@ -12,7 +12,7 @@ from torch.nn import functional as F  # noqa: E402
 
 from cospeech.audio.emotions import EMOTIONS  # noqa: E402
 from cospeech.errors import InputError  # noqa: E402
-from cospeech.models.gesturediffuclip import SHAKEN, GestureDiffuClip, GestureDiffuClipConfig  # noqa: E402
+from cospeech.models.gesturediffuclip import LATENT_NOISE, GestureDiffuClip, GestureDiffuClipConfig  # noqa: E402
 from cospeech.models.nn.contrast import choice_nce  # noqa: E402
 from cospeech.models.nn.diffusion import add_noise, denoise, level_features, velocity  # noqa: E402
 from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
@@ -87,7 +87,7 @@ def test_the_autoencoder_s_loss_is_the_distance_of_shaken_latents():
     net = ready("gesturediffuclip")
     data = batch(net)
     pose, z = data["pose"].mT, net.encode(data["pose"])
-    made = net.up(z + SHAKEN * StepRandom(0, 0).normal(ROWS, *z.shape[1:]))
+    made = net.up(z + LATENT_NOISE * StepRandom(0, 0).normal(ROWS, *z.shape[1:]))
     terms = net.motion_loss(data, 0)
     assert terms["pose"].item() == pytest.approx((made - pose).abs().mean().item(), rel=1e-5)
     step = (made[..., 1:] - made[..., :-1]) - (pose[..., 1:] - pose[..., :-1])

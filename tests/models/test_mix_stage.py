@@ -107,7 +107,7 @@ def test_less_reconstruction_played_poses_and_timing_change_what_they_say_and_no
 def test_statistics_are_of_the_poses_that_are_judged_and_move_the_network():
     """The weight times the mean distance of the mean pose, and of the deviations of pose, velocity and acceleration."""
     data, net = batch(), extended(motion_statistics=3.0, persistence=6.0).train()
-    judged = net._decode_batch(batch(), 0).judged
+    judged = net._decode_batch(batch(), 0).adversarial_poses
     terms = net.generator_loss(data, 0)
     assert terms.keys() - extended(persistence=6.0).train().generator_loss(data, 0).keys() == {"motion_statistics"}
     made, recorded = motion_statistics(judged), motion_statistics(data["pose"].mT)

@@ -77,7 +77,7 @@ def test_the_decoders_of_a_chain_hear_it_and_its_classifier_does_not(make):
     net.speech_encoder.register_forward_pre_hook(lambda part, given: heard.append(given[0]))
     net.classifier.register_forward_pre_hook(lambda part, given: classified.append(given[0]))
     turn = net._turn(batch)
-    assert torch.equal(turn.played["audio"], batch["audio"])
+    assert torch.equal(turn.inputs["audio"], batch["audio"])
     assert heard
     assert classified
     assert not any(torch.equal(x.mT[:, : batch["audio"].shape[1]], batch["audio"]) for x in heard)

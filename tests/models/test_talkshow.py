@@ -100,7 +100,7 @@ def test_the_prior_s_loss_is_the_cross_entropy_of_both_codes():
 def test_a_code_depends_on_the_codes_before_it_and_on_no_other():
     """The order: row by row, and within a row the body before the hands."""
     torch.manual_seed(0)
-    prior = GatedPixelCnn(codes=5, width=6, layers=4, heard=3, styles=2).eval()
+    prior = GatedPixelCnn(codes=5, width=6, layers=4, speech=3, styles=2).eval()
     codes, heard = torch.randint(5, (1, 7, 2)), torch.randn(1, 3, 7)
     style = torch.tensor([[1.0], [0.0]]).expand(1, 2, 7)
     before = torch.stack(prior.logits(codes, heard, style), -1)  # (1, K, T, 2)
@@ -115,7 +115,7 @@ def test_a_code_depends_on_the_codes_before_it_and_on_no_other():
 
 def test_a_layer_is_the_gate_of_the_paper():
     torch.manual_seed(0)
-    prior = GatedPixelCnn(codes=5, width=4, layers=2, heard=3, styles=2).eval()
+    prior = GatedPixelCnn(codes=5, width=4, layers=2, speech=3, styles=2).eval()
     layer = prior.layers[1]
     v, h, style = [torch.randn(1, 4, 6) for _ in range(2)], [torch.randn(1, 4, 6) for _ in range(2)], torch.randn(1, 2, 6)
     vertical, horizontal = layer(v, h, style, Memory())

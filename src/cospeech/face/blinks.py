@@ -1,4 +1,4 @@
-"""Blinks: when they happen, as a pure function of time, and the course of one."""
+"""Blinks: the times at which they happen, as a pure function of time, and the course of one blink."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ __all__ = ["blink_times", "eyelids", "phrase_ends"]
 
 # Width at half height: 74 / 99 / 134 ms at 10 / 50 / 90 % of blinks (motion.md, "Face": phone depth camera).
 _MEDIAN_WIDTH, _LOG_SPREAD = 0.099, 0.236
-_WIDTHS = (0.060, 0.160)  # s; ours: no blink is kept that is faster or slower
+_WIDTHS = (0.060, 0.160)  # s; ours: limits of the width of a blink
 _CLOSE, _SHUT, _OPEN = 0.55, 0.20, 1.05  # in widths: half of closing and opening, and the time shut, add up to one width
 _TWICE = 0.10  # share of cells with two blinks, and of cells with none (ours: flurries and stares)
 _APART = 0.55  # s; a blink that an event asks for is dropped this close to one that is due anyway (ours)
 _AT_PHRASE_END, _AT_SHIFT = 0.32, 0.55  # chances; ours: blinks come more often there (Cummins 2012, J. Phonetics 40)
-_HELD_BACK = 0.30  # share of the other blinks left out while somebody speaks, so that the rate stays (ours)
+_SPEECH_CUT = 0.30  # share of the other blinks left out while somebody speaks, so that the rate stays (ours)
 _AT_STROKE, _STROKE_LEADS = 0.16, 0.1  # [ours] chance at a coupling of 1; seconds before the accent of the stroke
-_HELD_FOR_STROKES = 0.25  # [ours] more of the other blinks left out at a coupling of 1, so that the rate stays
+_STROKE_CUT = 0.25  # [ours] more of the other blinks left out at a coupling of 1, so that the rate stays
 _LARGE_SHIFT = 0.5  # rad; a gaze shift this large has the full chance
 _SPEAKING, _PAUSE = 0.40, 28  # loudness, rows of 1/RATE s: as the phrases in listen.py
 PAUSE_KNOWN = (_PAUSE + 2) / RATE
@@ -34,21 +34,21 @@ _PER_CELL, _WIDTH, _DEPTH, _CHANCE, _SHIFT, _HOLD = 5101 + _PAIR, 5103, 5104, 51
 _STROKE = 5111  # and of a stroke
 
 
-def phrase_ends(heard: Heard) -> Array:
+def phrase_ends(speech: Heard) -> Array:
     """Absolute rows at which speech falls silent for at least 0.28 s; the end of the window counts as silence."""
-    loud = np.zeros(len(heard.loudness) + _PAUSE)
-    loud[: len(heard.loudness)] = heard.loudness > _SPEAKING
-    fall = np.flatnonzero((loud[:-1] > loud[1:])[: len(heard.loudness)]) + 1
+    loud = np.zeros(len(speech.loudness) + _PAUSE)
+    loud[: len(speech.loudness)] = speech.loudness > _SPEAKING
+    fall = np.flatnonzero((loud[:-1] > loud[1:])[: len(speech.loudness)]) + 1
     sofar = np.concatenate([[0.0], np.cumsum(loud)])
-    return heard.start + fall[sofar[np.minimum(fall + _PAUSE, len(loud))] == sofar[fall]]
+    return speech.start + fall[sofar[np.minimum(fall + _PAUSE, len(loud))] == sofar[fall]]
 
 
 def blink_times(seed: int, rate: float, start: float, end: float) -> tuple[Array, Array, Array]:
-    """Blinks that are due between two times (s), and a little around them, without any cause: (B,) begin, (B,) identity, and
-    (B,) how surely they come while somebody speaks, 0 … 1.
+    """Blinks without a cause between two times (s), and a little around them: (B,) begin, (B,) identity, and (B,) how surely
+    each comes during speech, 0 … 1.
 
     Time is cut in cells of ``1 / rate`` seconds with one blink each, at a place drawn from the seed and the cell's
-    number; a few cells have two or none. Nothing before ``start`` has to be known, so hours cost nothing.
+    number; a few cells have two or none. No blink depends on those before it, so a late ``start`` costs nothing.
     """
     if rate <= 0:
         return np.zeros(0), np.zeros(0, int), np.zeros(0)
@@ -57,7 +57,7 @@ def blink_times(seed: int, rate: float, start: float, end: float) -> tuple[Array
 
 @lru_cache(64)
 def _draw_blinks(seed: int, rate: float, begin: int, end: int) -> tuple[Array, Array, Array]:
-    """`blink_times` of these cells; a stream asks for the same ones again and again."""
+    """`blink_times` of these cells; cached, since a stream asks for the same cells many times."""
     cell = np.arange(begin, end)
     place, kind = hash_uniform(seed, _PER_CELL, cell)
     first = (cell + 0.08 + 0.84 * place) / rate
@@ -72,8 +72,8 @@ def _draw_caused_blinks(
     seed: int, due: Array, when: Array, index: Array, stream: int, chance: Array | float
 ) -> tuple[Array, Array]:
     """Blinks at events, with a chance, unless one is due anyway."""
-    drawn, late = hash_uniform(seed, stream + _PAIR, index)
-    keep = drawn < chance
+    draw, late = hash_uniform(seed, stream + _PAIR, index)
+    keep = draw < chance
     if len(due):
         keep &= np.abs(when[:, None] - due).min(1) > _APART
     return (when + 0.12 * late)[keep], index[keep] + (stream << 40)
@@ -81,7 +81,7 @@ def _draw_caused_blinks(
 
 def eyelids(
     times: Array,
-    heard: Heard,
+    speech: Heard,
     *,
     seed: int,
     rate: float,
@@ -94,22 +94,22 @@ def eyelids(
 
     Args:
         times: (T,) seconds.
-        heard: the speech around them, for blinks at the ends of phrases.
+        speech: the speech around these times, for blinks at the ends of phrases.
         seed: which schedule.
         rate: blinks per second that come without a cause; events add to them.
         shifts: (time in s, size in rad) of large gaze shifts.
         strokes: times of accents with a stroke of the hands; some come with a blink.
         coupling: how many, 0 … 1.
-        late: seconds by which blinks at the ends of phrases come later, because little is heard ahead; such an end counts
-            when its pause is long enough to be one.
+        late: seconds by which blinks at the ends of phrases come later, where little of the speech ahead is known. The end of
+            a phrase then counts once its pause is long enough.
     """
     due, index, sure = blink_times(seed, rate, float(times[0]), float(times[-1]))
-    speaking = heard.at(due, heard.loudness) > _SPEAKING
-    kept = ~speaking | (sure > _HELD_BACK + _HELD_FOR_STROKES * coupling)
-    begin, index = due[kept], index[kept]
-    ends = phrase_ends(heard)
+    speaking = speech.at(due, speech.loudness) > _SPEAKING
+    keep = ~speaking | (sure > _SPEECH_CUT + _STROKE_CUT * coupling)
+    begin, index = due[keep], index[keep]
+    ends = phrase_ends(speech)
     if late:
-        ends = ends[ends + _PAUSE <= heard.start + len(heard.loudness)]
+        ends = ends[ends + _PAUSE <= speech.start + len(speech.loudness)]
     if len(ends) and rate > 0:
         more = _draw_caused_blinks(seed, due, ends / RATE + late, ends, _CHANCE, _AT_PHRASE_END)
         begin, index = np.concatenate([begin, more[0]]), np.concatenate([index, more[1]])

@@ -29,10 +29,10 @@ __all__ = ["Face"]
 
 
 def _columns(*names: str) -> list[int] | slice:
-    """Channels; a slice where they lie evenly, which is read and written at a third of the cost."""
-    found = [ARKIT_INDEX[name] for name in names]
-    steps = {after - before for before, after in pairwise(found)}
-    return slice(found[0], found[-1] + 1, *steps) if len(steps) == 1 and min(steps) > 0 else found
+    """Indices of channels; a slice where they are evenly spaced, which costs a third to read and write."""
+    indices = [ARKIT_INDEX[name] for name in names]
+    steps = {after - before for before, after in pairwise(indices)}
+    return slice(indices[0], indices[-1] + 1, *steps) if len(steps) == 1 and min(steps) > 0 else indices
 
 
 _BLINK = _columns("eyeBlinkLeft", "eyeBlinkRight")
@@ -44,23 +44,23 @@ _BROWS_UP = _columns("browInnerUp", "browOuterUpLeft", "browOuterUpRight")
 _BROWS_DOWN = _columns("browDownLeft", "browDownRight")
 _JAW, _CLOSE = ARKIT_INDEX["jawOpen"], ARKIT_INDEX["mouthClose"]
 _ROLL = _columns("mouthRollLower", "mouthRollUpper")
-_SIDED = ("mouthStretch", "mouthSmile", "mouthLowerDown", "mouthUpperUp")
+_TWO_SIDES = ("mouthStretch", "mouthSmile", "mouthLowerDown", "mouthUpperUp")
 _SPREAD = np.zeros((len(MOUTH), len(ARKIT)))  # MOUTH → ARKit: both sides of those that have sides
 for _row, _name in enumerate(MOUTH):
-    _SPREAD[_row, _columns(*((_name + "Left", _name + "Right") if _name in _SIDED else (_name,)))] = 1.0
+    _SPREAD[_row, _columns(*((_name + "Left", _name + "Right") if _name in _TWO_SIDES else (_name,)))] = 1.0
 _PUCKER = MOUTH.index("mouthPucker")
 _ROUND = slice(MOUTH.index("mouthFunnel"), _PUCKER + 1)
 _SPREAD_LIPS = 0.8 * np.array(
     [name.startswith(("mouthStretch", "mouthSmile", "mouthDimple", "mouthLowerDown", "mouthUpperUp")) for name in ARKIT]
-)  # [ours] what rounded lips, fully, leave less of
+)  # [ours] shares of these channels that fully rounded lips take away
 _PARTS = _columns("mouthLowerDownLeft", "mouthLowerDownRight", "mouthUpperUpLeft", "mouthUpperUpRight")
-_TOUCH = (0.05, 0.09)  # [ours] jawOpen and what parts the lips besides, of lips that touch and that do not: of voices that were
-# not in the training data, where a learnt mouth closes less far than on GRID
-_GENTLY = 0.2  # [ours] how much less lips are pressed that close by the sound: tracked lips touch then, and hardly press
+_TOUCH = (0.05, 0.09)  # [ours] jawOpen, and what else parts the lips, of lips that touch, and of lips that do not. Measured on
+# voices outside the training data, where a learnt mouth closes less far than on GRID
+_GENTLY = 0.2  # [ours] pressure of lips that close by the sound alone: tracked lips then touch, and hardly press
 _SHUT, _AJAR = 0.05, 0.14  # jawOpen of a learnt mouth at which a dip of the sound closes the lips, and from which it does not
 _OPENS = np.array(["LowerDown" in name or "UpperUp" in name or "Funnel" in name for name in ARKIT]) * 1.0
 _OPENS += np.array(["noseSneer" in name or "mouthSmile" in name for name in ARKIT]) * 0.4  # both lift the upper lip
-_OPENS += np.array(["Stretch" in name or "Pucker" in name for name in ARKIT]) * 0.35  # what closed lips leave less of
+_OPENS += np.array(["Stretch" in name or "Pucker" in name for name in ARKIT]) * 0.35  # closed lips take a share of these away
 _OPENS += np.array([name == "tongueOut" for name in ARKIT]) * 1.0
 
 _PHONE_LAG = 0.025  # s: mouth shapes after the sound of their phone; ours, fitted to GRID (correlation peaks at 20–40 ms)
@@ -69,7 +69,7 @@ _CALM, _SWELL, _DRIFT = 0.78, 0.24, 0.12  # an expression's course: its level, m
 _TALKS = (
     0.05,
     0.40,
-)  # `MouthEstimate.active` at which a learnt mouth starts to open, and does as it says: soft speech counts (ours)
+)  # `MouthEstimate.active` at which a learnt mouth starts to open, and at which it counts fully: soft speech counts (ours)
 _MOUTH_YIELDS = 0.40  # share of the mouth's expression given up while talking
 _FRIENDLY = 0.11  # smile of a neutral speaker in pauses, at most about twice this
 _SIDES, _NOISE = 5301, 9176  # stream and seed offset of the hash
@@ -85,8 +85,8 @@ class Face:
         emphasis: 0 … about 2; how many accents move the brows, and how far.
         blink_rate: blinks per second without a cause; ends of phrases and gaze shifts add some.
         coupling: 0 … 1; how closely brows and blinks go along with the strokes of the hands.
-        gains: (52,) factors of what comes out; all 1 where not given.
-        delays: by how much what needs foresight comes late.
+        gains: (52,) factors of the final weights; None: all are 1.
+        delays: how late those parts come that need to know the speech ahead.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class Face:
     def weights(
         self,
         times: Array,
-        heard: Heard,
+        speech: Heard,
         *,
         accents: Sequence[Accent],
         words: Sequence,
@@ -130,16 +130,16 @@ class Face:
 
         Args:
             times: (T,) seconds, ascending.
-            heard: the speech at least half a second to both sides of them, clipped at its ends.
+            speech: the speech from half a second before these times to half a second after them, or more; clipped at its ends.
             accents: those at most 1.5 s away (more do no harm).
             words: those at most 0.5 s away, and `laughter.AFTER` where they are laughter, each with ``text``, ``start`` and
                 ``end``; or none.
             emotion: (T, 8) probabilities, in the order of `expressions.EXPRESSIONS`.
-            gaze: (T, 2, 2) `gaze.eye_angles` of left and right eye; where it is not known yet, the face waits for `finish`.
+            gaze: (T, 2, 2) `gaze.eye_angles` of left and right eye; None: not known yet, `finish` adds it later.
             head_speed: (T,) rad/s; lids come down a little while the head turns fast.
             shifts: (time in s, size in rad) of large gaze shifts at most 0.6 s away; some come with a blink.
-            spoken: (T, 52) what a `Mouth` says; rules make one where there is none.
-            strokes: times of those accents that a stroke of the hands goes with; None: nobody knows the hands.
+            spoken: (T, 52) weights of a `Mouth`; None: rules make the mouth.
+            strokes: times of those accents that have a stroke of the hands; None: the hands are not known.
 
         Returns:
             (T, 52) in 0 … 1; without ``gaze`` before gains, with lids as for eyes that look straight ahead.
@@ -147,25 +147,25 @@ class Face:
         times = np.asarray(times, float)
         if not len(times):
             return np.zeros((0, len(ARKIT)))
-        voice = voice_to_mouth(times, heard, late=self._delays.talking)
+        voice = voice_to_mouth(times, speech, late=self._delays.talking)
         drift = smooth_noise(self.seed + _NOISE, 6, times, 0.35, octaves=1)
         if spoken is None:
-            shape, closed = self._speech(times, heard, voice, words)
-            out, pressed = add_weighted_rows(shape, _SPREAD), closed
+            shape, closure = self._speech(times, speech, voice, words)
+            out, pressure = add_weighted_rows(shape, _SPREAD), closure
         else:
-            out, closed, pressed = self._apply_mouth(times, heard, voice, words, spoken)
+            out, closure, pressure = self._apply_mouth(times, speech, voice, words, spoken)
         out += self._expression(times, accents, np.asarray(emotion, float), voice.talking, drift)
         laughs = laughter(times, words)[:, None]
         out += laughs * np.maximum(LAUGHS - out, 0.0)
-        _close_lips(out, closed, pressed)
+        _close_lips(out, closure, pressure)
         out *= self._lean
         self._brows(out, times, accents, drift, strokes)
-        self._lids(out, times, heard, head_speed, shifts, strokes)
+        self._lids(out, times, speech, head_speed, shifts, strokes)
         out = clip(out, 0.0, 1.0)
         return out if gaze is None else self.finish(out, gaze)
 
     def finish(self, weights: Array, angles: Array) -> Array:
-        """A face that was made without its gaze, finished: eyes, the lids that follow them, gains.
+        """Complete a face that was made without its gaze: add the eyes, the lids that follow them, and the gains.
 
         Args:
             weights: (T, 52), as `weights` returns them without ``gaze``.
@@ -176,49 +176,49 @@ class Face:
         """
         return self._scale(lids_and_looks(weights, angles))
 
-    def _speech(self, times: Array, heard: Heard, voice: MouthEstimate, words: Sequence) -> tuple[Array, Array]:
+    def _speech(self, times: Array, speech: Heard, voice: MouthEstimate, words: Sequence) -> tuple[Array, Array]:
         """(T, len(MOUTH)) and (T,): the mouth's shape, and how far the lips are closed."""
         phones = phones_of(words, times[0], times[-1])
         if not len(phones.centre):
             return voice.shape * self._articulation, 0.7 * voice.closed  # no one knows whether a dip is a p or a t
-        mouth = phones_to_mouth(times - _PHONE_LAG, snap_visemes(phones, heard))
+        mouth = phones_to_mouth(times - _PHONE_LAG, snap_visemes(phones, speech))
         claim = mouth.claim * voice.active
         mouth.shape[:, 0] *= _WORDS_GAIN * voice.effort
         shape = claim[:, None] * mouth.shape + (1 - claim)[:, None] * voice.shape
         return shape * self._articulation, mouth.claim * mouth.closed + 0.7 * (1 - mouth.claim) * voice.closed
 
     def _apply_mouth(
-        self, times: Array, heard: Heard, voice: MouthEstimate, words: Sequence, spoken: Array
+        self, times: Array, speech: Heard, voice: MouthEstimate, words: Sequence, mouth_weights: Array
     ) -> tuple[Array, Array, Array]:
-        """(T, 52), (T,), (T,): as a mouth says while somebody talks, how far lips are closed, and how far they are pressed.
+        """Weights of a learnt mouth during speech (T, 52), how far the lips are closed (T,), and how far they are pressed (T,).
 
-        Words have a say where sound tells little: the lips of m, b, p, of f and w, of o and u, the tongue of th; never the jaw.
-        Where no word is known, a dip of the sound closes the lips if the mouth all but closes them as well, and a mouth whose
-        lips all but touch closes them by itself: trackers seldom say 0. A dull sound rounds the lips by rule.
+        Words help where the sound tells little: the lips of m, b, p, of f and w, of o and u, the tongue of th. They never move
+        the jaw. Where no word is known, a dip of the sound closes the lips if the mouth nearly closes them too. Lips that
+        nearly touch close without a dip: trackers seldom report 0. A dull sound rounds the lips by rule.
         """
         talks = clip((voice.active - _TALKS[0]) / (_TALKS[1] - _TALKS[0]), 0.0, 1.0)
-        shape = np.where(IS_MOUTH, clip(spoken, 0.0, 1.0), 0.0) * (self._articulation * talks)[:, None]
-        mouth = phones_to_mouth(times - _PHONE_LAG, snap_visemes(phones_of(words, times[0], times[-1]), heard))
+        shape = np.where(IS_MOUTH, clip(mouth_weights, 0.0, 1.0), 0.0) * (self._articulation * talks)[:, None]
+        mouth = phones_to_mouth(times - _PHONE_LAG, snap_visemes(phones_of(words, times[0], times[-1]), speech))
         mouth.shape[:, 0] = 0.0
-        known = mouth.shape * (mouth.claim * voice.active * self._articulation)[:, None]
-        rounded = np.minimum(known[:, _ROUND].sum(1), 1.0)
-        shape *= 1 - rounded[:, None] * _SPREAD_LIPS
-        parted = shape[:, _JAW] + shape[:, _PARTS].mean(1)
-        sealed = np.maximum(
-            _ramp(_AJAR - shape[:, _JAW], _AJAR - _SHUT) * voice.closed, _ramp(_TOUCH[1] - parted, _TOUCH[1] - _TOUCH[0])
+        word_shape = mouth.shape * (mouth.claim * voice.active * self._articulation)[:, None]
+        rounding = np.minimum(word_shape[:, _ROUND].sum(1), 1.0)
+        shape *= 1 - rounding[:, None] * _SPREAD_LIPS
+        opening = shape[:, _JAW] + shape[:, _PARTS].mean(1)
+        sound_closure = np.maximum(
+            _ramp(_AJAR - shape[:, _JAW], _AJAR - _SHUT) * voice.closed, _ramp(_TOUCH[1] - opening, _TOUCH[1] - _TOUCH[0])
         )
-        sealed *= talks
-        told, sealed = mouth.claim * mouth.closed, (1 - mouth.claim) * sealed
+        sound_closure *= talks
+        word_closure, sound_closure = mouth.claim * mouth.closed, (1 - mouth.claim) * sound_closure
         share = voice.shape[:, _PUCKER] * self._articulation * talks * (1 - mouth.claim)
-        known[:, _ROUND] = np.maximum(known[:, _ROUND], share[:, None] * voice.shape[:, _ROUND])
-        shown = np.maximum(shape, add_weighted_rows(known, _SPREAD))
-        return shown, np.maximum(told, sealed), np.maximum(told, _GENTLY * sealed)
+        word_shape[:, _ROUND] = np.maximum(word_shape[:, _ROUND], share[:, None] * voice.shape[:, _ROUND])
+        face = np.maximum(shape, add_weighted_rows(word_shape, _SPREAD))
+        return face, np.maximum(word_closure, sound_closure), np.maximum(word_closure, _GENTLY * sound_closure)
 
     def _scale(self, out: Array) -> Array:
         """The face after its gains; lips never close further than the jaw is open, which would push them through each other."""
-        scaled: Array = clip(out * self._gains, 0.0, 1.0)
-        scaled[:, _CLOSE] = np.minimum(scaled[:, _CLOSE], scaled[:, _JAW])
-        return scaled
+        face: Array = clip(out * self._gains, 0.0, 1.0)
+        face[:, _CLOSE] = np.minimum(face[:, _CLOSE], face[:, _JAW])
+        return face
 
     def _expression(self, times: Array, accents: Sequence[Accent], emotion: Array, talking: Array, drift: Array) -> Array:
         """(T, 52) of the emotion, waxing and waning with stresses; a neutral speaker smiles a little in pauses."""
@@ -233,20 +233,20 @@ class Face:
     def _brows(
         self, out: Array, times: Array, accents: Sequence[Accent], drift: Array, strokes: Sequence[float] | None
     ) -> None:
-        tied = 0.0 if strokes is None else self.coupling
-        drawn: dict[str, Any] = {"seed": self.seed, "amount": self.emphasis, "late": self._delays.brows}
-        moves = accent_brows(times, accents, **drawn, strokes=strokes or (), coupling=tied)
+        coupling = 0.0 if strokes is None else self.coupling
+        options: dict[str, Any] = {"seed": self.seed, "amount": self.emphasis, "late": self._delays.brows}
+        moves = accent_brows(times, accents, **options, strokes=strokes or (), coupling=coupling)
         moves *= self.expressiveness * (0.7 + 0.3 * self.intensity)
         down = out[:, _BROWS_DOWN].mean(1)
-        held = np.maximum(1 - 1.2 * down, 0)[:, None]  # lowered brows stress by lowering further
-        out[:, _BROWS_UP] += moves[:, :3] * held + 0.025 * self.expressiveness * (1 + drift[:, 2:5])
+        share = np.maximum(1 - 1.2 * down, 0)[:, None]  # lowered brows stress by lowering further
+        out[:, _BROWS_UP] += moves[:, :3] * share + 0.025 * self.expressiveness * (1 + drift[:, 2:5])
         out[:, _BROWS_DOWN] += (moves[:, 3] + 0.8 * down * moves[:, 0])[:, None]
 
     def _lids(
         self,
         out: Array,
         times: Array,
-        heard: Heard,
+        speech: Heard,
         head_speed: Array | None,
         shifts: Sequence,
         strokes: Sequence[float] | None,
@@ -254,9 +254,9 @@ class Face:
         lids = out[:, _BLINK]
         if head_speed is not None:
             lids = lids + 0.12 * clip((np.asarray(head_speed) - 0.8) / 2.0, 0, 1)[:, None]
-        tied = 0.0 if strokes is None else self.coupling
-        causes: dict[str, Any] = {"shifts": shifts, "strokes": strokes or (), "coupling": tied, "late": self._delays.blinks}
-        shut = eyelids(times, heard, seed=self.seed, rate=self.blink_rate, **causes)[:, None]
+        coupling = 0.0 if strokes is None else self.coupling
+        causes: dict[str, Any] = {"shifts": shifts, "strokes": strokes or (), "coupling": coupling, "late": self._delays.blinks}
+        shut = eyelids(times, speech, seed=self.seed, rate=self.blink_rate, **causes)[:, None]
         lids = np.minimum(np.maximum(lids, 0), 1)
         out[:, _BLINK] = lids + (1 - lids) * shut
         out[:, _WIDE] *= 1 - shut
@@ -267,10 +267,10 @@ def _ramp(x: Array, top: float) -> Array:
     return clip(x / top, 0.0, 1.0)
 
 
-def _close_lips(out: Array, closed: Array, pressed: Array) -> None:
+def _close_lips(out: Array, closure: Array, pressure: Array) -> None:
     """Bring the lips together, whatever else the mouth does: mouthClose undoes as much as the jaw opens (ARKit)."""
-    out *= 1 - closed[:, None] * _OPENS
-    out[:, _JAW] *= 1 - 0.6 * closed
-    out[:, _CLOSE] = clip(out[:, _CLOSE], closed * out[:, _JAW], out[:, _JAW])
-    out[:, _PRESS] += 0.30 * pressed[:, None]
-    out[:, _ROLL] += 0.16 * pressed[:, None]
+    out *= 1 - closure[:, None] * _OPENS
+    out[:, _JAW] *= 1 - 0.6 * closure
+    out[:, _CLOSE] = clip(out[:, _CLOSE], closure * out[:, _JAW], out[:, _JAW])
+    out[:, _PRESS] += 0.30 * pressure[:, None]
+    out[:, _ROLL] += 0.16 * pressure[:, None]

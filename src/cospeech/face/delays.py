@@ -1,4 +1,4 @@
-"""By how much a face comes late that hears little of what is said next."""
+"""How late parts of a face come when little of the speech ahead is known."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ __all__ = ["FaceDelays"]
 
 @dataclass(frozen=True)
 class FaceDelays:
-    """Seconds by which each of these comes later than it does with the usual look-ahead; 0 there.
+    """Seconds by which parts of the face come later than with the usual look-ahead; with that, all are 0.
 
-    What is made from the same sound at the same time does not depend on when it is made, so a stream has the bits of the whole.
+    A frame depends on the sound around it, and not on when it is made. So a stream has the same bits as the whole.
     """
 
     brows: float = 0.0

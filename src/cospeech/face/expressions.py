@@ -1,4 +1,4 @@
-"""What the face shows besides speech: the emotion's expression, brows on accents, small friendly signs."""
+"""Movements of the face besides speech: the emotion's expression, brows on accents, small friendly signs."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ BROWS_EARLY = 0.24
 """Seconds before the energy peak at which a brow flash starts (ours)."""
 SWELL_EARLY, _SWELL_LATE = 0.80, 0.25
 """Seconds before an accent from which an expression swells, and after it at which it is strongest (ours)."""
-_MOST_TIED = 0.9  # [ours] chance of a sign of the face with a stroke, at a coupling of 1
+_STROKE_CHANCE = 0.9  # [ours] chance of a sign of the face with a stroke, at a coupling of 1
 _KNIT = 0.14  # share of accents with the brows drawn together instead
 _ALONE = 0.10  # share of rises of one brow only
 _WHICH, _SIDE, _MUCH, _INNER = range(5201, 5205)  # streams of the hash
@@ -88,7 +88,7 @@ def couple(chance: Array | float, has_stroke: Array | bool, coupling: float) -> 
         coupling: 0 none … 1.
     """
     chance = np.asarray(chance, float)
-    return np.where(has_stroke, chance + coupling * np.maximum(_MOST_TIED - chance, 0.0), chance * (1 - coupling))
+    return np.where(has_stroke, chance + coupling * np.maximum(_STROKE_CHANCE - chance, 0.0), chance * (1 - coupling))
 
 
 def accent_brows(
@@ -105,46 +105,45 @@ def accent_brows(
 
     Some 40 % of strong accents move the brows, more or fewer by ``amount`` (0: none); how much, which and how evenly is drawn
     from the seed and the accent's time. With ``coupling``, more of those whose times are in ``strokes`` do, and fewer others.
-    They come ``late`` seconds later than they should.
+    All brows move ``late`` seconds later.
     """
     if not len(accents):
         return np.zeros((len(times), 4))
-    struck = set(strokes)
-    tied = tuple(accent.time in struck for accent in accents)
-    when, raised = _draw_brows(tuple(accents), tied, seed, amount, coupling * min(amount, 1.0))
+    stroke_times = set(strokes)
+    has_stroke = tuple(accent.time in stroke_times for accent in accents)
+    when, rises = _draw_brows(tuple(accents), has_stroke, seed, amount, coupling * min(amount, 1.0))
     since = times[:, None] - (when - BROWS_EARLY + late)
     ramp = np.minimum(since / _RISE, (_RISE + _HOLD + _FALL - since) / _FALL)
-    return np.tanh(add_weighted_rows(smoothstep(ramp), raised))  # overlapping rises saturate
+    return np.tanh(add_weighted_rows(smoothstep(ramp), rises))  # overlapping rises saturate
 
 
 @lru_cache(32)
 def _draw_brows(
-    accents: tuple[Accent, ...], tied: tuple[bool, ...], seed: int, amount: float, coupling: float
+    accents: tuple[Accent, ...], has_stroke: tuple[bool, ...], seed: int, amount: float, coupling: float
 ) -> tuple[Array, Array]:
-    """(A,) times of accents, and (A, 4) how far each moves the brows; ``tied``: those with a stroke. A stream asks for the same
-    ones again and again."""
+    """(A,) times of accents, and (A, 4) how far each moves the brows; ``has_stroke``: whether each has a stroke. Cached, as a
+    stream asks for the same accents many times."""
     when, strength = np.array(accents, float).T
     index = np.rint(when * 1000).astype(np.int64)
     which, side, much, inner = hash_uniform(seed, np.arange(_WHICH, _INNER + 1)[:, None], index)
     chance = np.where(strength < _STRONG, 0.06, 0.18 + 0.32 * strength) * amount
-    chance = couple(chance, np.array(tied), coupling)
+    chance = couple(chance, np.array(has_stroke), coupling)
     knit = (which > 1 - _KNIT * min(amount, 1.0)) & (strength > _STRONG)
     size = (0.55 + 0.6 * much) * (0.18 + 0.5 * strength) * (0.5 + 0.5 * amount)
     up = np.where(which < chance, size, 0.0)
     alone = np.where(side < _ALONE / 2, -1.0, np.where(side > 1 - _ALONE / 2, 1.0, 0.5 * (side - 0.5)))
-    raised = np.stack([
+    rises = np.stack([
         up * (0.55 + 0.45 * inner) * (1 - 0.6 * np.abs(alone)),
         up * (0.9 - 0.5 * inner) * (1 + np.minimum(alone, 0)),
         up * (0.9 - 0.5 * inner) * (1 - np.maximum(alone, 0)),
         np.where(knit, 0.8 * size, 0.0),
     ], 1)  # fmt: skip
-    raised.setflags(write=False)
-    return when, raised
+    rises.setflags(write=False)
+    return when, rises
 
 
 def accent_swell(times: Array, accents: Sequence[Accent], *, late: float = 0.0) -> Array:
-    """(T,) 0 … 1: how much is being stressed around each time, slowly; an expression is strongest there, or ``late`` seconds
-    later."""
+    """(T,) 0 … 1: how strong the accents around each time are, smoothed. An expression swells by it, ``late`` seconds later."""
     if not len(accents):
         return np.zeros(len(times))
     when, strength = np.array(accents, float).T

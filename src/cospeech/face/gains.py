@@ -1,4 +1,4 @@
-"""How strong channels of the face shall be: what ``face_gain`` says, read into a factor for each."""
+"""Gains of the channels of a face: ``face_gain``, read as one factor for each channel."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _HINT = f"0 … {_MOST:g}, as in 1.2 or 1.2,jawOpen:0.8,mouthSmile:0.5"
 
 def _columns() -> dict[str, list[int]]:
     """Channel → its column; name without its side → both columns. What moves sideways (jawLeft, mouthLeft) has no pair."""
-    found = {name: [k] for name, k in ARKIT_INDEX.items()}
+    columns = {name: [k] for name, k in ARKIT_INDEX.items()}
     for name in ARKIT:
         both = name.removesuffix("Left")
         if both != name and both not in ("jaw", "mouth"):
-            found[both] = [ARKIT_INDEX[both + side] for side in ("Left", "Right")]
-    return found
+            columns[both] = [ARKIT_INDEX[both + side] for side in ("Left", "Right")]
+    return columns
 
 
 _COLUMNS = _columns()
@@ -46,7 +46,7 @@ def face_gains(gain: object) -> Array:
         InputError: no such channel, or a number out of range.
     """
     gains = np.ones(len(ARKIT))
-    for name, value in sorted(_parse_gain(gain), key=lambda said: said[0] in _COLUMNS):  # of the mouth first, then single ones
+    for name, value in sorted(_parse_gain(gain), key=lambda pair: pair[0] in _COLUMNS):  # of the mouth first, then single ones
         if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0 <= value <= _MOST:
             raise InputError(f"face gain {str(value)[:60]}{f' of {name}' if name else ''}", _HINT)
         if name and name not in _COLUMNS:
@@ -62,12 +62,12 @@ def _parse_gain(gain: object) -> list[tuple[str, object]]:
     if not isinstance(gain, str):
         return [("", gain)]
     parts = read_named_numbers(gain, number="face gain", of="channel", hint=_HINT)
-    found = [("", _number(part.text)) if part.number is None else (part.name, part.number) for part in parts]
-    names = [name for name, _ in found]
+    gains = [("", _number(part.text)) if part.number is None else (part.name, part.number) for part in parts]
+    names = [name for name, _ in gains]
     twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
     if twice is not None:
         raise InputError(f"face gain {gain[:60]!r} has two numbers for {twice or 'jaw, mouth and tongue'}", _HINT)
-    return found
+    return gains
 
 
 def _number(text: str) -> object:

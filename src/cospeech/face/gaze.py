@@ -1,4 +1,4 @@
-"""Eyes on the listener: where somebody who speaks looks, and the eyes of a finished body that look there.
+"""Gaze: the directions in which a speaker looks, and the eyes of a finished body that look there.
 
 The plan is a list of saccades in the world, relative to the direction of the listener. It knows phrases only, never a head. The
 eyes are computed last, against the head that the motion ends up with, whichever system turned it: the eyes then stay on the
@@ -33,7 +33,7 @@ _FREE = 0.75  # [ours] share of the limit up to which eyes turn as far as is ask
 _FULL = (0.56, 0.44)  # rad of yaw and pitch at weight 1 of eyeLook* [ours: what ARKit reports near the limits of comfort]
 _LID_FOLLOWS, _LID_LIFTS = 0.28, 0.15  # [ours] lid lowered per unit of eyeLookDown, widened per unit of eyeLookUp
 
-_PLANS = 0.36  # [ours] chance, at a share of .25 averted, that somebody looks away as a phrase begins (Kendon 1967: most do)
+_PLANS = 0.36  # [ours] chance, at a share of .25 averted, that a speaker looks away as a phrase begins (Kendon 1967: most do)
 _BACK = 0.30  # s before the end of a phrase at which the eyes are back (Kendon 1967: speakers look up as they end)
 _GLANCE = 0.09  # [ours] chance of a glance away at a change of fixation within a phrase, at a share of .25 averted
 _USUAL = 0.25  # the share averted that the two chances above hold for
@@ -68,7 +68,7 @@ class Gaze(Protocol):
 class GazePlanner:
     """Plans the gaze of one take, tick by tick.
 
-    While somebody plans what to say, the eyes glance away; before a phrase ends they return to the listener, and in between
+    While the speaker plans what to say, the eyes glance away; before a phrase ends they return to the listener, and in between
     they go from one of the listener's eyes to the other and to the mouth every 1–4 s (motion.md §1).
 
     Args:
@@ -90,7 +90,7 @@ class GazePlanner:
         Args:
             now: seconds.
             phrases: those that are known, in order; the end of the last may still move.
-            averted: more than the speaker's own share, by emotion.
+            averted: added to the speaker's own share; of the emotion.
         """
         chance = (min(max(self.averted + averted, 0.0), 1.0) / _USUAL) ** 0.5  # a shy speaker looks away more, not all the time
         for phrase in phrases:
@@ -156,7 +156,7 @@ def head_rotation(rotations: Array) -> Array:
 
 
 def eye_angles(rotations: Array, root: Array, gaze: Array) -> Array:
-    """How both eyes stand in a head, so that they look where it is planned.
+    """The angles of both eyes in a head, so that they look where it is planned.
 
     Args:
         rotations: (N, J, 4) of a body of our humanoid, local.
@@ -167,8 +167,8 @@ def eye_angles(rotations: Array, root: Array, gaze: Array) -> Array:
         (N, 2, 2) radians: left and right eye; yaw to the left and pitch up. Both meet at the distance of the listener.
     """
     head = head_rotation(rotations)
-    moved = root.astype(float) - humanoid().offsets[0]
-    yaw, up = gaze[:, 0] + np.arctan2(-moved[:, 0], LISTENER - moved[:, 2]), gaze[:, 1]
+    shift = root.astype(float) - humanoid().offsets[0]
+    yaw, up = gaze[:, 0] + np.arctan2(-shift[:, 0], LISTENER - shift[:, 2]), gaze[:, 1]
     aim = np.stack([np.sin(yaw) * np.cos(up), np.sin(up), np.cos(yaw) * np.cos(up)], -1)
     aim = quat_rotate(quat_conjugate(head), aim)
     angles = np.stack([np.arctan2(aim[:, 0], aim[:, 2]), np.arcsin(clip(aim[:, 1], -1.0, 1.0))], -1)
@@ -186,9 +186,9 @@ def limit_eyes(angles: Array) -> Array:
 
 def look(rotations: Array, angles: Array) -> Array:
     """(N, J, 4) of a body with its eyes turned by (N, 2, 2) `eye_angles`; the same type of numbers."""
-    turned = rotations.copy()
-    turned[:, _chain()[1]] = toward(angles)
-    return turned
+    body = rotations.copy()
+    body[:, _chain()[1]] = toward(angles)
+    return body
 
 
 def _columns(name: str) -> slice:
@@ -203,7 +203,7 @@ _SIDES = np.array([1.0, -1.0])
 
 
 def write_looks(weights: Array, angles: Array) -> Array:
-    """(N, 52) weights whose eyeLook* are those of eyes at (N, 2, 2) `eye_angles`; beyond what shapes can say they exceed 1."""
+    """(N, 52) weights whose eyeLook* are those of eyes at (N, 2, 2) `eye_angles`; large angles give weights above 1."""
     out = weights.copy()
     outward = angles[:, :, 0] / _FULL[0] * _SIDES
     up = angles[:, :, 1] / _FULL[1]
@@ -212,11 +212,11 @@ def write_looks(weights: Array, angles: Array) -> Array:
     return out
 
 
-def complete_looks(weights: Array, turned: Array) -> Array:
-    """A face (N, 52), whose eyeLook* become those of eyes that look to (N, 4) together, where it has none."""
+def complete_looks(weights: Array, rotations: Array) -> Array:
+    """A face (N, 52); where it has no eyeLook*, it gets those of two eyes that have the same rotations (N, 4)."""
     if any(weights[:, columns].any() for columns in (_OUT, _IN, _UP, _DOWN)):
         return weights
-    angles = quat_to_euler(turned, "YXZ")[:, None, :2] * (1, -1)
+    angles = quat_to_euler(rotations, "YXZ")[:, None, :2] * (1, -1)
     return np.clip(write_looks(weights, np.repeat(angles, 2, 1)), 0, 1)  # type: ignore[no-any-return]
 
 
@@ -227,15 +227,15 @@ def read_looks(weights: Array) -> Array:
 
 
 def lids_and_looks(weights: Array, angles: Array) -> Array:
-    """A face whose lids are as for eyes that look straight ahead, with those that follow its eyes.
+    """Add the direction of the eyes to a face, and lids that follow them.
 
     Args:
-        weights: (N, 52).
+        weights: (N, 52), with the lids of eyes that look straight ahead.
         angles: (N, 2, 2), see `eye_angles`.
 
     Returns:
-        (N, 52): eyeLook* of the eyes; upper lids come down with a gaze that falls, as much as a blink leaves of them, and
-        open wide with one that rises.
+        (N, 52) with eyeLook*. The upper lids come down as the gaze falls, as far as a blink leaves them open, and open wider
+        as it rises.
     """
     out = write_looks(weights, angles)
     shut = out[:, _BLINK].copy()

@@ -31,12 +31,12 @@ _OF_LANGUAGE = {"el": "Grek", "he": "Hebr", "ar": "Arab", "hi": "Deva", "ja": "K
 _OTHER_CYRILLIC = frozenset({"be", "bg", "kk", "mk", "sr", "uk"})
 _BASES = str.maketrans({"ø": "o", "đ": "d", "ð": "d", "þ": "t", "ł": "l", "æ": "ae", "œ": "oe", "ß": "ss", "ı": "i", "ħ": "h"})
 """Letters with a stroke and ligatures: Unicode does not take them apart, so they stand here."""
-_LONGEST, _WHOLE = 64, 256  # letters of a part, and of a word; what is longer is none, and must not take long
+_LONGEST, _WHOLE = 64, 256  # letters read of a part, and of a word: longer text is no word, and must not take long
 
 
 @cache
 def _find(name: str) -> Any:
-    """What a module of `cospeech.face.spelling` has: ``module:name``."""
+    """The object ``module:name`` of `cospeech.face.spelling`."""
     module, _, attribute = name.partition(":")
     return getattr(import_module(f".spelling.{module}", __package__), attribute)
 
@@ -44,8 +44,8 @@ def _find(name: str) -> Any:
 def _find_latin(language: str) -> Spelling:
     """The spelling of a language in Latin letters."""
     own = _LATIN.get(language)
-    found: Spelling = _find("latin:OWN_LATIN").get(language, _find("latin:LATIN")) if own is None else _find(own)
-    return found
+    spelling: Spelling = _find("latin:OWN_LATIN").get(language, _find("latin:LATIN")) if own is None else _find(own)
+    return spelling
 
 
 def _split(text: str) -> Iterator[tuple[str, str]]:
@@ -67,17 +67,17 @@ def _split(text: str) -> Iterator[tuple[str, str]]:
 
 def _fold(text: str, spelling: Spelling) -> str:
     """The text in letters that a spelling knows: others lose their diacritics, or are dropped."""
-    known = "".join(
+    letters = "".join(
         character if character in spelling.letters else unicodedata.normalize("NFKD", character.translate(_BASES))
         for character in text
     )
-    return "".join(character for character in known if character in spelling.letters)
+    return "".join(character for character in letters if character in spelling.letters)
 
 
 def _read(part: str, spelling: Spelling) -> list[str]:
     """Phones of letters of one script."""
-    known = spelling.whole.get(part)
-    return known.split() if known is not None else read_letters(_fold(part, spelling)[:_LONGEST], spelling)
+    phones = spelling.whole.get(part)
+    return phones.split() if phones is not None else read_letters(_fold(part, spelling)[:_LONGEST], spelling)
 
 
 @lru_cache(maxsize=4096)
@@ -118,7 +118,7 @@ def graphemes_to_phones(word: str, language: str = "") -> tuple[str, ...]:
 
 
 def note_unread_words(words: Sequence[Word] | None) -> None:
-    """Tell, with a `CospeechWarning`, that most words of a speech say nothing about the lips."""
+    """Warn (`CospeechWarning`) if most words of a speech say nothing about the lips."""
     words = [word for word in words or () if any(map(script_of, word.text))]
     unread = [word for word in words if not graphemes_to_phones(word.text, word.language)]
     if 2 * len(unread) > len(words):

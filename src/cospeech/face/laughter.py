@@ -46,10 +46,10 @@ def _fold(text: str) -> str:
 
 
 _OPEN, _CLOSE = "[(<*【", "])>*】"
-_LAUGHED = re.compile(unicodedata.normalize("NFKC", _HAHA))
+_LAUGH = re.compile(unicodedata.normalize("NFKC", _HAHA))
 _EVENT = re.compile(unicodedata.normalize("NFKC", _EVENTS))
 _BY_LANGUAGE = {"es": re.compile(r"j([aeio])(?:j\1)+j?"), "ja": re.compile("w{2,}"), "pt": re.compile("k{3,}|(?:rs){2,}")}
-"""What is laughter in one language only: "jaja" is a word of German."""
+"""Spellings of laughter in one language only: in German, "jaja" is a word."""
 _YES = frozenset({"af", "da", "de", "nl", "no", "sv"})  # there "ja" is yes, however often it is said
 _AMOUNTS = {
     "mouthSmile": 0.95, "cheekSquint": 0.9, "eyeSquint": 0.3, "mouthUpperUp": 0.3, "mouthLowerDown": 0.15, "jawOpen": 0.16,
@@ -62,18 +62,18 @@ for _name, _amount in _AMOUNTS.items():
 
 
 def _is_laugh(text: str, language: str) -> bool:
-    said = _fold(text).rstrip(".!,~。！、")
-    inside = said.strip(_OPEN + _CLOSE)
-    if said[:1] in _OPEN and _EVENT.fullmatch(inside):
+    word = _fold(text).rstrip(".!,~。！、")
+    inside = word.strip(_OPEN + _CLOSE)
+    if word[:1] in _OPEN and _EVENT.fullmatch(inside):
         return bool(inside)
     own = _BY_LANGUAGE.get(language)
     if own is not None and own.fullmatch(inside):
         return True
-    return _LAUGHED.fullmatch(inside) is not None and not (language in _YES and inside.startswith("j"))
+    return _LAUGH.fullmatch(inside) is not None and not (language in _YES and inside.startswith("j"))
 
 
 def laughter(times: Array, words: Sequence[Word]) -> Array:
-    """How much somebody laughs, or smiles because they have just laughed.
+    """Strength of laughter, and of the smile after it.
 
     Args:
         times: (T,) seconds.
@@ -82,9 +82,9 @@ def laughter(times: Array, words: Sequence[Word]) -> Array:
     Returns:
         (T,) 0 … 1: 1 in laughter, fading within `AFTER`.
     """
-    found = np.zeros(len(times))
+    amount = np.zeros(len(times))
     for word in words:
         if _is_laugh(word.text, word.language):
             course = np.minimum((times - word.start + _BEFORE) / _BEFORE, (word.end + AFTER - times) / AFTER)
-            found = np.maximum(found, course)
-    return smoothstep(found)
+            amount = np.maximum(amount, course)
+    return smoothstep(amount)

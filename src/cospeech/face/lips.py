@@ -19,7 +19,7 @@ __all__ = ["MouthEstimate", "voice_to_mouth"]
 # Loudness (dB between floor and loud syllables, 0 … 1) at which the jaw starts to open, and at which it is as wide as
 # the vowel wants. Ours, fitted by hand to 180 clips of GRID and 8 minutes of FACEGOOD, as are all amounts below.
 _QUIET, _FULL = 0.35, 0.80
-_PARTED = 0.12  # jaw while there is any voice
+_LEAST_JAW = 0.12  # jaw while there is any voice
 _VOWEL = (0.055, 0.14, 0.155, 0.06)  # jaw of a vowel at full voice: neutral, open, clear, front (less)
 _BREATH = 0.12
 _LOUDER = 0.50  # for each unit of loudness over _FULL
@@ -38,16 +38,16 @@ _SLOW = np.hanning(67)[1:-1] / np.hanning(67)[1:-1].sum()  # ± 0.32 s: whether 
 
 
 class MouthEstimate(NamedTuple):
-    """What the sound says about the mouth, at T times."""
+    """The mouth as estimated from the sound, at T times."""
 
     shape: Array
     """(T, len(MOUTH))."""
     closed: Array
     """(T,) lips together: a guess from dips of voiced energy."""
     active: Array
-    """(T,) 0 in pauses, 1 in speech; opens ahead of the sound and outlasts it a little."""
+    """(T,) 0 in pauses, 1 in speech; it rises before the sound and falls a little after it."""
     effort: Array
-    """(T,) how loud, about 0.5 … 1.2 in speech; scales what the words ask for."""
+    """(T,) how loud, about 0.5 … 1.2 in speech; scales the mouth shapes of words."""
     talking: Array
     """(T,) `active`, slowly: 0 … 1."""
 
@@ -56,9 +56,9 @@ def _ramp(x: Array, low: float, high: float) -> Array:
     return np.minimum(np.maximum((x - low) / (high - low), 0.0), 1.0)
 
 
-def _rows(heard: Heard) -> Array:
-    """(T, 10): what the mouth aims at, row by row: MOUTH's jaw … upper up (7), closed, active, loudness."""
-    loud, voiced, bands = heard.loudness, heard.voicing, heard.bands
+def _rows(speech: Heard) -> Array:
+    """(T, 10) targets of the mouth, row by row: MOUTH's jaw … upper up (7), closed, active, loudness."""
+    loud, voiced, bands = speech.loudness, speech.voicing, speech.bands
     level = _ramp(loud, _QUIET, _FULL)
     full = voiced * level
     tilt = bands[:, 4] - bands[:, 1]
@@ -69,7 +69,7 @@ def _rows(heard: Heard) -> Array:
     clear = np.tanh((tilt + 25.0) / 15.0)  # bright: not nasal, not rounded, not murmured
     vowel = _VOWEL[0] + _VOWEL[1] * open_ + _VOWEL[2] * clear - _VOWEL[3] * front
     jaw = full * vowel + (level - full) * (_BREATH * (1 - clear))  # aspiration opens, hiss does not
-    jaw = np.maximum(jaw + _PARTED * _ramp(loud, 0.2, 0.5) + _LOUDER * np.maximum(loud - _FULL, 0), 0.0)
+    jaw = np.maximum(jaw + _LEAST_JAW * _ramp(loud, 0.2, 0.5) + _LOUDER * np.maximum(loud - _FULL, 0), 0.0)
     jaw *= 1 - 0.6 * hiss
     closed, active = _closures(level, hiss, _ramp(loud, 0.22, 0.45))
     round_ = back * (1 - 0.5 * np.maximum(open_, 0))
@@ -89,9 +89,9 @@ def _rows(heard: Heard) -> Array:
 def _closures(level: Array, hiss: Array, present: Array) -> tuple[Array, Array]:
     """Dips between louder moments, unless they hiss or end in hiss; and presence, spread to _BEFORE and _AFTER."""
     count, wide = len(level), _DIP + 1
-    padded = np.zeros((3, count + 2 * _DIP))
-    padded[:, _DIP:-_DIP] = level, hiss, present
-    most, span = padded, 1  # of column k: rows k - _DIP … k - _DIP + span - 1
+    rows = np.zeros((3, count + 2 * _DIP))
+    rows[:, _DIP:-_DIP] = level, hiss, present
+    most, span = rows, 1  # of column k: rows k - _DIP … k - _DIP + span - 1
     while span < wide:
         step = min(span, wide - span)
         most, span = np.maximum(most[:, :-step], most[:, step:]), span + step
@@ -101,13 +101,13 @@ def _closures(level: Array, hiss: Array, present: Array) -> tuple[Array, Array]:
     return _ramp(around - level, 0.45, 0.75) * (1 - burst), active
 
 
-def voice_to_mouth(times: Array, heard: Heard, *, late: float = 0.0) -> MouthEstimate:
+def voice_to_mouth(times: Array, speech: Heard, *, late: float = 0.0) -> MouthEstimate:
     """The mouth at ``times`` (T,) in seconds; beyond the window there is silence. `MouthEstimate.talking` is ``late`` seconds
     behind."""
-    rows = np.zeros((len(heard.loudness) + 2 * _PAD, 10))
-    rows[_PAD:-_PAD] = _rows(heard)
+    rows = np.zeros((len(speech.loudness) + 2 * _PAD, 10))
+    rows[_PAD:-_PAD] = _rows(speech)
     rows[_JAW_LATER:, [0, 9]] = rows[:-_JAW_LATER, [0, 9]]
-    at, start = np.asarray(times, float) * RATE, heard.start - _PAD
+    at, start = np.asarray(times, float) * RATE, speech.start - _PAD
     now = _filter(rows, at + (2 * _TAU - _LAG) * RATE, _SPEAK, start + len(_SPEAK) - 1)
     talking = _filter(rows[:, 8:9], at - late * RATE, _SLOW, start + len(_SLOW) // 2)[:, 0]
     shape = np.zeros((len(times), len(MOUTH)))

@@ -1,4 +1,4 @@
-"""What a face can be given to speak with, in the place of the mouth that rules make: a mouth that was learnt, say."""
+"""Interfaces of a mouth that takes the place of the one that rules make, such as a learnt mouth."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ __all__ = ["Mouth", "MouthMaker", "Sharing", "WaitLimited", "limit_wait"]
 
 
 class Mouth(Protocol):
-    """The mouth of one speech, which comes in pieces; what it says of a time has the same bits however the speech is cut."""
+    """The mouth of one speech, which comes in pieces. Its weights at a time have the same bits however the speech is cut."""
 
     @property
     def certain_until(self) -> float:
-        """Seconds for which it is certain; at most `cospeech.rules.session.MOUTH_WAITS` behind what was pushed."""
+        """Seconds up to which its weights are certain: at most `cospeech.rules.session.MOUTH_WAITS` behind what was pushed."""
         ...
 
     def push(self, samples: Array) -> None:
@@ -29,21 +29,20 @@ class Mouth(Protocol):
         ...
 
     def at(self, times: Array) -> Array:
-        """What speech does to the face at (T,) ascending seconds, which were never before those of the last call.
+        """Weights of the face at (T,) ascending seconds, none of them before those of the last call.
 
         Returns:
-            (T, 52) ARKit weights in the order of `cospeech.motion.skeletons.arkit.ARKIT`; only jaw, mouth and tongue are looked
-            at.
+            (T, 52) ARKit weights in the order of `cospeech.motion.skeletons.arkit.ARKIT`; only jaw, mouth and tongue are used.
         """
         ...
 
 
 @runtime_checkable
 class Sharing(Protocol):
-    """A mouth that can hear with what others hear, which saves it work."""
+    """A mouth that can use the prosody that others compute, which saves work."""
 
     def share(self, prosody: SharedProsody) -> None:
-        """Asked once, before anything is pushed."""
+        """Use this prosody; called once, before anything is pushed."""
         ...
 
 
@@ -52,7 +51,7 @@ class WaitLimited(Protocol):
     """A mouth that can do with less speech ahead than it usually waits for."""
 
     def limit_wait(self, seconds: float) -> None:
-        """Asked once, before anything is pushed: what was pushed so long ago must be certain.
+        """Be certain of what was pushed so many seconds ago; called once, before anything is pushed.
 
         Raises:
             InputError: that is too short for it.

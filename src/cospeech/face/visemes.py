@@ -1,4 +1,4 @@
-"""MouthShape shapes of phones, and how neighbouring phones share the mouth (coarticulation by dominance functions)."""
+"""Mouth shapes of phones, and how neighbouring phones share the mouth (coarticulation by dominance functions)."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ _PHONES: dict[str, tuple[tuple[str, float, int], ...]] = {
 }  # fmt: skip
 
 _REACH = 0.45  # s; phones further than this from all times cannot touch the mouth
-_FAR = 0.35  # s; where a phone's dominance is down to nothing, so that the mouth is a function of what is near in time
+_FAR = 0.35  # s; where a phone's dominance has fallen to 0, so that the mouth depends only on phones near in time
 _SLACK = 0.025  # s; spread of a phone's dominance beyond its own length; ours, by fit
 _AHEAD = 1.25  # the mouth prepares a phone for longer than it keeps it (Cohen & Massaro 1993: anticipation)
 
@@ -82,8 +82,8 @@ class Phones(NamedTuple):
     """Half of the length, seconds."""
     viseme: Array
     """Row of the viseme table."""
-    reached: Array
-    """0 … 1: how far its shape is reached."""
+    reach: Array
+    """0 … 1: how far the mouth reaches the shape."""
 
 
 class MouthShape(NamedTuple):
@@ -94,17 +94,17 @@ class MouthShape(NamedTuple):
     closed: Array
     """(T,) 0 open … 1 lips pressed together, whatever the jaw does."""
     claim: Array
-    """(T,) 0 nothing is known about the mouth … 1 all is."""
+    """(T,) how much is known about the mouth: 0 nothing … 1 everything."""
 
 
 @lru_cache(maxsize=4096)
 def _parts(text: str, language: str) -> tuple[tuple[int, float, float, float], ...]:
-    """(viseme, reached, middle, half length) of a word's phones; the last two as shares of the word's length."""
+    """(viseme, reach, middle, half length) of a word's phones; the last two as shares of the word's length."""
     parts = [part for phone in graphemes_to_phones(text, language) for part in _PHONES[phone]]
     total = sum(part[2] for part in parts)
     out, start = [], 0.0
-    for viseme, reached, length in parts:
-        out.append((VISEMES.index(viseme), reached, (start + length / 2) / total, length / 2 / total))
+    for viseme, reach, length in parts:
+        out.append((VISEMES.index(viseme), reach, (start + length / 2) / total, length / 2 / total))
         start += length
     return tuple(out)
 
@@ -120,9 +120,9 @@ def phones_of(words: Sequence, start: float, end: float) -> Phones:
     return Phones(table[:, 0], table[:, 1], table[:, 2].astype(int), table[:, 3])
 
 
-def snap_visemes(phones: Phones, heard: Heard) -> Phones:
+def snap_visemes(phones: Phones, speech: Heard) -> Phones:
     """Open vowels moved towards louder moments nearby, closures towards quieter ones, by at most 60 ms."""
-    around = heard.at((phones.centre[:, None] + _SNAP_REACH).ravel(), heard.loudness).reshape(-1, len(_SNAP_REACH))
+    around = speech.at((phones.centre[:, None] + _SNAP_REACH).ravel(), speech.loudness).reshape(-1, len(_SNAP_REACH))
     weight = _SNAP_PRIOR * np.exp(_SNAP_PULL * _SNAP[phones.viseme][:, None] * around)
     return phones._replace(centre=phones.centre + (weight * _SNAP_REACH).sum(1) / weight.sum(1))
 
@@ -137,11 +137,11 @@ def phones_to_mouth(times: Array, phones: Phones) -> MouthShape:
         return MouthShape(np.zeros((len(times), len(MOUTH))), np.zeros(len(times)), np.zeros(len(times)))
     away = times[:, None] - phones.centre
     spread = 0.6 * np.minimum(phones.half, 0.12) + _SLACK
-    scaled = np.where(away < 0, away / (_AHEAD * spread), away / spread)
+    distance = np.where(away < 0, away / (_AHEAD * spread), away / spread)
     near = np.maximum(1 - np.square(away / _FAR), 0.0)
-    dominance = np.exp(-0.5 * scaled * scaled) * near
+    dominance = np.exp(-0.5 * distance * distance) * near
     jaw, lips = dominance * _JAW[phones.viseme], dominance * _LIPS[phones.viseme]
-    target = _SHAPE[phones.viseme] * phones.reached[:, None]
+    target = _SHAPE[phones.viseme] * phones.reach[:, None]
     shape = add_weighted_rows(lips, target) / (add_weighted_rows(lips) + 1e-9)
     shape[:, 0] = (add_weighted_rows(jaw, target[:, :1]) / (add_weighted_rows(jaw) + 1e-9))[:, 0]
     flat = np.abs(away) / (np.minimum(phones.half, 0.06) + 0.02)

@@ -1,4 +1,4 @@
-"""The systems that turn speech into motion: a registry, and what all of them can do."""
+"""The systems that turn speech into motion: a registry, and their common interface."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ __all__ = [
 ]  # fmt: skip
 
 DEFAULT = "rules"
-"""The best that ships: what ``generate`` uses when no model is named."""
+"""The best model that ships; ``generate`` uses it when no model is named."""
 
 BUNDLE = ".cospeech"
 SHIPPED = Path(__file__).parents[1] / "assets" / "bundles"
-"""Where the weights lie that come with the package: ``NAME.cospeech``."""
+"""Folder of the weights that come with the package: ``NAME.cospeech``."""
 
 
 class GenerationSession(Protocol):
@@ -49,12 +49,12 @@ class GenerationSession(Protocol):
 
     @property
     def emotion(self) -> dict[str, float]:
-        """Probability of each emotion, over all that was heard."""
+        """Probability of each emotion, over all speech so far."""
         ...
 
     @property
     def expression(self) -> dict[str, float]:
-        """Weight of each emotion that was played, over the speech."""
+        """Weight of each emotion that was played, over all speech so far."""
         ...
 
     @property
@@ -64,7 +64,7 @@ class GenerationSession(Protocol):
 
     @property
     def speaker(self) -> dict[str, float] | None:
-        """Probability of each speaker, over all that was heard, where a system tells them apart."""
+        """Probability of each speaker, over all speech so far, where a system estimates them."""
         ...
 
     @property
@@ -83,27 +83,27 @@ class GenerationSession(Protocol):
         ...
 
     def restyle(self, style: Any) -> None:
-        """Another style while the speech goes on, faded in over half a second."""
+        """Change the style while the speech goes on; the new one fades in over half a second."""
         ...
 
     def set_emotion(self, emotion: Any) -> None:
-        """Another emotion, or "auto", likewise."""
+        """Change the emotion, or set "auto", likewise."""
         ...
 
     def set_intensity(self, intensity: float) -> None:
-        """Another size of all movement, likewise."""
+        """Change the size of all movement, likewise."""
         ...
 
     def push(self, chunk: Speech) -> Iterator[Motion]:
-        """Hear the next piece, at once; gives the motion that is certain now. What is not taken comes with the next call."""
+        """Take the next piece, at once; yields the motion that is certain now. Motion not taken comes with the next call."""
         ...
 
     def finish(self) -> Iterator[Motion]:
-        """The speech is over, from now on; gives the rest of the motion."""
+        """End the speech, at once; yields the rest of the motion."""
         ...
 
     def push_takes(self, chunk: Speech) -> Iterator[list[Motion]]:
-        """As ``push``; gives lists with a piece of every take, all of one length."""
+        """As ``push``; yields lists with a piece of every take, all of one length."""
         ...
 
     def finish_takes(self) -> Iterator[list[Motion]]:
@@ -116,19 +116,19 @@ class PlannedSession(Protocol):
 
     @property
     def plan(self) -> Plan:
-        """What was performed so far."""
+        """The plan as performed so far."""
         ...
 
 
 class Model(Protocol):
-    """What every model offers; options are the fields of `cospeech.rules.options.GenerationOptions`.
+    """The interface of every model; options are the fields of `cospeech.rules.options.GenerationOptions`.
 
     The same seed gives the same motion, and pieces joined are what ``generate`` gives: ceil(duration × fps) frames.
     """
 
     @property
     def default_style(self) -> str:
-        """Name of the style that is played where none is asked for."""
+        """Name of the style that is played where none is given."""
         ...
 
     @property
@@ -143,12 +143,12 @@ class Model(Protocol):
 
     @property
     def makes(self) -> tuple[str, ...]:
-        """The parts of `PARTS` that it moves."""
+        """The parts of the body, of `PARTS`, that it moves."""
         ...
 
     @property
     def for_files(self) -> Mapping[str, Any]:
-        """Options of a session for a file, whose speech is known as a whole: a longer look-ahead, for example."""
+        """Options of a session for a file, whose whole speech is known: a longer look-ahead, for example."""
         ...
 
     @property
@@ -170,12 +170,12 @@ class Model(Protocol):
         ...
 
     def session(self, options: GenerationOptions | None = None, /, **keywords: Any) -> GenerationSession:
-        """A session to push speech into; options come whole, by keywords, or whole with some changed."""
+        """A session to push speech into. Options come as one object, by keywords, or as one object with changes by keywords."""
         ...
 
 
 def plays(name: str | PathLike[str]) -> bool:
-    """Whether `load` takes it: a registered name, a bundle by its suffix, or a run folder."""
+    """Whether `load` accepts a name: a registered model, a bundle by its suffix, or a run folder."""
     try:
         return Path(name).suffix == BUNDLE or str(name) in MODELS or (Path(name) / "config.json").is_file()
     except (OSError, ValueError):  # longer than names can be, say
@@ -208,9 +208,9 @@ def load(name: str | PathLike[str] = DEFAULT) -> Model:
     if ENTRIES[name].trains:
         path = find_bundle(name)
         if path is None:
-            if named := ENTRIES[name].weights:
+            if weights := ENTRIES[name].weights:
                 raise InputError(
-                    f"no weights of {name!r} ship: its row names {named!r}, which is no file", "the path must be whole"
+                    f"no weights of {name!r} ship: its row names {weights!r}, which is no file", "the path must be whole"
                 )
             raise InputError(f"no weights of {name!r} ship", "train it (docs/training.md), and name the run or its bundle")
         return _open(path)

@@ -6,9 +6,9 @@ Autoencoders": one speech goes with many motions, so a motion has two codes, one
                      └───────────────► I_m  ─────────────────────────┤
     N(μ(I_m), σ(I_m)) ─► mapping net ► R    ─────────────────────────┘
 
-    m̂ = D(S_m, I_m)     m' = D(S_a, I_m)     m* = D(S_a, R)     S*, I* codes of m*; all codes are normal ones that are drawn of
+    m̂ = D(S_m, I_m)     m' = D(S_a, I_m)     m* = D(S_a, R)     S*, I* codes of m*; all codes are drawn, normally distributed
 
-What is minimised, θ angles of joints, p their places, Δ from one frame to the next, [·]_ρ the mean of what is larger than ρ:
+Minimised, with θ angles of joints, p their places, Δ from one frame to the next, [·]_ρ the mean of values larger than ρ:
 
     L = Σ_{x ∈ m̂, m'} (E θ(x, m) + E |p(x) − p(m)| + E |Δp(x) − Δp(m)|)               as recorded
       + E θ(m*, m) + [|p(m*) − p(m)|]_ρ + 5 E |Δp(m*) − Δp(m)|                         near it: relaxed
@@ -40,8 +40,8 @@ __all__ = ["Audio2Gestures", "Audio2GesturesConfig", "Gaussian"]
 
 AUDIO, MOTION, DECODER = (4, 4, 3, 3, 2), (8, 8, 4, 4, 2), (2, 4, 4, 8, 8)
 """Channels of each block of the three TCNs, in eighths of `channels`; authors' code 128, 128, 96, 96, 64 and so on."""
-ROUND = 100_000  # steps of a round of the weight of KL, from 0 to 1 and from 0 again; authors' code
-COARSE = 10  # steps for which it stays; authors' code
+ROUND = 100_000  # steps in which the weight of KL rises from 0 to 1, before it starts from 0 again; authors' code
+COARSE = 10  # steps for which that weight stays the same; authors' code
 LEAST = 1e-4  # its least; authors' code
 
 
@@ -150,7 +150,7 @@ class _Code(nn.Module):
 
 
 class _Bodies(NamedTuple):
-    """What losses on motion compare."""
+    """Motion as losses compare it."""
 
     turns: Tensor | None
     """(B, T, K, 3, 3) rotations of joints; None where poses are no rotations."""
@@ -170,8 +170,8 @@ class Audio2Gestures(Windowed):
         config: sizes and weights.
         pose: D, numbers of a pose.
         audio: A, numbers of a frame of speech.
-        representation: of the poses, a name of `cospeech.motion.poses.POSES`. Of Euler angles and of rotations in six numbers
-            losses compare angles and places of joints; of others, as in authors' code for points, the poses themselves.
+        representation: of the poses, a name of `cospeech.motion.poses.POSES`. For Euler angles and rotations in
+            six numbers losses compare angles and places of joints; for others, as in authors' code for points, the poses.
 
     Raises:
         InputError: no pose, no speech.
@@ -201,28 +201,28 @@ class Audio2Gestures(Windowed):
             _make_tcn(2 * code, DECODER, config), nn.Conv1d(config.channels, config.channels, 1), nn.ReLU(),
             nn.Conv1d(config.channels, pose, 1),
         )  # fmt: skip
-        self.own = BatchNorm1d(code, affine=False)  # keeps mean and deviation of I_m over all training
+        self.own = BatchNorm1d(code, affine=False)  # running mean and deviation of I_m in training
         self.bones = bones_of(representation)
         self.register_buffer("pose_mean", torch.zeros(pose))
         self.register_buffer("pose_std", torch.ones(pose))
 
     def set_statistics(self, statistics: Mapping[str, Tensor]) -> None:
-        """Learn what poses are standardised by: places of joints are in metres."""
+        """Take the statistics by which poses are standardised, since places of joints are in metres."""
         self.pose_mean.copy_(statistics["pose_mean"])
         self.pose_std.copy_(statistics["pose_std"])
 
     def encode(self, poses: Tensor) -> tuple[Gaussian, Gaussian]:
         """S_m and I_m: (B, D, T) → codes."""
-        seen = self.watch(poses)
-        return self.watch_shared(seen), self.watch_own(seen)
+        features = self.watch(poses)
+        return self.watch_shared(features), self.watch_own(features)
 
-    def decode(self, shared: Tensor, own: Tensor) -> Tensor:
+    def decode(self, shared_code: Tensor, own_code: Tensor) -> Tensor:
         """D: two codes (B, code, T) → (B, D, T)."""
-        made: Tensor = self.decoder(torch.cat([shared, own], 1))
-        return made
+        poses: Tensor = self.decoder(torch.cat([shared_code, own_code], 1))
+        return poses
 
     def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
-        """(B, T, A), noise (B, T, code) → (B, T, D); there is no style. Codes are the means of what speech and noise give."""
+        """(B, T, A), noise (B, T, code) → (B, T, D); there is no style. Codes are means of their distributions."""
         assert self.own.running_mean is not None
         assert self.own.running_var is not None
         own = self.own.running_mean[:, None] + self.own.running_var.sqrt()[:, None] * mode_noise.mT
@@ -237,16 +237,16 @@ class Audio2Gestures(Windowed):
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """L of the module's docstring."""
         c, poses, chance = self.config, batch["pose"].mT, batch.chance
-        heard, (shared, own) = self.hear_shared(self.hear(batch["audio"].mT)), self.encode(poses)
-        s_a, s_m, i_m = heard.sample(chance), shared.sample(chance), own.sample(chance)
+        speech_code, (motion_code, own_code) = self.hear_shared(self.hear(batch["audio"].mT)), self.encode(poses)
+        s_a, s_m, i_m = speech_code.sample(chance), motion_code.sample(chance), own_code.sample(chance)
         with torch.no_grad():
             self.own(i_m)
             mean, spread = i_m.mean(2, keepdim=True), i_m.std(2, keepdim=True)
-        mapped = self.map(mean + spread * chance.normal(*i_m.shape))
-        r, codes = mapped.sample(chance), (heard, shared, own, mapped)
-        made = self.decode(torch.cat([s_m, s_a, s_a]), torch.cat([i_m, i_m, r]))
-        true, *bodies = self._as_bodies(torch.cat([poses, made]).mT)
-        s_x, i_x = (code.sample(chance) for code in self.encode(made[-len(poses) :]))
+        noise_code = self.map(mean + spread * chance.normal(*i_m.shape))
+        r, codes = noise_code.sample(chance), (speech_code, motion_code, own_code, noise_code)
+        motion = self.decode(torch.cat([s_m, s_a, s_a]), torch.cat([i_m, i_m, r]))
+        true, *bodies = self._as_bodies(torch.cat([poses, motion]).mT)
+        s_x, i_x = (code.sample(chance) for code in self.encode(motion[-len(poses) :]))
         terms = self._compare("motion", bodies[0], true) | self._compare("audio", bodies[1], true)
         terms |= self._compare_loosely(bodies[2], true)
         terms |= {
@@ -267,31 +267,31 @@ class Audio2Gestures(Windowed):
         turns = self.bones.rotations(poses * self.pose_std + self.pose_mean)
         return [_Bodies(*pair) for pair in zip(turns.chunk(4), self.bones.places(turns).chunk(4), strict=True)]
 
-    def _compare(self, name: str, made: _Bodies, true: _Bodies) -> dict[str, Tensor]:
-        """Of what is to be as it was recorded."""
+    def _compare(self, name: str, motion: _Bodies, true: _Bodies) -> dict[str, Tensor]:
+        """Terms of motion that should be as recorded."""
         c = self.config
-        return self._compare_angles(f"{name}_rotation", made, true, c.rotation) | {
-            f"{name}_position": c.position * (made.places - true.places).abs().mean(),
-            f"{name}_speed": c.speed * _speed_distance(made, true),
+        return self._compare_angles(f"{name}_rotation", motion, true, c.rotation) | {
+            f"{name}_position": c.position * (motion.places - true.places).abs().mean(),
+            f"{name}_speed": c.speed * _speed_distance(motion, true),
         }
 
-    def _compare_loosely(self, made: _Bodies, true: _Bodies) -> dict[str, Tensor]:
-        """Of what may be another motion for the same speech: of the places those count that are off by more than ρ."""
-        c, off = self.config, (made.places - true.places).abs().flatten(1)
-        counted = (off > c.tolerance).to(off)
-        position = ((off * counted).sum(1) / counted.sum(1).clamp_min(1)).mean()
-        return self._compare_angles("relaxed_rotation", made, true, c.relaxed_rotation) | {
+    def _compare_loosely(self, motion: _Bodies, true: _Bodies) -> dict[str, Tensor]:
+        """Terms of motion that may differ from the recorded one: only places that are off by more than ρ count."""
+        c, off = self.config, (motion.places - true.places).abs().flatten(1)
+        counts = (off > c.tolerance).to(off)
+        position = ((off * counts).sum(1) / counts.sum(1).clamp_min(1)).mean()
+        return self._compare_angles("relaxed_rotation", motion, true, c.relaxed_rotation) | {
             "relaxed_position": c.relaxed_position * position,
-            "relaxed_speed": c.relaxed_speed * _speed_distance(made, true),
+            "relaxed_speed": c.relaxed_speed * _speed_distance(motion, true),
         }
 
     @staticmethod
-    def _compare_angles(name: str, made: _Bodies, true: _Bodies, weight: float) -> dict[str, Tensor]:
+    def _compare_angles(name: str, motion: _Bodies, true: _Bodies, weight: float) -> dict[str, Tensor]:
         """Mean angle between rotations, where there are some."""
-        if made.turns is None or true.turns is None:
+        if motion.turns is None or true.turns is None:
             return {}
-        return {name: weight * rotation_angle(made.turns, true.turns).mean()}
+        return {name: weight * rotation_angle(motion.turns, true.turns).mean()}
 
 
-def _speed_distance(made: _Bodies, true: _Bodies) -> Tensor:
-    return (made.places.diff(dim=1) - true.places.diff(dim=1)).abs().mean()
+def _speed_distance(motion: _Bodies, true: _Bodies) -> Tensor:
+    return (motion.places.diff(dim=1) - true.places.diff(dim=1)).abs().mean()

@@ -1,7 +1,7 @@
 """CaMN: Liu et al. 2022, "BEAT: A Large-Scale Semantic and Emotional Multi-Modal Dataset for Conversational Gestures
 Synthesis".
 
-A cascade over six inputs: each is encoded together with those before it, then the body is made, then the hands, of the body.
+A cascade over six inputs. Each is encoded together with those before it; then the body is made, and from it the hands.
 
     speaker ─► embedding ─────────────────────────────► zˢ (8)   ─┐
     emotion ─► embedding ─► conv 9 × 4 ───────────────► zᵉ (8)   ─┤
@@ -12,7 +12,7 @@ A cascade over six inputs: each is encoded together with those before it, then t
                                                                                       ▼
           body  b̂ = MLP(Σ directions of LSTM × 4 (h))          hands  ĝ = MLP(Σ directions of LSTM × 4 (h, b̂))
 
-    L = λ E Huber((λ_s + 1) y, (λ_s + 1) ŷ),   λ_s how much of a frame is meant, ŷ = [b̂, ĝ], Huber(d) = d² / 2β, or |d| − β / 2
+    L = λ E Huber((λ_s + 1) y, (λ_s + 1) ŷ),   λ_s the relevance of a frame, ŷ = [b̂, ĝ], Huber(d) = d² / 2β, or |d| − β / 2
 
 Followed, changed, not said in the paper: docs/models/camn.md, by number.
 """
@@ -45,7 +45,7 @@ __all__ = ["Camn", "CamnConfig", "EmotionEncoder", "SpeakerEncoder", "face_encod
 
 SLOPE = 0.1  # of LeakyReLU in MLPs and after the speaker; not stated, authors' code
 EMOTION_SLOPE = 0.3  # of the emotion's convolutions; not stated, authors' code
-HEARD = 7  # ours: with four convolutions in a row each frame hears 25, as each of theirs hears 27,035 samples, 25.3 frames
+SPEECH_KERNEL = 7  # ours: with four convolutions in a row a frame sees 25, as each of theirs sees 27,035 samples, 25.3 frames
 
 
 @dataclass(frozen=True)
@@ -81,11 +81,11 @@ class CamnConfig(ModelConfig):
     beta: float = 0.1
     """β of Huber's loss, in deviations; authors' code 0.1."""
     semantic: bool = True
-    """Whether frames count by what they mean; without, stores need no such array. Section 4."""
+    """Whether frames are weighted by semantic relevance; without, stores need no such array. Section 4."""
     seed_dropout: float = 0.0
     """Share of training windows without known poses, so that it can begin by itself; ours, as published 0."""
     stroke_timing: float = 0.0
-    """Weight of how little the speed of poses rises and falls when the recorded one does; ours, as published 0."""
+    """Weight of the distance in time of rises and falls of the speed from the recorded ones; ours, as published 0."""
 
     def __post_init__(self) -> None:
         low = {"frames": SEEDS + 1, "hidden": 2, "layers": 1, "audio": 1, "text": 1, "face": 2, "emotion": 1, "speaker": 1}
@@ -127,13 +127,13 @@ class EmotionEncoder(nn.Module):
         ))  # fmt: skip
 
     def forward(self, weights: Tensor) -> Tensor:
-        encoded: Tensor = self.tail(self.linear(weights @ self.embedding.weight).mT)
-        return encoded
+        code: Tensor = self.tail(self.linear(weights @ self.embedding.weight).mT)
+        return code
 
 
 def speech_encoder(audio: int, width: int) -> nn.Sequential:
     """(B, A, T) → (B, width, T): two blocks at the rate of the poses, in the place of six on the waveform."""
-    return basic_blocks((audio, max(1, width // 2), width), HEARD)
+    return basic_blocks((audio, max(1, width // 2), width), SPEECH_KERNEL)
 
 
 def face_encoder(width: int) -> nn.Sequential:
@@ -194,26 +194,26 @@ class Camn(ManyInputs):
         half, labels = config.hidden // 2, config.speaker + config.emotion + config.text
         self.speech_fusion = nn.Sequential(_mlp(config.audio + labels, half, config.audio), nn.LeakyReLU(SLOPE))
         self.face_fusion = nn.Sequential(_mlp(config.face + config.audio + labels, half, config.face), nn.LeakyReLU(SLOPE))
-        heard = pose + 1 + labels + config.audio + config.face
-        self.body = BothWays(heard, config.hidden, config.layers, config.dropout)
+        width = pose + 1 + labels + config.audio + config.face
+        self.body = BothWays(width, config.hidden, config.layers, config.dropout)
         self.body_out = _mlp(config.hidden, half, len(body))
-        self.hands = BothWays(heard + len(body), config.hidden, config.layers, config.dropout)
+        self.hands = BothWays(width + len(body), config.hidden, config.layers, config.dropout)
         self.hands_out = _mlp(config.hidden, half, len(hands))
 
     @classmethod
     def arrays_for(cls, config: CamnConfig) -> tuple[str, ...]:
-        """Without the semantic relevance, where it weighs nothing."""
+        """Without the semantic relevance, where it is not used."""
         return cls.arrays if config.semantic else tuple(name for name in cls.arrays if name != "semantic")
 
-    def forward(self, given: ModalityInputs, noise: Tensor | None = None) -> Tensor:
+    def forward(self, inputs: ModalityInputs, noise: Tensor | None = None) -> Tensor:
         """Body and hands: inputs of T frames → (B, T, D). There is no noise."""
-        speaker, emotion = self.speaker(given.speaker), self.emotion(given.emotion)
-        text = self.text(given.words.mT, Memory())
-        speech = self.speech_fusion(torch.cat([self.speech(given.audio.mT), emotion, speaker, text], 1))
-        face = self.face_fusion(torch.cat([self.face(given.face.mT), speech, emotion, speaker, text], 1))
-        heard = torch.cat([given.seed.mT, speaker, emotion, text, speech, face], 1)
-        body = self.body_out(self.body(heard, Memory()))
-        hands = self.hands_out(self.hands(torch.cat([heard, body], 1), Memory()))
+        speaker, emotion = self.speaker(inputs.speaker), self.emotion(inputs.emotion)
+        text = self.text(inputs.words.mT, Memory())
+        speech = self.speech_fusion(torch.cat([self.speech(inputs.audio.mT), emotion, speaker, text], 1))
+        face = self.face_fusion(torch.cat([self.face(inputs.face.mT), speech, emotion, speaker, text], 1))
+        features = torch.cat([inputs.seed.mT, speaker, emotion, text, speech, face], 1)
+        body = self.body_out(self.body(features, Memory()))
+        hands = self.hands_out(self.hands(torch.cat([features, body], 1), Memory()))
         return torch.cat([body, hands], 1).index_select(1, self.order).mT
 
     def recurrent_layers(self) -> tuple[BothWays, ...]:
@@ -228,9 +228,9 @@ class Camn(ManyInputs):
 
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """L of the module's docstring."""
-        made, pose = self(self.collect_training_inputs(batch, self.config.seed_dropout)), batch["pose"]
-        timing = timing_term(self.config.stroke_timing, made.mT, pose.mT)
+        output, pose = self(self.collect_training_inputs(batch, self.config.seed_dropout)), batch["pose"]
+        timing = timing_term(self.config.stroke_timing, output.mT, pose.mT)
         if self.config.semantic:
-            meant = batch["semantic"].nan_to_num().unsqueeze(-1) + 1
-            made, pose = made * meant, pose * meant
-        return {"huber": self.config.reconstruction * F.smooth_l1_loss(made, pose, beta=self.config.beta), **timing}
+            weight = batch["semantic"].nan_to_num().unsqueeze(-1) + 1
+            output, pose = output * weight, pose * weight
+        return {"huber": self.config.reconstruction * F.smooth_l1_loss(output, pose, beta=self.config.beta), **timing}

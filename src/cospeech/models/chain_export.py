@@ -1,8 +1,8 @@
-"""What a Chain of Generation exports: ``make`` for whole windows, ``live`` for a frame at a time, ``classify``.
+"""Exports of a Chain of Generation: ``make`` for whole windows, ``live`` for a frame at a time, ``classify``.
 
 make      rows (1, T, A + W) of speech and words, style (N, T, S + 8), noise (N, T, Z), left out where Z is 0;
-          and where it was trained with them, face (1, T, 52 + 1): weights and how far they are given, and
-          seed (1, T, D + 1): poses and whether they are given
+          and where it was trained with them, face (1, T, 52 + 1): weights, and to what share each is known, and
+          seed (1, T, D + 1): poses, and whether each is known
           → poses (N, T, D)
 live      the same of one frame, rows (1, A + W), style (N, S + 8), noise (N, Z), and states → poses (N, D), states after
 classify  rows (1, T, A) → logits (1, T, S + 8)
@@ -24,15 +24,15 @@ __all__ = ["chain_graphs"]
 
 
 def chain_graphs(chain: Any) -> dict[str, ExportGraph]:
-    """The graphs of a chain; of one that plays frame by frame ``make`` and ``classify`` are its teacher's."""
+    """The graphs of a chain; for a chain that plays frame by frame, ``make`` and ``classify`` are those of its teacher."""
     whole = _teacher(chain)
     frames: dict[str, Shape] = {"rows": (1, "T", whole.audio), "style": ("N", "T", whole.styles)}
     frames |= {"noise": ("N", "T", whole.modes)} if whole.modes else {}
     faces, seeds = _optional(whole)
-    given = frames | ({"face": (1, "T", FACE + 1)} if faces else {}) | ({"seed": (1, "T", whole.pose + 1)} if seeds else {})
+    inputs = frames | ({"face": (1, "T", FACE + 1)} if faces else {}) | ({"seed": (1, "T", whole.pose + 1)} if seeds else {})
     graphs = {
         "make": ExportGraph(
-            _Windows(whole, faces, seeds), given, {"poses": ("N", "T", whole.pose)}, window=whole.window,
+            _Windows(whole, faces, seeds), inputs, {"poses": ("N", "T", whole.pose)}, window=whole.window,
             hop=max(1, whole.window // 2), look_ahead=whole.window // 4, seeds=seeds,
         ),
     }  # fmt: skip
@@ -40,10 +40,10 @@ def chain_graphs(chain: Any) -> dict[str, ExportGraph]:
         now = {name: (first, width) for name, (first, _, width) in frames.items()}
         live = _Frame(chain)
         graphs["live"] = ExportGraph(live, now, {"poses": ("N", chain.pose)}, live.states(), look_ahead=chain.delay)
-    heard, styles = whole.speech_encoder.inputs, whole.styles
+    audio, styles = whole.speech_encoder.inputs, whole.styles
     return graphs | {
         "classify": ExportGraph(
-            whole.classifier, {"rows": (1, "T", heard)}, {"logits": (1, "T", styles)}, window=2 * whole.classifier.reach + 1
+            whole.classifier, {"rows": (1, "T", audio)}, {"logits": (1, "T", styles)}, window=2 * whole.classifier.reach + 1
         ),
     }
 
@@ -53,12 +53,12 @@ def _teacher(chain: Any) -> Any:
 
 
 def _optional(chain: Any) -> tuple[int, int]:
-    """Numbers of a face and frames of seed poses that it was trained to be given, and to do without."""
+    """Numbers of a face, and frames of seed poses, that are optional inputs: it was trained with and without them."""
     return FACE * chain.accepts_face, chain.config.seeds * chain.accepts_seeds
 
 
 class _Windows(nn.Module):
-    """``make``; without the inputs of seed poses where it was never trained to do without them."""
+    """``make``; without the inputs of seed poses where seed poses are no optional input."""
 
     def __init__(self, chain: Any, faces: int, seeds: int) -> None:
         super().__init__()
@@ -70,8 +70,8 @@ class _Windows(nn.Module):
         self.faces, self.seeds = faces, seeds
         self.cascade = _without_seeds(chain) if chain.config.seeds and not seeds else chain.cascade
 
-    def forward(self, rows: Tensor, style: Tensor, *given: Tensor) -> Tensor:
-        others = iter(x.mT for x in given)
+    def forward(self, rows: Tensor, style: Tensor, *inputs: Tensor) -> Tensor:
+        others = iter(x.mT for x in inputs)
         noise, face, seed = (next(others) if there else None for there in (self.modes, self.faces, self.seeds))
         extra = [x for x in (seed, noise) if x is not None]
         return self.poses(rows.mT, style.mT, torch.cat(extra, 1) if extra else rows.mT[:, :0], Memory(), face).mT
@@ -80,16 +80,16 @@ class _Windows(nn.Module):
         """All (B, ·, T)."""
 
         def blend_face(own: Tensor) -> Tensor:
-            """The face that TFFDec sees: FaceDec's own, as far as no other is given."""
+            """The face that TFFDec sees: FaceDec's own, blended with the given face."""
             return own if face is None else own + (face[:, :FACE] - own) * face[:, FACE:]
 
-        heard, words = rows.split(self.widths, 1)
-        made: Tensor = self.cascade(Signals(self.speech_encoder(heard, memory), words, style, extra), memory, blend_face).pose
-        return made
+        speech, words = rows.split(self.widths, 1)
+        poses: Tensor = self.cascade(Signals(self.speech_encoder(speech, memory), words, style, extra), memory, blend_face).pose
+        return poses
 
 
 class _Frame(_Windows):
-    """``live``: what comes in and goes out is of one frame; states are flat."""
+    """``live``: inputs and outputs are of one frame; states are flat."""
 
     def __init__(self, chain: Any) -> None:
         super().__init__(chain, 0, 0)
@@ -105,11 +105,11 @@ class _Frame(_Windows):
         """Name → numbers of a take."""
         return {f"state{k}": shape.numel() for k, shape in enumerate(self.shapes)}
 
-    def forward(self, rows: Tensor, style: Tensor, *given: Tensor) -> tuple[Tensor, ...]:  # type: ignore[override]
-        noise, states = (given[0], given[1:]) if self.modes else (rows[:, :0], given)
+    def forward(self, rows: Tensor, style: Tensor, *inputs: Tensor) -> tuple[Tensor, ...]:  # type: ignore[override]
+        noise, states = (inputs[0], inputs[1:]) if self.modes else (rows[:, :0], inputs)
         memory = Memory(x.unflatten(1, tuple(shape)) for x, shape in zip(states, self.shapes, strict=True))
-        made = self.poses(rows.unsqueeze(2), style.unsqueeze(2), noise.unsqueeze(2), memory)
-        return made.squeeze(2), *(x.flatten(1) for x in memory.new_states)
+        poses = self.poses(rows.unsqueeze(2), style.unsqueeze(2), noise.unsqueeze(2), memory)
+        return poses.squeeze(2), *(x.flatten(1) for x in memory.new_states)
 
 
 def _without_seeds(chain: Any) -> nn.Module:

@@ -1,12 +1,12 @@
-"""Chain of Generation as speech comes: a pose per frame, ``look_ahead`` frames after the speech it belongs to; ours.
+"""Chain of Generation, live: a pose per frame, ``look_ahead`` frames after the speech that it belongs to; ours.
 
-The equations are those of `cospeech.models.chain_of_generation`, of layers that see no more than what was: causal convolutions,
-LSTMs one way, channel attention pooled over the last 34 frames (N of the paper). Every pose is delayed, so that all layers see
-``look_ahead`` frames of what follows it. In pieces of any size it makes what it makes of the whole (`step`).
+The equations are those of `cospeech.models.chain_of_generation`, with layers that see only the past: causal convolutions, LSTMs
+one way, channel attention pooled over the last 34 frames (N of the paper). Every pose is delayed, so that all layers see
+``look_ahead`` frames after it. Pieces of any size give the same poses as the whole (`step`).
 
-It learns from the recordings, and from what a trained Chain of Generation, its teacher, makes of the same speech in the same
-style with the same noise (Hinton et al. 2015: distillation), ℓ_teacher being the L1 distance to it. Of its teacher it has the
-classifier and the table of words, which rest.
+It learns from the recordings, and from the output of a trained Chain of Generation, its teacher, for the same speech, style and
+noise (Hinton et al. 2015: distillation); ℓ_teacher is the L1 distance to that output. The classifier and the table of words are
+those of its teacher, and are not trained.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ class ChainLiveConfig(ChainExtendedConfig):
     """The settings of its teacher, and those of live play; all of this is ours."""
 
     seeds: int = 0
-    """It begins with nothing."""
+    """It has no seed poses."""
     look_ahead: int = 6
     """Frames between speech and pose: 0.4 s at 15 a second."""
     pooling_window: int = 34
     """Frames that channel attention pools."""
     distillation: float = 500.0
-    """Weight of the distance to what the teacher makes."""
+    """Weight of the distance to the output of the teacher."""
 
 
 class ChainLive(ChainOfGenerationExtended):
@@ -49,8 +49,8 @@ class ChainLive(ChainOfGenerationExtended):
 
     Args:
         config: sizes and weights.
-        pose, audio, speakers, hands, text, louder, parts: as of `ChainOfGeneration`.
-        teacher: a trained one; without it all is learnt of the recordings, the classifier first.
+        pose, audio, speakers, hands, text, louder, parts: as in `ChainOfGeneration`.
+        teacher: a trained one; without it everything is learnt from the recordings, the classifier first.
     """
 
     Config = ChainLiveConfig
@@ -90,11 +90,11 @@ class ChainLive(ChainOfGenerationExtended):
 
     @property
     def preliminary_steps(self) -> int:
-        """Those of the classifier; none with a teacher, which has one."""
+        """Those of the classifier; 0 with a teacher, which has a trained one."""
         return 0 if self.teacher is not None else super().preliminary_steps
 
     def objectives(self) -> dict[str, Objective]:
-        """As of the chain; with a teacher there is no first stage, and what is its own rests."""
+        """Those of the chain; with a teacher there is no first stage, and the parameters of the teacher are fixed."""
         parts = super().objectives()
         if self.teacher is None:
             return parts
@@ -107,14 +107,14 @@ class ChainLive(ChainOfGenerationExtended):
 
     def terms(self, batch: Batch, turn: Turn) -> dict[str, Tensor]:
         """Those of the chain, and the distance to its teacher."""
-        found = super().terms(batch, turn)
+        terms = super().terms(batch, turn)
         if self.teacher is not None:
-            now, heard = slice(self.delay, None), turn.played[self.speech_encoder.array][:, : self.config.frames]
-            rows = torch.cat([heard, turn.words[..., : self.config.frames].mT], 2)
+            now, speech = slice(self.delay, None), turn.inputs[self.speech_encoder.array][:, : self.config.frames]
+            rows = torch.cat([speech, turn.words[..., : self.config.frames].mT], 2)
             with torch.no_grad():
-                shown = self.teacher.make(rows, turn.style[..., now].mT, turn.noise[..., now].mT)
-            found |= self.distances("teacher_", turn.made.pose, shown.mT, self.config.distillation)
-        return found
+                target = self.teacher.make(rows, turn.style[..., now].mT, turn.noise[..., now].mT)
+            terms |= self.distances("teacher_", turn.output.pose, target.mT, self.config.distillation)
+        return terms
 
     @torch.no_grad()
     def step(
@@ -123,16 +123,16 @@ class ChainLive(ChainOfGenerationExtended):
         """The next piece, of any number of frames.
 
         Args:
-            rows: (B, T, A + W), as of `make`.
+            rows: (B, T, A + W), as in `make`.
             style: (B, T, S + 8).
             mode_noise: (B, T, Z).
-            states: after the piece before; none: it begins.
+            states: after the piece before; none: the speech begins.
 
         Returns:
             (B, T, D) poses of the frames that lie ``look_ahead`` before these; and the states.
         """
         memory = Memory(states)
-        heard, words = rows.mT.split((self.speech_encoder.inputs, self.word.width), 1)
+        speech, words = rows.mT.split((self.speech_encoder.inputs, self.word.width), 1)
         seeds = rows.new_zeros(len(rows), self.pose + 1, rows.shape[1])
-        made, _ = self(heard, words, style.mT, self.extra(seeds, mode_noise.mT), memory)
-        return made.pose.mT, memory.new_states
+        output, _ = self(speech, words, style.mT, self.extra(seeds, mode_noise.mT), memory)
+        return output.pose.mT, memory.new_states

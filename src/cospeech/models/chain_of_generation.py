@@ -1,7 +1,7 @@
 """Chain of Generation: Xu et al. 2024, "Chain of Generation: Multi-Modal Gesture Synthesis via Cascaded Conditional Control".
 
-From speech first a face, then with it the body, then with both the hands. Speaker and emotion are estimated from the speech
-too, so that speech, words and four seed poses are enough to play it.
+It makes a face from speech, then the body with the face, then the hands with both. It also estimates speaker and emotion from
+the speech, so that speech, words and four seed poses are enough to play it.
 
     speech ──► encoder ──► Â ──► FaceDec ──► F ──► TFFDec ──► F̂ ─┐
         │                  ├──────────────────────────────────────┤
@@ -20,7 +20,7 @@ too, so that speech, words and four seed poses are enough to play it.
     ℓ_cls = CCE(E) + CCE(I)                                                         (10)  models/speech_classifier.py
 
 In a first stage of ``classifier_steps`` the classifier alone is trained (10). Then it is frozen, its probabilities are the
-style, and all the rest is trained (9). Both decoders get the seed poses, the first four frames, with a flag.
+style, and all other parts are trained (9). Both decoders get the seed poses, the first four frames, with a flag.
 
 Followed, changed, not said: docs/models/chain_of_generation.md. This file is the paper; what we add to it is in
 `cospeech.models.chain_of_generation_extended`.
@@ -76,7 +76,7 @@ class ChainConfig(ModelConfig):
     frames: int = 34
     """N; section 4.1."""
     seeds: int = 4
-    """Frames at the beginning that are given as seed poses; section 4.1. 0, which is [ours]: there is no such input."""
+    """Frames at the beginning whose poses are given; section 4.1. 0, which is [ours]: there is no such input."""
     latent: int = 128
     """Of audio, text, face features and style; section 4.1."""
     hidden: int = 256
@@ -88,9 +88,9 @@ class ChainConfig(ModelConfig):
     dropout: float = 0.3
     """Between layers of LSTMs and in the text network; not stated, CaMN's code 0.3."""
     reduction: int = 8
-    """By how much channel attention narrows; not stated, ours."""
+    """Factor by which channel attention narrows; not stated, ours."""
     speech_encoder: str = "own"
-    """What makes Â of speech, one of models/nn/speech_encoders.py; the paper's is wav2vec."""
+    """Encoder of speech that makes Â, one of models/nn/speech_encoders.py; the paper's is wav2vec."""
     encoder: str = "facebook/wav2vec2-base-960h"
     """Of the speech encoder wav2vec: a name on Hugging Face's hub, or a folder; appendix A.2."""
     word_width: int = 300
@@ -114,7 +114,7 @@ class ChainConfig(ModelConfig):
     temperature: float = 0.1
     """τ of equation 6; section 4.1."""
     attention: bool = True
-    """Whether CW-Attn is in it; table 2 has rows without."""
+    """Whether it has CW-Attn; table 2 has rows without."""
     style_injection: bool = True
     """Whether styles are injected; table 2 has rows without."""
 
@@ -186,40 +186,40 @@ class ChainOfGeneration(Windowed):
 
     @classmethod
     def encoder_for(cls, config: ChainConfig) -> str | None:
-        """The paper's wav2vec 2.0, where the speech is encoded by that."""
+        """The paper's wav2vec 2.0, where it is the speech encoder."""
         return config.encoder if config.speech_encoder == "wav2vec" else None
 
     @classmethod
     def arrays_for(cls, config: ChainConfig) -> tuple[str, ...]:
-        """With the features of wav2vec 2.0 in place of ``audio``, where the speech is encoded by that."""
+        """With the features of wav2vec 2.0 in place of ``audio``, where it is the speech encoder."""
         return tuple("wav2vec" if name == "audio" and cls.encoder_for(config) else name for name in cls.arrays)
 
     @property
     def extra_width(self) -> int:
-        """Numbers that both decoders get at a frame beside their features: a seed pose and its flag."""
+        """Numbers of a frame that both decoders get beside their features: a seed pose and its flag."""
         return (self.pose + 1) * (self.config.seeds > 0)
 
     @property
     def accepts_face(self) -> bool:
-        """Whether it was trained to be given faces too."""
+        """Whether it was trained with given faces."""
         return False
 
     @property
     def accepts_seeds(self) -> bool:
-        """Whether it was trained to be given seed poses."""
+        """Whether it was trained with seed poses."""
         return self.config.seeds > 0
 
     @property
     def word_embedding(self) -> SubwordTable | WordEmbedding:
-        """What makes numbers of words."""
+        """The embedding of words."""
         return self.word
 
     # equations 1 to 5 -----------------------------------------------------------------------------------------------
 
     def words(self, text: Tensor) -> Tensor:
         """(B, T, GRAMS) ids, or (B, T, ·) vectors → (B, T, W), zeros where there is no word."""
-        found: Tensor = self.word(text)
-        return found
+        vectors: Tensor = self.word(text)
+        return vectors
 
     def classify(self, audio: Tensor) -> Tensor:
         """(B, T, A) → (B, T, S + 8) logits of speakers and emotions per frame; their mean over time is a clip's."""
@@ -240,25 +240,25 @@ class ChainOfGeneration(Windowed):
         return torch.where(first, torch.cat([pose, torch.ones_like(pose[:, :1])], 1), 0.0)
 
     def extra(self, seeds: Tensor, noise: Tensor) -> Tensor:
-        """What both decoders get beside their features: (B, D + 1, T) of `mask_seeds`; ``noise`` the paper has none."""
+        """Further inputs of both decoders: (B, D + 1, T) of `mask_seeds`. The paper has no ``noise``."""
         return seeds if self.config.seeds else seeds[:, :0]
 
     def forward(
-        self, heard: Tensor, words: Tensor, style: Tensor, extra: Tensor, memory: Memory, face: Tensor | None = None
+        self, speech: Tensor, words: Tensor, style: Tensor, extra: Tensor, memory: Memory, face: Tensor | None = None
     ) -> tuple[CascadeOutput, Tensor]:
         """Equations 1 to 5 of all frames: face, body and hands, and Â.
 
         Args:
-            heard: (B, A, T).
+            speech: (B, A, T).
             words: (B, W, T).
             style: (B, S + 8, T) E and I, weights of speakers, then of emotions; each sums to 1.
             extra: (B, ·, T), see `extra`.
-            memory: blank; only layers that play as speech comes keep something in it.
-            face: (B, 52, T) known faces that TFFDec sees, NaN where FaceDec's own is to stand; None: all are its own.
+            memory: blank; only causal layers keep states in it.
+            face: (B, 52, T) known faces that TFFDec sees, NaN where it sees FaceDec's own; None: always FaceDec's own.
         """
-        audio = self.speech_encoder(heard, memory)
-        seen = (lambda own: own) if face is None else (lambda own: torch.where(face.isnan(), own, face))
-        return self.cascade(Signals(audio, words, style, extra), memory, seen), audio
+        audio = self.speech_encoder(speech, memory)
+        choose_face = (lambda own: own) if face is None else (lambda own: torch.where(face.isnan(), own, face))
+        return self.cascade(Signals(audio, words, style, extra), memory, choose_face), audio
 
     # what is optimised ----------------------------------------------------------------------------------------------
 
@@ -282,38 +282,38 @@ class ChainOfGeneration(Windowed):
 
     def gesture_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Equation 9: its terms, weighted."""
-        heard, pose = batch[self.speech_encoder.array], batch["pose"].mT
-        style = self.estimate_style(heard).unsqueeze(1).expand(-1, heard.shape[1], -1).mT
+        speech, pose = batch[self.speech_encoder.array], batch["pose"].mT
+        style = self.estimate_style(speech).unsqueeze(1).expand(-1, speech.shape[1], -1).mT
         extra = self.extra(self.mask_seeds(pose), pose[:, :0])
-        made, audio = self(heard.mT, self.words(batch["text"]).mT, style, extra, Memory())
-        return self.losses(made, audio, pose, batch["face"].mT)
+        output, audio = self(speech.mT, self.words(batch["text"]).mT, style, extra, Memory())
+        return self.losses(output, audio, pose, batch["face"].mT)
 
-    def losses(self, made: CascadeOutput, audio: Tensor, pose: Tensor, face: Tensor) -> dict[str, Tensor]:
+    def losses(self, output: CascadeOutput, audio: Tensor, pose: Tensor, face: Tensor) -> dict[str, Tensor]:
         """The terms of equation 9.
 
         Args:
-            made: what the cascade makes.
+            output: of the cascade.
             audio: (B, L, T) Â.
             pose: (B, D, T) recorded.
-            face: (B, 52, T) recorded; NaN where nobody recorded it, which then teaches nothing.
+            face: (B, 52, T) recorded; NaN where it was not recorded: such frames do not count.
         """
         c = self.config
-        terms = self.distances("", made.pose, pose, c.reconstruction)  # equation 8
-        terms["face"] = c.face * torch.where(face.isnan(), 0.0, made.face - face.nan_to_num()).square().mean()  # equation 7
-        terms["rhythm"] = c.rhythm * self.rhythm(made.features, audio)  # equation 6
+        terms = self.distances("", output.pose, pose, c.reconstruction)  # equation 8
+        terms["face"] = c.face * torch.where(face.isnan(), 0.0, output.face - face.nan_to_num()).square().mean()  # equation 7
+        terms["rhythm"] = c.rhythm * self.rhythm(output.features, audio)  # equation 6
         return terms
 
-    def distances(self, name: str, made: Tensor, pose: Tensor, weight: float) -> dict[str, Tensor]:
+    def distances(self, name: str, output: Tensor, pose: Tensor, weight: float) -> dict[str, Tensor]:
         """Equation 8: L1 of body and hands between (B, D, T) poses; ``name`` begins the names of the terms."""
-        body, hands = ((made[:, columns] - pose[:, columns]).abs().mean() for columns in self.cascade.columns)
+        body, hands = ((output[:, columns] - pose[:, columns]).abs().mean() for columns in self.cascade.columns)
         return {f"{name}body": weight * body, f"{name}hands": weight * self.config.hands * hands}
 
     # generation -----------------------------------------------------------------------------------------------------
 
     def poses(self, rows: Tensor, style: Tensor, noise: Tensor, seeds: Tensor, face: Tensor | None = None) -> CascadeOutput:
-        """What the cascade makes of whole clips: (B, A + W, T) speech and words, and as of `forward`."""
-        heard, words = rows.split((self.speech_encoder.inputs, self.word.width), 1)
-        return self(heard, words, style, self.extra(seeds, noise), Memory(), face)[0]
+        """Output of the cascade for whole clips: ``rows`` (B, A + W, T) are speech and words; the others as in `forward`."""
+        speech, words = rows.split((self.speech_encoder.inputs, self.word.width), 1)
+        return self(speech, words, style, self.extra(seeds, noise), Memory(), face)[0]
 
     def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """Poses of speech and words, without seeds.
@@ -337,40 +337,41 @@ class ChainOfGeneration(Windowed):
         noise: Tensor | None = None,
         given: Collection[str] = (),
     ) -> dict[str, Tensor]:
-        """Clips as a batch has them: as published, from speech, words and seed poses.
+        """Generate for the clips of a batch; as published from speech, words and seed poses.
 
         Args:
-            arrays: ``audio`` (B, T, A), ``text``, ``pose`` (its first frames), and what is given.
-            lacks: of `INPUTS`, what is missing though it is there.
+            arrays: ``audio`` (B, T, A), ``text``, ``pose`` (its first frames), and those of ``given``.
+            lacks: names of `INPUTS` that are left out.
             noise: (B, T, modes); None: zeros.
-            given: of face, emotion and speaker, what is not to be made of the speech; where it is not known, it is.
+            given: names, of face, emotion and speaker, that are taken from ``arrays`` where they are known there. All others
+                are estimated from the speech.
 
         Returns:
             ``pose`` (B, T, D), standardised, and ``face`` (B, T, 52), 0 … 1.
 
         Raises:
-            InputError: another name.
+            InputError: there is no such input.
         """
         for name in (*lacks, *given):
             if name not in INPUTS:
                 raise InputError(f"no input is called {name!r}", nearest(name, INPUTS))
-        wanted, heard = {*given} - {*lacks}, arrays[self.speech_encoder.array]
-        rows, frames, speakers = *heard.shape[:2], self.styles - EMOTIONS
-        words = heard.new_zeros(rows, frames, self.word.width) if "text" in lacks else self.words(arrays["text"])
-        who, how = self.estimate_style(heard)[:, None].expand(-1, frames, -1).split((speakers, EMOTIONS), 2)
-        if "speaker" in wanted:
+        fixed_inputs, speech = {*given} - {*lacks}, arrays[self.speech_encoder.array]
+        rows, frames, speakers = *speech.shape[:2], self.styles - EMOTIONS
+        words = speech.new_zeros(rows, frames, self.word.width) if "text" in lacks else self.words(arrays["text"])
+        who, how = self.estimate_style(speech)[:, None].expand(-1, frames, -1).split((speakers, EMOTIONS), 2)
+        if "speaker" in fixed_inputs:
             who = F.one_hot(arrays["speaker"], speakers)[:, None].expand(-1, frames, -1).to(who)
-        if "emotion" in wanted:
+        if "emotion" in fixed_inputs:
             label = arrays["emotion"].unsqueeze(2)
             how = torch.where(label < 0, how, F.one_hot(label.squeeze(2).clamp_min(0), EMOTIONS).to(how))
-        seeds = heard.new_zeros(rows, self.pose + 1, frames)
+        seeds = speech.new_zeros(rows, self.pose + 1, frames)
         if "seed" not in lacks and self.config.seeds:
             seeds = self.mask_seeds(arrays["pose"].mT)
-        face = arrays["face"].mT if "face" in wanted else None
-        noise = heard.new_zeros(rows, frames, self.modes) if noise is None else noise
-        made = self.poses(torch.cat([heard, words], 2).mT, torch.cat([who, how], 2).mT, noise.mT, seeds, face)
-        seen = made.face if face is None else torch.where(face.isnan(), made.face, face)
-        return {"pose": made.pose.mT, "face": seen.mT.clamp(0, 1)}
+        face = arrays["face"].mT if "face" in fixed_inputs else None
+        noise = speech.new_zeros(rows, frames, self.modes) if noise is None else noise
+        output = self.poses(torch.cat([speech, words], 2).mT, torch.cat([who, how], 2).mT, noise.mT, seeds, face)
+        final_face = output.face if face is None else torch.where(face.isnan(), output.face, face)
+        return {"pose": output.pose.mT, "face": final_face.mT.clamp(0, 1)}
 
     def export_module(self) -> dict[str, ExportGraph]:
         """``make`` and ``classify``; see `cospeech.models.chain_export`."""
@@ -378,6 +379,6 @@ class ChainOfGeneration(Windowed):
 
     @torch.no_grad()
     def speaker_styles(self, stretches: Tensor) -> Tensor:
-        """(S, n, T, D) poses of the speakers → (S, S + 8): each, in a neutral mood."""
+        """(S, n, T, D) poses of the speakers → (S, S + 8): each speaker alone, neutral."""
         speakers = self.styles - EMOTIONS
         return torch.cat([torch.eye(speakers), F.one_hot(torch.zeros(speakers, dtype=torch.long), EMOTIONS)], 1).to(stretches)

@@ -1,4 +1,4 @@
-"""CMix-GAN: Mix-StAGE without style, one network for one speaker (Ahuja et al. 2020, section 5.1).
+"""CMix-GAN: Mix-StAGE without style, a network for one speaker (Ahuja et al. 2020, section 5.1).
 
 "We remove the style embedding module and style consistency losses": Z is the U-Net's content alone, there is no Eˢₚ, no S and
 no L_id. Sub-generators, priors and all other losses are those of `cospeech.models.mix_stage`.

@@ -22,12 +22,12 @@ from .speaker_classifier import SpeakerClassifier
 __all__ = ["classifier_net", "feature_net", "fingerprint", "vectors_of"]
 
 HOP = 10  # frames between windows; stride of the published data of TED (and of BEAT's FGD)
-RATE = 1e-3  # ours: relative difference of frame rates that is none
+RATE = 1e-3  # ours: relative difference of frame rates that does not count
 BATCH = 512  # windows at a time; ours
 
 
 def fingerprint(net: nn.Module) -> str:
-    """Eight hexadecimal digits that tell a network from all others: SHA-256 of its parameters and buffers."""
+    """Eight hexadecimal digits that identify a network: SHA-256 of its parameters and buffers."""
     digest = sha256()
     for name, value in sorted(net.state_dict().items()):
         digest.update(name.encode() + str(tuple(value.shape)).encode())
@@ -52,11 +52,11 @@ def vectors_of(sample: Sample, pose: Pose, fps: float) -> Array:
     if sample.rotations is None or sample.positions is None:
         raise InputError(f"{sample.name!r} has no joint rotations", f"the feature network sees {pose.name}")
     rotations = np.broadcast_to(skeleton.rest, (len(sample), len(skeleton), 4)).copy()
-    known = [(k, skeleton.index[name]) for k, name in enumerate(sample.names) if name in skeleton.index]
-    if len(known) < len(sample.names):
+    joints = [(k, skeleton.index[name]) for k, name in enumerate(sample.names) if name in skeleton.index]
+    if len(joints) < len(sample.names):
         strange = next(name for name in sample.names if name not in skeleton.index)
         raise InputError(f"{sample.name!r} has a joint {strange!r}", f"the feature network sees {skeleton.kind} skeletons")
-    rotations[:, [there for _, there in known]] = sample.rotations[:, [here for here, _ in known]]
+    rotations[:, [there for _, there in joints]] = sample.rotations[:, [here for here, _ in joints]]
     return pose.encode(Motion(sample.fps, rotations, np.array(sample.positions[:, 0]), skeleton=skeleton))
 
 
@@ -112,7 +112,7 @@ def feature_net(net: nn.Module, *, name: str, pose: str, fps: float, mean: Array
 
 
 def classifier_net(net: nn.Module, *, name: str, pose: str, fps: float, mean: Array, std: Array, hop: int = HOP) -> FeatureNet:
-    """The class probabilities of a trained `cospeech.models.speaker_classifier`; arguments and errors as of `feature_net`."""
+    """The class probabilities of a trained `cospeech.models.speaker_classifier`; arguments and errors as in `feature_net`."""
     if not isinstance(net, SpeakerClassifier):
         raise InputError(f"{name!r} is no classifier", "train the recipe speaker_classifier_pats or a similar one")
     return _window_net(net, net.probabilities, net.window, name=name, pose=pose, fps=fps, mean=mean, std=std, hop=hop)

@@ -7,14 +7,14 @@ sound and words in, poses out, one after the other; each is made of 30 frames of
                                                        ▲
     ŷₜ₋₁, ŷₜ₋₂, ŷₜ₋₃ (135) ─► 512 ─► dropout 0.8 ─► [α, β]          FiLM; tanh after every layer but the last
 
-    timing: since when a word is said, for how long it will be, both together, how far it is, how fast it is;   0 in silence
+    timing: time since the word began, time until it ends, both together, share that is over, tempo;   0 in silence
 
-What is minimised, y poses of the recording, Δ from one frame to the next:
+Minimised, with y poses of the recording and Δ from one frame to the next:
 
     L = E (ŷ − y)² + 0.6 E (Δŷ − Δy)²
 
-In the first epochs α = β = 0: no pose is fed back. Then two of every 16 frames are followed by recorded poses in the place of
-its own, in the next epoch two of every 8, then of 4, and at last all.
+In the first epochs α = β = 0: no pose is fed back. Then recorded poses are fed back after two of every 16 frames, in the place
+of its own; in the next epoch after two of every 8, then of 4, and at last after all.
 
 Followed, changed, not said in the paper: docs/models/gesticulator.md, by number.
 """
@@ -42,7 +42,7 @@ __all__ = ["TIMING", "Gesticulator", "GesticulatorConfig", "mark_words", "word_t
 
 TIMING = 5  # numbers that say where in a word a frame is; section 4.1
 TEMPO = 0.5  # tenths of a second in a frame at 20 per second, the unit in which the authors' code counts time within a word
-LARGE = 1e6  # ours: what makes 1 of any difference between two words that float32 can hold
+LARGE = 1e6  # ours: factor that makes any difference of two words in float32 at least 1
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,9 @@ class GesticulatorConfig(ModelConfig):
     frames: int = 40
     """Trained in a window, between history and look-ahead; authors' code 40 at 20 per second."""
     history: int = 10
-    """Frames of speech before a pose's own; section 4.2: 0.5 s."""
+    """Frames of speech before that of a pose; section 4.2: 0.5 s."""
     look_ahead: int = 19
-    """Frames of speech after a pose's own; section 4.2: 1 s, of which authors' code has the pose's own frame as the first."""
+    """Frames of speech after that of a pose; section 4.2: 1 s; in authors' code the frame of the pose is the first of these."""
     poses: int = 3
     """Poses that are fed back; section 4.2: 3."""
     speech: int = 124
@@ -72,7 +72,7 @@ class GesticulatorConfig(ModelConfig):
     dropout: float = 0.2
     """After every layer but the last; authors' code 0.2."""
     pose_dropout: float = 0.8
-    """On what the poses become; authors' code 0.8, four times the other."""
+    """On the features of the poses; authors' code 0.8, four times the other."""
     word_width: int = 300
     """Of a word where the network learns it; ours, as in the other systems (theirs: 768 of BERT)."""
     velocity: float = 0.6
@@ -82,7 +82,7 @@ class GesticulatorConfig(ModelConfig):
     plain_epochs: int = 7
     """In which no pose is fed back; authors' code 7."""
     forcing: int = 16
-    """Frames of which two are followed by recorded poses, in the epoch after these; halved by each; authors' code 16."""
+    """Recorded poses are fed back after two of so many frames, in the next epoch; each epoch halves it; authors' code 16."""
 
     def __post_init__(self) -> None:
         low = {"frames": 2, "history": 1, "look_ahead": 0, "poses": 1, "speech": 1, "context": 1, "hidden": 1, "word_width": 1}
@@ -95,7 +95,7 @@ class GesticulatorConfig(ModelConfig):
             raise InputError(f"a Gesticulator with {problem}", "shares below 1; no more poses than the history has frames")
 
     def forcing_at(self, step: int) -> int | None:
-        """Frames of which two are followed by recorded poses, in a step of training; None: no pose is fed back."""
+        """Of how many frames two are followed by recorded poses, in a step of training; None: no pose is fed back."""
         epoch = step // self.epoch - self.plain_epochs
         return None if epoch < 0 else max(2, self.forcing >> min(epoch, 60))
 
@@ -115,22 +115,22 @@ def mark_words(words: Tensor, last: Tensor | None = None) -> Tensor:
 
 
 def word_timing(marks: Tensor) -> Tensor:
-    """Where in its word each frame of a stretch is, as far as the stretch shows: (…, K, 2) of `mark_words` → (…, K, 5).
+    """The place of each frame of a stretch in its word, as far as the stretch shows: (…, K, 2) of `mark_words` → (…, K, 5).
 
-    Tenths of a second since the word began, this one included; until it ends, this one included; both together; the share of
-    it that is over; words per tenth of a second. All five are 0 in silence. Computed with operators that a bundle may hold.
+    The five numbers: tenths of a second since the word began, this frame included; until it ends, this frame included; both
+    together; the share that is over; words per tenth of a second. All are 0 in silence. A bundle may hold all operators here.
     """
-    said, begins = (x.flatten(-2) for x in marks.split(1, -1))
-    length = said.shape[-1]
+    is_word, begins = (x.flatten(-2) for x in marks.split(1, -1))
+    length = is_word.shape[-1]
     begins = torch.cat([begins[..., :1] * 0 + 1, begins[..., 1:]], -1)
     place = torch.arange(length, device=marks.device)
     since = (place + 1) * (place[:, None] >= place)  # [k, j]: j + 1 for frames j up to k
     until = (length - place) * (place[:, None] < place)  # K − j for those after it
     first = (begins.unsqueeze(-2) * since.to(marks)).amax(-1)  # 1 + where the word of frame k began
     after = length - (begins.unsqueeze(-2) * until.to(marks)).amax(-1)  # where the next one begins
-    begun, left = TEMPO * (place + 2 - first), TEMPO * (after - place)
-    whole = begun + left - TEMPO
-    return torch.stack([begun, left, whole, begun / whole, said / whole], -1) * said.unsqueeze(-1)
+    age, rest = TEMPO * (place + 2 - first), TEMPO * (after - place)
+    whole = age + rest - TEMPO
+    return torch.stack([age, rest, whole, age / whole, is_word / whole], -1) * is_word.unsqueeze(-1)
 
 
 class Gesticulator(Trainable):
@@ -179,48 +179,48 @@ class Gesticulator(Trainable):
         return self.config.history + self.config.frames + self.config.look_ahead
 
     def enter(self, rows: Tensor, last: Tensor | None = None) -> Tensor:
-        """A frame as it is in any stretch: (B, T, A + W) → (B, T, 2 · speech + 2), by the first layer without timing.
+        """The first layer without timing, which is the same in any stretch: (B, T, A + W) → (B, T, 2 · speech + 2).
 
         For ``last`` see `mark_words`, whose marks are the last two numbers.
         """
         return torch.cat([self.entry(rows), mark_words(rows[..., self.audio :], last)], -1)
 
-    def hear(self, entered: Tensor) -> Tensor:
+    def hear(self, frames: Tensor) -> Tensor:
         """h: (…, K, 2 · speech + 2) stretches of `enter`, of K frames around a pose's own, → (…, hidden)."""
-        codes, marks = entered.split([2 * self.config.speech, 2], -1)
-        heard: Tensor = self.stretch(self.frame(codes + self.timing(word_timing(marks))).flatten(-2))
-        return heard
+        codes, marks = frames.split([2 * self.config.speech, 2], -1)
+        features: Tensor = self.stretch(self.frame(codes + self.timing(word_timing(marks))).flatten(-2))
+        return features
 
-    def move(self, heard: Tensor, before: Tensor | None) -> Tensor:
+    def move(self, features: Tensor, before: Tensor | None) -> Tensor:
         """(B, hidden) and the poses before, (B, 3 · D), the last one first, → (B, D); None: none is fed back."""
         if before is not None:
             gain, shift = self.film(before).chunk(2, -1)
-            heard = heard * (1 + gain) + shift
-        made: Tensor = self.out(heard)
-        return made
+            features = features * (1 + gain) + shift
+        pose: Tensor = self.out(features)
+        return pose
 
-    def forward(self, rows: Tensor, before: Tensor | None, forced: Mapping[int, Tensor] | None = None) -> Tensor:
+    def forward(self, rows: Tensor, before: Tensor | None, feedback: Mapping[int, Tensor] | None = None) -> Tensor:
         """All frames between history and look-ahead.
 
         Args:
             rows: (B, history + F + look-ahead, A + W) of speech and words.
             before: (B, 3 · D) the poses before the first that is made, the last one first; None: no pose is fed back.
-            forced: frame, counted from the first that is made, → (B, 3 · D) what is fed back after it in the place of its own.
+            feedback: frame, counted from the first that is made, → (B, 3 · D) poses to feed back after it, in place of its own.
 
         Returns:
             (B, F, D).
         """
-        heard, made = self._hear_all(rows), list[Tensor]()
+        features, poses = self._hear_all(rows), list[Tensor]()
         if before is None:
-            return self.move(heard, None)
-        for t in range(heard.shape[1]):
-            made.append(self.move(heard[:, t], before))
-            own = torch.cat([made[-1], before[:, : -self.pose]], 1)
-            before = own if forced is None else forced.get(t, own)
-        return torch.stack(made, 1)
+            return self.move(features, None)
+        for t in range(features.shape[1]):
+            poses.append(self.move(features[:, t], before))
+            own = torch.cat([poses[-1], before[:, : -self.pose]], 1)
+            before = own if feedback is None else feedback.get(t, own)
+        return torch.stack(poses, 1)
 
     def _hear_all(self, rows: Tensor) -> Tensor:
-        """(B, F, hidden) of all stretches. In training at once; else one by one, since nobody wants their gradients."""
+        """(B, F, hidden) of all stretches: with gradients all at once, without them one by one."""
         stretches = frame_windows(self.enter(rows), self.length)
         if torch.is_grad_enabled():
             return self.hear(stretches)
@@ -238,15 +238,15 @@ class Gesticulator(Trainable):
         rows = torch.cat([batch["audio"], self.embedding(batch["text"])], -1)
         forcing = c.forcing_at(step) if self.training else 0
         blank = pose.new_zeros(len(pose), c.poses * self.pose)
-        made = self(rows, None if forcing is None else blank, self._choose_poses(pose, forcing) if forcing else None)
+        poses = self(rows, None if forcing is None else blank, self._choose_poses(pose, forcing) if forcing else None)
         true = pose[:, c.history : c.history + c.frames]
         return {
-            "pose": (made - true).square().mean(),
-            "velocity": c.velocity * (made.diff(dim=1) - true.diff(dim=1)).square().mean(),
+            "pose": (poses - true).square().mean(),
+            "velocity": c.velocity * (poses.diff(dim=1) - true.diff(dim=1)).square().mean(),
         }
 
     def _choose_poses(self, pose: Tensor, every: int) -> dict[int, Tensor]:
-        """What is fed back of a recording: after two of ``every`` frames, counted from the window's first, as authors' code."""
+        """Recorded poses to feed back: after two of ``every`` frames, counted from the window's first, as authors' code."""
         tau = self.config.history
         times = [t for t in range(tau, tau + self.config.frames) if t % every < 2]
         return {t - tau: self._poses_up_to(pose, t + 1) for t in times}
@@ -262,13 +262,13 @@ class Gesticulator(Trainable):
         """Poses for the arrays of a batch, of any length.
 
         Args:
-            arrays: ``audio``, ``text``, and ``pose``, of which the frames of the history are looked at.
-            lacks: what is kept back: words are then zeros, and it begins with the mean pose.
-            noise: there is none.
+            arrays: ``audio``, ``text``, and ``pose``, of which the frames of the history are used.
+            lacks: inputs that are left out; words are then zeros, and the motion begins with the mean pose.
+            noise: not used.
 
         Returns:
-            ``pose``: (B, T, D), standardised; the poses of the history are those that were given. Speech before and after the
-            window is taken for the mean one.
+            ``pose``: (B, T, D), standardised; the poses of the history are the given ones. Speech before and after the window
+            is taken as the mean.
 
         Raises:
             InputError: there is no such input.
@@ -279,8 +279,8 @@ class Gesticulator(Trainable):
         tau, words = self.config.history, self.embedding(arrays["text"])
         rows = torch.cat([arrays["audio"], torch.zeros_like(words) if "text" in lacks else words], -1)
         rows = nn.functional.pad(rows, (0, 0, 0, self.config.look_ahead))
-        known = torch.zeros_like(arrays["pose"][:, :tau]) if "seed" in lacks else arrays["pose"][:, :tau]
-        return {"pose": torch.cat([known, self(rows, self._poses_up_to(known, tau))], 1)}
+        history = torch.zeros_like(arrays["pose"][:, :tau]) if "seed" in lacks else arrays["pose"][:, :tau]
+        return {"pose": torch.cat([history, self(rows, self._poses_up_to(history, tau))], 1)}
 
     def export_module(self) -> dict[str, ExportGraph]:
         """``live``: a frame of speech and words (1, A + W) → the pose that lies ``look_ahead`` frames before it."""
@@ -297,10 +297,10 @@ class _Frame(nn.Module):
         super().__init__()
         self.net = net
 
-    def forward(self, rows: Tensor, heard: Tensor, word: Tensor, before: Tensor) -> tuple[Tensor, ...]:
+    def forward(self, rows: Tensor, speech: Tensor, word: Tensor, before: Tensor) -> tuple[Tensor, ...]:
         net = self.net
-        entered = net.enter(rows.unsqueeze(1), word.unsqueeze(1))
-        width = entered.shape[2]
-        heard = torch.cat([heard[:, width:], entered.flatten(1)], 1)
-        made = net.move(net.hear(heard.unflatten(1, (net.length, width))), before)
-        return made, heard, rows[:, net.audio :], torch.cat([made, before[:, : -net.pose]], 1)
+        frame = net.enter(rows.unsqueeze(1), word.unsqueeze(1))
+        width = frame.shape[2]
+        speech = torch.cat([speech[:, width:], frame.flatten(1)], 1)
+        pose = net.move(net.hear(speech.unflatten(1, (net.length, width))), before)
+        return pose, speech, rows[:, net.audio :], torch.cat([pose, before[:, : -net.pose]], 1)

@@ -1,6 +1,6 @@
 """Gesture autoencoders: feature networks of movement, for a loss (ω) and for a metric (FGD).
 
-No inception network is trained on gestures, so that two convolutional autoencoders take its place; both minimise
+There is no inception network for gestures. Two convolutional autoencoders take its place; both minimise
 
     L = |x̂ − x|₁ + |Δx̂ − Δx|₁,   Δ the difference of successive frames, x̂ = decoder(encoder(x))
 
@@ -58,7 +58,7 @@ class AutoencoderConfig(ModelConfig):
     code: int = 32
     """Width of the code."""
     batch_statistics: bool = False
-    """ω, as a loss, normalises with the statistics of the batch that it is given, as in the authors' code; else of training."""
+    """Whether ω, as a loss, normalises by the statistics of its batch, as in the authors' code; else by those of training."""
 
 
 @dataclass(frozen=True)
@@ -82,11 +82,11 @@ class FgdConfig(ModelConfig):
     dense_slope: float = 1.0
     """Of the LeakyReLU after fully connected layers; authors' ``LeakyReLU(True)`` is a slope of 1, which is none at all."""
     widening: int = 1
-    """So many times ``channels`` has the decoder's last convolution but one; BEAT's code 2."""
+    """Width of the decoder's last convolution but one, in ``channels``; BEAT's code 2."""
     difference: float = 1.0
     """Weight of |Δx̂ − Δx|₁; BEAT's code 0."""
     velocity: float = 0.0
-    """Weight of |Δx̂ − Δx|₂², which takes its place in BEAT's code, there 0.1."""
+    """Weight of |Δx̂ − Δx|₂², which takes the place of that term in BEAT's code, there 0.1."""
 
 
 def _block(inputs: int, outputs: int, kernel: int = 3, stride: int = 1, padding: int = 1, bias: bool = False) -> nn.Sequential:
@@ -95,10 +95,10 @@ def _block(inputs: int, outputs: int, kernel: int = 3, stride: int = 1, padding:
     return nn.Sequential(conv, BatchNorm1d(outputs), nn.LeakyReLU(SLOPE))
 
 
-def _loss(made: Tensor, x: Tensor) -> dict[str, Tensor]:
-    """The two terms that both networks minimise, and what may stand for the second; (B, T, D) each."""
-    difference = made.diff(dim=1) - x.diff(dim=1)
-    return {"l1": (made - x).abs().mean(), "l1_difference": difference.abs().mean(), "velocity": difference.square().mean()}
+def _loss(output: Tensor, x: Tensor) -> dict[str, Tensor]:
+    """The two terms that both networks minimise, and one that may replace the second; (B, T, D) each."""
+    difference = output.diff(dim=1) - x.diff(dim=1)
+    return {"l1": (output - x).abs().mean(), "l1_difference": difference.abs().mean(), "velocity": difference.square().mean()}
 
 
 class Omega(nn.Module):
@@ -209,9 +209,9 @@ class FgdAutoencoder(Trainable):
             _block(many, many, kernel=4, stride=2, padding=0, bias=True),
             nn.Conv1d(many, few, 3),
         )
-        left = (config.frames - 4 - 4) // 2 + 1 - 2  # 34 frames → 12
+        frames = (config.frames - 4 - 4) // 2 + 1 - 2  # 34 frames → 12
         self.dense = nn.Sequential(
-            *self._dense(few * left, config.hidden),
+            *self._dense(few * frames, config.hidden),
             *self._dense(config.hidden, config.hidden // 2),
             nn.Linear(config.hidden // 2, config.code),
             nn.Linear(config.code, config.code),

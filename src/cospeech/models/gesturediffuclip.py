@@ -1,5 +1,5 @@
 """GestureDiffuCLIP-like: after Ao et al. 2023, "GestureDiffuCLIP: Gesture Diffusion Model with CLIP Latents". Their code was
-never published, and CLIP's weights are not used: what stands for CLIP is a small encoder of labels and motion, trained here.
+never published, and CLIP's weights are not used: a small encoder of labels and motion, trained here, takes CLIP's place.
 
     motion ─► encoder ─► z (L numbers for four frames) ─► decoder ─► motion
 
@@ -53,14 +53,14 @@ from .nn.words import SubwordTable, word_embedding
 
 __all__ = ["GestureDiffuClip", "GestureDiffuClipConfig"]
 
-SHAKEN = 0.1  # deviation of δ, so that the decoder makes motion of latents that are only nearly right; ours
-LEVELS = 8  # multiples of φ whose cosine and sine tell how noisy a latent is; ours
-LABELLED, STYLELESS = 0.5, 0.1  # share of training windows with a label for the style, and with none; ours
+LATENT_NOISE = 0.1  # deviation of δ, so that the decoder makes motion of latents that are only nearly right; ours
+LEVELS = 8  # multiples of φ whose cosines and sines tell the level of noise; ours
+LABEL_SHARE, NO_STYLE_SHARE = 0.5, 0.1  # share of training windows with a label for the style, and with none; ours
 
 
 @dataclass(frozen=True)
 class GestureDiffuClipConfig(ModelConfig):
-    """Sizes and weights; [ours] where nothing else is said: the paper's are of another skeleton, rate and of CLIP."""
+    """Sizes and weights; [ours] where nothing else is said: the paper has another skeleton, another rate, and CLIP."""
 
     TINY: ClassVar[Mapping[str, Any]] = {
         "hidden": 16, "latent": 6, "heard": 16, "text_channels": 6, "text": 6, "word_width": 5, "style": 6, "width": 8,
@@ -75,7 +75,7 @@ class GestureDiffuClipConfig(ModelConfig):
     frames: int = 36
     """T of a training window: the 34 of BEAT's systems, filled up to a multiple of 4."""
     hidden: int = 512
-    """Widest channels of the autoencoder."""
+    """Channels of the autoencoder's widest layers."""
     latent: int = 64
     """L, numbers of a step of z."""
     velocity: float = 1.0
@@ -118,7 +118,7 @@ class GestureDiffuClipConfig(ModelConfig):
 
 
 class _Labels(nn.Module):
-    """What describes a style: an emotion by its name, of which subwords are read, and a speaker; a vector of each."""
+    """Labels of a style: an emotion, by the subwords of its name, and a speaker; one vector for each."""
 
     names: Tensor
 
@@ -132,19 +132,19 @@ class _Labels(nn.Module):
         self.register_buffer("names", torch.from_numpy(subword_rows([*NAMES])), persistent=False)
 
     def emotions(self) -> Tensor:
-        """(8, C)."""
+        """(8, C) vectors of the emotions."""
         return self.of_words(self.names)
 
     def of_words(self, ids: Tensor) -> Tensor:
         """(n, GRAMS) ids of subwords → (n, C)."""
-        found: Tensor = self.text(self.table(ids.unsqueeze(0)))[0]
-        return found
+        vectors: Tensor = self.text(self.table(ids.unsqueeze(0)))[0]
+        return vectors
 
     def forward(self, speaker: Tensor, emotion: Tensor) -> Tensor:
         """(B, S) and (B, 8) weights → (B, C) styles; of no weights zeros."""
         style = speaker @ unit(self.speakers) + emotion @ unit(self.emotions())
-        known = (speaker.sum(1) + emotion.sum(1) > 0).unsqueeze(1)
-        return torch.where(known, unit(style), 0.0)
+        is_known = (speaker.sum(1) + emotion.sum(1) > 0).unsqueeze(1)
+        return torch.where(is_known, unit(style), 0.0)
 
 
 class _Denoiser(nn.Module):
@@ -160,11 +160,11 @@ class _Denoiser(nn.Module):
             heads=config.heads,
         )  # fmt: skip
 
-    def forward(self, heard: Tensor, style: Tensor, latent: Tensor, level: Tensor) -> Tensor:
-        speech, words = heard.split(self.widths, 1)
-        steered = self.level(level) + self.style(style)
-        made: Tensor = self.transformer(torch.cat([latent, speech], 1), words, steered)
-        return made
+    def forward(self, features: Tensor, style: Tensor, latent: Tensor, level: Tensor) -> Tensor:
+        speech, words = features.split(self.widths, 1)
+        condition = self.level(level) + self.style(style)
+        estimate: Tensor = self.transformer(torch.cat([latent, speech], 1), words, condition)
+        return estimate
 
 
 # the model -----------------------------------------------------------------------------------------------------------
@@ -173,8 +173,8 @@ class _Denoiser(nn.Module):
 class GestureDiffuClip(Sampled):
     """GestureDiffuCLIP-like (after Ao et al. 2023): motion drawn by diffusion, in the style of a label or of an example.
 
-    Poses and audio are standardised vectors. In `make` the noise is what the diffusion begins with, normal numbers; of zeros it
-    is one motion in the middle of those that could be.
+    Poses and audio are standardised vectors. In `make` the diffusion begins with the noise, normal numbers. Zeros give a motion
+    in the middle of the possible ones.
 
     Args:
         config: sizes and weights.
@@ -238,8 +238,8 @@ class GestureDiffuClip(Sampled):
 
     def decode(self, latent: Tensor) -> Tensor:
         """See `Sampled`."""
-        made: Tensor = self.up(latent)
-        return made
+        poses: Tensor = self.up(latent)
+        return poses
 
     def style_of(self, poses: Tensor) -> Tensor:
         """(B, T, D) poses of an example, 8 frames at least → (B, style)."""
@@ -247,7 +247,7 @@ class GestureDiffuClip(Sampled):
 
     @torch.no_grad()
     def style_of_label(self, label: str) -> Tensor:
-        """(style,) the style that words describe, each as the names of emotions are read; for other words a guess."""
+        """(style,) the style that words describe, each read as a name of an emotion; for other words it is a guess."""
         ids = torch.from_numpy(subword_rows(label.split() or [None])).to(self.labels.names)
         return unit(unit(self.labels.of_words(ids)).mean(0))
 
@@ -281,19 +281,19 @@ class GestureDiffuClip(Sampled):
         """L_motion."""
         pose = batch["pose"].mT
         z = self.norm(self.down(pose))
-        shaken = z + SHAKEN * batch.chance.normal(len(z), *z.shape[1:])
-        made = self.up(shaken)
+        noisy = z + LATENT_NOISE * batch.chance.normal(len(z), *z.shape[1:])
+        motion = self.up(noisy)
         return {
-            "pose": (made - pose).abs().mean(),
-            "velocity": self.config.velocity * (made.diff(dim=-1) - pose.diff(dim=-1)).abs().mean(),
+            "pose": (motion - pose).abs().mean(),
+            "velocity": self.config.velocity * (motion.diff(dim=-1) - pose.diff(dim=-1)).abs().mean(),
         }
 
     def align_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """L_align: words beside gestures, labels beside motion."""
-        said, done = self.read(batch["text"]), self.gesture(self.encode(batch["pose"]))
+        text, gestures = self.read(batch["text"]), self.gesture(self.encode(batch["pose"]))
         tau, style = self.config.temperature, self.style_of(batch["pose"])
         return {
-            "words": (info_nce(said, done, tau) + info_nce(done, said, tau)) / 2,
+            "words": (info_nce(text, gestures, tau) + info_nce(gestures, text, tau)) / 2,
             "emotion": choice_nce(style, self.labels.emotions(), self._emotion(batch.arrays), tau),
             "speaker": choice_nce(style, self.labels.speakers, batch["speaker"], tau),
         }
@@ -302,10 +302,10 @@ class GestureDiffuClip(Sampled):
         """L_diffusion, at an angle drawn for each window."""
         z, chance, rows = self.encode(batch["pose"]), batch.chance, len(batch)
         with at_rest(self.embedding, self.reader, self.labels, self.example):
-            said, style = self.read(batch["text"]), self._training_style(batch)
+            text, style = self.read(batch["text"]), self._training_style(batch)
         angle, noise = pi / 2 * chance.uniform(rows), chance.normal(rows, *z.shape[1:])
-        heard = torch.cat([self.speech(batch["audio"].mT), said], 1)
-        estimate = self._estimate(heard, style, add_noise(z, noise, angle), angle)
+        features = torch.cat([self.speech(batch["audio"].mT), text], 1)
+        estimate = self._estimate(features, style, add_noise(z, noise, angle), angle)
         return {"velocity": (estimate - velocity(z, noise, angle)).square().mean()}
 
     def _emotion(self, arrays: Mapping[str, Tensor]) -> Tensor:
@@ -313,35 +313,36 @@ class GestureDiffuClip(Sampled):
         return arrays["emotion"][:, 0] if "emotion" in arrays else torch.full_like(arrays["speaker"], -1)
 
     def _training_style(self, batch: Batch) -> Tensor:
-        """(B, style): of the window's own motion, of its labels, or none."""
-        drawn = batch.chance.uniform(len(batch), 1)
+        """(B, style): of the window's own motion, of its labels, or no style."""
+        coin = batch.chance.uniform(len(batch), 1)
         speaker, emotion = weights_of(batch["speaker"], self.speakers), weights_of(self._emotion(batch.arrays), len(NAMES))
-        style = torch.where(drawn < LABELLED, self.labels(speaker, emotion), self.style_of(batch["pose"]))
-        return torch.where(drawn > 1 - STYLELESS, 0.0, style)
+        style = torch.where(coin < LABEL_SHARE, self.labels(speaker, emotion), self.style_of(batch["pose"]))
+        return torch.where(coin > 1 - NO_STYLE_SHARE, 0.0, style)
 
-    def _estimate(self, heard: Tensor, style: Tensor, latent: Tensor, angle: Tensor) -> Tensor:
+    def _estimate(self, features: Tensor, style: Tensor, latent: Tensor, angle: Tensor) -> Tensor:
         """v̂ of (B, L, S) latents at angles (B,), in styles (B, style)."""
         steps = latent.shape[-1]
-        told = (x.unsqueeze(-1).expand(-1, -1, steps) for x in (style, level_features(angle, LEVELS)))
-        wanted, level = told
-        estimate: Tensor = self.denoiser(heard, wanted, latent, level)
+        conditions = (x.unsqueeze(-1).expand(-1, -1, steps) for x in (style, level_features(angle, LEVELS)))
+        step_style, level = conditions
+        estimate: Tensor = self.denoiser(features, step_style, latent, level)
         return estimate
 
     # generation ------------------------------------------------------------------------------------------------------
 
     @torch.no_grad()
-    def draw(self, heard: Tensor, style: Tensor, noise: Tensor, known: Tensor | None = None) -> Tensor:
-        """(B, S, L) latents of as much noise, for speech and words (B, heard + text, S), in styles (B, style).
+    def draw(self, features: Tensor, style: Tensor, noise: Tensor, prefix: Tensor | None = None) -> Tensor:
+        """(B, S, L) latents from noise of that shape, for speech and words (B, heard + text, S), in styles (B, style).
 
         Args:
-            heard, style, noise: as above.
-            known: (B, k, L) latents of the first steps.
+            features: of speech and words.
+            style, noise: as above.
+            prefix: (B, k, L) known latents of the first steps.
         """
 
         def estimate(x: Tensor, angle: float) -> Tensor:
-            return self._estimate(heard, style, x.mT, torch.full((len(x),), angle, device=x.device)).mT
+            return self._estimate(features, style, x.mT, torch.full((len(x),), angle, device=x.device)).mT
 
-        return denoise(estimate, noise, self.config.steps, known)
+        return denoise(estimate, noise, self.config.steps, prefix)
 
     def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """(B, T, A + W), (B, T, style), of which the first frame's holds throughout, (B, T, L) of noise → (B, T, D)."""
@@ -352,8 +353,8 @@ class GestureDiffuClip(Sampled):
         """Poses for the arrays of a batch, of any length, in the style of its labels.
 
         Args:
-            arrays: ``audio``, ``text``, ``speaker``, ``emotion``, and ``pose``, of which the first four frames are looked at.
-            lacks: what is kept back, of `cospeech.models.nn.modalities.INPUTS`.
+            arrays: ``audio``, ``text``, ``speaker``, ``emotion``, and ``pose``, of which the first four frames are used.
+            lacks: names of `cospeech.models.nn.modalities.INPUTS` that are left out.
             noise: (B, T, L) of N(0, 1); none: drawn, always the same.
 
         Returns:
@@ -365,12 +366,12 @@ class GestureDiffuClip(Sampled):
         check_lacks(lacks)
         frames, words = arrays["audio"].shape[1], self.embedding(arrays["text"])
         words = torch.zeros_like(words) if "text" in lacks else words
-        heard = self.hear(fill_up(torch.cat([arrays["audio"], words], -1)).mT)
+        features = self.hear(fill_up(torch.cat([arrays["audio"], words], -1)).mT)
         speaker, emotion = weights_of(arrays["speaker"], self.speakers), weights_of(self._emotion(arrays), len(NAMES))
         style = self.labels(speaker * ("speaker" not in lacks), emotion * ("emotion" not in lacks))
-        begun = fill_up(self.draw_noise(arrays["audio"]) if noise is None else noise)[:, ::STRIDE]
-        known = None if "seed" in lacks else self.encode(arrays["pose"][:, :STRIDE]).mT
-        return {"pose": self.decode(self.draw(heard, style, begun, known).mT).mT[:, :frames]}
+        step_noise = fill_up(self.draw_noise(arrays["audio"]) if noise is None else noise)[:, ::STRIDE]
+        prefix = None if "seed" in lacks else self.encode(arrays["pose"][:, :STRIDE]).mT
+        return {"pose": self.decode(self.draw(features, style, step_noise, prefix).mT).mT[:, :frames]}
 
     def sampler(self) -> dict[str, ExportGraph]:
         """``denoise``."""
@@ -392,6 +393,6 @@ class _Denoising(nn.Module):
         super().__init__()
         self.denoiser = net.denoiser
 
-    def forward(self, heard: Tensor, style: Tensor, latent: Tensor, level: Tensor) -> Tensor:
-        made: Tensor = self.denoiser(heard.mT, style.mT, latent.mT, level.mT).mT
-        return made
+    def forward(self, features: Tensor, style: Tensor, latent: Tensor, level: Tensor) -> Tensor:
+        estimate: Tensor = self.denoiser(features.mT, style.mT, latent.mT, level.mT).mT
+        return estimate

@@ -9,7 +9,7 @@ with which Yoon et al. 2020 compare: speech and motion are encoded into one spac
 
     L = E |ŷ − y|₁
 
-A window has one z, so that what it holds of the speech is 32 numbers for two seconds. To play it, z is of the speech.
+A window has one z: 32 numbers hold all that is known of two seconds of speech. When it plays, z comes from the speech.
 Followed, changed, not said in the papers: docs/models/joint_embedding.md, by number.
 """
 
@@ -37,7 +37,7 @@ from .nn.words import word_embedding
 __all__ = ["JointEmbedding", "JointEmbeddingConfig"]
 
 SLOPE = 0.2  # of LeakyReLU between the convolutions of poses; authors' code
-SHORTEST = 12  # frames that four convolutions of poses leave one of
+SHORTEST = 12  # the least number of frames of which four convolutions of poses leave one
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class JointEmbeddingConfig(ModelConfig):
     layers: int = 4
     """Of the decoder's GRU; Yoon et al. 4."""
     speech_hidden: int = 256
-    """Of the two layers of the GRU that sums up the speech; Yoon et al. 256."""
+    """Of the two layers of the GRU that summarises the speech; Yoon et al. 256."""
     pose_channels: int = 32
     """Of the first convolution of poses, twice as many in the next two, and of the last; Yoon et al. 32."""
     dropout: float = 0.3
@@ -93,8 +93,8 @@ class _SpeechEncoder(nn.Module):
         self.mean, self.variance = nn.Linear(code, code), nn.Linear(code, code)
 
     def forward(self, waveform: Tensor, words: Tensor) -> tuple[Tensor, Tensor]:
-        heard = torch.cat([self.speech(waveform), self.text(words.mT, Memory())], 1)
-        last = self.head(self.summary(heard.mT)[0][:, -1])
+        features = torch.cat([self.speech(waveform), self.text(words.mT, Memory())], 1)
+        last = self.head(self.summary(features.mT)[0][:, -1])
         return self.mean(last), self.variance(last)
 
 
@@ -110,9 +110,9 @@ class _PoseEncoder(nn.Module):
             nn.Conv1d(second, second, 4, 2), BatchNorm1d(second), nn.LeakyReLU(SLOPE),
             nn.Conv1d(second, first, 3),
         )  # fmt: skip
-        wide, narrow, left = 8 * first, 4 * first, ((config.frames - 4) // 2 - 1) - 2
+        wide, narrow, frames = 8 * first, 4 * first, ((config.frames - 4) // 2 - 1) - 2
         self.head = nn.Sequential(
-            nn.Linear(left * first, wide), BatchNorm1d(wide), nn.LeakyReLU(config.slope),
+            nn.Linear(frames * first, wide), BatchNorm1d(wide), nn.LeakyReLU(config.slope),
             nn.Linear(wide, narrow), BatchNorm1d(narrow), nn.LeakyReLU(config.slope),
             nn.Linear(narrow, config.code), nn.Linear(config.code, config.code),
         )  # fmt: skip
@@ -132,10 +132,10 @@ class _Decoder(nn.Module):
         self.both_ways = BothWaysGru(2 * code, config.hidden, config.layers, config.dropout)
         self.out = nn.Sequential(nn.Conv1d(config.hidden, half, 1), nn.LeakyReLU(config.slope), nn.Conv1d(half, pose, 1))
 
-    def forward(self, z: Tensor, known: Tensor, like: Tensor) -> Tensor:
-        code = torch.cat([self.known(known.flatten(1)), z], 1)
-        made: Tensor = self.out(self.both_ways(code.unsqueeze(2) + 0 * like[..., :1].mT)).mT  # the same at every frame
-        return made
+    def forward(self, z: Tensor, seeds: Tensor, like: Tensor) -> Tensor:
+        code = torch.cat([self.known(seeds.flatten(1)), z], 1)
+        poses: Tensor = self.out(self.both_ways(code.unsqueeze(2) + 0 * like[..., :1].mT)).mT  # the same at every frame
+        return poses
 
 
 class JointEmbedding(SeededWindows):
@@ -169,19 +169,19 @@ class JointEmbedding(SeededWindows):
         self.pose_encoder = _PoseEncoder(config, pose)
         self.decoder = _Decoder(config, pose)
 
-    def poses(self, given: WindowInputs, noise: Tensor) -> Tensor:
+    def poses(self, inputs: WindowInputs, noise: Tensor) -> Tensor:
         """See `SeededWindows`; ε is the noise of the first frame."""
-        return self._decode(self.encode_speech(given, noise[:, 0]), given)
+        return self._decode(self.encode_speech(inputs, noise[:, 0]), inputs)
 
-    def encode_speech(self, given: WindowInputs, noise: Tensor) -> Tensor:
+    def encode_speech(self, inputs: WindowInputs, noise: Tensor) -> Tensor:
         """z of speech and words, (B, code), for ε (B, code)."""
-        mean, variance = self.speech_encoder(given.audio, given.words)
+        mean, variance = self.speech_encoder(inputs.audio, inputs.words)
         z: Tensor = mean + torch.exp(variance / 2) * noise
         return z
 
-    def _decode(self, z: Tensor, given: WindowInputs) -> Tensor:
-        made: Tensor = self.decoder(z, given.seed[:, :SEEDS, :-1], given.seed)
-        return made
+    def _decode(self, z: Tensor, inputs: WindowInputs) -> Tensor:
+        poses: Tensor = self.decoder(z, inputs.seed[:, :SEEDS, :-1], inputs.seed)
+        return poses
 
     # what is optimised -----------------------------------------------------------------------------------------------
 
@@ -190,13 +190,13 @@ class JointEmbedding(SeededWindows):
         return {"gestures": Objective(self.parameters(), self.loss)}
 
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """L of the module's docstring, z of speech or of poses by a coin for every window."""
-        given = self.collect_inputs(batch.arrays)
+        """L of the module's docstring; for every window a coin decides whether z comes from speech or from poses."""
+        inputs = self.collect_inputs(batch.arrays)
         coin = batch.chance.uniform(len(batch), 1) < 0.5
-        speech = self.encode_speech(given, batch.chance.normal(len(batch), self.config.code))
+        speech = self.encode_speech(inputs, batch.chance.normal(len(batch), self.config.code))
         z = torch.where(coin, self.pose_encoder(batch["pose"]), speech)
-        return {"l1": (self._decode(z, given) - batch["pose"]).abs().mean()}
+        return {"l1": (self._decode(z, inputs) - batch["pose"]).abs().mean()}
 
     def validate(self, batch: Batch) -> dict[str, Tensor]:
-        """``speech_l1``: L with every z of speech, which is how it plays; ε is 0."""
+        """``speech_l1``: L with all z from speech, as when it plays; ε is 0."""
         return {"speech_l1": (self.play(batch.arrays)["pose"] - batch["pose"]).abs().mean()}

@@ -1,6 +1,6 @@
 """Mix-StAGE: Ahuja et al. 2020, "Style Transfer for Co-Speech Gesture Animation: A Multi-Speaker Conditional-Mixture Approach".
 
-One network for many speakers: what is said and how somebody moves are encoded apart, and any voice may be put into any style.
+One network for many speakers: content and style are encoded separately, so any voice may be combined with any style.
 
       speech ── Eᶜₐ ──┐                      ┌─► H ── softmax ──► Φ (M)
                       ├─► U-Net ──► Z ───────┤                    │
@@ -11,7 +11,7 @@ One network for many speakers: what is said and how somebody moves are encoded a
 That is the authors' code and the default. With ``style_first``, the paper's words: Z = U-Net([content, S(i)]).
 
 The priors Φ are one-hot in training: the k-means cluster of a frame's pose ⊕ velocity ⊕ speed (240 numbers, `mode_features` and
-`nearest_centre` of `cospeech.metrics.mode_f1`); to generate, H estimates them. With Zₐ of speech and Zₚ of poses:
+`nearest_centre` of `cospeech.metrics.mode_f1`). H estimates them for generation. With Zₐ of speech and Zₚ of poses:
 
     L_mix   = CCE(Φ, H(Z)), the mean over Zₐ and Zₚ                             (3)
     L_joint = |Yₚ − G(Zₚ)|₁                                                     (4)
@@ -20,7 +20,7 @@ The priors Φ are one-hot in training: the k-means cluster of a frame's pose ⊕
     L_adv   = log D(Yₚ) + log(1 − D(G(Zₐ)))                                     (7)
     max over D, min over all others:  L_mix + L_joint + L_rec + λ L_id + L_adv  (8)
 
-What each reaches (G is the sub-generators, of every frame its owner alone; nothing reaches Eˢₚ through the argmax):
+Parameters that the gradient of each reaches (of G the sub-generator of a frame's cluster; the argmax passes none to Eˢₚ):
 
     L_mix    Eᶜₐ  Eᶜₚ  U-Net  S  H          L_id   Eˢₚ of both terms; Eᶜₐ  U-Net  S  G  of the second
     L_joint       Eᶜₚ  U-Net  S     G       L_adv  Eᶜₐ  U-Net  S  G;  in the discriminator's turn D alone
@@ -29,11 +29,13 @@ What each reaches (G is the sub-generators, of every frame its owner alone; noth
 In the authors' reading (``soft``: Φ is H's in training too) L_joint, L_rec, L_id and L_adv reach H and every sub-generator;
 with ``id_freezes`` the second term of L_id does not reach Eˢₚ; with a ``curriculum`` one L1 term stands for (4) and (5).
 
-Followed: equations 2–8. Changed: the authors' coin per batch, which of D and G has its turn, is every other step
-(``alternate``), and their coin per batch, which content is decoded, one per row, so that many processes train as one would.
-Not said: all sizes (the authors' code's); that Ŷ of (6) is of speech; what is clustered (authors' code: of all training data).
-M = 1 is StAGE (`cospeech.models.stage`); it has no H, which could not learn anything of one class. Without Eˢₚ, S and L_id it
-is CMix-GAN, for one speaker (`cospeech.models.cmix_gan`). This file is the paper, in its reading and in that of the authors'
+Followed: equations 2–8. Changed: the authors toss a coin for each batch, whether D or G has its turn; here they take
+turns (``alternate``). They toss one for each batch, which content is decoded; here one for each row, so that many processes
+train as one would.
+Not said: all sizes (the authors' code's); that Ŷ of (6) is of speech; which poses are clustered (authors'
+code: those of all training data).
+M = 1 is StAGE (`cospeech.models.stage`); it has no H, as there is only one class. Without Eˢₚ, S and L_id it is CMix-GAN, for
+one speaker (`cospeech.models.cmix_gan`). This file is the paper, in its reading and in that of the authors'
 code; what we add to it is in `cospeech.models.mix_stage_extended`.
 """
 
@@ -88,19 +90,19 @@ class MixGanConfig(ModelConfig):
     soft: bool = False
     """Whether Φ is H's estimate in training too, as in the authors' code; else one-hot, section 4.1."""
     curriculum: int = 0
-    """Steps over which the one content that is decoded goes from pose to speech; 0: both always. Authors' code 1000."""
+    """Steps over which the decoded content changes from pose to speech; 0: both are always decoded. Authors' code 1000."""
     adversarial_loss: str = "logarithm"
-    """What D's scores are worth, one of models/nn/adversarial_losses.py: logarithm, equation 7; distance, the authors' code;
+    """Loss of D's scores, one of models/nn/adversarial_losses.py: logarithm, equation 7; distance, the authors' code;
     squares, which is [ours]."""
     growth: float = 0.0
-    """What the weight of generated poses in L_adv gains every 301 steps, up to 2; authors' code 0.1. Equation 7: 0."""
+    """Increase of the weight of generated poses in L_adv every 301 steps, up to 2; authors' code 0.1. Equation 7: 0."""
     alternate: bool = False
     """Whether discriminator and generator take turns, a step each; authors' code tosses a coin for it."""
 
 
 @dataclass(frozen=True)
 class MixStageConfig(MixGanConfig):
-    """And those of style."""
+    """The same, and settings of style."""
 
     TINY: ClassVar[Mapping[str, Any]] = {**MixGanConfig.TINY, "style": 4}
 
@@ -112,26 +114,27 @@ class MixStageConfig(MixGanConfig):
     identity: float = 0.1
     """λ_id; supplement."""
     id_freezes: bool = False
-    """Whether the style encoder is frozen where it judges generated poses, as in the authors' code; equation 8: it is not."""
+    """Whether the style encoder is frozen for generated poses, as in the authors' code; equation 8: it is not."""
 
 
-class _Decoded(NamedTuple):
-    """Of a batch in a step: what is generated of speech, and on the way there."""
+class _Decoding(NamedTuple):
+    """The forward pass of a batch in a step: generated poses, and intermediate results."""
 
     key: tuple[Batch, int, bool, bool]
     """Batch, step, whether in training, whether with gradients."""
     own: StyleReading
-    seen: Tensor | None
-    """Content of poses that is decoded too, for L_joint."""
+    """Of the recorded poses."""
+    pose_content: Tensor | None
+    """Content of the recorded poses, which is decoded too, for L_joint."""
     logits: Tensor
-    made: Tensor
+    poses: Tensor
     """Ŷ of L_rec."""
-    judged: Tensor
-    """Ŷ of L_adv and L_id: the same."""
+    adversarial_poses: Tensor
+    """Ŷ of L_adv and L_id; in the paper the same."""
 
 
 class MixGan(Windowed):
-    """Equations 2–8, for whatever style there is.
+    """Equations 2–8, with any part for the style.
 
     Poses and audio are standardised vectors.
 
@@ -139,7 +142,7 @@ class MixGan(Windowed):
         config: sizes and weights.
         pose: D, numbers of a pose; 96 as published.
         audio: A, numbers of a frame of speech; 64 bands as published.
-        style: Eˢₚ and S, or nothing.
+        style: Eˢₚ and S, or no style.
         identity: λ_id.
         style_first: whether the style joins the content before the U-Net.
 
@@ -183,7 +186,7 @@ class MixGan(Windowed):
         self.generators = SubGenerators(z, config.channels, pose, config.modes)
         self.mode_logits = ModeLogits(z, config.channels, config.modes) if config.modes > 1 else None
         self.discriminator = self._make_discriminator()
-        self._shared_forward: _Decoded | None = None
+        self._shared_forward: _Decoding | None = None
 
     def _make_discriminator(self) -> nn.Module:
         """D."""
@@ -198,12 +201,12 @@ class MixGan(Windowed):
         """
         style = self.style(weights).expand(-1, -1, content.shape[-1])
         if self.style_first:
-            styled: Tensor = self.unet(torch.cat([content, style], 1))
-            return styled
+            z: Tensor = self.unet(torch.cat([content, style], 1))
+            return z
         return torch.cat([self.unet(content), style], 1)
 
     def _logits(self, z: Tensor) -> Tensor:
-        """Of H, whose softmax estimates Φ: (B, ·, T) → (B, M, T)."""
+        """Logits of H, whose softmax estimates Φ: (B, ·, T) → (B, M, T)."""
         if self.mode_logits is None:
             return z.new_zeros(z.shape[0], 1, z.shape[-1])
         logits: Tensor = self.mode_logits(z)
@@ -218,11 +221,11 @@ class MixGan(Windowed):
 
     def objectives(self) -> dict[str, Objective]:
         """Two, in this order: max over D and min over all others of equation 8."""
-        judged = [value for name, value in self.named_parameters() if name.startswith("discriminator.")]
+        discriminator = [value for name, value in self.named_parameters() if name.startswith("discriminator.")]
         others = [value for name, value in self.named_parameters() if not name.startswith("discriminator.")]
         every = 2 if self.config.alternate else 1
         return {
-            "discriminator": Objective(judged, self.discriminator_loss, every),
+            "discriminator": Objective(discriminator, self.discriminator_loss, every),
             "generator": Objective(others, self.generator_loss, every, start=every - 1),
         }
 
@@ -230,22 +233,22 @@ class MixGan(Windowed):
         """Weight of generated poses in L_adv; constant in the paper."""
         return min(GROWTH_LIMIT, 1 + self.config.growth * (step // GROWTH_EVERY)) if self.config.growth else 1.0
 
-    def _decode_batch(self, batch: Batch, step: int) -> _Decoded:
-        """What both turns of a step need; the discriminator's leaves it to the generator's, as it moves nothing of it."""
+    def _decode_batch(self, batch: Batch, step: int) -> _Decoding:
+        """The forward pass of a step. The turn of D keeps it for the turn of G, as D changes none of its parameters."""
         key = (batch, step, self.training, torch.is_grad_enabled())
         if self._shared_forward is not None and self._shared_forward.key == key:
             return self._shared_forward
         own = self.style.see(batch["pose"].mT)
-        heard, seen = self._encode_contents(batch, step)
-        z = self.latent(heard, own.weights)
+        content, pose_content = self._encode_contents(batch, step)
+        z = self.latent(content, own.weights)
         logits = self._logits(z)
-        made = self.generators(z)
-        mixed = mix(made, self._priors(logits, batch["cluster"]))
-        return _Decoded(key, own, seen, logits, mixed, self._draw_poses(batch, made, logits, mixed))
+        outputs = self.generators(z)
+        poses = mix(outputs, self._priors(logits, batch["cluster"]))
+        return _Decoding(key, own, pose_content, logits, poses, self._draw_poses(batch, outputs, logits, poses))
 
-    def _draw_poses(self, batch: Batch, made: Tensor, logits: Tensor, mixed: Tensor) -> Tensor:
-        """Ŷ (B, D, T) of L_adv and L_id, of the sub-generators' (B, M, D, T), H's logits (B, M, T) and Ŷ of L_rec."""
-        return mixed
+    def _draw_poses(self, batch: Batch, outputs: Tensor, logits: Tensor, poses: Tensor) -> Tensor:
+        """Ŷ (B, D, T) of L_adv and L_id, from the sub-generators' outputs (B, M, D, T), H's logits (B, M, T), Ŷ of L_rec."""
+        return poses
 
     def _score(self, pose: Tensor, batch: Batch) -> Tensor:
         """D's scores of (B, D, T) poses."""
@@ -253,47 +256,47 @@ class MixGan(Windowed):
         return scores
 
     def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """−L_adv of equation 7, for D, or what else stands for it."""
+        """−L_adv of equation 7, for D, or another loss in its place."""
         self._shared_forward = None
         with torch.set_grad_enabled(torch.is_grad_enabled() and not self.config.alternate):
-            decoded = self._decode_batch(batch, step)
-        self._shared_forward = None if self.config.alternate else decoded
-        true, false = (self._score(x, batch) for x in (batch["pose"].mT, decoded.judged.detach()))
+            decoding = self._decode_batch(batch, step)
+        self._shared_forward = None if self.config.alternate else decoding
+        true, false = (self._score(x, batch) for x in (batch["pose"].mT, decoding.adversarial_poses.detach()))
         losses = ADVERSARIAL_LOSSES[self.config.adversarial_loss]
         return {"true": losses.true(true), "false": self._growing(step) * losses.false(false)}
 
     def _encode_contents(self, batch: Batch, step: int) -> tuple[Tensor, Tensor | None]:
-        """Contents (B, channels, T): that which is decoded for L_rec, L_id and L_adv, of speech; and for L_joint, of poses.
+        """Contents (B, channels, T) to decode: that of speech, for L_rec, L_id and L_adv; and that of poses, for L_joint.
 
-        With a curriculum there is one alone: of poses at first, with each step of more rows of speech.
+        With a curriculum there is only one: of poses at first, and with each step of speech in more rows.
         """
-        heard = self.audio_content(batch["audio"])
+        audio_content = self.audio_content(batch["audio"])
         if not self.config.curriculum:
-            return heard, self.pose_content(batch["pose"].transpose(1, 2))
+            return audio_content, self.pose_content(batch["pose"].transpose(1, 2))
         if not self.training or step >= self.config.curriculum:
-            return heard, None
-        seen = self.pose_content(batch["pose"].transpose(1, 2))
-        speech = batch.chance.uniform(len(batch), 1, 1) < step / self.config.curriculum
-        return torch.where(speech, heard, seen), None
+            return audio_content, None
+        pose_content = self.pose_content(batch["pose"].transpose(1, 2))
+        is_speech = batch.chance.uniform(len(batch), 1, 1) < step / self.config.curriculum
+        return torch.where(is_speech, audio_content, pose_content), None
 
     def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """The terms of equation 8, weighted, for all but D."""
         pose, cluster = batch["pose"].mT, batch["cluster"]
-        decoded, self._shared_forward = self._decode_batch(batch, step), None
-        made, mixes = decoded.made, [F.cross_entropy(decoded.logits, cluster)]
-        terms = {"rec": (pose - made).abs().mean()}  # equation 5
-        if decoded.seen is not None:
-            z = self.latent(decoded.seen, decoded.own.weights)
+        decoding, self._shared_forward = self._decode_batch(batch, step), None
+        poses, mixes = decoding.poses, [F.cross_entropy(decoding.logits, cluster)]
+        terms = {"rec": (pose - poses).abs().mean()}  # equation 5
+        if decoding.pose_content is not None:
+            z = self.latent(decoding.pose_content, decoding.own.weights)
             logits = self._logits(z)
             again = mix(self.generators(z), self._priors(logits, cluster))
             terms["joint"] = (pose - again).abs().mean()  # equation 4
             mixes.append(F.cross_entropy(logits, cluster))
         if self.mode_logits is not None:
             terms["mix"] = torch.stack(mixes).mean()  # equation 3
-        judged = self.style.identity(decoded.own, decoded.judged, batch["speaker"])
-        terms |= {name: self.identity * term for name, term in judged.items()}  # equation 6
+        identity = self.style.identity(decoding.own, decoding.adversarial_poses, batch["speaker"])
+        terms |= {name: self.identity * term for name, term in identity.items()}  # equation 6
         generator_loss = ADVERSARIAL_LOSSES[self.config.adversarial_loss].generator_loss(
-            self._score(decoded.judged, batch)
+            self._score(decoding.adversarial_poses, batch)
         )  # equation 7: log(1 − D)
         terms["adv"] = self.config.adversarial * self._growing(step) * generator_loss
         return terms
@@ -331,7 +334,7 @@ class MixStage(MixGan):
 
     @torch.no_grad()
     def style_of(self, poses: Tensor) -> Tensor:
-        """(B, T, D) poses, 64 frames at least → (B, S) how probably they are each speaker's (Eˢₚ)."""
+        """(B, T, D) poses, 64 frames at least → (B, S) probabilities of the speakers (Eˢₚ)."""
         return torch.softmax(self.style.encoder(poses.mT), 1)
 
     @torch.no_grad()

@@ -1,13 +1,13 @@
 """Mix-StAGE, extended; all of this is ours. The paper is `cospeech.models.mix_stage`, whose equations hold.
 
 With the paper's loss and few steps the generator soon stands nearly still: log(1 − D) has no gradient where D is certain, and
-what is left, the distance to one recording, is least for the mean of all motions. What we add, each off by default:
+the remaining loss, the distance to one recording, is least for the mean of all motions. Our additions, each off by default:
 
     reconstruction    weight of L_rec and L_joint
     adversarial_loss  "squares": least squares, whose gradient does not vanish
     pose_discriminator
-                      D sees poses, their motion, the speech and whose they should be; recordings to the speech of another
-                      clip count as false too
+                      D sees poses, their motion, the speech and the speaker; recordings with the speech of another clip count
+                      as false too
     persistence       L_adv and the second term of L_id are of poses as they are played, with priors of H and smooth noise:
 
         Z ─┬─► H ──► logits + noise ── softmax ──► Φ ─┐
@@ -16,12 +16,12 @@ what is left, the distance to one recording, is least for the mean of all motion
     motion_statistics ℓ_M = |m(Ŷ) − m(Y)|₁, m: mean pose, and deviations of pose, velocity, acceleration of a window
     stroke_timing     ℓ_T = 1 − r of the logarithms of the speeds of Ŷ and of the recording, without what changes over 2 s
     speed_distribution, part_correlation, part_timing
-                      how much of the time each part of the body rests, which parts move together, and when
+                      distances: how much of the time each part rests, which parts move together, and when
                       (models/nn/part_speeds.py)
     speech_augmentation
-                      speech as other voices and rooms would have it (models/nn/speech_augmentation.py)
+                      speech as other voices and rooms would change it (models/nn/speech_augmentation.py)
 
-What each does for the motion: docs/models/mix_stage.md, "Added".
+The effect of each on the motion: docs/models/mix_stage.md, "Added".
 """
 
 from __future__ import annotations
@@ -48,29 +48,29 @@ __all__ = ["MixStageExtended", "MixStageExtendedConfig"]
 
 @dataclass(frozen=True)
 class MixStageExtendedConfig(MixStageConfig):
-    """The paper's, and what is ours."""
+    """The paper's settings, and ours."""
 
     reconstruction: float = 1.0
-    """Weight of L_rec and L_joint; equation 8: 1. [ours]: less, so that what one recording did is not all that counts."""
+    """Weight of L_rec and L_joint; equation 8: 1. [ours]: less, so that one recording is not the only target."""
     pose_discriminator: bool = False
-    """Whether D sees poses beside velocity, and knows whose they should be and to what speech
+    """Whether D sees poses beside velocity, and knows their speaker and speech
     (models/nn/pose_discriminator.py). [ours]"""
     persistence: float = 0.0
-    """Frames; with it L_adv, and the second term of L_id, are of poses as they are played: priors of H, with the smooth noise
-    that makes takes differ, drawn for so long a time. [ours]; 0: of those that L_rec is of."""
+    """Frames over which noise correlates. With it L_adv, and the second term of L_id, see poses as they are played: with priors
+    of H and the smooth noise that makes takes differ. [ours]; 0: they see the poses of L_rec."""
     motion_statistics: float = 0.0
     """Weight of the distance between generated and recorded statistics of a window: mean pose, and deviations of pose, velocity
-    and acceleration. So the network itself moves as far and as fast as the recordings. [ours]"""
+    and acceleration. So the network moves as far and as fast as the recordings. [ours]"""
     stroke_timing: float = 0.0
-    """Weight of how little the speed of the poses of L_adv rises and falls when the recorded one does. [ours]"""
+    """Weight of the distance in time of rises and falls of the speed of the poses of L_adv from the recorded ones. [ours]"""
     speed_distribution: float = 0.0
-    """Weight of how far the distribution of speeds of each part of the body is from the recorded one. [ours]"""
+    """Weight of the distance of the distribution of speeds of each part of the body from the recorded one. [ours]"""
     part_correlation: float = 0.0
-    """Weight of how far the correlations of the speeds of parts of the body are from the recorded ones. [ours]"""
+    """Weight of the distance of the correlations of speeds of parts of the body from the recorded ones. [ours]"""
     part_timing: float = 0.0
-    """Weight of how little each part of the body moves when it moves in the recording. [ours]"""
+    """Weight of the distance of ``stroke_timing``, for each part of the body by itself. [ours]"""
     speech_augmentation: float = 0.0
-    """By how much each number of speech is changed throughout a window, in deviations of the corpus. [ours]"""
+    """Size of the change of each number of speech throughout a window, in deviations of the corpus. [ours]"""
 
     def __post_init__(self) -> None:
         weights = (
@@ -80,11 +80,11 @@ class MixStageExtendedConfig(MixStageConfig):
 
 
 class MixStageExtended(MixStage):
-    """Mix-StAGE with our additions: a discriminator that knows poses, people and speech, and training on what is played.
+    """Mix-StAGE with our additions: a discriminator that sees poses, speakers and speech, and training on poses as they play.
 
     Args:
         config: sizes and weights.
-        pose, audio, speakers: as of `MixStage`.
+        pose, audio, speakers: as in `MixStage`.
         parts: columns of each part of the body, for the three terms of parts.
     """
 
@@ -98,9 +98,9 @@ class MixStageExtended(MixStage):
 
     @classmethod
     def dimensions_for(cls, config: MixStageExtendedConfig) -> tuple[str, ...]:
-        """With the parts of the body, where a term is of them."""
-        needed = config.speed_distribution or config.part_correlation or config.part_timing
-        return (*cls.dimensions, "parts") if needed else cls.dimensions
+        """With the parts of the body, where a term needs them."""
+        has_part_terms = config.speed_distribution or config.part_correlation or config.part_timing
+        return (*cls.dimensions, "parts") if has_part_terms else cls.dimensions
 
     def _make_discriminator(self) -> nn.Module:
         if not self.config.pose_discriminator:
@@ -108,27 +108,27 @@ class MixStageExtended(MixStage):
         return PoseDiscriminator(self.pose, self.audio, self.config.patch_channels, max(1, self.styles))
 
     def _encode_contents(self, batch: Batch, step: int) -> tuple[Tensor, Tensor | None]:
-        """As of the paper; what is heard is changed where there is ``speech_augmentation``."""
-        heard = self.speech_augmentation(batch["audio"], batch.chance)
-        return super()._encode_contents(Batch({**batch.arrays, "audio": heard}, batch.chance), step)
+        """As in the paper; with ``speech_augmentation`` the speech is changed first."""
+        audio = self.speech_augmentation(batch["audio"], batch.chance)
+        return super()._encode_contents(Batch({**batch.arrays, "audio": audio}, batch.chance), step)
 
-    def _draw_poses(self, batch: Batch, made: Tensor, logits: Tensor, mixed: Tensor) -> Tensor:
-        """As it is played, with priors of H and noise, where there is ``persistence``."""
+    def _draw_poses(self, batch: Batch, outputs: Tensor, logits: Tensor, poses: Tensor) -> Tensor:
+        """With ``persistence`` as it is played: with priors of H and noise."""
         if not self.config.persistence:
-            return mixed
+            return poses
         rows, modes, frames = logits.shape
         noise = smooth_gumbel(batch.chance, rows, modes, frames, self.config.persistence)
-        return mix(made, torch.softmax(logits + noise, 1))
+        return mix(outputs, torch.softmax(logits + noise, 1))
 
     def _score(self, pose: Tensor, batch: Batch, shift: int = 0) -> Tensor:
-        """D's scores of (B, D, T) poses in their speakers' styles; ``shift``: to the speech of so many rows before."""
+        """D's scores of (B, D, T) poses in their speakers' styles; ``shift``: with the speech of so many rows before."""
         if not self.config.pose_discriminator:
             return super()._score(pose, batch)
         scores: Tensor = self.discriminator(pose, batch["audio"].roll(shift, 0).mT, batch["speaker"])
         return scores
 
     def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """As of the paper, and with ``pose_discriminator`` of recordings to the speech of others, which are false."""
+        """As in the paper; with ``pose_discriminator`` recordings with the speech of others are false too."""
         terms = super().discriminator_loss(batch, step)
         if self.config.pose_discriminator and len(batch) > 1:
             losses = ADVERSARIAL_LOSSES[self.config.adversarial_loss]
@@ -136,12 +136,12 @@ class MixStageExtended(MixStage):
         return terms
 
     def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """As of the paper, L_rec and L_joint weighted, and the terms of what is ours."""
-        self._shared_forward = decoded = self._decode_batch(batch, step)
+        """As in the paper, with weighted L_rec and L_joint, and our terms."""
+        self._shared_forward = decoding = self._decode_batch(batch, step)
         terms, weight = super().generator_loss(batch, step), self.config.reconstruction
         terms = {name: weight * term if name in ("rec", "joint") else term for name, term in terms.items()}
         c, pose = self.config, batch["pose"].mT
         weights = PartWeights(c.speed_distribution, c.part_correlation, c.part_timing)
-        terms |= part_terms(weights, decoded.judged, pose, self.parts)
-        terms |= statistics_term(c.motion_statistics, decoded.judged, pose)
-        return terms | timing_term(c.stroke_timing, decoded.judged, pose)
+        terms |= part_terms(weights, decoding.adversarial_poses, pose, self.parts)
+        terms |= statistics_term(c.motion_statistics, decoding.adversarial_poses, pose)
+        return terms | timing_term(c.stroke_timing, decoding.adversarial_poses, pose)

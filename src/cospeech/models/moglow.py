@@ -8,7 +8,7 @@ A normalising flow gives the exact density of the next pose, given the poses bef
 
          poses t−τ … t−1 ───────────────┐
          speech t−τ … t+l ──────────────┼─► c_t
-         controls (hand height, …) ─────┘    │      none of the poses with probability 0.4, each by itself: data dropout
+         controls (hand height, …) ─────┘    │      each pose is blanked with probability 0.4: data dropout
                                              ▼
       x_t ─►[ ActNorm ─ 1×1 convolution ─ affine coupling(LSTM(x₁, c_t)) ] × K ─► z_t
 
@@ -58,7 +58,7 @@ class MoGlowConfig(ModelConfig):
     history: int = 5
     """τ, poses that condition a frame; authors' configuration 5."""
     look_ahead: int = 20
-    """l, frames of speech after the one that is made; authors' configuration 20."""
+    """l, frames of speech after the generated frame; authors' configuration 20."""
     frames: int = 95
     """Frames trained in a window, after the history; authors' configuration: 6 s in all, at 20 frames per second."""
     nu: int = 0
@@ -68,17 +68,17 @@ class MoGlowConfig(ModelConfig):
     controls: tuple[str, ...] = ()
     """Style controls by name (`cospeech.motion.poses.controls.CONTROLS`); the paper trains one system for each."""
     nll_unit: float = 1.0
-    """Nats of the unit in which the loss is told; the authors' code has bits (0.6931)."""
+    """Nats of the unit of the loss; the authors' code has bits (0.6931)."""
     pose_noise: float = 0.0
     """Deviation of noise on the standardised poses in training; ours, for data so smooth that a density has no limit."""
     residual: bool = False
-    """Whether the flow gives xₜ − xₜ₋₁ (whose density is that of xₜ) and not xₜ; ours: small networks learn it sooner."""
+    """Whether the flow models xₜ − xₜ₋₁, which has the density of xₜ, in place of xₜ; ours: small networks learn it sooner."""
     latent_scale: float = 1.0
-    """Scale of random latents at play; ours, as of `cospeech.models.stylised_flow_extended.FlowExtendedConfig`."""
+    """Scale of random latents at play; ours, as in `cospeech.models.stylised_flow_extended.FlowExtendedConfig`."""
     stroke_timing: float = 0.0
-    """Weight of the distance in time between recorded strokes and those that the network plays by itself; ours, as there."""
+    """Weight of the distance in time between recorded strokes and those of self-play; ours, as there."""
     stroke_timing_every: int = 4
-    """Steps between those that have that term; ours, as there."""
+    """Every how many steps there is that term; ours, as there."""
 
     def __post_init__(self) -> None:
         sizes = dict.fromkeys(("steps", "hidden", "layers", "history", "frames", "stroke_timing_every"), 1)
@@ -143,48 +143,48 @@ class MoGlow(Trainable):
             raise InputError("no style controls for a MoGlow that has them", ", ".join(self.config.controls))
         return torch.cat([audio, control[..., [CONTROLS.index(name) for name in self.config.controls]]], -1)
 
-    def condition(self, poses: Tensor, heard: Tensor) -> Tensor:
+    def condition(self, poses: Tensor, speech: Tensor) -> Tensor:
         """c_t.
 
         Args:
             poses: (B, F, τ, D), oldest first.
-            heard: (B, F, τ + 1 + l, A + controls), see `hear`.
+            speech: (B, F, τ + 1 + l, A + controls), see `hear`.
 
         Returns:
             (B, F, C).
         """
-        return torch.cat([poses.flatten(2), heard.flatten(2)], -1)
+        return torch.cat([poses.flatten(2), speech.flatten(2)], -1)
 
-    def _windows(self, pose: Tensor, heard: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Trained poses (B, F, D), their histories (B, F, τ, D) and what is heard (B, F, τ + 1 + l, A + controls)."""
+    def _windows(self, pose: Tensor, speech: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Trained poses (B, F, D), their histories (B, F, τ, D) and the speech (B, F, τ + 1 + l, A + controls)."""
         tau, frames = self.config.history, pose.shape[1] - self.config.history - self.config.look_ahead
-        if frames < 1 or heard.shape[1] != pose.shape[1]:
-            raise InputError(f"{pose.shape[1]} poses and {heard.shape[1]} frames of speech", f"both {self.window}")
+        if frames < 1 or speech.shape[1] != pose.shape[1]:
+            raise InputError(f"{pose.shape[1]} poses and {speech.shape[1]} frames of speech", f"both {self.window}")
         x = pose[:, tau : tau + frames]
-        return x, frame_windows(pose[:, : tau + frames - 1], tau), frame_windows(heard, self.speech_frames)
+        return x, frame_windows(pose[:, : tau + frames - 1], tau), frame_windows(speech, self.speech_frames)
 
     def _base(self, histories: Tensor) -> Tensor:
-        """(B, F, D) what the flow's output is added to: the last pose of each history, or nothing."""
+        """(B, F, D) that are added to the flow's output: the last pose of each history, or zeros."""
         return histories[:, :, -1] if self.config.residual else torch.zeros_like(histories[:, :, -1])
 
     def log_prob(self, pose: Tensor, audio: Tensor, control: Tensor | None = None) -> Tensor:
         """Exact log-likelihood of each frame after the history.
 
         Args:
-            pose: (B, τ + F + l, D); the first τ are given, the last l are not looked at.
+            pose: (B, τ + F + l, D); the first τ are given, the last l are not used.
             audio: (B, τ + F + l, A).
             control: (B, τ + F + l, 3), where the system has controls.
 
         Returns:
             (B, F) nats, of standardised poses.
         """
-        x, histories, heard = self._windows(pose, self.hear(audio, control))
-        return self.flow.log_prob(x - self._base(histories), self.condition(histories, heard))
+        x, histories, speech = self._windows(pose, self.hear(audio, control))
+        return self.flow.log_prob(x - self._base(histories), self.condition(histories, speech))
 
     def latents(self, pose: Tensor, audio: Tensor, control: Tensor | None = None) -> Tensor:
         """(B, F, D): the z of each frame after the history; arguments as in `log_prob`."""
-        x, histories, heard = self._windows(pose, self.hear(audio, control))
-        return self.flow(x - self._base(histories), self.condition(histories, heard))[0]
+        x, histories, speech = self._windows(pose, self.hear(audio, control))
+        return self.flow(x - self._base(histories), self.condition(histories, speech))[0]
 
     # what is optimised ----------------------------------------------------------------------------------------------
 
@@ -197,28 +197,28 @@ class MoGlow(Trainable):
         pose = batch.arrays["pose"]
         if self.training and self.config.pose_noise:
             pose = pose + self.config.pose_noise * batch.chance.normal(*pose.shape)
-        x, histories, heard = self._windows(pose, self.hear(batch.arrays["audio"], batch.arrays.get("control")))
+        x, histories, speech = self._windows(pose, self.hear(batch.arrays["audio"], batch.arrays.get("control")))
         base, first = self._base(histories), histories[:, 0]
         if self.training:
             histories = drop_history(histories, self.config.history_dropout, batch.chance)
-        log_prob = self.flow.log_prob(x - base, self.condition(histories, heard))
+        log_prob = self.flow.log_prob(x - base, self.condition(histories, speech))
         terms = {"nll": -log_prob.mean() / self.config.nll_unit}
         if self.config.stroke_timing and step % self.config.stroke_timing_every == 0:
-            latents = self.flow.latent.sample(batch.chance.normal, len(x), heard.shape[1])
-            made = play_window(self._make_frame, latents, first, heard, FAR)
-            terms |= timing_term(self.config.stroke_timing, made.mT, x.mT)
+            latents = self.flow.latent.sample(batch.chance.normal, len(x), speech.shape[1])
+            motion = play_window(self._make_frame, latents, first, speech, FAR)
+            terms |= timing_term(self.config.stroke_timing, motion.mT, x.mT)
         return terms
 
     # generation -----------------------------------------------------------------------------------------------------
 
     @torch.no_grad()
-    def step(self, z: Tensor, history: Tensor, heard: Tensor, states: list[State] | None) -> tuple[Tensor, list[State]]:
-        """One frame: latents (B, D), history (B, τ, D), what is heard (B, τ + 1 + l, A + controls), states → pose, states."""
-        return self._make_frame(z, history, heard, states)
+    def step(self, z: Tensor, history: Tensor, speech: Tensor, states: list[State] | None) -> tuple[Tensor, list[State]]:
+        """One frame: latents (B, D), history (B, τ, D), speech (B, τ + 1 + l, A + controls), states → pose, states."""
+        return self._make_frame(z, history, speech, states)
 
-    def _make_frame(self, z: Tensor, history: Tensor, heard: Tensor, states: list[State] | None) -> tuple[Tensor, list[State]]:
-        made, states = self.flow.inverse(z[:, None], self.condition(history[:, None], heard[:, None]), states)
-        return made[:, 0] + self._base(history[:, None])[:, 0], states
+    def _make_frame(self, z: Tensor, history: Tensor, speech: Tensor, states: list[State] | None) -> tuple[Tensor, list[State]]:
+        poses, states = self.flow.inverse(z[:, None], self.condition(history[:, None], speech[:, None]), states)
+        return poses[:, 0] + self._base(history[:, None])[:, 0], states
 
     @torch.no_grad()
     def sample(self, z: Tensor, history: Tensor, audio: Tensor, control: Tensor | None = None) -> Tensor:
@@ -238,7 +238,7 @@ class MoGlow(Trainable):
     # the runtime bundle ---------------------------------------------------------------------------------------------
 
     def runtime_sizes(self) -> dict[str, Any]:
-        """What `cospeech.runtime.flow.weights.FlowSizes` has to know."""
+        """The fields of `cospeech.runtime.flow.weights.FlowSizes`."""
         c = self.config
         return {
             "pose": self.pose, "audio": self.audio + len(c.controls), "steps": c.steps, "hidden": c.hidden, "layers": c.layers,
@@ -247,5 +247,5 @@ class MoGlow(Trainable):
         }  # fmt: skip
 
     def export(self) -> dict[str, Any]:
-        """Arrays by name, as `cospeech.runtime.flow.graph` wants them: controls are further numbers of a frame of speech."""
+        """Arrays by name, as `cospeech.runtime.flow.graph` needs them: controls are further numbers of a frame of speech."""
         return {name: np.asarray(value.detach().cpu().numpy()) for name, value in self.state_dict().items()}

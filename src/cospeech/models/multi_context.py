@@ -10,7 +10,7 @@ in the form in which BEAT (Liu et al. 2022) compares with it: all inputs side by
     G   λ E Huber(y, ŷ) − λ_G E log D(ŷ) − λ_d E min(1000, Σ Huber(ŷ', ŷ) / |z' − z|₁) + λ_k KL(N(μ, σ) ‖ N(0, 1))
     D   − E log D(y) − E log(1 − D(ŷ)),       ŷ' of another speaker's z'
 
-With emotion and face it is the "concatenation model", of which Xu et al. 2024 show how it fares where inputs are missing.
+With emotion and face it is the "concatenation model", which Xu et al. 2024 also test with missing inputs.
 Followed, changed, not said in the papers: docs/models/multi_context.md, by number.
 """
 
@@ -65,9 +65,9 @@ class MultiContextConfig(ModelConfig):
     speaker: int = 8
     """Of z; BEAT's code 8, Yoon et al. 16."""
     emotion: int = 0
-    """Of the emotion, as CaMN encodes it (there 8); 0: it is not heard, as published."""
+    """Of the emotion, as CaMN encodes it (there 8); 0: it is no input, as published."""
     face: int = 0
-    """Of the face, as CaMN encodes it (there 32); 0: it is not seen, as published."""
+    """Of the face, as CaMN encodes it (there 32); 0: it is no input, as published."""
     word_width: int = 300
     """Of a word where the network learns it; authors' code 300."""
     slope: float = 1.0
@@ -87,7 +87,7 @@ class MultiContextConfig(ModelConfig):
     seed_dropout: float = 0.0
     """Share of training windows without known poses, so that it can begin by itself; ours, as published 0."""
     stroke_timing: float = 0.0
-    """Weight of how little the speed of poses rises and falls when the recorded one does; ours, as published 0."""
+    """Weight of the distance in time of rises and falls of the speed from the recorded ones; ours, as published 0."""
 
     def __post_init__(self) -> None:
         low = {"frames": SEEDS + 4, "hidden": 2, "layers": 1, "audio": 1, "text": 1, "speaker": 1, "emotion": 0, "face": 0}
@@ -139,29 +139,29 @@ class MultiContext(ManyInputs, AdversarialWindows):
         self.speech = speech_encoder(audio, config.audio)
         self.emotion = EmotionEncoder(config.emotion) if config.emotion else None
         self.face = face_encoder(config.face) if config.face else None
-        heard = pose + 1 + config.audio + config.text + config.speaker + config.emotion + config.face
-        self.both_ways = BothWaysGru(heard, config.hidden, config.layers, config.dropout)
+        width = pose + 1 + config.audio + config.text + config.speaker + config.emotion + config.face
+        self.both_ways = BothWaysGru(width, config.hidden, config.layers, config.dropout)
         half = config.hidden // 2
         self.out = nn.Sequential(nn.Conv1d(config.hidden, half, 1), nn.LeakyReLU(config.slope), nn.Conv1d(half, pose, 1))
         self.discriminator = WindowDiscriminator(pose, config.frames, config.slope) if config.adversarial else None
 
     @classmethod
     def arrays_for(cls, config: MultiContextConfig) -> tuple[str, ...]:
-        """With emotion and face, where it has an encoder of them."""
-        wanted = {"emotion": config.emotion, "face": config.face}
-        return (*cls.arrays, *(name for name, width in wanted.items() if width))
+        """With emotion and face, where it has encoders of them."""
+        widths = {"emotion": config.emotion, "face": config.face}
+        return (*cls.arrays, *(name for name, width in widths.items() if width))
 
-    def forward(self, given: ModalityInputs, noise: Tensor) -> Tensor:
+    def forward(self, inputs: ModalityInputs, noise: Tensor) -> Tensor:
         """Inputs of T frames, and ε, (B, T, width of z) → (B, T, D)."""
-        return self._generate(given, noise).pose
+        return self._generate(inputs, noise).pose
 
-    def _generate(self, given: ModalityInputs, noise: Tensor) -> SampledWindows:
+    def _generate(self, inputs: ModalityInputs, noise: Tensor) -> SampledWindows:
         """``noise``: (B, T or 1, width of z) of N(0, 1), ε."""
-        mean, variance = self.speaker(given.speaker)
+        mean, variance = self.speaker(inputs.speaker)
         z = mean + torch.exp(variance / 2) * noise.mT
-        parts = [given.seed.mT, self.speech(given.audio.mT), self.text(given.words.mT, Memory()), z]
-        parts += [] if self.emotion is None else [self.emotion(given.emotion)]
-        parts += [] if self.face is None else [self.face(given.face.mT)]
+        parts = [inputs.seed.mT, self.speech(inputs.audio.mT), self.text(inputs.words.mT, Memory()), z]
+        parts += [] if self.emotion is None else [self.emotion(inputs.emotion)]
+        parts += [] if self.face is None else [self.face(inputs.face.mT)]
         return SampledWindows(self.out(self.both_ways(torch.cat(parts, 1))).mT, z, mean, variance)
 
     def recurrent_layers(self) -> tuple[BothWaysGru, ...]:
@@ -170,9 +170,9 @@ class MultiContext(ManyInputs, AdversarialWindows):
 
     # what is optimised -----------------------------------------------------------------------------------------------
 
-    def _diversity(self, batch: Batch, given: ModalityInputs, made: SampledWindows) -> Tensor:
-        """How differently another speaker, drawn of all, would move, for so much difference of z."""
-        drawn = (batch.chance.uniform(len(batch)) * self.speakers).long().clamp_max(self.speakers - 1)
-        weights = weights_of(drawn, self.speakers).unsqueeze(1).expand_as(given.speaker)
-        other = self._generate_in_training(batch, given._replace(speaker=weights))
-        return pose_diversity(made.pose, other.pose, made.z, other.z, self.config.beta)
+    def _diversity(self, batch: Batch, inputs: ModalityInputs, sample: SampledWindows) -> Tensor:
+        """How much the motion of another, random speaker differs, relative to the difference of z."""
+        speaker = (batch.chance.uniform(len(batch)) * self.speakers).long().clamp_max(self.speakers - 1)
+        weights = weights_of(speaker, self.speakers).unsqueeze(1).expand_as(inputs.speaker)
+        other = self._generate_in_training(batch, inputs._replace(speaker=weights))
+        return pose_diversity(sample.pose, other.pose, sample.z, other.z, self.config.beta)

@@ -1,8 +1,8 @@
 """MUNIT: Huang et al. 2018, "Multimodal Unsupervised Image-to-Image Translation", in one dimension, as Ahuja et al. 2020
 (Mix-StAGE, section 5.1) compare with it: one domain is speech, the other poses; the losses are those of the images.
 
-Each domain X has content encoder Eᶜ, style encoder Eˢ, decoder G and discriminator D. Content is what both share; style is what
-is left, a few numbers for a whole window, drawn from N(0, 1) for whatever is translated:
+Each domain X has content encoder Eᶜ, style encoder Eˢ, decoder G and discriminator D. Both share the content. The rest is
+style, a few numbers for a whole window; for a translation it is drawn from N(0, 1):
 
     audio (B, T, A) ─► Eᶜ ─► c (B, 4·channels, T/4) ──┐    ┌──► G of poses, residual blocks with AdaIN ─► (B, T, D) ─► D
     poses (B, T, D) ─► Eᶜ ─► c                        ├────┤
@@ -12,8 +12,8 @@ With x of one domain, (c, s) = E(x); c' the content of the other, s' ~ N(0, 1), 
 
     L = λₓ E |G(c, s) − x|₁ + λ_c E |Eᶜ(x̂) − c'|₁ + λ_s E |Eˢ(x̂) − s'|₁ + λ_cyc E |G'(Eᶜ(x̂), E'ˢ(x')) − x'|₁ + λ_D E (D(x̂) − 1)²
 
-summed over both domains (a dash: of the other one), and for the discriminators E (D(x) − 1)² + E D(x̂)². No term compares what
-is made of a speech with the poses that went with it.
+summed over both domains (a dash: of the other one), and for the discriminators E (D(x) − 1)² + E D(x̂)². No term compares
+generated poses with the recorded poses of the same speech.
 
 Followed, changed, not said in the papers: docs/models/munit.md, by number.
 """
@@ -41,9 +41,9 @@ __all__ = ["Munit", "MunitConfig"]
 DOWN = 2  # halvings of time by the content encoder; authors' configuration 2
 STYLE_DOWN = 4  # by the style encoder; authors' code 4
 SCALES = 3  # of a discriminator; authors' configuration 3
-JUDGED = 4  # convolutions with stride 2 at each scale; authors' configuration 4
-SHORTEST = 2 ** (JUDGED + SCALES - 1)  # frames that leave one score at the coarsest scale
-MADE = 4 * 2**DOWN  # frames that can be made at least: of fewer, what is left after the halvings has no edges to reflect
+DISCRIMINATOR_DOWN = 4  # convolutions with stride 2 at each scale; authors' configuration 4
+SHORTEST = 2 ** (DISCRIMINATOR_DOWN + SCALES - 1)  # the least number of frames that leaves one score at the coarsest scale
+LEAST_FRAMES = 4 * 2**DOWN  # that can be generated: fewer frames are too short, after the halvings, for reflected edges
 
 
 @dataclass(frozen=True)
@@ -146,10 +146,10 @@ class _Decoder(nn.Module):
             nn.Linear(config.style, config.mlp), nn.ReLU(), nn.Linear(config.mlp, config.mlp), nn.ReLU(),
             nn.Linear(config.mlp, config.blocks * 4 * wide),
         )  # fmt: skip
-        grown: list[nn.Module] = []
+        layers: list[nn.Module] = []
         for few in (wide >> k + 1 for k in range(DOWN)):
-            grown += [nn.Upsample(scale_factor=2), _conv(2 * few, few, 5), nn.GroupNorm(1, few), nn.ReLU()]
-        self.grow = nn.Sequential(*grown, _conv(config.channels, outputs, 7))
+            layers += [nn.Upsample(scale_factor=2), _conv(2 * few, few, 5), nn.GroupNorm(1, few), nn.ReLU()]
+        self.grow = nn.Sequential(*layers, _conv(config.channels, outputs, 7))
 
     def forward(self, content: Tensor, style: Tensor) -> Tensor:
         adain = self.mlp(style).unflatten(1, (len(self.blocks), 4, -1))
@@ -171,7 +171,7 @@ class _Discriminator(nn.Module):
 
     @staticmethod
     def _scale(inputs: int, channels: int) -> nn.Sequential:
-        widths = [inputs, *(channels << k for k in range(JUDGED))]
+        widths = [inputs, *(channels << k for k in range(DISCRIMINATOR_DOWN))]
         layers: list[nn.Module] = []
         for few, many in pairwise(widths):
             layers += [_conv(few, many, 4, 2), nn.LeakyReLU(SLOPE)]
@@ -208,10 +208,10 @@ class _Domain(nn.Module):
         return self.content(x), self.style(x).squeeze(-1)
 
 
-class _Translated(NamedTuple):
-    """Signals of a domain, made of the other domain's content and a random style."""
+class _Translation(NamedTuple):
+    """Signals of a domain, from the other domain's content and a random style."""
 
-    made: Tensor
+    signals: Tensor
     content: Tensor
     style: Tensor
 
@@ -224,7 +224,7 @@ class Munit(Windowed):
 
     Section 5.1 of the latter.
 
-    Poses and audio are standardised vectors; a style is that of a window of poses of whoever it is.
+    Poses and audio are standardised vectors; a style is that of a window of poses of any person.
 
     Args:
         config: sizes and weights.
@@ -241,7 +241,7 @@ class Munit(Windowed):
         if min(pose, audio) < 1:
             raise InputError(f"a MUNIT from {audio} numbers of speech to {pose} of a pose", "both are positive")
         self.config, self.pose, self.audio = config, pose, audio
-        self.multiple, self.shortest, self.styles, self.modes = 2**DOWN, MADE, config.style, 0
+        self.multiple, self.shortest, self.styles, self.modes = 2**DOWN, LEAST_FRAMES, config.style, 0
         self.speech, self.motion = _Domain(audio, config), _Domain(pose, config)
         self.judge_heard, self.judge_moved = (_Discriminator(width, config.channels) for width in (audio, pose))
 
@@ -265,46 +265,46 @@ class Munit(Windowed):
             "generator": Objective(makers, self.generator_loss),
         }
 
-    def _translate(self, contents: dict[str, Tensor], batch: Batch) -> dict[str, _Translated]:
+    def _translate(self, contents: dict[str, Tensor], batch: Batch) -> dict[str, _Translation]:
         """Each domain's x̂, of the other's content."""
-        found = {}
+        translations = {}
         for name, other in (("audio", "pose"), ("pose", "audio")):
             style = batch.chance.normal(len(batch), self.config.style)
-            found[name] = _Translated(self._domains[name].decode(contents[other], style), contents[other], style)
-        return found
+            translations[name] = _Translation(self._domains[name].decode(contents[other], style), contents[other], style)
+        return translations
 
     def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Least squares of both discriminators; moves them alone."""
         with torch.no_grad():
-            made = self._translate({name: domain.content(batch[name].mT) for name, domain in self._domains.items()}, batch)
+            fakes = self._translate({name: domain.content(batch[name].mT) for name, domain in self._domains.items()}, batch)
         terms = {}
         for name, discriminator in self._discriminators.items():
             terms[f"{name}_real"] = self.config.adversarial * discriminator.distance(batch[name].mT, 1.0)
-            terms[f"{name}_made"] = self.config.adversarial * discriminator.distance(made[name].made, 0.0)
+            terms[f"{name}_made"] = self.config.adversarial * discriminator.distance(fakes[name].signals, 0.0)
         return terms
 
     def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """L of the module's docstring, a term for each domain; moves all but the discriminators."""
         c = self.config
         codes = {name: domain.encode(batch[name].mT) for name, domain in self._domains.items()}
-        made = self._translate({name: content for name, (content, _) in codes.items()}, batch)
+        fakes = self._translate({name: content for name, (content, _) in codes.items()}, batch)
         terms = {}
         for name, other in (("audio", "pose"), ("pose", "audio")):
-            x, own, there = batch[name].mT, self._domains[name], made[name]
-            content, style = own.encode(there.made)
+            x, own, there = batch[name].mT, self._domains[name], fakes[name]
+            content, style = own.encode(there.signals)
             again = self._domains[other].decode(content, codes[other][1])
             terms[f"{name}_same"] = c.same * (own.decode(*codes[name]) - x).abs().mean()
             terms[f"{name}_content"] = c.content_back * (content - there.content).abs().mean()
             terms[f"{name}_style"] = c.style_back * (style - there.style).abs().mean()
             terms[f"{name}_cycle"] = c.cycle * (again - batch[other].mT).abs().mean()
-            terms[f"{name}_adversarial"] = c.adversarial * self._discriminators[name].distance(there.made, 1.0)
+            terms[f"{name}_adversarial"] = c.adversarial * self._discriminators[name].distance(there.signals, 1.0)
         return terms
 
     # generation -----------------------------------------------------------------------------------------------------
 
     @torch.no_grad()
     def style_of(self, poses: Tensor) -> Tensor:
-        """(B, T, D) poses of somebody, 32 frames at least → (B, style): how they move.
+        """(B, T, D) poses of one person, 32 frames at least → (B, style).
 
         Raises:
             InputError: too few frames.
@@ -321,5 +321,5 @@ class Munit(Windowed):
 
     def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """(B, T, A) and (B, T, style), of which the first frame's holds throughout, → (B, T, D); there are no modes."""
-        made: Tensor = self.motion.decode(self.speech.content(audio.mT), style[:, 0]).mT
-        return made
+        poses: Tensor = self.motion.decode(self.speech.content(audio.mT), style[:, 0]).mT
+        return poses

@@ -1,6 +1,6 @@
-"""The table of models: one row each with everything that is known of it; what other modules ask is read from the rows.
+"""The table of models: one row for each, with all facts about it. Other modules read the rows.
 
-Nothing heavy is imported here: neither a network nor torch is needed to list models.
+This module imports nothing large: to list models, neither a network nor torch is needed.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ class ModelEntry:
     what: str
     """One line of description."""
     paper: str = ""
-    """Whose it is; nothing for our own."""
+    """The paper; empty for our own models."""
     plays: bool = True
     """Whether it makes motion for speech, under this name: ``--model NAME``, ``cospeech.load(NAME)``."""
     trains: bool = True
     """Whether it is a network that a recipe trains; else the class is called with ``mouth=`` and is a `Model` at once."""
     needs: tuple[str, ...] = ()
-    """What clips must have to train it, beside poses and sound: words, face, emotion."""
+    """Data that clips must have to train it, beside poses and sound: words, face, emotion."""
     weights: str = ""
-    """Path of the bundle with its weights, of another package; ours lie in `cospeech.models.SHIPPED`."""
+    """Path of the bundle with its weights, for models of other packages; ours lie in `cospeech.models.SHIPPED`."""
 
     def __post_init__(self) -> None:
         check_row(self, ("where", "what", "paper", "weights"), {"needs": _ALL})
@@ -185,7 +185,7 @@ ENTRIES: Registry[ModelEntry] = Registry(_OURS, group="cospeech.models", kind=Mo
 
 
 class _Selection(Mapping[str, str]):
-    """Name → ``module:Class`` of those entries of which something is true."""
+    """Name → ``module:Class`` of the entries that meet a condition."""
 
     def __init__(self, has: Callable[[ModelEntry], bool]) -> None:
         self._has = has
@@ -204,7 +204,7 @@ class _Selection(Mapping[str, str]):
 
 
 MODELS: Mapping[str, str] = _Selection(lambda entry: entry.plays)
-"""Name → ``module:Class`` of what plays; `cospeech list models`, the documentation and the tests iterate over it."""
+"""Name → ``module:Class`` of models that play; `cospeech list models`, the documentation and the tests iterate over it."""
 
 NETWORKS: Mapping[str, str] = _Selection(lambda entry: entry.trains)
-"""Name → ``module:Class`` of what recipes train: networks of systems, and those whose features are for losses and metrics."""
+"""Name → ``module:Class`` of networks that recipes train: those of systems, and those with features for losses and metrics."""

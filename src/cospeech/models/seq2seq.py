@@ -7,7 +7,7 @@ Robots": words in, poses out, one after the other, each made of the pose before 
                                           ▲                               │
               c = Σ aₛ eₛ,  a = softmax_s v · tanh(W [hₜ₋₁, eₛ]) ◄────────┘
 
-The first four poses are given, each as what comes before the next. What is minimised, in the form of the authors' later code:
+The first four poses are given; each is fed back for the next. Minimised, in the form of the authors' later code:
 
     L = 250 E (ŷ − y)² + 0.1 E |ŷₜ − ŷₜ₋₁| − 25 E ‖ŷ_d‖₂ / T,     ŷ_d a number of the pose over the T frames of a window
 
@@ -58,11 +58,11 @@ class Seq2SeqConfig(ModelConfig):
     regression: float = 250.0
     """Weight of the squared distance; later code 250."""
     continuity: float = 0.1
-    """Weight of how far poses are from the one before; later code 0.1."""
+    """Weight of the distance of poses from the one before; later code 0.1."""
     variance: float = 25.0
     """Weight of how much they move over a window; later code 25."""
     stroke_timing: float = 0.0
-    """Weight of how little the speed of poses rises and falls when the recorded one does; ours, as published 0."""
+    """Weight of the distance in time of rises and falls of the speed from the recorded ones; ours, as published 0."""
 
     def __post_init__(self) -> None:
         low = {"frames": SEEDS + 1, "hidden": 1, "layers": 1, "word_width": 1, "dropout": 0}
@@ -72,16 +72,16 @@ class Seq2SeqConfig(ModelConfig):
 
 
 class _Attention(nn.Module):
-    """Of a state (B, H) and what was read (B, T, H), the sum of what fits it: (B, H)."""
+    """Attention of a state (B, H) to the encoded words (B, T, H): their weighted sum (B, H)."""
 
     def __init__(self, hidden: int) -> None:
         super().__init__()
         self.of_state, self.of_read = nn.Linear(hidden, hidden), nn.Linear(hidden, hidden, bias=False)  # W in two halves
         self.v = nn.Parameter(torch.randn(hidden) / hidden**0.5)
 
-    def forward(self, state: Tensor, read: Tensor) -> Tensor:
-        fit = F.linear(torch.tanh(self.of_state(state).unsqueeze(1) + self.of_read(read)), self.v.unsqueeze(0))
-        return (torch.softmax(fit, 1) * read).mean(1) * read.shape[1]  # a sum, as a bundle may compute it
+    def forward(self, state: Tensor, encoding: Tensor) -> Tensor:
+        fit = F.linear(torch.tanh(self.of_state(state).unsqueeze(1) + self.of_read(encoding)), self.v.unsqueeze(0))
+        return (torch.softmax(fit, 1) * encoding).mean(1) * encoding.shape[1]  # a sum, as a bundle may compute it
 
 
 class Seq2Seq(SeededWindows):
@@ -90,7 +90,7 @@ class Seq2Seq(SeededWindows):
     Args:
         config: sizes and weights.
         pose: D, numbers of a pose.
-        audio: A, numbers of a frame of speech, which a bundle has and the network does not use.
+        audio: A, numbers of a frame of speech, which is part of a bundle; the network does not use it.
         text: width of the store's word vectors; 0: it has ids of subwords.
     """
 
@@ -114,25 +114,25 @@ class Seq2Seq(SeededWindows):
         self.decoder = nn.GRU(hidden, hidden, layers, batch_first=True, dropout=dropout)
         self.out = nn.Linear(hidden, pose)
 
-    def poses(self, given: WindowInputs, noise: Tensor) -> Tensor:
+    def poses(self, inputs: WindowInputs, noise: Tensor) -> Tensor:
         """See `SeededWindows`: T frames one after the other, the first as given; there is no noise.
 
-        Where a pose is not known, the one that was made stands before the next.
+        A known pose is fed back as it is; otherwise the generated one is.
         """
-        words, known = given.words, given.seed[..., -1:]
-        read, states = self.reader(words)
-        ahead, back = read.chunk(2, -1)
-        takes = 0 * given.seed[:, :1, :1].permute(1, 0, 2)  # all takes read the same words, but each has poses of its own
-        read, state = ahead + back, states[: self.config.layers] + takes
-        made = [given.seed[:, 0, :-1]]
+        words, flag = inputs.words, inputs.seed[..., -1:]
+        encoding, states = self.reader(words)
+        ahead, back = encoding.chunk(2, -1)
+        takes = 0 * inputs.seed[:, :1, :1].permute(1, 0, 2)  # all takes read the same words, but each has poses of its own
+        encoding, state = ahead + back, states[: self.config.layers] + takes
+        poses = [inputs.seed[:, 0, :-1]]
         for t in range(1, words.shape[1]):
-            before = made[-1]
+            before = poses[-1]
             if t <= SEEDS:
-                before = before + known[:, t - 1] * (given.seed[:, t - 1, :-1] - before)
-            entered = self.entry(torch.cat([before, self.attention(state[-1], read)], 1))
-            after, state = self.decoder(entered.unsqueeze(1), state)
-            made.append(self.out(after.squeeze(1)))
-        return torch.stack(made, 1)
+                before = before + flag[:, t - 1] * (inputs.seed[:, t - 1, :-1] - before)
+            features = self.entry(torch.cat([before, self.attention(state[-1], encoding)], 1))
+            after, state = self.decoder(features.unsqueeze(1), state)
+            poses.append(self.out(after.squeeze(1)))
+        return torch.stack(poses, 1)
 
     # what is optimised -----------------------------------------------------------------------------------------------
 
@@ -143,10 +143,10 @@ class Seq2Seq(SeededWindows):
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """L of the module's docstring."""
         c, pose = self.config, batch["pose"]
-        made = self.poses(self.collect_inputs(batch.arrays), pose[:, :0])
+        output = self.poses(self.collect_inputs(batch.arrays), pose[:, :0])
         return {
-            "regression": c.regression * (made - pose).square().mean(),
-            "continuity": c.continuity * made.diff(dim=1).abs().sum() / made.numel(),
-            "variance": -c.variance * made.norm(dim=1).sum() / made.numel(),
-            **timing_term(c.stroke_timing, made.mT, pose.mT),
+            "regression": c.regression * (output - pose).square().mean(),
+            "continuity": c.continuity * output.diff(dim=1).abs().sum() / output.numel(),
+            "variance": -c.variance * output.norm(dim=1).sum() / output.numel(),
+            **timing_term(c.stroke_timing, output.mT, pose.mT),
         }

@@ -1,9 +1,9 @@
-"""Speaker classifier: whose movement is it? What the inception score of Mix-StAGE asks (Ahuja et al. 2020, section 5.2).
+"""Speaker classifier: the speaker of a movement, for the inception score of Mix-StAGE (Ahuja et al. 2020, section 5.2).
 
     (B, T, D) ─►[conv 4, stride 2 ─ BN ─ ReLU] × 6 ─► (B, S, T / 64) ─► mean over time ─► logits (B, S)
 
 trained on recorded poses by cross-entropy. Channels 64, 128, 128, 256, 256, S, as in the authors' code, where the last
-convolution too has batch norm and ReLU. It serves evaluation: `cospeech.models.feature_net.load_classifier`.
+convolution too has batch norm and ReLU. It serves evaluation: `cospeech.training.feature_networks.load_classifier`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .nn.trainable import Trainable
 
 __all__ = ["SpeakerClassifier", "SpeakerClassifierConfig"]
 
-SHORTEST = 64  # frames that six halvings leave one of
+SHORTEST = 64  # the least number of frames of which six halvings leave one
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class SpeakerClassifierConfig(ModelConfig):
 
 
 class SpeakerClassifier(Trainable):
-    """Who moves so; poses are standardised vectors.
+    """Estimates who moves; poses are standardised vectors.
 
     Args:
         config: sizes.
@@ -54,7 +54,7 @@ class SpeakerClassifier(Trainable):
         speakers: S, classes.
 
     Raises:
-        InputError: sizes that are none, or one speaker.
+        InputError: sizes that are not positive, or one speaker.
     """
 
     arrays = ("pose",)
@@ -91,7 +91,7 @@ class SpeakerClassifier(Trainable):
         return {"cross_entropy": F.cross_entropy(self(batch["pose"]), batch["speaker"])}
 
     def validate(self, batch: Batch) -> dict[str, Tensor]:
-        """The cross-entropy, and the share of windows that are taken for another speaker's."""
+        """The cross-entropy, and the share of windows that are classified as another speaker's."""
         logits, speaker = self(batch["pose"]), batch["speaker"]
         return {"cross_entropy": F.cross_entropy(logits, speaker), "error": (logits.argmax(1) != speaker).float().mean()}
 

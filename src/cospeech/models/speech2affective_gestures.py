@@ -34,14 +34,14 @@ __all__ = ["Speech2AffectiveGestures", "Speech2AffectiveGesturesConfig"]
 BONES = ((0, 1), (1, 2), (0, 3), (3, 4), (4, 5), (0, 6), (6, 7), (7, 8))  # of TED's 9, those that meet; authors' code
 PARTS = ((0, 1, 2), (3, 4, 5), (6, 7, 8))  # spine and head, left arm, right arm; authors' code
 PART_EDGES = ((0, 1), (0, 2))  # authors' code
-CHANNELS, AFFECT = 16, 8  # of graph convolutions, and of what the affective encoder gives; authors' code
+CHANNELS, AFFECT = 16, 8  # channels of graph convolutions, and of the output of the affective encoder; authors' code
 SPEECH_CHANNELS, SPEECH_KERNELS, SPEECH_SLOPE = (64, 64, 48), (5, 5, 3, 3), 0.3  # authors' code
 AFFECT_SLOPE = 0.01  # PyTorch's own, as in the authors' code
 
 
 @dataclass(frozen=True)
 class Speech2AffectiveGesturesConfig(TrimodalConfig):
-    """As of the trimodal network, but for what follows; the defaults are the paper's, or the authors' code's."""
+    """Settings of the trimodal network, and those below; the defaults are the paper's, or the authors' code's."""
 
     TINY: ClassVar[Mapping[str, Any]] = {
         "hidden": 8, "layers": 2, "word_width": 5, "bones": ((0, 1),), "parts": ((0,), (1,)), "part_edges": ((0, 1),),
@@ -76,12 +76,12 @@ class _MfccEncoder(nn.Module):
         self.bend = nn.LeakyReLU(SPEECH_SLOPE)
 
     def forward(self, cepstra: Tensor) -> Tensor:
-        encoded: Tensor = self.bend(self.out(self.layers(cepstra))).mT
-        return encoded
+        features: Tensor = self.bend(self.out(self.layers(cepstra))).mT
+        return features
 
 
 class AffectiveEncoder(nn.Module):
-    """(B, D or more, T) poses, of which the first D numbers are looked at → (B, `AFFECT`, T).
+    """(B, D or more, T) poses, of which the first D numbers are used → (B, `AFFECT`, T).
 
     Args:
         config: the graph.
@@ -111,18 +111,18 @@ class AffectiveEncoder(nn.Module):
 
     def forward(self, poses: Tensor) -> Tensor:
         bones = poses[:, : 3 * self.nodes].unflatten(1, (self.nodes, 3)).permute(0, 2, 3, 1)
-        made = self.bone_norm(self.of_bones(bones))
+        features = self.bone_norm(self.of_bones(bones))
         most = max(map(len, self.parts))
-        parts = torch.stack([self._gather(made, part, most) for part in self.parts], 3)
-        made = self.part_norm(self.of_parts(parts))
-        affect: Tensor = self.tail(made.permute(0, 1, 3, 2).flatten(1, 2))
+        parts = torch.stack([self._gather(features, part, most) for part in self.parts], 3)
+        features = self.part_norm(self.of_parts(parts))
+        affect: Tensor = self.tail(features.permute(0, 1, 3, 2).flatten(1, 2))
         return affect
 
     @staticmethod
-    def _gather(made: Tensor, part: tuple[int, ...], most: int) -> Tensor:
+    def _gather(features: Tensor, part: tuple[int, ...], most: int) -> Tensor:
         """(B, C · most, T) of the bones of a part, one after the other; zeros where it has fewer."""
-        found = torch.cat([made[..., bone] for bone in part], 1)
-        return F.pad(found, (0, 0, 0, (most - len(part)) * made.shape[1])) if len(part) < most else found
+        bones = torch.cat([features[..., bone] for bone in part], 1)
+        return F.pad(bones, (0, 0, 0, (most - len(part)) * features.shape[1])) if len(part) < most else bones
 
 
 class _AffectiveDiscriminator(GruDiscriminator):
@@ -154,7 +154,7 @@ class Speech2AffectiveGestures(Trimodal):
         return _MfccEncoder(self.config.frames, audio, self.config.audio)
 
     def build_pose_encoder(self) -> tuple[nn.Module, int]:
-        """See `Trimodal`; the flag is not looked at."""
+        """See `Trimodal`; the flag is not used."""
         return AffectiveEncoder(self.config, self.pose), AFFECT
 
     def build_discriminator(self) -> nn.Module:

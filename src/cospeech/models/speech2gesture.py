@@ -5,15 +5,15 @@ Ahuja et al. 2020 (Mix-StAGE) compare with: one network per speaker, speech in, 
                                                                                                                   │
       (B, T, D) ŷ ◄─ conv 1 ◄─[conv 3] × 4 ◄─ U-Net, five halvings of time, skips added ◄─────────────────────────┘
           │
-          └─► Δŷ or Δy ─►[conv 4 stride 2 …]─► a score per patch of 34 frames: a real motion, or one that was made?
+          └─► Δŷ or Δy ─►[conv 4 stride 2 …]─► a score per patch of 34 frames: a real motion, or a generated one?
 
-What is optimised, with the least squares of the authors' code:
+Optimised, with the least squares of the authors' code:
 
     min_D   E (D(Δy) − 1)² + λ_D E D(Δŷ)²                    y poses, ŷ = G(speech), Δ from one frame to the next
     min_G   λ E |ŷ − y|₁   + λ_G E (D(Δŷ) − 1)²
 
-Where it is given the first poses of a window (Yoon et al. 2020), an MLP makes 16 numbers of four of them, which stand beside
-what the U-Net makes at every frame.
+Where the first poses of a window are given (Yoon et al. 2020), an MLP makes 16 numbers of four of them. They join the output
+of the U-Net at every frame.
 
 Followed, changed, not said in the paper: docs/models/speech2gesture.md, by number.
 """
@@ -44,7 +44,7 @@ from .nn.unet1d import UNet1d, conv_block
 
 __all__ = ["Speech2Gesture", "Speech2GestureConfig"]
 
-HEARD = 3  # times that the speech encoder halves time
+SPEECH_HALVINGS = 3  # halvings of time in the speech encoder
 SEED_HIDDEN = 32  # of the MLP of known poses; Yoon et al. 2020, authors' code
 _LOSS = ADVERSARIAL_LOSSES["squares"]  # authors' code
 
@@ -66,7 +66,7 @@ class Speech2GestureConfig(ModelConfig):
     decoder: int = 4
     """Convolutions after the U-Net; Mix-StAGE's code 4."""
     seed: int = 0
-    """Numbers that an MLP makes of the known poses of a window; Yoon et al. 2020 16. 0: it is given none, as published."""
+    """Numbers that an MLP makes of the known poses of a window; Yoon et al. 2020 16. 0: no known poses, as published."""
     discriminator_channels: int = 64
     """Channels of the discriminator's first convolution, doubled in each that follows; authors' code 64."""
     regression: float = 1.0
@@ -76,7 +76,7 @@ class Speech2GestureConfig(ModelConfig):
     fake: float = 1.0
     """λ_D; authors' code 1."""
     stroke_timing: float = 0.0
-    """Weight of how little the speed of poses rises and falls when the recorded one does; ours, as published 0."""
+    """Weight of the distance in time of rises and falls of the speed from the recorded ones; ours, as published 0."""
 
     def __post_init__(self) -> None:
         low = {
@@ -126,7 +126,7 @@ class Speech2Gesture(SeededWindows):
             raise InputError(f"a Speech2Gesture from {audio} numbers of speech to {pose} of a pose", "both are positive")
         self.config = config
         self.measure(pose, audio)
-        self.multiple = self.shortest = 2 ** max(HEARD, config.depth)
+        self.multiple = self.shortest = 2 ** max(SPEECH_HALVINGS, config.depth)
         self.seeds = SEEDS if config.seed else 0
         self.encoder = AudioContent(config.channels)
         self.unet = UNet1d(config.channels, config.depth)
@@ -137,24 +137,24 @@ class Speech2Gesture(SeededWindows):
         self.discriminator = PatchDiscriminator(pose, config.discriminator_channels)
 
     def forward(self, audio: Tensor, seed: Tensor | None = None) -> Tensor:
-        """G: (B, T, A), (B, T, D + 1) known poses → (B, T, D), for T of any length: the last frame is repeated until it can be
-        halved so often."""
+        """G: (B, T, A), (B, T, D + 1) known poses → (B, T, D), for T of any length: the last frame is repeated up to the next
+        multiple of `multiple`."""
         frames = audio.shape[1]
-        filled = F.pad(audio.mT, (0, -frames % self.multiple), mode="replicate").mT
-        return self._poses(filled, seed)[:, :frames]
+        rows = F.pad(audio.mT, (0, -frames % self.multiple), mode="replicate").mT
+        return self._poses(rows, seed)[:, :frames]
 
-    def poses(self, given: WindowInputs, noise: Tensor) -> Tensor:
+    def poses(self, inputs: WindowInputs, noise: Tensor) -> Tensor:
         """See `SeededWindows`; there is no noise."""
-        return self(given.audio, given.seed)
+        return self(inputs.audio, inputs.seed)
 
     def _poses(self, audio: Tensor, seed: Tensor | None) -> Tensor:
         features = self.unet(self.encoder(audio))
         if self.known is not None:
             first = features.new_zeros(len(features), SEEDS, self.pose) if seed is None else seed[:, :SEEDS, :-1]
-            known = self.known(first.flatten(1)).unsqueeze(2) + 0 * features[:, :1]  # the same at every frame
-            features = torch.cat([features, known], 1)
-        made: Tensor = self.out(self.decoder(features)).mT
-        return made
+            code = self.known(first.flatten(1)).unsqueeze(2) + 0 * features[:, :1]  # the same at every frame
+            features = torch.cat([features, code], 1)
+        poses: Tensor = self.out(self.decoder(features)).mT
+        return poses
 
     def discriminate(self, poses: Tensor) -> Tensor:
         """D(Δ): the scores of the patches of a motion, (B, T, D) → (B, T / 4 − 4); 12 for 64 frames."""
@@ -165,27 +165,27 @@ class Speech2Gesture(SeededWindows):
 
     def objectives(self) -> dict[str, Objective]:
         """Two, in every step the discriminator first (authors' code: one step of each in turn)."""
-        judge = [*self.discriminator.parameters()]
-        known = {id(p) for p in judge}
-        maker = [p for p in self.parameters() if id(p) not in known]
-        return {"discriminator": Objective(judge, self.discriminator_loss), "generator": Objective(maker, self.generator_loss)}
+        own = [*self.discriminator.parameters()]
+        own_ids = {id(p) for p in own}
+        rest = [p for p in self.parameters() if id(p) not in own_ids]
+        return {"discriminator": Objective(own, self.discriminator_loss), "generator": Objective(rest, self.generator_loss)}
 
     def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """Least squares of the discriminator: real motions towards 1, those made towards 0; moves the discriminator alone."""
+        """Least squares of the discriminator: real motions towards 1, generated ones towards 0; trains it alone."""
         with torch.no_grad():
-            made = self.poses(self.collect_inputs(batch.arrays), batch["pose"][..., :0])
+            poses = self.poses(self.collect_inputs(batch.arrays), batch["pose"][..., :0])
         return {
             "real": _LOSS.true(self.discriminate(batch["pose"])),
-            "made": self.config.fake * _LOSS.false(self.discriminate(made)),
+            "made": self.config.fake * _LOSS.false(self.discriminate(poses)),
         }
 
     def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """Poses near the real ones, motions that the discriminator takes for real; moves all but the discriminator."""
-        made = self.poses(self.collect_inputs(batch.arrays), batch["pose"][..., :0])
-        terms = {"l1": self.config.regression * (made - batch["pose"]).abs().mean()}
-        terms |= timing_term(self.config.stroke_timing, made.mT, batch["pose"].mT)
+        """Distance to the real poses, and score of the motion by the discriminator; it trains all but the discriminator."""
+        poses = self.poses(self.collect_inputs(batch.arrays), batch["pose"][..., :0])
+        terms = {"l1": self.config.regression * (poses - batch["pose"]).abs().mean()}
+        terms |= timing_term(self.config.stroke_timing, poses.mT, batch["pose"].mT)
         if self.config.adversarial:
-            terms["adversarial"] = self.config.adversarial * _LOSS.generator_loss(self.discriminate(made))
+            terms["adversarial"] = self.config.adversarial * _LOSS.generator_loss(self.discriminate(poses))
         return terms
 
     # generation -----------------------------------------------------------------------------------------------------

@@ -1,10 +1,10 @@
-"""Speech classifier: who speaks, and in which mood (Xu et al. 2024, section 3.3 and appendix A.4).
+"""Speech classifier: the speaker and the emotion of speech (Xu et al. 2024, section 3.3 and appendix A.4).
 
     speech (B, T, A) ─► 3 temporal convolutions ─► linear ─► logits of S speakers
                                               └──► linear ─► logits of 8 emotions
 
 trained by L_cls = H(P_emo, Q_emo) + H(P_id, Q_id) (10), of a clip: the mean of its frames' logits. A clip whose emotion is not
-known teaches nothing of emotions. It is the first stage of a Chain of Generation, and can be trained by itself.
+known has no part in the loss of emotions. It is the first stage of a Chain of Generation, and can be trained by itself.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ class SpeechClassifierConfig(ModelConfig):
     dropout: float = 0.0
     """Behind each convolution; ours."""
     gain_augmentation: float = 0.0
-    """dB by which training clips are made louder or softer at most; ours: how loud somebody was recorded says nothing."""
+    """dB by which training clips are made louder or softer at most; ours: the level of a recording says nothing."""
 
 
 class SpeechClassifier(Trainable):
-    """Who speaks, and how; speech is standardised vectors.
+    """Estimates speaker and emotion; speech is standardised vectors.
 
     Args:
         config: sizes.
@@ -60,7 +60,7 @@ class SpeechClassifier(Trainable):
         louder: (A,) by how much each number of speech grows with 10 dB, for ``gain_augmentation``.
 
     Raises:
-        InputError: sizes that are none, or an even kernel.
+        InputError: sizes that are not positive, or an even kernel.
     """
 
     arrays = ("audio", "emotion")
@@ -84,7 +84,7 @@ class SpeechClassifier(Trainable):
 
     @classmethod
     def dimensions_for(cls, config: SpeechClassifierConfig) -> tuple[str, ...]:
-        """With what is louder in loud speech, where its gain is changed."""
+        """With ``louder``, where the gain is augmented."""
         return (*cls.dimensions, "louder") if config.gain_augmentation > 0 else cls.dimensions
 
     @property
@@ -114,18 +114,18 @@ class SpeechClassifier(Trainable):
         return self.losses(self.gain_augmentation(batch["audio"], batch.chance), batch["speaker"], batch["emotion"])
 
     def losses(self, audio: Tensor, speaker: Tensor, emotion: Tensor) -> dict[str, Tensor]:
-        """Equation 10 of (B, T, A) speech, (B,) speakers and (B, T) emotions, −1: not known; a clip's is that of its middle."""
+        """Equation 10 of (B, T, A) speech, (B,) speakers, (B, T) emotions, −1: not known; a clip has its middle frame's."""
         who, how = self(audio).mean(1).split((self.speakers, EMOTIONS), 1)
-        felt = F.cross_entropy(how, emotion[:, emotion.shape[1] // 2], ignore_index=-1, reduction="sum") / len(audio)
-        return {"emotion": felt, "speaker": F.cross_entropy(who, speaker)}
+        emotion_loss = F.cross_entropy(how, emotion[:, emotion.shape[1] // 2], ignore_index=-1, reduction="sum") / len(audio)
+        return {"emotion": emotion_loss, "speaker": F.cross_entropy(who, speaker)}
 
     def validate(self, batch: Batch) -> dict[str, Tensor]:
-        """The loss, and the shares of clips that are taken for another speaker's, or of known mood for another mood's."""
+        """The loss, the share of clips with a wrong speaker, and the share of clips of known emotion with a wrong emotion."""
         audio, speaker, emotion = batch["audio"], batch["speaker"], batch["emotion"][:, self.window // 2]
         terms = self.losses(audio, speaker, batch["emotion"])
         who, how = (w.argmax(1) for w in self.weights(audio).split((self.speakers, EMOTIONS), 1))
-        known = emotion >= 0
-        wrong = ((how != emotion) & known).sum() / known.sum().clamp_min(1)
+        has_label = emotion >= 0
+        wrong = ((how != emotion) & has_label).sum() / has_label.sum().clamp_min(1)
         return {
             "loss": terms["emotion"] + terms["speaker"],
             **terms,

@@ -1,22 +1,22 @@
-"""Speech to face: mouth, jaw and head from the sound alone, as a tracker sees them on people who talk.
+"""Speech to face: mouth, jaw and head from the sound alone, learnt from tracked faces of people who talk.
 
-    (B, T, A) log mel │ whose face ─► conv 1 ─►[conv k, dilated ─► LeakyReLU ─► conv 1, added] × n ─► conv 1 ─► (B, T, D) ŷ
+    (B, T, A) log mel │ speaker ─► conv 1 ─►[conv k, dilated ─► LeakyReLU ─► conv 1, added] × n ─► conv 1 ─► (B, T, D) ŷ
 
-Convolutions are lopsided: a frame hears ``ahead`` frames that come after it and more that went before, so that a stream plays
-what the whole would give. The family is that of the face decoders of gesture systems: temporal convolutions on features
-of speech, no adversary. Which face it is, with its tracker's units, is a style: one of the speakers of the data.
+Convolutions are asymmetric: a frame sees ``ahead`` frames after it, and more frames before it, so that a stream plays what the
+whole would give. As in the face decoders of gesture systems, they are temporal convolutions on features of speech, without a
+discriminator. A style is the face of one of the speakers of the data, in the units of its tracker.
 
-What is optimised, in standard deviations of each number of each speaker, y the tracked face with left and right made even:
+Minimised, in standard deviations of each number of each speaker; y is the tracked face with left and right averaged:
 
     min  E w ((1 − ρ) |ŷ₊ − y| + ρ (ŷ₊ − y)² / 2) + λ E w |Δŷ₊ − Δy| + ν E_s w max(0, γ − sd(min(ŷ₊, q)) / sd(y))
 
 Δ is the step from one frame to the next. ŷ₊: weights below 0 count as 0. The last mean is over speakers and numbers; sd(y)
-is of all that a speaker's tracker saw, sd(ŷ₊) of the batch, and q the 0.999 quantile of y. Distance alone leads to the
-median, which is 0 for a lip that is mostly still; the lip then never moves. The gradient of the last term is
-(ŷ₊ − mean) / sd: it makes what moves most move further, however little that is, so that standing still is no optimum.
+is over all data of a speaker, sd(ŷ₊) over the batch, and q the 0.999 quantile of y. Distance alone leads to the median, which
+is 0 for a lip that is mostly still; the lip then never moves. The gradient of the last term is
+(ŷ₊ − mean) / sd: it makes the largest movements larger, however small they are, so that standing still is no optimum.
 Comparing with the batch's own y would not do: most batches have no frame in which a rare channel moves.
 
-Speech is changed in every step, since few people spoke the data: louder or softer, brighter or darker, of a longer or shorter
+Speech is changed in every step, since the data has few speakers: louder or softer, brighter or darker, of a longer or shorter
 vocal tract, in noise, through a telephone, and with pauses in which nobody speaks and the face rests.
 """
 
@@ -43,14 +43,14 @@ from .nn.windowed import Windowed
 __all__ = ["SpeechToFace", "SpeechToFaceConfig"]
 
 SLOPE = 0.1  # of LeakyReLU; ours
-BELOW = 0.02  # [ours] what of a weight below 0 counts, so that it is not lost
+BELOW = 0.02  # [ours] share by which a weight below 0 counts, so that it keeps a gradient
 CALM = log(FLOOR)  # log power of a band in silence
-COLOUR = 6.0  # natural log of power by which noise is softer at the one end of the axis than in the middle, at most; ours
+COLOUR = 6.0  # natural log of power by which noise is softer at one end of the axis than in the middle, at most; ours
 CLOSED, OPEN = 0.03, 0.06  # [ours] jawOpen of closed and of open lips: on GRID 97 % of b, p and m fall below the first
 NEAR = 9  # [ours] frames to both sides among which lips open again, 0.15 s at 60 a second
 STILL = 0.002  # [ours] standard deviation of a number that counts as still
-LEAST = 0.3  # [ours] of the deviation over all speakers, that is the unit of a number which moves less in one of them
-TURN = 0.25  # [ours] w of the turn of the head, of which the sound says little
+LEAST = 0.3  # [ours] the least unit of a number of a speaker, as a share of its deviation over all speakers
+TURN = 0.25  # [ours] w of the rotation of the head, which the sound hardly tells
 HIGH, LOW = (0.3, 1.0), (-1.0, -0.75)  # [ours] ends of a band limit on the axis −1 … 1: 2.7 to 8 kHz, 0 to 380 Hz
 STEEP = (20.0, 200.0)  # [ours] natural log of power per unit of that axis beyond an end: 4 to 43 dB per band of forty
 RAMP = 9  # frames over which a face comes to rest in a pause; ours, 0.15 s at 60 a second
@@ -75,27 +75,27 @@ class SpeechToFaceConfig(ModelConfig):
     velocity: float = 1.0
     """λ."""
     squared: float = 0.5
-    """ρ, 0 … 1: the share of the squared distance, which leads to the mean instead of the median."""
+    """ρ, 0 … 1: the share of the squared distance, which leads to the mean in place of the median."""
     spread: float = 0.5
     """ν."""
     goal: float = 0.65
     """γ."""
     closure: float = 3.0
-    """How much more often jawOpen counts in a frame in which the tracked lips close between open ones, as for b, p and m."""
+    """Extra weight of jawOpen in frames in which the tracked lips close between open ones, as for b, p and m."""
     jaw: float = 8.0
     """w of jawOpen; of the other numbers 1."""
     gain_augmentation: float = 3.0
-    """Speech is up to so much louder or softer, in natural log of power: 13 dB."""
+    """Largest change of loudness, in natural log of power: 13 dB."""
     tilt: float = 1.0
-    """Its spectrum is tilted by up to so much at either end."""
+    """Largest tilt of the spectrum, at either end, in natural log of power."""
     tract: float = 0.15
-    """Its mel axis is stretched by up to this share."""
+    """Largest stretch of the mel axis, as a share."""
     noise: float = 0.4
     """Share of windows with noise, at its loudest 17 to 60 dB below their loudest band."""
     band_limits: float = 0.3
     """Share of windows whose speech and noise are limited to a band, as by a telephone or a low rate of samples."""
     pauses: float = 0.3
-    """Share of windows with a pause, in which there is silence or nothing but the noise; a fifth of them are one throughout."""
+    """Share of windows with a pause, in which there is silence or only the noise; a fifth of them are pauses throughout."""
 
     def __post_init__(self) -> None:
         low = {"frames": self.past + self.future + 2, "channels": 1, "kernel": 1}
@@ -119,7 +119,7 @@ class SpeechToFaceConfig(ModelConfig):
 
 
 class Block(nn.Module):
-    """A dilated, lopsided convolution over frames and a mixing of channels, added to what comes in."""
+    """A dilated, asymmetric convolution over frames and a mixing of channels; the input is added."""
 
     def __init__(self, config: SpeechToFaceConfig, dilation: int, ahead: int) -> None:
         super().__init__()
@@ -136,13 +136,13 @@ class Block(nn.Module):
 class SpeechToFace(Windowed):
     """Speech to face: mouth, jaw and head, learnt from real speakers; the mouth of every other model, too.
 
-    In the manner of one of the speakers of the data, or between them.
+    Its style is that of one of the speakers of the data, or between them.
 
-    Poses and audio are standardised vectors; what by, `set_statistics` says before training begins.
+    Poses and audio are standardised vectors, by the statistics that `set_statistics` takes before training begins.
 
     Args:
         config: sizes.
-        pose: D, numbers of a pose; of the representation "face" left and right are made even.
+        pose: D, numbers of a pose; in the representation "face" left and right are averaged.
         audio: A, log mel powers.
         speakers: S.
     """
@@ -181,7 +181,7 @@ class SpeechToFace(Windowed):
         self.register_buffer("units", torch.ones(speakers, pose), persistent=False)
 
     def set_statistics(self, statistics: Mapping[str, Tensor]) -> None:
-        """What poses and audio were standardised by; a number that is 0 throughout the data stays it."""
+        """Take the statistics of poses and audio. A number that is 0 throughout the data stays 0."""
         for name in ("pose_mean", "pose_std", "audio_mean", "audio_std"):
             getattr(self, name).copy_(statistics[name])
         self.alive.copy_((self.pose_mean != 0).float())
@@ -189,7 +189,7 @@ class SpeechToFace(Windowed):
         self.units = torch.maximum(self.pose_quantiles.std(1), LEAST * self.pose_std)
 
     def speaker_styles(self, stretches: Tensor) -> Tensor:
-        """(S, n, T, D) → (S, S): each speaker is themself."""
+        """(S, n, T, D) → (S, S): each speaker alone."""
         return torch.eye(self.styles, device=stretches.device)
 
     def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
@@ -198,8 +198,8 @@ class SpeechToFace(Windowed):
         for block in self.blocks:
             x = block(x)
         heads = self.out(x).mT.unflatten(2, (self.styles, self.pose))
-        made: Tensor = (heads * style[..., None]).sum(2) * self.alive
-        return made
+        poses: Tensor = (heads * style[..., None]).sum(2) * self.alive
+        return poses
 
     # what is optimised ----------------------------------------------------------------------------------------------
 
@@ -208,37 +208,37 @@ class SpeechToFace(Windowed):
         return {"face": Objective([*self.parameters()], self.loss)}
 
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """Distance of weights, of their velocity and of their distribution; of the frames that hear nothing from beyond."""
+        """Distance of weights, of their velocity and of their distribution, over frames whose speech lies in the window."""
         audio, face, rest = self._augment(
             batch["audio"], self._symmetrise(batch["pose"] * self.pose_std + self.pose_mean), batch.chance
         )
         style = F.one_hot(batch["speaker"], self.styles).to(audio)[:, None].expand(-1, audio.shape[1], -1)
-        made = self.make(audio, style, audio.new_zeros(*audio.shape[:2], 0)) * self.pose_std + self.pose_mean
+        output = self.make(audio, style, audio.new_zeros(*audio.shape[:2], 0)) * self.pose_std + self.pose_mean
         rows = slice(self.config.past, audio.shape[1] - self.config.future)
         units = self.units[batch["speaker"]][:, None]
-        made, face = self._clip_weights(made[:, rows]) / units, face[:, rows] / units
-        shares, squared = self._shares(made), self.config.squared
-        off = made - face
-        off = (1 - squared) * off.abs() + squared * off.square() / 2
+        output, face = self._clip_weights(output[:, rows]) / units, face[:, rows] / units
+        shares, square_share = self._shares(output), self.config.squared
+        off = output - face
+        off = (1 - square_share) * off.abs() + square_share * off.square() / 2
         return {
             "distance": (off * shares).mean() + self.config.closure * self._at_closures(off, face * units, shares),
-            "velocity": self.config.velocity * ((made.diff(dim=1) - face.diff(dim=1)).abs() * shares).mean(),
-            "spread": self.config.spread * self._short_of_spread(made, batch["speaker"], rest[:, rows], shares),
+            "velocity": self.config.velocity * ((output.diff(dim=1) - face.diff(dim=1)).abs() * shares).mean(),
+            "spread": self.config.spread * self._short_of_spread(output, batch["speaker"], rest[:, rows], shares),
         }
 
-    def _short_of_spread(self, made: Tensor, speaker: Tensor, rest: Tensor, shares: Tensor) -> Tensor:
-        """Mean over speakers of by how much standard deviations fall short of `goal` of the tracked ones."""
+    def _short_of_spread(self, output: Tensor, speaker: Tensor, rest: Tensor, shares: Tensor) -> Tensor:
+        """Mean over speakers of how far standard deviations are below the share `goal` of the tracked ones."""
         terms = []
         for number, quantiles in enumerate(self.pose_quantiles / self.units[:, None]):
-            own = made[(speaker == number)[:, None] & (rest == 0)]
+            own = output[(speaker == number)[:, None] & (rest == 0)]
             if len(own):
-                wanted, moves = quantiles.std(0), self.pose_quantiles[number].std(0) > STILL
+                target, moves = quantiles.std(0), self.pose_quantiles[number].std(0) > STILL
                 spread = (torch.minimum(own, quantiles[-2]).var(0) + 1e-8).sqrt()
-                terms.append((F.relu(self.config.goal - spread / wanted.clamp_min(1e-6)) * moves * shares).mean())
-        return torch.stack(terms).mean() if terms else made.new_zeros(())
+                terms.append((F.relu(self.config.goal - spread / target.clamp_min(1e-6)) * moves * shares).mean())
+        return torch.stack(terms).mean() if terms else output.new_zeros(())
 
     def _at_closures(self, off: Tensor, face: Tensor, shares: Tensor) -> Tensor:
-        """Mean of jawOpen's distance, of the frames alone in which the tracked lips are closed between open ones."""
+        """Mean of jawOpen's distance, only of frames in which the tracked lips are closed between open ones."""
         if not self._weights:
             return off.new_zeros(())
         jaw = ARKIT_INDEX["jawOpen"]
@@ -248,12 +248,12 @@ class SpeechToFace(Windowed):
 
     @property
     def _weights(self) -> int:
-        """How many of the numbers are weights of a face, the first ones."""
+        """How many of the numbers, the first ones, are weights of a face."""
         return len(ARKIT) if self.pose == FACE.dimensions else 0
 
-    def _clip_weights(self, made: Tensor) -> Tensor:
-        """ŷ₊: weights below 0 as what they will be shown as."""
-        weights, turn = made[..., : self._weights], made[..., self._weights :]
+    def _clip_weights(self, face: Tensor) -> Tensor:
+        """ŷ₊: weights below 0 are scaled by `BELOW`, since they are shown as 0."""
+        weights, turn = face[..., : self._weights], face[..., self._weights :]
         return torch.cat([torch.where(weights < 0, BELOW * weights, weights), turn], -1)
 
     def _shares(self, like: Tensor) -> Tensor:
@@ -265,16 +265,16 @@ class SpeechToFace(Windowed):
         return shares
 
     def _symmetrise(self, face: Tensor) -> Tensor:
-        """Weights with left and right the mean of both; the turn of the head as it is."""
+        """Weights with left and right replaced by their mean; the rotation of the head as it is."""
         other = face[..., MIRROR] if self._weights else face
         even = (face + other) / 2
         return torch.cat([even[..., : self._weights], face[..., self._weights :]], -1)
 
-    # how speech is changed ------------------------------------------------------------------------------------------
+    # augmentation of speech -----------------------------------------------------------------------------------------
 
     def _augment(self, audio: Tensor, face: Tensor, chance: StepRandom) -> tuple[Tensor, Tensor, Tensor]:
-        """Another voice in another place, (B, T, A) standardised; the face, which rests in the pauses that are put in; the
-        share of rest, (B, T)."""
+        """Speech as another voice in another place, (B, T, A) standardised; the face, which rests in the pauses that are added;
+        the share of rest, (B, T)."""
         rows, bands = len(audio), self.audio
         axis = torch.linspace(-1, 1, bands, device=audio.device)
         mel = _stretch(audio * self.audio_std + self.audio_mean, 1 + self.config.tract * _even(chance, rows))
@@ -284,7 +284,7 @@ class SpeechToFace(Windowed):
         below = 4 + 10 * chance.uniform(rows, 1)  # natural log of power under the loudest band
         slope = COLOUR * _even(chance, rows)
         level = mel.amax((1, 2))[:, None] - below - slope.abs() + slope * axis
-        level = torch.where(chance.uniform(rows, 1) < self.config.noise, level, 2 * CALM)  # which is far below all else
+        level = torch.where(chance.uniform(rows, 1) < self.config.noise, level, 2 * CALM)  # far below all speech
         u, v = (1 - chance.uniform(rows, *audio.shape[1:]) for _ in range(2))
         hiss = level[:, None] + (1e-6 - (u.log() + v.log()) / 2).log()  # power of four degrees of freedom
         still = _pauses(chance, rows, audio.shape[1], self.config.pauses)
@@ -310,7 +310,7 @@ def _stretch(mel: Tensor, factors: Tensor) -> Tensor:
 
 
 def _band_limits(chance: StepRandom, rows: int, axis: Tensor, share: float) -> Tensor:
-    """(rows, A) by how much natural log of power each band is softer; of most rows by nothing."""
+    """(rows, A) natural log of power by which each band is softer; 0 in most rows."""
     which, *draws, steep = (chance.uniform(rows, 1) for _ in range(4))
     high, low = (begin + (end - begin) * draw for (begin, end), draw in zip((HIGH, LOW), draws, strict=True))
     fall = STEEP[0] * (STEEP[1] / STEEP[0]) ** steep
@@ -318,7 +318,7 @@ def _band_limits(chance: StepRandom, rows: int, axis: Tensor, share: float) -> T
 
 
 def _pauses(chance: StepRandom, rows: int, frames: int, share: float) -> Tensor:
-    """(rows, frames) 1 where a pause is put in, else 0."""
+    """(rows, frames) 1 in an added pause, else 0."""
     which, length, start = (chance.uniform(rows, 1) for _ in range(3))
     size = frames * (0.2 + 0.5 * length)
     first = start * (frames - size)

@@ -13,7 +13,7 @@ __all__ = ["Stage", "StageConfig"]
 
 @dataclass(frozen=True)
 class StageConfig(MixStageConfig):
-    """As Mix-StAGE's but for M."""
+    """Settings of Mix-StAGE, with another default of M."""
 
     TINY: ClassVar[Mapping[str, Any]] = {**MixStageConfig.TINY, "modes": 1}
 

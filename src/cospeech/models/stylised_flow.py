@@ -12,8 +12,8 @@ A normalising flow gives the exact density of the next pose, given the poses bef
                                                                      │
       x_t ─►[ ActNorm ─ 1×1 convolution ─ affine coupling(GRU(x₁, c_t)) ] × K ─► z_t
 
-Objective (11): L = NLL + λ₁ |x̂ − x|₁ + λ₂ |ω(x̂) − ω(x)|₁, where x̂ is what random latents give under the same conditions and ω
-the fourth layer of a gesture autoencoder (`cospeech.models.gesture_autoencoder`).
+Objective (11): L = NLL + λ₁ |x̂ − x|₁ + λ₂ |ω(x̂) − ω(x)|₁, where x̂ is the output for random latents with the same c, and ω the
+fourth layer of a gesture autoencoder (`cospeech.models.gesture_autoencoder`).
 
 Followed, changed, not said in the paper: docs/models/stylised_flow.md, by number. This file is the paper; what we add to it
 is in `cospeech.models.stylised_flow_extended`.
@@ -42,7 +42,7 @@ from .nn.trainable import Trainable
 
 __all__ = ["FlowConfig", "StylisedFlow"]
 
-SHORTEST = 4  # frames that two convolutions with kernel 4 and stride 2 leave anything of
+SHORTEST = 4  # the least number of frames for two convolutions with kernel 4 and stride 2
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class FlowConfig(ModelConfig):
     history: int = 12
     """τ, poses that condition a frame; section 4.1 (Trinity: 5)."""
     look_ahead: int = 0
-    """l, frames of speech after the one that is made; section 3.2 (Trinity: 20, section 4.1)."""
+    """l, frames of speech after the generated frame; section 3.2 (Trinity: 20, section 4.1)."""
     frames: int = 30
     """Frames trained in a window, after the history; section 4.1 (Trinity: 120 in all)."""
     nu: int = 50
@@ -82,7 +82,7 @@ class FlowConfig(ModelConfig):
     """Whether a TCN ends in a ReLU, after its last batch norm; section 3.2 (blocks of convolution, batch norm, ReLU), authors'
     code. Runs of earlier versions were trained without."""
     encoder_oldest: bool = False
-    """Take the oldest position of a TCN's output in place of their mean, as the authors' interpolation to length 1 does."""
+    """Whether a TCN's output at its oldest position counts, not the mean, as in the authors' interpolation to length 1."""
     history_dropout: float = 0.4
     """Probability that a pose of the history is blanked; not stated, authors' code 0.4 (as MoGlow)."""
     reconstruction: float = 1.0
@@ -90,7 +90,7 @@ class FlowConfig(ModelConfig):
     perceptual: float = 0.1
     """λ₂; section 3.3."""
     reconstruct_every: int = 1
-    """Steps between those that have the λ₁ and λ₂ terms; the paper has them in all, the authors' code in every fifth."""
+    """Every how many steps there are the terms of λ₁ and λ₂; in the paper in all, in the authors' code in every fifth."""
     nll_unit: float = 1.0
     """Nats of the unit in which the NLL of a frame is summed with the other terms; the authors' code has bits (0.6931)."""
 
@@ -130,7 +130,7 @@ class StylisedFlow(Trainable):
         self.omega = [extractor.eval().requires_grad_(False)] if extractor is not None else []  # a list: no part of this model
 
     def _add_encoders(self) -> int:
-        """Make what else there is to condition a frame on, and say how many numbers it has; the paper has nothing."""
+        """Make further encoders that condition a frame; returns how many numbers they give. The paper has none."""
         return 0
 
     def _net(self, inputs: int, outputs: int) -> RecurrentNet:
@@ -175,19 +175,19 @@ class StylisedFlow(Trainable):
         """Exact log-likelihood (equation 5) of each frame after the history.
 
         Args:
-            pose: (B, τ + F + l, D); the first τ are given, the last l are not looked at.
+            pose: (B, τ + F + l, D); the first τ are given, the last l are not used.
             audio: (B, τ + F + l, A).
 
         Returns:
             (B, F) nats, of standardised poses.
         """
-        x, histories, heard = self._windows(pose, audio)
-        return self.flow.log_prob(x, self.condition(histories, heard))
+        x, histories, speech = self._windows(pose, audio)
+        return self.flow.log_prob(x, self.condition(histories, speech))
 
     def latents(self, pose: Tensor, audio: Tensor) -> Tensor:
         """(B, F, D): the z of each frame after the history; arguments as in `log_prob`."""
-        x, histories, heard = self._windows(pose, audio)
-        return self.flow(x, self.condition(histories, heard))[0]
+        x, histories, speech = self._windows(pose, audio)
+        return self.flow(x, self.condition(histories, speech))[0]
 
     # what is optimised ----------------------------------------------------------------------------------------------
 
@@ -197,28 +197,28 @@ class StylisedFlow(Trainable):
 
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """The terms of equation 11, weighted."""
-        x, histories, heard = self._windows(batch["pose"], batch["audio"])
+        x, histories, speech = self._windows(batch["pose"], batch["audio"])
         if self.training:
             histories = drop_history(histories, self.config.history_dropout, batch.chance)
-        return self.losses(x, self.condition(histories, heard), batch.chance, step)
+        return self.losses(x, self.condition(histories, speech), batch.chance, step)
 
     def losses(self, x: Tensor, c: Tensor, chance: StepRandom, step: int, base: Tensor | float = 0.0) -> dict[str, Tensor]:
         """The terms of equation 11, weighted.
 
         Args:
             x: (B, F, D) poses.
-            c: (B, F, C) what they are conditioned on.
+            c: (B, F, C) their conditioning.
             chance: draws of the latents of x̂.
             step: of the loop.
-            base: what the flow's output is added to; the paper has nothing.
+            base: it is added to the flow's output; in the paper 0.
         """
         terms = {"nll": -self.flow.log_prob(x - base, c).mean() / self.config.nll_unit}
         if step % self.config.reconstruct_every == 0 and (self.config.reconstruction or self.omega):
             z = self.flow.latent.sample(chance.normal, len(x), x.shape[1])
-            made = base + self.flow.inverse(z, c)[0]
-            terms["reconstruction"] = self.config.reconstruction * (made - x).abs().mean()
+            poses = base + self.flow.inverse(z, c)[0]
+            terms["reconstruction"] = self.config.reconstruction * (poses - x).abs().mean()
             if self.omega:
-                terms["perceptual"] = self.config.perceptual * (self.omega[0](made) - self.omega[0](x)).abs().mean()
+                terms["perceptual"] = self.config.perceptual * (self.omega[0](poses) - self.omega[0](x)).abs().mean()
         return terms
 
     # generation -----------------------------------------------------------------------------------------------------
@@ -231,8 +231,8 @@ class StylisedFlow(Trainable):
 
         ``style`` is for networks that have style codes; the paper has none.
         """
-        made, states = self.flow.inverse(z[:, None], self.condition(history[:, None], audio[:, None]), states)
-        return made[:, 0], states
+        poses, states = self.flow.inverse(z[:, None], self.condition(history[:, None], audio[:, None]), states)
+        return poses[:, 0], states
 
     @torch.no_grad()
     def sample(self, z: Tensor, history: Tensor, audio: Tensor, style: Tensor | None = None) -> Tensor:
@@ -252,7 +252,7 @@ class StylisedFlow(Trainable):
     # the runtime bundle ---------------------------------------------------------------------------------------------
 
     def runtime_sizes(self) -> dict[str, Any]:
-        """What `cospeech.runtime.flow.weights.FlowSizes` has to know."""
+        """The fields of `cospeech.runtime.flow.weights.FlowSizes`."""
         c = self.config
         return {
             "pose": self.pose, "audio": self.audio, "steps": c.steps, "hidden": c.hidden, "layers": c.layers,
@@ -264,5 +264,5 @@ class StylisedFlow(Trainable):
         }  # fmt: skip
 
     def export(self) -> dict[str, Any]:
-        """Arrays by name, as `cospeech.runtime.flow.graph` wants them."""
+        """Arrays by name, as `cospeech.runtime.flow.graph` needs them."""
         return {name: np.asarray(value.detach().cpu().numpy()) for name, value in self.state_dict().items()}

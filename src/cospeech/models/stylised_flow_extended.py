@@ -1,9 +1,9 @@
 """The stylised flow, extended; all of this is ours. The paper is `cospeech.models.stylised_flow`, whose equations hold.
 
-What we add, each off by default. A network of a few hundred thousand weights then learns in hundreds of steps what takes it
-thousands without; all of it is linear in xₜ, so that the likelihood (5) stays exact:
+Our additions, each off by default. With them a network of a few hundred thousand weights learns in hundreds of steps what takes
+thousands of steps without. All of them are linear in xₜ, so that the likelihood (5) stays exact:
 
-    residual, inertia    the flow gives xₜ − bₜ, bₜ = xₜ₋₁ + inertia (xₜ₋₁ − xₜ₋₂): how the movement goes on by itself
+    residual, inertia    the flow gives xₜ − bₜ, bₜ = xₜ₋₁ + inertia (xₜ₋₁ − xₜ₋₂): how the movement continues by inertia
     steps_seen           the couplings see a history as its last pose and the steps that led there
     style                c_t has a style code too, of a stretch of poses before the history:
 
@@ -11,9 +11,9 @@ thousands without; all of it is linear in xₜ, so that the likelihood (5) stays
 
     latent_scale         scale of random latents at play
     pose_noise           noise on the poses in training: a density of smooth data has no upper limit
-    stroke_timing        ℓ_T = 1 − r of the logarithms of the speeds of what the network plays by itself and of the recording
+    stroke_timing        ℓ_T = 1 − r of the logarithms of the speeds of self-play and of the recording
 
-What each does for the motion: docs/models/stylised_flow.md, "Changed, and added".
+The effect of each on the motion: docs/models/stylised_flow.md, "Changed, and added".
 """
 
 from __future__ import annotations
@@ -38,33 +38,33 @@ __all__ = ["FlowExtendedConfig", "StylisedFlowExtended"]
 
 @dataclass(frozen=True)
 class FlowExtendedConfig(FlowConfig):
-    """The paper's, and what is ours."""
+    """The paper's settings, and ours."""
 
     pose_noise: float = 0.0
     """Deviation of noise on the standardised poses in training; [ours], for data so smooth that a density has no limit."""
     style: int = 0
-    """Numbers of a style code that conditions every frame beside f_t; 0: none, as the paper. [ours]: what a longer stretch
-    of the same recording looks like, learnt without labels, so that an example sets the style and the latents stay free."""
+    """Numbers of a style code that conditions every frame beside f_t; 0: none, as in the paper. [ours]: it encodes a longer
+    stretch of the same recording, without labels. So an example sets the style, and the latents stay free."""
     style_window: int = 80
     """Frames of that stretch, which lies before the history; [ours]."""
     residual: bool = False
-    """Whether the flow gives xₜ − xₜ₋₁ (whose density is that of xₜ) and not xₜ; [ours], quicker to learn."""
+    """Whether the flow models xₜ − xₜ₋₁, which has the density of xₜ, in place of xₜ; [ours], quicker to learn."""
     inertia: float = 0.0
-    """With ``residual``: share of the last step that is taken off too, so that xₜ = xₜ₋₁ + inertia (xₜ₋₁ − xₜ₋₂) + …;
+    """With ``residual``: share of the last step that is subtracted too, so that xₜ = xₜ₋₁ + inertia (xₜ₋₁ − xₜ₋₂) + …;
     [ours]."""
     steps_seen: bool = False
     """Whether the couplings see a history as its last pose and the steps that led there, not as poses; [ours]: a linear change
     of their input. ``history_dropout`` then hides all steps of a frame at once."""
     latent_scale: float = 1.0
     """Scale of the latents that a bundle draws at temperature 1; [ours], as images of Glow are sampled (Kingma & Dhariwal 2018,
-    0.7). Training does not know it. Below 1 the speech says more of the motion, and chance less; bundling measures the
-    deviations that come out, and the runtime corrects them."""
+    0.7). Training does not use it. Below 1 motion depends more on the speech and less on chance. Bundling measures the
+    deviations of the poses that come out, and the runtime corrects them."""
     stroke_timing: float = 0.0
-    """Weight of the distance between when the recording's strokes come and when those come that the network plays by itself
-    (``nn.speed_distance.timing_term``); [ours]. The likelihood sees recorded histories only: a network can be good at it
-    and still let its own history, not the speech, say when hands move."""
+    """Weight of the distance in time between the strokes of the recording and those of self-play
+    (``nn.speed_distance.timing_term``); [ours]. The likelihood sees recorded histories only: a network can be good at
+    it, and in play still time its strokes by its own history, not by the speech."""
     stroke_timing_every: int = 4
-    """Steps between those that have that term; [ours]: playing a window costs as much as the rest of a step."""
+    """Every how many steps there is that term; [ours]: playing a window costs as much as the rest of a step."""
 
 
 class StylisedFlowExtended(StylisedFlow):
@@ -72,7 +72,7 @@ class StylisedFlowExtended(StylisedFlow):
 
     Args:
         config: sizes and weights.
-        pose, audio, omega: as of `StylisedFlow`.
+        pose, audio, omega: as in `StylisedFlow`.
     """
 
     Config = FlowExtendedConfig
@@ -118,7 +118,7 @@ class StylisedFlowExtended(StylisedFlow):
         return super()._windows(pose[:, self.style_frames :], audio[:, self.style_frames :])
 
     def log_prob(self, pose: Tensor, audio: Tensor) -> Tensor:
-        """As of the paper, of (B, S + τ + F + l, D) poses and as much speech; the first S are the stretch for the style."""
+        """As in the paper, of (B, S + τ + F + l, D) poses and as much speech; the first S are the stretch for the style."""
         x, c = self._condition_poses(pose, audio)
         return self.flow.log_prob(x, c)
 
@@ -127,12 +127,12 @@ class StylisedFlowExtended(StylisedFlow):
         return self.flow(*self._condition_poses(pose, audio))[0]
 
     def _condition_poses(self, pose: Tensor, audio: Tensor) -> tuple[Tensor, Tensor]:
-        """What the flow gives for recorded poses, and under which conditions."""
-        x, histories, heard = self._windows(pose, audio)
-        return x - self._base(histories), self.condition(histories, heard, self.style(pose[:, : self.style_frames]))
+        """(B, F, D) targets of the flow for recorded poses, and (B, F, C) their conditioning."""
+        x, histories, speech = self._windows(pose, audio)
+        return x - self._base(histories), self.condition(histories, speech, self.style(pose[:, : self.style_frames]))
 
     def _base(self, histories: Tensor) -> Tensor:
-        """(B, F, D) what the flow's output is added to: the last pose of each history, and how it goes on; or nothing."""
+        """(B, F, D) that are added to the flow's output: the last pose of each history and its inertia; or zeros."""
         if not self.config.residual:
             return torch.zeros_like(histories[:, :, -1])
         last = histories[:, :, -1]
@@ -145,30 +145,30 @@ class StylisedFlowExtended(StylisedFlow):
         pose = batch["pose"]
         if self.training and self.config.pose_noise:
             pose = pose + self.config.pose_noise * batch.chance.normal(*pose.shape)
-        x, histories, heard = self._windows(pose, batch["audio"])
+        x, histories, speech = self._windows(pose, batch["audio"])
         base = self._base(histories)
         if self.training:
             drop = blank_history if self.config.steps_seen else drop_history
             histories = drop(histories, self.config.history_dropout, batch.chance)
         style = self.style(pose[:, : self.style_frames])
-        terms = self.losses(x, self.condition(histories, heard, style), batch.chance, step, base)
+        terms = self.losses(x, self.condition(histories, speech, style), batch.chance, step, base)
         if self.config.stroke_timing and step % self.config.stroke_timing_every == 0:
-            made = self._play_window(pose, heard, style, batch.chance)
-            terms |= timing_term(self.config.stroke_timing, made.mT, x.mT)
+            motion = self._play_window(pose, speech, style, batch.chance)
+            terms |= timing_term(self.config.stroke_timing, motion.mT, x.mT)
         return terms
 
-    def _play_window(self, pose: Tensor, heard: Tensor, style: Tensor | None, chance: StepRandom) -> Tensor:
+    def _play_window(self, pose: Tensor, speech: Tensor, style: Tensor | None, chance: StepRandom) -> Tensor:
         """(B, F, D): the trained frames, played from their recorded history with random latents; each pose is fed back."""
         first = self.style_frames
-        latents = self.flow.latent.sample(chance.normal, len(pose), heard.shape[1])
-        frozen = self.encoder if self.training else None  # a frame of a batch is no sample to take means of
-        if frozen is not None:
-            frozen.eval()
+        latents = self.flow.latent.sample(chance.normal, len(pose), speech.shape[1])
+        encoder = self.encoder if self.training else None  # batch norms must not take statistics of single frames
+        if encoder is not None:
+            encoder.eval()
         step = partial(self._make_frame, style=style)
-        made = play_window(step, latents, pose[:, first : first + self.config.history], heard, FAR)
-        if frozen is not None:
-            frozen.train()
-        return made
+        motion = play_window(step, latents, pose[:, first : first + self.config.history], speech, FAR)
+        if encoder is not None:
+            encoder.train()
+        return motion
 
     # generation -----------------------------------------------------------------------------------------------------
 
@@ -186,19 +186,19 @@ class StylisedFlowExtended(StylisedFlow):
     def step(
         self, z: Tensor, history: Tensor, audio: Tensor, states: list[State] | None, style: Tensor | None = None
     ) -> tuple[Tensor, list[State]]:
-        """One frame, as of the paper; ``style``: (B, style)."""
+        """One frame, as in the paper; ``style``: (B, style)."""
         return self._make_frame(z, history, audio, states, style)
 
     def _make_frame(
         self, z: Tensor, history: Tensor, audio: Tensor, states: list[State] | None, style: Tensor | None = None
     ) -> tuple[Tensor, list[State]]:
-        made, states = self.flow.inverse(z[:, None], self.condition(history[:, None], audio[:, None], style), states)
-        return made[:, 0] + self._base(history[:, None])[:, 0], states
+        poses, states = self.flow.inverse(z[:, None], self.condition(history[:, None], audio[:, None], style), states)
+        return poses[:, 0] + self._base(history[:, None])[:, 0], states
 
     # the runtime bundle ---------------------------------------------------------------------------------------------
 
     def runtime_sizes(self) -> dict[str, Any]:
-        """What `cospeech.runtime.flow.weights.FlowSizes` has to know."""
+        """The fields of `cospeech.runtime.flow.weights.FlowSizes`."""
         c = self.config
         own = {
             "residual": c.residual, "inertia": c.inertia, "style": c.style, "steps_seen": c.steps_seen,

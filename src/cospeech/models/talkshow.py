@@ -1,5 +1,5 @@
-"""TalkSHOW: Yi et al. 2023, "Generating Holistic 3D Human Motion from Speech": a face of the speech, and a body and hands drawn
-from what could go with it.
+"""TalkSHOW: Yi et al. 2023, "Generating Holistic 3D Human Motion from Speech": a face from the speech, and body and
+hands drawn from a distribution given the speech.
 
     speech ─► encoder ─► 256, with the speaker ─► 6 convolutions ─► face (B, T, 52)
 
@@ -13,7 +13,7 @@ Three things are minimised. First the two autoencoders (m̂ = D(z_q); models/nn/
 
     L_vq = E |m − m̂| + E |Δm − Δm̂| + β E (z − sg[e])²,   m the body, and likewise m the hands
 
-then, with the autoencoders fixed, what comes next (models/nn/pixel_cnn.py), and all along the face:
+then, with the autoencoders fixed, the prior of the next code (models/nn/pixel_cnn.py); and in all steps the face:
 
     L_prior = −E ln p(b_t | b_<t, h_<t, speech, speaker) / 2 − E ln p(h_t | b_≤t, h_<t, speech, speaker) / 2
     L_face = E (F − F*)²
@@ -49,13 +49,13 @@ from .nn.temporal import Memory, SameConv
 __all__ = ["TalkShow", "TalkShowConfig"]
 
 PARTS = 2  # body and hands
-NAMED = 64  # numbers of a speaker beside the face's speech; authors' code
+SPEAKER_WIDTH = 64  # numbers of a speaker in the face's network; authors' code
 SLOPE = 0.2  # of LeakyReLU of the face; authors' code
 
 
 @dataclass(frozen=True)
 class TalkShowConfig(ModelConfig):
-    """Sizes and weights; those of the paper, or, where it is silent, of the authors' code."""
+    """Sizes and weights; the defaults are the paper's, or, where it is silent, the authors' code's."""
 
     TINY: ClassVar[Mapping[str, Any]] = {
         "frames": 36, "codes": 12, "code": 6, "hidden": 16, "heard": 16, "width": 8, "layers": 2, "latent": 8, "prior_from": 40,
@@ -79,7 +79,7 @@ class TalkShowConfig(ModelConfig):
     velocity: float = 1.0
     """Weight of the step from frame to frame; authors' code 1."""
     heard: int = 256
-    """Of the speech that the prior hears; authors' code 256."""
+    """Of the features of speech for the prior; authors' code 256."""
     width: int = 256
     """Of the gated PixelCNN; authors' code 256."""
     layers: int = 15
@@ -87,11 +87,11 @@ class TalkShowConfig(ModelConfig):
     prior_from: int = 52800
     """Steps of the first stage; authors' code 100 epochs."""
     latent: int = 256
-    """Of the speech that the face is made of; section 3.2."""
+    """Of the features of speech for the face; section 3.2."""
     face: float = 1.0
-    """Weight of L_face, which moves a network of its own."""
+    """Weight of L_face, which trains a network of its own."""
     speech_encoder: str = "own"
-    """What encodes speech for the face, one of models/nn/speech_encoders.py; the paper's is wav2vec."""
+    """Encoder of speech for the face, one of models/nn/speech_encoders.py; the paper's is wav2vec."""
     encoder: str = "facebook/wav2vec2-base-960h"
     """Of the speech encoder wav2vec: a name on Hugging Face's hub, or a folder; authors' code."""
 
@@ -118,9 +118,9 @@ class _Coder(nn.Module):
         self.up = Up(config.code, config.hidden, pose)
 
     def forward(self, pose: Tensor) -> tuple[Tensor, Tensor]:
-        """(B, D, T) → what is decoded of its codes, and the commitment loss."""
-        quantised, commitment = self.quantiser(self.down(pose))
-        return self.up(quantised), commitment
+        """(B, D, T) → the pose decoded from its codes, and the commitment loss."""
+        z, commitment = self.quantiser(self.down(pose))
+        return self.up(z), commitment
 
     def encode(self, pose: Tensor) -> Tensor:
         """(B, D, T) → (B, T / 4) numbers of codes."""
@@ -128,8 +128,8 @@ class _Coder(nn.Module):
 
     def decode(self, weights: Tensor) -> Tensor:
         """(B, K, T / 4) weights of the codes → (B, D, T)."""
-        made: Tensor = self.up(self.quantiser.codes.mT @ weights)
-        return made
+        poses: Tensor = self.up(self.quantiser.codes.mT @ weights)
+        return poses
 
 
 class _Face(nn.Module):
@@ -138,27 +138,27 @@ class _Face(nn.Module):
     def __init__(self, config: TalkShowConfig, audio: int, speakers: int) -> None:
         super().__init__()
         self.encoder = SPEECH_ENCODERS[config.speech_encoder](config, audio, SameConv)
-        self.speaker = nn.Conv1d(speakers, NAMED, 1)
-        widths = [config.latent + NAMED, *[config.latent] * 6]
+        self.speaker = nn.Conv1d(speakers, SPEAKER_WIDTH, 1)
+        widths = [config.latent + SPEAKER_WIDTH, *[config.latent] * 6]
         self.layers = nn.ModuleList(
             nn.Sequential(nn.Conv1d(a, b, 3, padding=1), nn.GroupNorm(1, b), nn.LeakyReLU(SLOPE)) for a, b in pairwise(widths)
         )
         self.out = nn.Conv1d(config.latent, FACE, 1)
 
-    def forward(self, heard: Tensor, who: Tensor) -> Tensor:
-        x = torch.cat([self.encoder(heard, Memory()), self.speaker(who)], 1)
+    def forward(self, speech: Tensor, who: Tensor) -> Tensor:
+        x = torch.cat([self.encoder(speech, Memory()), self.speaker(who)], 1)
         for k, layer in enumerate(self.layers):
             x = layer(x) + (x if k else 0)
-        made: Tensor = self.out(x)
-        return made
+        face: Tensor = self.out(x)
+        return face
 
 
 def pick(logits: Tensor, uniform: Tensor) -> Tensor:
-    """(B, K) logits and (B,) numbers of [0, 1] → (B,): the code in whose share of the probability the number lies; of 0 the
-    most likely one."""
-    reached = logits.softmax(-1).cumsum(-1)
-    drawn = (reached < uniform.unsqueeze(-1) * reached[:, -1:]).sum(-1).clamp_max(logits.shape[-1] - 1)
-    return torch.where(uniform > 0, drawn, logits.argmax(-1))
+    """(B, K) logits and (B,) numbers of [0, 1] → (B,): the code at that place of the cumulative distribution; for 0 the most
+    likely code."""
+    cumulative = logits.softmax(-1).cumsum(-1)
+    index = (cumulative < uniform.unsqueeze(-1) * cumulative[:, -1:]).sum(-1).clamp_max(logits.shape[-1] - 1)
+    return torch.where(uniform > 0, index, logits.argmax(-1))
 
 
 # the model -----------------------------------------------------------------------------------------------------------
@@ -207,12 +207,12 @@ class TalkShow(Sampled):
 
     @classmethod
     def encoder_for(cls, config: TalkShowConfig) -> str | None:
-        """The paper's wav2vec 2.0, where the face is made of that."""
+        """The paper's wav2vec 2.0, where it is the speech encoder of the face."""
         return config.encoder if config.speech_encoder == "wav2vec" else None
 
     @classmethod
     def arrays_for(cls, config: TalkShowConfig) -> tuple[str, ...]:
-        """With the features of wav2vec 2.0, where the face is made of those."""
+        """With the features of wav2vec 2.0, where that is the speech encoder of the face."""
         return (*cls.arrays, "wav2vec") if cls.encoder_for(config) else cls.arrays
 
     @property
@@ -222,26 +222,26 @@ class TalkShow(Sampled):
 
     def hear(self, audio: Tensor) -> Tensor:
         """See `Sampled`."""
-        heard: Tensor = self.speech(audio)
-        return heard
+        features: Tensor = self.speech(audio)
+        return features
 
     def encode(self, pose: Tensor) -> Tensor:
         """(B, T, D) → (B, T / 4, 2) the codes of body and hands."""
         with at_rest(*self.coders):
             pairs = zip(self.coders, self.columns, strict=True)
-            found = [coder.encode(pose[..., columns].mT) for coder, columns in pairs]
-        return torch.stack(found, -1)
+            codes = [coder.encode(pose[..., columns].mT) for coder, columns in pairs]
+        return torch.stack(codes, -1)
 
     def decode(self, latent: Tensor) -> Tensor:
         """(B, 2 K, T / 4) weights of the codes, of which one of the body's is 1 and one of the hands', → (B, D, T)."""
-        chosen = latent.split(self.config.codes, 1)
-        parts = [coder.decode(x) for coder, x in zip(self.coders, chosen, strict=True)]
+        weights = latent.split(self.config.codes, 1)
+        parts = [coder.decode(x) for coder, x in zip(self.coders, weights, strict=True)]
         return torch.cat(parts, 1).index_select(1, self.order)
 
     # what is optimised -----------------------------------------------------------------------------------------------
 
     def objectives(self) -> dict[str, Objective]:
-        """First the autoencoders; then, with these fixed, the prior; all along the face."""
+        """First the autoencoders; then, with these fixed, the prior; in all steps the face."""
         first, prior = self.config.prior_from, [*self.speech.parameters(), *self.prior.parameters()]
         return {
             "codes": Objective([p for coder in self.coders for p in coder.parameters()], self.code_loss, stop=first),
@@ -254,53 +254,53 @@ class TalkShow(Sampled):
         terms = {}
         for name, coder, columns in zip(("body", "hands"), self.coders, self.columns, strict=True):
             pose = batch["pose"][..., columns].mT
-            made, terms[f"{name}_commitment"] = coder(pose)
-            terms[name] = (made - pose).abs().mean()
-            terms[f"{name}_velocity"] = self.config.velocity * (made.diff(dim=-1) - pose.diff(dim=-1)).abs().mean()
+            motion, terms[f"{name}_commitment"] = coder(pose)
+            terms[name] = (motion - pose).abs().mean()
+            terms[f"{name}_velocity"] = self.config.velocity * (motion.diff(dim=-1) - pose.diff(dim=-1)).abs().mean()
         return terms
 
     def prior_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """L_prior."""
-        codes, heard = self.encode(batch["pose"]), self.hear(batch["audio"].mT)
+        codes, features = self.encode(batch["pose"]), self.hear(batch["audio"].mT)
         who = weights_of(batch["speaker"], self.styles).unsqueeze(-1).expand(-1, -1, codes.shape[1])
-        logits = self.prior.logits(codes, heard, who)
+        logits = self.prior.logits(codes, features, who)
         each = [F.cross_entropy(x, codes[..., k]) / PARTS for k, x in enumerate(logits)]
         return dict(zip(("body", "hands"), each, strict=True))
 
     def face_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """L_face; NaN where nobody recorded a face, which then teaches nothing."""
-        heard, face = batch[self.face.encoder.array].mT, batch["face"].mT
-        who = weights_of(batch["speaker"], self.styles).unsqueeze(-1).expand(-1, -1, heard.shape[-1])
-        off = torch.where(face.isnan(), 0.0, self.face(heard, who) - face.nan_to_num())
+        """L_face; frames without a recorded face (NaN) do not count."""
+        speech, face = batch[self.face.encoder.array].mT, batch["face"].mT
+        who = weights_of(batch["speaker"], self.styles).unsqueeze(-1).expand(-1, -1, speech.shape[-1])
+        off = torch.where(face.isnan(), 0.0, self.face(speech, who) - face.nan_to_num())
         return {"face": self.config.face * off.square().mean()}
 
     # generation ------------------------------------------------------------------------------------------------------
 
     @torch.no_grad()
-    def draw(self, heard: Tensor, who: Tensor, uniform: Tensor, known: Tensor | None = None) -> Tensor:
+    def draw(self, features: Tensor, who: Tensor, uniform: Tensor, prefix: Tensor | None = None) -> Tensor:
         """Codes, step by step.
 
         Args:
-            heard: (B, heard, S) of S steps.
+            features: (B, heard, S) of the speech of S steps.
             who: (B, speakers, S).
             uniform: (B, S, 2) of [0, 1].
-            known: (B, k, 2) codes of the first steps.
+            prefix: (B, k, 2) known codes of the first steps.
 
         Returns:
             (B, S, 2).
         """
         states: list[Tensor] = []
-        above = [heard.new_zeros(len(heard), self.config.width, 1)] * PARTS
-        found = []
-        for s in range(heard.shape[-1]):
-            here, row, held = slice(s, s + 1), list(above), None if known is None or s >= known.shape[1] else known[:, s]
+        above = [features.new_zeros(len(features), self.config.width, 1)] * PARTS
+        codes = []
+        for s in range(features.shape[-1]):
+            here, row, own = slice(s, s + 1), list(above), None if prefix is None or s >= prefix.shape[1] else prefix[:, s]
             for k in range(PARTS):
                 memory = Memory(states)
-                logits = self.prior(above, row, heard[..., here], who[..., here], memory)[k].squeeze(-1)
-                found.append(pick(logits, uniform[:, s, k]) if held is None else held[:, k])
-                row[k] = self.prior.embedding(found[-1]).unsqueeze(-1)
+                logits = self.prior(above, row, features[..., here], who[..., here], memory)[k].squeeze(-1)
+                codes.append(pick(logits, uniform[:, s, k]) if own is None else own[:, k])
+                row[k] = self.prior.embedding(codes[-1]).unsqueeze(-1)
             states, above = memory.new_states, row
-        return torch.stack(found, 1).unflatten(1, (-1, PARTS))
+        return torch.stack(codes, 1).unflatten(1, (-1, PARTS))
 
     def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """(B, T, A), (B, T, S) weights of the speakers, (B, T, 2) numbers of [0, 1] → (B, T, D)."""
@@ -320,8 +320,8 @@ class TalkShow(Sampled):
         """Poses and faces for the arrays of a batch, of any length.
 
         Args:
-            arrays: ``audio``, ``speaker``, and ``pose``, of which the first four frames are looked at.
-            lacks: what is kept back, of `cospeech.models.nn.modalities.INPUTS`.
+            arrays: ``audio``, ``speaker``, and ``pose``, of which the first four frames are used.
+            lacks: names of `cospeech.models.nn.modalities.INPUTS` that are left out.
             noise: (B, T, 2) numbers of [0, 1]; none: drawn, always the same.
 
         Returns:
@@ -335,13 +335,13 @@ class TalkShow(Sampled):
         speaker = torch.full_like(arrays["speaker"], -1) if "speaker" in lacks else arrays["speaker"]
         who = weights_of(speaker, self.styles).unsqueeze(-1).expand(-1, -1, audio.shape[1])
         uniform = fill_up(self.draw_noise(arrays["audio"]) if noise is None else noise)[:, ::STRIDE]
-        known = None if "seed" in lacks else self.encode(arrays["pose"][:, :STRIDE])
-        codes = self.draw(self.hear(audio.mT), who[..., ::STRIDE], uniform, known)
+        prefix = None if "seed" in lacks else self.encode(arrays["pose"][:, :STRIDE])
+        codes = self.draw(self.hear(audio.mT), who[..., ::STRIDE], uniform, prefix)
         face = self.face(arrays[self.face.encoder.array].mT, who[..., :frames])
         return {"pose": self._decode_codes(codes)[:, :frames], "face": face.mT.clamp(0, 1)}
 
     def speaker_styles(self, stretches: Tensor) -> Tensor:
-        """(S, n, T, D) → (S, S): each speaker is themself."""
+        """(S, n, T, D) → (S, S): each speaker alone."""
         return torch.eye(self.styles, device=stretches.device)
 
     def sampler(self) -> dict[str, ExportGraph]:
@@ -353,7 +353,7 @@ class TalkShow(Sampled):
 
 
 class _Step(nn.Module):
-    """``prior``: a step of speech, codes of the step before, those of this step that are drawn → logits; states are flat."""
+    """``prior``: a step of speech, codes of the step before, codes of this step drawn so far → logits; states are flat."""
 
     def __init__(self, net: TalkShow) -> None:
         super().__init__()
@@ -364,9 +364,9 @@ class _Step(nn.Module):
         """Name → numbers of a take."""
         return {f"state{k}": width for k, width in enumerate(self.widths)}
 
-    def forward(self, heard: Tensor, style: Tensor, before: Tensor, codes: Tensor, *states: Tensor) -> tuple[Tensor, ...]:
+    def forward(self, features: Tensor, style: Tensor, before: Tensor, codes: Tensor, *states: Tensor) -> tuple[Tensor, ...]:
         table = self.prior.embedding.weight
         above, row = ([(x @ table).unsqueeze(2) for x in each.split(self.parts, 1)] for each in (before, codes))
         memory = Memory(x.unflatten(1, (table.shape[1], -1)) for x in states)
-        logits = self.prior(above, row, heard.unsqueeze(2), style.unsqueeze(2), memory)
+        logits = self.prior(above, row, features.unsqueeze(2), style.unsqueeze(2), memory)
         return torch.cat(logits, 1).squeeze(2), *(x.flatten(1) for x in memory.new_states)

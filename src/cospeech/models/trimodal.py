@@ -1,5 +1,5 @@
 """Trimodal context: Yoon et al. 2020, "Speech Gesture Generation from the Trimodal Context of Text, Audio, and Speaker
-Identity", in its own form, on TED: the waveform is heard by itself, and windows follow each other by their last poses.
+Identity", in its own form, on TED: the speech is a waveform, and each window begins with the last poses of the one before.
 
     waveform ─► 4 strided convolutions ───────────────────► (32) ──┐
     words ────► 8 causal convolutions, skips ─────────────► (32) ──┤
@@ -85,7 +85,7 @@ class TrimodalConfig(ModelConfig):
     seed_dropout: float = 0.0
     """Share of training windows without known poses, so that it can begin by itself; ours, as published 0."""
     stroke_timing: float = 0.0
-    """Weight of how little the speed of poses rises and falls when the recorded one does; ours, as published 0."""
+    """Weight of the distance in time of rises and falls of the speed from the recorded ones; ours, as published 0."""
 
     def __post_init__(self) -> None:
         low = {"frames": SEEDS + 4, "hidden": 2, "layers": 1, "audio": 1, "text": 1, "speaker": 1, "word_width": 1}
@@ -99,7 +99,7 @@ class TrimodalConfig(ModelConfig):
 class Trimodal(SeededWindows, AdversarialWindows):
     """Trimodal context (Yoon et al. 2020): one motion for one speech, from the waveform, words and speaker.
 
-    Poses and audio are standardised. A style is [μ, log σ²] of a speaker's z, so that there may be any number of speakers.
+    Poses and audio are standardised. A style is [μ, log σ²] of a speaker's z, so that any number of speakers is possible.
 
     Args:
         config: sizes and weights.
@@ -128,8 +128,8 @@ class Trimodal(SeededWindows, AdversarialWindows):
         self.text = TextTcn(self.embedding.width, config.hidden, config.text, config.dropout)
         self.speech = self.build_speech_encoder(audio)
         self.known, width = self.build_pose_encoder()
-        heard = width + config.audio + config.text + config.speaker
-        self.both_ways = BothWaysGru(heard, config.hidden, config.layers, config.dropout)
+        total = width + config.audio + config.text + config.speaker
+        self.both_ways = BothWaysGru(total, config.hidden, config.layers, config.dropout)
         half = config.hidden // 2
         self.out = nn.Sequential(nn.Conv1d(config.hidden, half, 1), nn.LeakyReLU(config.slope), nn.Conv1d(half, pose, 1))
         self.discriminator = self.build_discriminator() if config.adversarial else None
@@ -139,21 +139,21 @@ class Trimodal(SeededWindows, AdversarialWindows):
         return WaveformEncoder(audio, self.config.strides, self.config.audio)
 
     def build_pose_encoder(self) -> tuple[nn.Module, int]:
-        """(B, D + 1, T) known poses and their flag → (B, ·, T), and how many numbers of a frame that is: here as they are."""
+        """An encoder, (B, D + 1, T) known poses and flag → (B, ·, T), and its numbers of a frame; here it changes nothing."""
         return nn.Identity(), self.pose + 1
 
     def build_discriminator(self) -> nn.Module:
         """(B, T, D) → (B,) logits."""
         return WindowDiscriminator(self.pose, self.config.frames, self.config.slope)
 
-    def poses(self, given: WindowInputs, noise: Tensor) -> Tensor:
+    def poses(self, inputs: WindowInputs, noise: Tensor) -> Tensor:
         """See `SeededWindows`; the noise is ε."""
-        return self._generate(given, noise).pose
+        return self._generate(inputs, noise).pose
 
-    def _generate(self, given: WindowInputs, noise: Tensor) -> SampledWindows:
-        mean, variance = given.style.mT.chunk(2, 1)
+    def _generate(self, inputs: WindowInputs, noise: Tensor) -> SampledWindows:
+        mean, variance = inputs.style.mT.chunk(2, 1)
         z = mean + torch.exp(variance / 2) * noise.mT
-        parts = [self.known(given.seed.mT), self.speech(given.audio), self.text(given.words.mT, Memory()), z]
+        parts = [self.known(inputs.seed.mT), self.speech(inputs.audio), self.text(inputs.words.mT, Memory()), z]
         return SampledWindows(self.out(self.both_ways(torch.cat(parts, 1))).mT, z, mean, variance)
 
     def speaker_style(self, speaker: Tensor) -> Tensor:
@@ -168,10 +168,10 @@ class Trimodal(SeededWindows, AdversarialWindows):
 
     # what is optimised -----------------------------------------------------------------------------------------------
 
-    def _diversity(self, batch: Batch, given: WindowInputs, made: SampledWindows) -> Tensor:
-        """Of the motion of another speaker, drawn of all, which is taken as a constant (authors' code)."""
-        drawn = (batch.chance.uniform(len(batch)) * self.speakers).long().clamp_max(self.speakers - 1)
+    def _diversity(self, batch: Batch, inputs: WindowInputs, sample: SampledWindows) -> Tensor:
+        """Of the motion of another, random speaker, which is taken as a constant (authors' code)."""
+        speaker = (batch.chance.uniform(len(batch)) * self.speakers).long().clamp_max(self.speakers - 1)
         with torch.no_grad():
-            style = self.speaker_style(drawn)[:, None].expand_as(given.style)
-            other = self._generate_in_training(batch, given._replace(style=style))
-        return pose_diversity(made.pose, other.pose, made.z, other.z, self.config.diversity_beta)
+            style = self.speaker_style(speaker)[:, None].expand_as(inputs.style)
+            other = self._generate_in_training(batch, inputs._replace(style=style))
+        return pose_diversity(sample.pose, other.pose, sample.z, other.z, self.config.diversity_beta)

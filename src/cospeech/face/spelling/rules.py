@@ -19,7 +19,7 @@ class Spelling(NamedTuple):
     rules: dict[str, list[tuple[str, tuple[str, ...], re.Pattern[str], re.Pattern[str]]]]
     """First letter → its rules, those of most letters first."""
     letters: frozenset[str]
-    """What the rules know; all other letters lose their diacritics, and are looked up then."""
+    """Letters that the rules know; other letters lose their diacritics, and are looked up again."""
     whole: Mapping[str, str]
     """Whole words, also digits → phones."""
     vowels: str
@@ -48,11 +48,11 @@ def compile_spelling(
         digits: the names of 0 … 9 in this spelling; none: digits are not read.
         vowels: letters that may follow themselves.
     """
-    found: dict[str, list[tuple[str, tuple[str, ...], re.Pattern[str], re.Pattern[str]]]] = {}
+    table: dict[str, list[tuple[str, tuple[str, ...], re.Pattern[str], re.Pattern[str]]]] = {}
     for letters, phones, before, after in sorted(rules, key=lambda rule: -len(rule[0])):
-        compiled = (re.compile(f"(?:{before})$"), re.compile(after))
-        found.setdefault(letters[0], []).append((letters, tuple(phones.split()), *compiled))
-    spelling = Spelling(found, frozenset(letter for own in found.values() for each in own for letter in each[0]), {}, vowels)
+        contexts = (re.compile(f"(?:{before})$"), re.compile(after))
+        table.setdefault(letters[0], []).append((letters, tuple(phones.split()), *contexts))
+    spelling = Spelling(table, frozenset(letter for own in table.values() for each in own for letter in each[0]), {}, vowels)
     names = {str(digit): " ".join(read_letters(name, spelling)) for digit, name in enumerate(digits.split())}
     return spelling._replace(whole={**names, **(whole or {})})
 

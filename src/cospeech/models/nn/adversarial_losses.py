@@ -1,4 +1,4 @@
-"""Losses of a discriminator's scores: its own, for true and for made poses, and the generator's."""
+"""Losses of a discriminator's scores: the discriminator's own, of true and of generated poses, and the generator's."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class AdversarialLoss(NamedTuple):
 
     Args:
         true: of D, for poses of people.
-        false: of D, for poses that were made.
-        generator_loss: of the generator, for poses that were made.
+        false: of D, for generated poses.
+        generator_loss: of the generator, for generated poses.
     """
 
     true: Loss

@@ -14,12 +14,12 @@ SLOPE = 0.01  # of LeakyReLU; not stated, authors' code: PyTorch's own
 
 
 class BasicBlock(nn.Module):
-    """Convolution, norm, leaky ReLU, convolution, norm; what came in is added, and there is a leaky ReLU again.
+    """Convolution, norm, leaky ReLU, convolution, norm; then the input is added, and a last leaky ReLU follows.
 
     Args:
         inputs, outputs: channels.
         kernel: of the convolutions, odd.
-        short: whether what came in is added as it is; else it is convolved and normed.
+        short: whether the input is added as it is; else it goes through a convolution and a norm first.
     """
 
     def __init__(self, inputs: int, outputs: int, kernel: int, *, short: bool = False) -> None:

@@ -1,4 +1,4 @@
-"""Rotations and places of joints out of the vectors of a pose, in PyTorch: what losses on bones are made of."""
+"""Rotations and places of joints from the vectors of a pose, in PyTorch, for losses on bones."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def rotation_angle(one: Tensor, other: Tensor) -> Tensor:
 
 
 _MATRICES: dict[str, tuple[int, Callable[[Tensor], Tensor]]] = {"euler": (3, euler_to_matrix), "rot6d": (6, rot6d_to_matrix)}
-"""Representation, up to its first hyphen → numbers of a joint, and what makes a matrix of them."""
+"""Representation, up to its first hyphen → numbers of a joint, and the function that makes a matrix of them."""
 
 
 class Bones(nn.Module):
@@ -56,23 +56,23 @@ class Bones(nn.Module):
         super().__init__()
         pose = find_pose(representation)
         self.width, self._to_matrix = _MATRICES[representation.partition("-")[0]]
-        skeleton, named = find_skeleton(pose.skeleton), tuple(pose.joints)  # type: ignore[attr-defined]
+        skeleton, joint_names = find_skeleton(pose.skeleton), tuple(pose.joints)  # type: ignore[attr-defined]
         rest = torch.from_numpy(quat_to_matrix(skeleton.rest)).float()
         offsets = torch.from_numpy(skeleton.offsets).float()
-        depth, moved = [0] * len(skeleton), [False] * len(skeleton)
+        depth, is_moved = [0] * len(skeleton), [False] * len(skeleton)
         for k, parent in enumerate(skeleton.parents[1:], 1):
             depth[k] = depth[parent] + 1
-            moved[k] = moved[parent] or skeleton.names[parent] in named
-        self.named = tuple(skeleton.index[name] for name in named)
+            is_moved[k] = is_moved[parent] or skeleton.names[parent] in joint_names
+        self.joint_indices = tuple(skeleton.index[name] for name in joint_names)
         self.levels: list[tuple[str, ...]] = []
         levels = [[k for k in range(len(skeleton)) if depth[k] == level] for level in range(max(depth) + 1)]
         self.register_buffer("rest", rest, persistent=False)
-        self.register_buffer("order", torch.tensor(self.named), persistent=False)
+        self.register_buffer("order", torch.tensor(self.joint_indices), persistent=False)
         for level, (above, joints) in enumerate(zip([[0], *levels], levels, strict=False)):
             own = {
                 "joints": torch.tensor(joints), "offsets": offsets[joints],
                 "parents": torch.tensor([above.index(max(0, skeleton.parents[k])) for k in joints]),
-                "moved": torch.tensor([n for n, k in enumerate(joints) if moved[k]], dtype=torch.long),
+                "moved": torch.tensor([n for n, k in enumerate(joints) if is_moved[k]], dtype=torch.long),
             }  # fmt: skip
             self.levels.append(tuple(f"{name}{level}" for name in own))
             for name, value in own.items():
@@ -85,18 +85,18 @@ class Bones(nn.Module):
     def places(self, rotations: Tensor) -> Tensor:
         """(…, K, 3, 3) → (…, M, 3) of the joints below those, by forward kinematics; the hips stand still."""
         local = self.rest.expand(*rotations.shape[:-3], *self.rest.shape).index_copy(-3, self.order, rotations)
-        found = list[Tensor]()
-        turned, place = local[..., :1, :, :], local.new_zeros(*rotations.shape[:-3], 1, 3)
+        places = list[Tensor]()
+        world, place = local[..., :1, :, :], local.new_zeros(*rotations.shape[:-3], 1, 3)
         for level in self.levels[1:]:
-            joints, offsets, parents, moved = (getattr(self, name) for name in level)
-            above = turned[..., parents, :, :]
+            joints, offsets, parents, below = (getattr(self, name) for name in level)
+            above = world[..., parents, :, :]
             place = place[..., parents, :] + (above @ offsets[..., None]).squeeze(-1)
-            turned = above @ local[..., joints, :, :]
-            found.append(place[..., moved, :])
-        return torch.cat(found, -2)
+            world = above @ local[..., joints, :, :]
+            places.append(place[..., below, :])
+        return torch.cat(places, -2)
 
 
 def bones_of(representation: str) -> Bones | None:
-    """The bones of a representation; None: its vectors are no rotations of a kind that `Bones` knows."""
-    known = representation in POSES and representation.partition("-")[0] in _MATRICES
-    return Bones(representation) if known else None
+    """The bones of a representation; None where its vectors are no rotations that `Bones` can read."""
+    has_rotations = representation in POSES and representation.partition("-")[0] in _MATRICES
+    return Bones(representation) if has_rotations else None

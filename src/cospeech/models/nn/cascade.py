@@ -6,7 +6,7 @@
     Ĉ = CW-Attn([M : B̂])                                                              (4)
     M̂ = StyleInject(Ĉ, S)          Ĥ = HandDec(M̂)         H = HandMlp(Ĥ)
 
-What it is built of, layers that see both ways or layers that play as speech comes, is given to it.
+It is built of the layers that it is given: layers that see both past and future, or layers that play as speech comes.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Layers:
         attention: channels → channel attention.
         recurrent: inputs → an LSTM, ``hidden`` numbers out.
         hidden: of those.
-        style: (channels, width) → what a style does to features.
+        style: (channels, width) → the layer by which a style changes features.
         features: numbers of B̂ and Ĥ, a linear layer after the LSTM; 0: none, they are the LSTM's ``hidden`` numbers.
     """
 
@@ -62,7 +62,7 @@ class Widths:
         text: channels of the network that reads words.
         latent: of Â, T̂, F̂ and S; 128.
         speakers: S.
-        extra: of what both decoders get beside their features: seed poses and their flag, and noise.
+        extra: of the further inputs of both decoders: seed poses and their flag, and noise.
     """
 
     word: int
@@ -73,12 +73,12 @@ class Widths:
 
 
 class Signals(NamedTuple):
-    """What a cascade is given, (B, ·, T) each."""
+    """Inputs of a cascade, (B, ·, T) each."""
 
-    heard: Tensor
+    audio: Tensor
     """Â, audio features, ``latent`` of them."""
     words: Tensor
-    """Zeros where nothing is said, or nothing of it known."""
+    """Zeros where no word is said, or no word is known."""
     style: Tensor
     """Weights of the speakers, then of the emotions, each with the sum 1."""
     extra: Tensor
@@ -86,11 +86,11 @@ class Signals(NamedTuple):
 
 
 class CascadeOutput(NamedTuple):
-    """What a cascade makes, (B, ·, T) each."""
+    """Outputs of a cascade, (B, ·, T) each."""
 
     pose: Tensor
     face: Tensor
-    """F, weights of a face as FaceDec has them, not yet cut to 0 … 1."""
+    """F, weights of a face as FaceDec makes them, not yet limited to 0 … 1."""
     features: Tensor
     """F̂."""
 
@@ -103,14 +103,14 @@ class Through(nn.Module):
 
 
 class _Decoder(nn.Module):
-    """LSTM and MLP: features and what comes with them → B̂ (B, features or hidden, T), B (B, outputs, T)."""
+    """LSTM and MLP: features and further inputs → B̂ (B, features or hidden, T), B (B, outputs, T)."""
 
     def __init__(self, layers: Layers, inputs: int, latent: int, outputs: int) -> None:
         super().__init__()
         self.recurrent = layers.recurrent(inputs)
         self.features = nn.Conv1d(layers.hidden, layers.features, 1) if layers.features else nn.Identity()
-        made = layers.features or layers.hidden
-        self.mlp = nn.Sequential(nn.Conv1d(made, latent, 1), nn.LeakyReLU(SLOPE), nn.Conv1d(latent, outputs, 1))
+        width = layers.features or layers.hidden
+        self.mlp = nn.Sequential(nn.Conv1d(width, latent, 1), nn.LeakyReLU(SLOPE), nn.Conv1d(latent, outputs, 1))
 
     def forward(self, x: Tensor, memory: Memory) -> tuple[Tensor, Tensor]:
         state = self.features(self.recurrent(x, memory))
@@ -121,7 +121,7 @@ class Cascade(nn.Module):
     """Equations 1 to 5.
 
     Args:
-        layers: what it is built of.
+        layers: of which it is built.
         widths: numbers per frame.
         pose: D.
         hands: columns of a pose that are hands; the others are the body.
@@ -135,8 +135,8 @@ class Cascade(nn.Module):
 
     def __init__(self, layers: Layers, widths: Widths, *, pose: int, hands: Sequence[int], dropout: float) -> None:
         super().__init__()
-        known = {*hands}
-        body = [k for k in range(pose) if k not in known]
+        hand_columns = {*hands}
+        body = [k for k in range(pose) if k not in hand_columns]
         if not body or len(body) + len(hands) != pose or not hands:
             raise InputError(f"{len(hands)} columns of hands in a pose of {pose}"[:200], "some, each once, and not all")
         latent, extra = widths.latent, widths.extra
@@ -153,20 +153,20 @@ class Cascade(nn.Module):
         """Of a pose: those of the body, those of the hands."""
         self.register_buffer("order", torch.tensor([*body, *hands]).argsort(), persistent=False)
 
-    def forward(self, given: Signals, memory: Memory, face: Callable[[Tensor], Tensor] = lambda own: own) -> CascadeOutput:
+    def forward(self, signals: Signals, memory: Memory, face: Callable[[Tensor], Tensor] = lambda own: own) -> CascadeOutput:
         """Poses and faces of all frames.
 
         Args:
-            given: what is heard, said, who and how, and what came before.
+            signals: audio features, words, style, seed poses and noise.
             memory: of causal layers.
-            face: of the face that was made, that which TFFDec sees: itself, or where one is known, that.
+            face: the generated face → the face that TFFDec sees: the same, or a known face.
         """
-        made = self.face(given.heard, memory)
-        features = self.face_features(face(made), memory)
-        said, style = self.text(given.words, memory), self.style(given.style, memory)
-        x = self.body_attention(torch.cat([given.heard, said, features], 1), memory)  # C
+        face_weights = self.face(signals.audio, memory)
+        features = self.face_features(face(face_weights), memory)
+        text, style = self.text(signals.words, memory), self.style(signals.style, memory)
+        x = self.body_attention(torch.cat([signals.audio, text, features], 1), memory)  # C
         x = self.body_style(x, style)  # M
-        state, body = self.body(torch.cat([given.extra, x], 1), memory)
+        state, body = self.body(torch.cat([signals.extra, x], 1), memory)
         x = self.hand_attention(torch.cat([x, state], 1), memory)  # Ĉ
-        _, hands = self.hands(torch.cat([given.extra, self.hand_style(x, style)], 1), memory)
-        return CascadeOutput(torch.cat([body, hands], 1).index_select(1, self.order), made, features)
+        _, hands = self.hands(torch.cat([signals.extra, self.hand_style(x, style)], 1), memory)
+        return CascadeOutput(torch.cat([body, hands], 1).index_select(1, self.order), face_weights, features)

@@ -54,6 +54,6 @@ class PastAttention(nn.Module):
         self.gate, self.frames = _Gate(channels, reduction), frames
 
     def forward(self, x: Tensor, memory: Memory) -> Tensor:
-        seen = memory.behind(x, self.frames - 1)
-        out: Tensor = x * self.gate(F.avg_pool1d(seen, self.frames, 1), F.max_pool1d(seen, self.frames, 1))
+        history = memory.behind(x, self.frames - 1)
+        out: Tensor = x * self.gate(F.avg_pool1d(history, self.frames, 1), F.max_pool1d(history, self.frames, 1))
         return out

@@ -50,7 +50,7 @@ class _ConvNorm(nn.Module):
 
 
 class _Stack(nn.Module):
-    """Convolutions of one width, added to what comes in."""
+    """Convolutions of one width; the input is added."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""What autoregressive flows are conditioned on: windows of poses and speech, blanked histories, the global encoder."""
+"""Conditioning of autoregressive flows: windows of poses and speech, blanked histories, the global encoder."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ def drop_history(histories: Tensor, probability: float, chance: StepRandom) -> T
     """(B, F, τ, D) with whole poses blanked (the mean pose), each slot of each frame by itself (MoGlow's data dropout)."""
     if probability <= 0:
         return histories
-    kept = chance.uniform(*histories.shape[:3]) >= probability
-    return histories * kept.unsqueeze(-1)
+    keep = chance.uniform(*histories.shape[:3]) >= probability
+    return histories * keep.unsqueeze(-1)
 
 
 def blank_history(histories: Tensor, probability: float, chance: StepRandom) -> Tensor:
     """(B, F, τ, D) with the whole history of a frame replaced by its last pose: the position stays, the movement goes."""
     if probability <= 0:
         return histories
-    kept = chance.uniform(*histories.shape[:2]) >= probability
-    return torch.where(kept[..., None, None], histories, histories[:, :, -1:])
+    keep = chance.uniform(*histories.shape[:2]) >= probability
+    return torch.where(keep[..., None, None], histories, histories[:, :, -1:])
 
 
 def as_steps(histories: Tensor) -> Tensor:
@@ -104,8 +104,8 @@ class GlobalEncoder(nn.Module):
 class StyleEncoder(nn.Module):
     """A stretch of poses of any length from 8 frames on → a style code: (B, S, D) → (B, style). Ours.
 
-    Three convolutions with stride 2, then mean and deviation over what is left of time: how a person holds themselves, and how
-    much and how fast they move, not when.
+    Three convolutions with stride 2, then mean and deviation over the remaining frames. The code says how people hold
+    themselves, and how much and how fast they move, but not when.
     """
 
     def __init__(self, pose: int, *, channels: int, style: int) -> None:

@@ -1,4 +1,4 @@
-"""The base of the configurations of all networks, and what is trained at small scale."""
+"""The base of the configurations of all networks, and the settings of training at small scale."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ class ModelConfig:
     """Base of a network's configuration, which is a frozen dataclass."""
 
     TINY: ClassVar[Mapping[str, Any]] = {}
-    """What makes the network so small that a step takes milliseconds; windows keep their length. For tests. [ours]"""
+    """Settings of a network so small that a step takes milliseconds; windows keep their length. For tests. [ours]"""
     SMALL: ClassVar[Mapping[str, Any]] = {}
-    """What ``--small`` of a table changes in [model]; ``name`` replaces the network. It shows that a recipe works and which
-    order comes out; no figure of it is the paper's system. [ours]"""
+    """Settings that ``--small`` of a table changes in [model]; ``name`` replaces the network. It shows that a recipe works, and
+    the order of the systems; its figures are not those of the paper's system. [ours]"""
     SMALL_TRAIN: ClassVar[Mapping[str, Any]] = {}
-    """What ``--small`` changes in [train]."""
+    """Settings that ``--small`` changes in [train]."""
 
     @classmethod
     def tiny(cls, **changes: Any) -> Self:

@@ -18,8 +18,8 @@ from .unet1d import SLOPE, conv_block
 
 __all__ = ["STYLE_FRAMES", "AudioContent", "PoseContent", "StyleLogits"]
 
-STYLE_FRAMES = 64  # the least that six halvings leave one frame of
-BANDS = 16  # the least that three halvings and a kernel of 8 leave one band of; fewer are padded with zeros, ours
+STYLE_FRAMES = 64  # the least number of frames of which six halvings leave one
+BANDS = 16  # the least number of bands for three halvings and a kernel of 8; fewer are padded with zeros, ours
 LAST = (3, 8)  # kernel of the last convolution over (frames, bands), with padding (1, 3); authors' code
 
 
@@ -65,7 +65,7 @@ class AudioContent(nn.Module):
 
 
 class _AudioContentInference(nn.Module):
-    """`AudioContent` as it plays: norms folded, and of the last bands only those worked out that are kept, in the middle."""
+    """`AudioContent` as it plays: norms are folded, and of the last bands only the middle ones, which count, are computed."""
 
     def __init__(self, net: AudioContent) -> None:
         super().__init__()
@@ -81,8 +81,8 @@ class _AudioContentInference(nn.Module):
             frames, high = conv.padding
             x = F.leaky_relu(F.conv2d(x, conv.weight, conv.bias, conv.stride[::-1], (high, frames)), SLOPE)
         (frames, high), kernel, bands = last.padding, last.kernel_size[1], x.shape[2]
-        made = bands + 2 * high - kernel + 1
-        first, end = (made - 1) // 2 - high, made // 2 + kernel - high  # of the bands that the middle is made of
+        count = bands + 2 * high - kernel + 1
+        first, end = (count - 1) // 2 - high, count // 2 + kernel - high  # of the bands that the middle is made of
         x = F.pad(x[:, :, max(0, first) : min(bands, end)], (0, 0, max(0, -first), max(0, end - bands)))
         x = F.leaky_relu(F.conv2d(x, last.weight, last.bias, 1, (0, frames)), SLOPE).mean(2, keepdim=True)
         return F.interpolate(x, scale_factor=(1.0, 8.0), mode="bilinear").squeeze(2)
@@ -97,7 +97,7 @@ class PoseContent(nn.Sequential):
 
 
 class StyleLogits(nn.Module):
-    """Poses → how much they look like each speaker's: (B, D, T) → (B, S) logits, for T ≥ 64.
+    """Poses → how similar they are to those of each speaker: (B, D, T) → (B, S) logits, for T ≥ 64.
 
     As in the authors' code the last convolution too has batch norm and leaky ReLU; the mean over time is the logit.
     """

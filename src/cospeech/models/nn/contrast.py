@@ -1,4 +1,4 @@
-"""InfoNCE: between two sequences that belong frame to frame, as in the rhythmic identification loss (Xu et al. 2024, equation
+"""InfoNCE: between two sequences whose frames belong together, as in the rhythmic identification loss (Xu et al. 2024, equation
 6), and between vectors and those of labels."""
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ LEAST = 1e-6  # of a mean square
 
 
 def info_nce(queries: Tensor, keys: Tensor, temperature: float) -> Tensor:
-    """−log of the share that frame i of the keys has, among all frames of its clip, in likeness to frame i of the queries.
+    """−log of the softmax weight of frame i of the keys, among all frames of its clip, by similarity to frame i of the queries.
 
     Args:
         queries, keys: (B, C, T).
@@ -33,7 +33,7 @@ def unit(x: Tensor) -> Tensor:
 
 
 def choice_nce(queries: Tensor, keys: Tensor, labels: Tensor, temperature: float) -> Tensor:
-    """−log of the share that the key of its own label has, among the keys of all labels, in likeness to each query.
+    """−log of the softmax weight of the key of the own label, among the keys of all labels, by similarity to each query.
 
     Args:
         queries: (B, C).
@@ -53,7 +53,7 @@ class RhythmIdentity(nn.Module):
     """Equation 6 with its encoders f and g, which the paper does not describe: linear, ReLU, linear, per frame.
 
     Args:
-        channels: of both sequences and of what they are encoded as; 128.
+        channels: of both sequences, and of their codes; 128.
         temperature: τ; 0.1.
     """
 

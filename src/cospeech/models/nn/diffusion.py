@@ -36,31 +36,31 @@ def angles(steps: int) -> list[float]:
 
 
 def level_features(angle: Tensor, count: int) -> Tensor:
-    """(B,) angles → (B, 2 · count): cosines and sines of their multiples, what a network is told of the noise."""
+    """(B,) angles → (B, 2 · count): cosines and sines of their multiples, which tell a network how much noise there is."""
     times = angle.unsqueeze(-1) * torch.arange(1, count + 1, device=angle.device)
     return torch.cat([times.cos(), times.sin()], -1)
 
 
-def denoise(estimate: Callable[[Tensor, float], Tensor], noise: Tensor, steps: int, known: Tensor | None = None) -> Tensor:
-    """Data of noise.
+def denoise(estimate: Callable[[Tensor, float], Tensor], noise: Tensor, steps: int, prefix: Tensor | None = None) -> Tensor:
+    """Data from noise.
 
     Args:
         estimate: (x, φ) → v, of x's shape.
-        noise: (B, T, L), what it begins with.
+        noise: (B, T, L), the start.
         steps: how many.
-        known: (B, k, L) data of the first steps in time, which are held at what they are (Lugmayr et al. 2022, but without
-            their returns to more noise).
+        prefix: (B, k, L) known data of the first steps in time, which do not change (Lugmayr et al. 2022, but without their
+            returns to more noise).
 
     Returns:
         (B, T, L).
     """
-    begun = 0 if known is None else known.shape[1]
+    length = 0 if prefix is None else prefix.shape[1]
 
     def hold(x: Tensor, angle: float) -> Tensor:
-        if known is None:
+        if prefix is None:
             return x
         at = torch.full((len(x),), angle, device=x.device)
-        return torch.cat([add_noise(known, noise[:, :begun], at), x[:, begun:]], 1)
+        return torch.cat([add_noise(prefix, noise[:, :length], at), x[:, length:]], 1)
 
     x, turns = noise, torch.tensor([*angles(steps), 0.0])
     for now, after in zip(turns[:-1].tolist(), turns[1:], strict=True):

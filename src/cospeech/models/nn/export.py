@@ -1,4 +1,4 @@
-"""What a network exports: modules with named inputs and outputs, and its layers as they run after training."""
+"""Exports of a network: modules with named inputs and outputs, and its layers as they run after training."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Shape = tuple[int | str, ...]
 
 @dataclass(frozen=True)
 class ExportGraph:
-    """A module, and the names and shapes of what goes in and comes out.
+    """A module, and the names and shapes of its inputs and outputs.
 
-    In PyTorch every input has N takes. An input whose first size is 1 is the same for all takes; what depends on such inputs
-    alone is then worked out once for all of them.
+    In PyTorch every input has N takes. An input whose first size is 1 is the same for all takes. Results that depend on
+    such inputs alone are then computed once for all takes.
     """
 
     module: nn.Module
@@ -34,11 +34,11 @@ class ExportGraph:
     frames: int = 64
     """An example of T, a multiple of ``multiple``."""
     multiple: int = 1
-    """What T is a multiple of."""
+    """T is a multiple of this."""
     shortest: int = 1
     """The least T."""
     window: int | None = None
-    """This, and what follows: see `cospeech.runtime.bundles.signature.Signature`."""
+    """For this field and those below see `cospeech.runtime.bundles.signature.Signature`."""
     look_ahead: int = 0
     hop: int | None = None
     seeds: int = 0
@@ -55,18 +55,18 @@ class Playing(nn.Module):
         super().__init__()
         self.net = net
 
-    def forward(self, rows: Tensor, *given: Tensor) -> Tensor:
-        others = iter(given)
+    def forward(self, rows: Tensor, *inputs: Tensor) -> Tensor:
+        others = iter(inputs)
         nothing = rows[..., :0]
         style, mode_noise = (next(others) if width else nothing for width in (self.net.styles, self.net.modes))
-        made: Tensor = self.net.make(rows, style, mode_noise)
-        return made
+        poses: Tensor = self.net.make(rows, style, mode_noise)
+        return poses
 
 
 def inference_copy(net: nn.Module) -> nn.Module:
-    """A copy that makes the same and is cheaper to run: norms lie in the layers before them, parametrised weights are plain.
+    """A copy with the same outputs that is cheaper to run: norms lie in the layers before them, parametrised weights are plain.
 
-    A module with a method ``for_inference`` is replaced by what it gives.
+    A module with a method ``for_inference`` is replaced by the result of that method.
     """
     copy = deepcopy(net).eval()
     for part in copy.modules():
@@ -76,7 +76,7 @@ def inference_copy(net: nn.Module) -> nn.Module:
 
 
 def _make_plain(part: Any) -> None:
-    """Parametrised weights as plain ones. PyTorch's own removal changes the class, which the original has too."""
+    """Make parametrised weights plain. PyTorch's own removal would change the class, which the original shares."""
     values = {name: getattr(part, name).detach() for name in part.parametrizations}
     del part.parametrizations
     part.__class__ = type(part).__bases__[0]
@@ -99,14 +99,14 @@ def _simplify(net: Any) -> Any:
 @torch.no_grad()
 def fold_norm(conv: Any, norm: Any) -> Any:
     """A copy of a convolution or a linear layer, with the batch norm after it in its weights; folded in double precision."""
-    folded = deepcopy(conv)
+    layer = deepcopy(conv)
     gain = norm.weight.double() / (norm.running_var.double() + norm.eps).sqrt()
     sizes = [1] * conv.weight.ndim
     sizes[isinstance(conv, nn.ConvTranspose1d)] = -1  # whose weights are (inputs, outputs, kernel)
-    folded.weight.copy_(conv.weight.double() * gain.reshape(sizes))
+    layer.weight.copy_(conv.weight.double() * gain.reshape(sizes))
     bias = (conv.bias.double() - norm.running_mean.double()) * gain + norm.bias.double()
-    folded.bias.copy_(bias)
-    return folded
+    layer.bias.copy_(bias)
+    return layer
 
 
 @torch.no_grad()

@@ -2,7 +2,7 @@
 
 x (B, T, D) are poses, z (B, T, D) latents, c (B, T, C) the conditioning of every frame. ``forward`` is the normalising
 direction x → z and gives log |det ∂z/∂x| per frame; ``inverse`` generates. Recurrent couplings keep a state from frame to
-frame, so that a sequence may be worked off in pieces.
+frame, so that a sequence may be processed in pieces.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .norm import global_moments
 __all__ = ["ActNorm", "Coupling", "Flow", "FlowStep", "InvertibleLinear", "Latent", "RecurrentNet"]
 
 State = Any
-"""What a recurrent net keeps from frame to frame; None at the beginning."""
+"""The state of a recurrent net from frame to frame; None at the beginning."""
 
 STD_FLOOR = 1e-6  # authors' code, glow/modules.py
 SCALE_SHIFT, SCALE_FLOOR = 2.0, 1e-6  # authors' code, glow/models.py: sigmoid(s + 2) + 1e-6, near 1 at the start
@@ -121,22 +121,22 @@ class Coupling(nn.Module):
 
     def __init__(self, dim: int, context: int, net: Callable[[int, int], nn.Module]) -> None:
         super().__init__()
-        self.kept = dim // 2
-        self.net = net(self.kept + context, 2 * (dim - self.kept))
+        self.first_half = dim // 2
+        self.net = net(self.first_half + context, 2 * (dim - self.first_half))
 
-    def _shift_scale(self, kept: Tensor, c: Tensor, state: State) -> tuple[Tensor, Tensor, State]:
-        out, state = self.net(torch.cat([kept, c], -1), state)
+    def _shift_scale(self, first: Tensor, c: Tensor, state: State) -> tuple[Tensor, Tensor, State]:
+        out, state = self.net(torch.cat([first, c], -1), state)
         return out[..., 0::2], torch.sigmoid(out[..., 1::2] + SCALE_SHIFT) + SCALE_FLOOR, state
 
     def forward(self, x: Tensor, c: Tensor, state: State = None) -> tuple[Tensor, Tensor, State]:
-        kept, moved = x[..., : self.kept], x[..., self.kept :]
-        shift, scale, state = self._shift_scale(kept, c, state)
-        return torch.cat([kept, (moved + shift) * scale], -1), torch.log(scale).sum(-1), state
+        first, second = x[..., : self.first_half], x[..., self.first_half :]
+        shift, scale, state = self._shift_scale(first, c, state)
+        return torch.cat([first, (second + shift) * scale], -1), torch.log(scale).sum(-1), state
 
     def inverse(self, z: Tensor, c: Tensor, state: State = None) -> tuple[Tensor, State]:
-        kept, moved = z[..., : self.kept], z[..., self.kept :]
-        shift, scale, state = self._shift_scale(kept, c, state)
-        return torch.cat([kept, moved / scale - shift], -1), state
+        first, second = z[..., : self.first_half], z[..., self.first_half :]
+        shift, scale, state = self._shift_scale(first, c, state)
+        return torch.cat([first, second / scale - shift], -1), state
 
 
 class FlowStep(nn.Module):
@@ -209,18 +209,18 @@ class Flow(nn.Module):
     def forward(self, x: Tensor, c: Tensor, states: Sequence[State] | None = None) -> tuple[Tensor, Tensor, list[State]]:
         """Poses (B, T, D) → latents (B, T, D), log-determinants (B, T), states."""
         total = x.new_zeros(x.shape[:-1])
-        kept: list[State] = []
+        new_states: list[State] = []
         for k, step in enumerate(self.steps):
             x, ladj, state = step(x, c, None if states is None else states[k])
-            total, kept = total + ladj, [*kept, state]
-        return x, total, kept
+            total, new_states = total + ladj, [*new_states, state]
+        return x, total, new_states
 
     def inverse(self, z: Tensor, c: Tensor, states: Sequence[State] | None = None) -> tuple[Tensor, list[State]]:
         """Latents (B, T, D) → poses (B, T, D), states."""
-        kept: list[State] = [None] * len(self.steps)
+        new_states: list[State] = [None] * len(self.steps)
         for k in reversed(range(len(self.steps))):
-            z, kept[k] = self.steps[k].inverse(z, c, None if states is None else states[k])  # type: ignore[operator]
-        return z, kept
+            z, new_states[k] = self.steps[k].inverse(z, c, None if states is None else states[k])  # type: ignore[operator]
+        return z, new_states
 
     def log_prob(self, x: Tensor, c: Tensor) -> Tensor:
         """(B, T) exact ln p(x_t | c_t, frames before), in nats (flow paper, equation 5)."""

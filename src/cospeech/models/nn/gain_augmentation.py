@@ -1,4 +1,4 @@
-"""Speech as loud as nobody knows: what a network should not go by is drawn anew for every clip."""
+"""Random loudness of speech: a network shall not depend on the level, so it is drawn anew for every clip."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .objective import StepRandom
 
 __all__ = ["GainAugmentation"]
 
-_STEP = 10.0  # dB that ``louder`` is told for
+_STEP = 10.0  # dB that ``louder`` is given for
 
 
 class GainAugmentation(nn.Module):
@@ -24,7 +24,7 @@ class GainAugmentation(nn.Module):
         louder: (A,) by how much each number grows with 10 dB (`cospeech.audio.features.reduce.louder`, standardised).
 
     Raises:
-        InputError: it should change, and nobody knows how.
+        InputError: the loudness shall change, but ``louder`` is missing.
     """
 
     louder: Tensor

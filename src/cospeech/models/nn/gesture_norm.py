@@ -1,5 +1,5 @@
-"""The style injector (Xu et al. 2024, section 3.3, equation 5): a hypernetwork makes a style of who speaks and how it is felt,
-and GestureAdaLN scales and shifts features by it:
+"""The style injector (Xu et al. 2024, section 3.3, equation 5): a hypernetwork makes a style of speaker and emotion, and
+GestureAdaLN scales and shifts features by it:
 
     S = HyNet(E, I),   X̂ = f(S) · X + g(S)
 
@@ -22,7 +22,7 @@ _KERNEL = 3  # not stated; ours
 class HyperNetwork(nn.Module):
     """(B, S + E, T) weights of speakers and of emotions, each with the sum 1 → (B, width, T) styles.
 
-    Two embeddings and two temporal convolutions (appendix A.5); of weights between people the mean of their embeddings.
+    Two embeddings and two temporal convolutions (appendix A.5). Weights of several people give the mean of their embeddings.
 
     Args:
         speakers: S.

@@ -1,4 +1,4 @@
-"""Smooth Gumbel noise, as `cospeech.runtime.mode_noise` has it when a network plays: here in batches, for training with it."""
+"""Smooth Gumbel noise, as `cospeech.runtime.mode_noise` has it when a network plays; here in batches, for training."""
 
 from __future__ import annotations
 

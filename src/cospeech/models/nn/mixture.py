@@ -39,8 +39,8 @@ class SubGenerators(nn.Module):
         self.out = nn.Conv1d(wide, modes * pose, 1, groups=modes)
 
     def forward(self, z: Tensor) -> Tensor:
-        made: Tensor = self.out(self.blocks(z)).unflatten(1, (self.modes, -1))
-        return made
+        poses: Tensor = self.out(self.blocks(z)).unflatten(1, (self.modes, -1))
+        return poses
 
 
 class ModeLogits(nn.Sequential):
@@ -56,9 +56,9 @@ def one_hot_priors(cluster: Tensor, modes: int) -> Tensor:
     return F.one_hot(cluster, modes).transpose(1, 2).float()
 
 
-def mix(made: Tensor, priors: Tensor) -> Tensor:
+def mix(poses: Tensor, priors: Tensor) -> Tensor:
     """Equation 2: (B, M, D, T), (B, M, T) → (B, D, T).
 
     Where a prior is 0 no gradient reaches that sub-generator from that frame.
     """
-    return (made * priors.unsqueeze(2)).sum(1)
+    return (poses * priors.unsqueeze(2)).sum(1)

@@ -1,6 +1,6 @@
-"""What networks of many inputs have in common: how each input comes in, how they are played.
+"""The common part of networks of many inputs: how each input comes in, and how they are played.
 
-Whatever is missing is zeros: words, the face, the emotion, the speaker, and the poses that a window begins with.
+A missing input is zeros: words, the face, the emotion, the speaker, and the poses that a window begins with.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ __all__ = ["INPUTS", "SEEDS", "ManyInputs", "ModalityInputs", "check_lacks", "we
 
 SEEDS = 4  # poses that a window begins with; Liu et al. 2022 and Yoon et al. 2020
 INPUTS = ("text", "face", "emotion", "speaker", "seed")
-"""What may be missing."""
+"""Inputs that may be missing."""
 
 
 class ModalityInputs(NamedTuple):
-    """What poses are made of, frame by frame; zeros where it is missing."""
+    """Inputs of which poses are made, frame by frame; zeros where one is missing."""
 
     audio: Tensor
     """(B, T, A)."""
@@ -51,7 +51,7 @@ def weights_of(labels: Tensor, count: int) -> Tensor:
 
 
 def check_lacks(lacks: Collection[str]) -> None:
-    """Refuse what is no input that can be kept back.
+    """Refuse names of inputs that cannot be left out.
 
     Raises:
         InputError: one of them is not of `INPUTS`.
@@ -65,7 +65,7 @@ class ManyInputs(Windowed):
     """A network with `forward`: (`ModalityInputs`, noise) → (B, T, D), which plays windows of any length.
 
     As a `Windowed` its frames of speech are [audio | embedded words], its styles [speakers' weights | emotions' weights]; face
-    and poses to begin with are then missing.
+    and seed poses are then missing.
     """
 
     optional_arrays = ("text", "face", "emotion", "semantic")
@@ -74,7 +74,7 @@ class ManyInputs(Windowed):
     embedding: SubwordTable | WordEmbedding
 
     def _measures(self, pose: int, audio: int, speakers: int, embedding: SubwordTable | WordEmbedding, modes: int = 0) -> None:
-        """Set what the numbers of a `Windowed` are."""
+        """Set the numbers of a `Windowed`."""
         self.pose, self.speakers, self.embedding = pose, speakers, embedding
         self.audio = audio + embedding.width
         self.styles, self.modes = speakers + EMOTIONS, modes
@@ -82,18 +82,18 @@ class ManyInputs(Windowed):
 
     def words(self, text: Tensor) -> Tensor:
         """(B, T, 12) numbers of subwords, or (B, T, 300) vectors → (B, T, W)."""
-        embedded: Tensor = self.embedding(text)
-        return embedded
+        vectors: Tensor = self.embedding(text)
+        return vectors
 
     def collect_inputs(
-        self, arrays: Mapping[str, Tensor], lacks: Collection[str] = (), known: Tensor | None = None
+        self, arrays: Mapping[str, Tensor], lacks: Collection[str] = (), has_seeds: Tensor | None = None
     ) -> ModalityInputs:
         """The arrays of a batch as inputs.
 
         Args:
-            arrays: of a batch; ``face`` and ``emotion`` may not be there.
-            lacks: of `INPUTS`, which are kept back.
-            known: (B,) 1 for windows that begin with known poses, 0 for others; None: all.
+            arrays: of a batch; ``face`` and ``emotion`` may be missing.
+            lacks: names of `INPUTS` that are left out.
+            has_seeds: (B,) 1 for windows that begin with known poses, 0 for others; None: all do.
 
         Raises:
             InputError: there is no such input.
@@ -101,33 +101,33 @@ class ManyInputs(Windowed):
         check_lacks(lacks)
         audio, pose = arrays["audio"], arrays["pose"]
         rows, frames = audio.shape[:2]
-        nobody = arrays["speaker"].new_full((rows, frames), -1)
-        emotion = arrays.get("emotion", nobody) if "emotion" not in lacks else nobody
-        speaker = arrays["speaker"][:, None].expand(-1, frames) if "speaker" not in lacks else nobody
+        unknown = arrays["speaker"].new_full((rows, frames), -1)
+        emotion = arrays.get("emotion", unknown) if "emotion" not in lacks else unknown
+        speaker = arrays["speaker"][:, None].expand(-1, frames) if "speaker" not in lacks else unknown
         face = arrays["face"].nan_to_num() if "face" in arrays and "face" not in lacks else audio.new_zeros(rows, frames, FACE)
         words = self.words(arrays["text"])
-        begun = audio.new_zeros(rows, frames, 1)
+        flag = audio.new_zeros(rows, frames, 1)
         if "seed" not in lacks:
-            begun[:, :SEEDS] = 1 if known is None else known[:, None, None]
+            flag[:, :SEEDS] = 1 if has_seeds is None else has_seeds[:, None, None]
         return ModalityInputs(
             audio, torch.zeros_like(words) if "text" in lacks else words, face, weights_of(emotion, EMOTIONS),
-            weights_of(speaker, self.speakers), torch.cat([pose * begun, begun], -1),
+            weights_of(speaker, self.speakers), torch.cat([pose * flag, flag], -1),
         )  # fmt: skip
 
     def collect_training_inputs(self, batch: Batch, seed_dropout: float) -> ModalityInputs:
-        """A batch as inputs, in training a share of it without poses to begin with."""
+        """A batch as inputs; in training a share of its windows has no poses to begin with."""
         if not (seed_dropout and self.training):
             return self.collect_inputs(batch.arrays)
-        known = batch.chance.uniform(len(batch)) >= seed_dropout
-        return self.collect_inputs(batch.arrays, known=known.to(batch["audio"]))
+        has_seeds = batch.chance.uniform(len(batch)) >= seed_dropout
+        return self.collect_inputs(batch.arrays, has_seeds=has_seeds.to(batch["audio"]))
 
     @torch.no_grad()
     def play(self, arrays: Mapping[str, Tensor], lacks: Collection[str] = (), noise: Tensor | None = None) -> dict[str, Tensor]:
         """Poses for the arrays of a batch, of any length.
 
         Args:
-            arrays: of a batch; of ``pose`` the first four frames are looked at.
-            lacks: of `INPUTS`, which are kept back.
+            arrays: of a batch; of ``pose`` the first four frames are used.
+            lacks: names of `INPUTS` that are left out.
             noise: (B, T, modes); none: 0.
 
         Returns:
@@ -139,12 +139,12 @@ class ManyInputs(Windowed):
 
     def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """(B, T, A + W), (B, T, S + 8), (B, T, modes) of noise → (B, T, D)."""
-        heard, words = audio.split([self.audio - self.embedding.width, self.embedding.width], -1)
+        speech, words = audio.split([self.audio - self.embedding.width, self.embedding.width], -1)
         speaker, emotion = style.split([self.speakers, EMOTIONS], -1)
-        nothing = heard.new_zeros(*heard.shape[:2], FACE + self.pose + 1)
+        nothing = speech.new_zeros(*speech.shape[:2], FACE + self.pose + 1)
         face, seed = nothing.split([FACE, self.pose + 1], -1)
-        made: Tensor = self(ModalityInputs(heard, words, face, emotion, speaker, seed), mode_noise)
-        return made
+        poses: Tensor = self(ModalityInputs(speech, words, face, emotion, speaker, seed), mode_noise)
+        return poses
 
     @torch.no_grad()
     def speaker_styles(self, stretches: Tensor) -> Tensor:
@@ -167,7 +167,7 @@ class ManyInputs(Windowed):
 
 
 class _Playing(nn.Module):
-    """``make`` of a network of many inputs, without the weights of the poses that it is never given."""
+    """``make`` of a network of many inputs, without the weights of seed poses, which it never gets here."""
 
     def __init__(self, net: ManyInputs) -> None:
         super().__init__()
@@ -178,9 +178,9 @@ class _Playing(nn.Module):
 
     def forward(self, rows: Tensor, style: Tensor, *noise: Tensor) -> Tensor:
         net = self.net
-        heard, words = rows.split([net.audio - net.embedding.width, net.embedding.width], -1)
+        speech, words = rows.split([net.audio - net.embedding.width, net.embedding.width], -1)
         speaker, emotion = style.split([net.speakers, EMOTIONS], -1)
         face = rows[..., :1] * rows.new_zeros(FACE)
-        given = ModalityInputs(heard, words, face, emotion, speaker, rows[..., :0])
-        made: Tensor = net(given, noise[0] if noise else rows[..., :0])
-        return made
+        inputs = ModalityInputs(speech, words, face, emotion, speaker, rows[..., :0])
+        poses: Tensor = net(inputs, noise[0] if noise else rows[..., :0])
+        return poses

@@ -1,6 +1,6 @@
-"""New parameters that depend on the seed and on the name of their module alone: leaving a module out changes no other one.
+"""New parameters that depend only on the seed and on the name of their module: leaving a module out changes no other one.
 
-So two systems of an ablation begin with the same parameters wherever both have them, and their results can be paired.
+So two systems of an ablation begin with the same values of all parameters that both have, and their results can be paired.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ Net = TypeVar("Net", bound=nn.Module)
 def initialise_by_name(make: Callable[[], Net], seed: int) -> Net:
     """A network whose modules draw from generators of their own.
 
-    It is made twice: the first time tells the names of the modules in the order in which they are made, the second time each
-    module begins with the generator of its name. What a module draws after its last child goes on with that one's generator.
+    The network is made twice. The first time gives the names of the modules in the order in which they are made. The second
+    time each module begins with the generator of its name. After its last child a module draws from that child's generator.
 
     Args:
         make: makes the network; twice the same.
         seed: of the run.
     """
-    made: list[nn.Module] = []
-    with _watch_modules(made.append):
+    modules: list[nn.Module] = []
+    with _watch_modules(modules.append):
         first = make()
     names = {id(module): name for name, module in first.named_modules()}
-    order = iter([names.get(id(module), f"{type(module).__name__} of no name") for module in made])
+    order = iter([names.get(id(module), f"{type(module).__name__} of no name") for module in modules])
 
     def draw_anew(module: nn.Module) -> None:
         name = next(order, "")
@@ -44,7 +44,7 @@ def initialise_by_name(make: Callable[[], Net], seed: int) -> Net:
 
 @contextmanager
 def _watch_modules(tell: Callable[[nn.Module], None]) -> Iterator[None]:
-    """Tell of each module as it begins to be made."""
+    """Call ``tell`` with each module when its construction begins."""
     begin = nn.Module.__init__
 
     def announce(self: nn.Module, *args: Any, **keywords: Any) -> None:

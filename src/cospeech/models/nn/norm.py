@@ -1,6 +1,6 @@
-"""Statistics over the global batch: what a layer must use, so that many processes train as one would.
+"""Statistics over the global batch: layers that use them train in many processes as they would in one.
 
-Alone, everything here is what PyTorch does by itself. Where `torch.distributed` is initialised, sums go over the rows of all
+In one process everything here does what PyTorch does. Where `torch.distributed` is initialised, sums go over the rows of all
 processes, and gradients flow back through these sums. Every process must then run the same layers in the same order.
 """
 
@@ -37,7 +37,7 @@ class _GlobalSum(torch.autograd.Function):
 
 
 def global_sum(x: Tensor) -> Tensor:
-    """The sum of a tensor of one shape over all processes, differentiable; alone, the tensor itself."""
+    """The sum of a tensor of one shape over all processes, differentiable; in one process the tensor itself."""
     if not is_shared():
         return x
     total: Tensor = _GlobalSum.apply(x)
@@ -56,16 +56,16 @@ def _moments(x: Tensor, dims: tuple[int, ...]) -> tuple[Tensor, Tensor, Tensor]:
 def global_moments(x: Tensor, dims: tuple[int, ...]) -> tuple[Tensor, Tensor]:
     """Mean and standard deviation (÷ N) over ``dims`` of a tensor and over all processes, in at least float32.
 
-    For what is initialised from the first batch. The reduced dimensions are gone: (B, T, D), (0, 1) → (D,), (D,).
+    For layers that the first batch initialises. The reduced dimensions are gone: (B, T, D), (0, 1) → (D,), (D,).
     """
     mean, variance, _ = _moments(x, dims)
     return mean, variance.sqrt()
 
 
 def batch_norm(x: Tensor, weight: Tensor | None, bias: Tensor | None, eps: float = 1e-5) -> Tensor:
-    """(B, C, T) or (B, C) normalised per channel by the statistics of the global batch, of which nothing is kept.
+    """(B, C, T) or (B, C) normalised per channel by the statistics of the global batch; no running average is kept.
 
-    Alone it is `torch.nn.functional.batch_norm` in training.
+    In one process it is `torch.nn.functional.batch_norm` in training.
     """
     if not is_shared():
         return nn.functional.batch_norm(x, None, None, weight, bias, training=True, eps=eps)
@@ -84,7 +84,7 @@ def _affine(x: Tensor, mean: Tensor, variance: Tensor, weight: Tensor | None, bi
 class BatchNorm1d(nn.BatchNorm1d):
     """`torch.nn.BatchNorm1d` for (B, C, T) or (B, C), trained with the statistics of the global batch.
 
-    The state has the same names. Alone, or in evaluation, it is PyTorch's own to the bit.
+    The state has the same names. In one process, or in evaluation, it is PyTorch's own to the bit.
     """
 
     def forward(self, x: Tensor) -> Tensor:

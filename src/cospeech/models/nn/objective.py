@@ -1,4 +1,4 @@
-"""The seam between a model and the training loop: a model says *what* is optimised, the loop does the rest.
+"""The interface of a model and the training loop: a model says *what* is optimised, the loop does the rest.
 
 A model is a `cospeech.models.nn.trainable.Trainable` with ``objectives()``. In every step the loop takes each objective that is
 due, in order, and does zero_grad → loss → backward → average over processes → clip → step for it. That is enough for a flow
@@ -23,15 +23,15 @@ __all__ = ["Batch", "Objective", "StepRandom"]
 class StepRandom:
     """Random numbers of one training step, the same however the global batch is spread over processes.
 
-    Every process draws for the whole global batch and keeps its own rows; the draw depends on seed and step alone, so that a
-    run that was killed and resumed draws what it would have drawn.
+    Every process draws for the whole global batch and keeps its own rows. The draw depends on seed and step alone, so a run
+    that was stopped and resumed draws the same numbers.
 
     Args:
         seed: of the run.
         step: of the loop.
         rank: which part of the global batch this process has.
         parts: into how many equal parts it is cut.
-        device: where the numbers are wanted; they are drawn on the CPU, so that every device sees the same.
+        device: to which the numbers are moved; they are drawn on the CPU, so that every device has the same.
     """
 
     def __init__(self, seed: int, step: int, rank: int = 0, parts: int = 1, device: torch.device | str = "cpu") -> None:
@@ -53,7 +53,7 @@ class StepRandom:
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """What a loss sees: standardised windows of a store, and the step's random numbers.
+    """The input of a loss: standardised windows of a store, and the step's random numbers.
 
     Args:
         arrays: name → (B, T, …) float, or (B,) whole numbers: ``pose`` (B, T, D), ``audio`` (B, T, A), ``speaker`` (B,) …

@@ -10,7 +10,7 @@ from .unet1d import SLOPE, conv_block
 
 __all__ = ["PATCH_FRAMES", "PatchDiscriminator", "velocity"]
 
-PATCH_FRAMES = 20  # the least that two halvings and two kernels of 4 leave one score of
+PATCH_FRAMES = 20  # the least number of frames of which two halvings and two kernels of 4 leave one score
 
 
 def velocity(pose: Tensor) -> Tensor:

@@ -26,9 +26,9 @@ __all__ = ["Columns", "GatedPixelCnn"]
 
 Columns = Sequence[Tensor]
 """(B, width, T) of each column."""
-FIRST_ROWS, ROWS = 3, 2  # that a layer sees: kernel 7 cut to the rows above; kernel 3 cut to its own row and the one above
+FIRST_ROWS, ROWS = 3, 2  # rows that a layer sees: kernel 7 cut to the rows above; kernel 3 cut to its own row and the one above
 OUT = 512  # channels before the logits; authors' code
-UNHEARD = 0.1  # share of steps in training without speech; authors' code
+SPEECH_DROPOUT = 0.1  # share of steps in training without speech; authors' code
 
 
 def _gate(x: Tensor) -> Tensor:
@@ -51,12 +51,12 @@ class _GatedLayer(nn.Module):
         self.out = nn.Conv1d(width, width, 1)
 
     def forward(self, v: Columns, h: Columns, style: Tensor, memory: Memory) -> tuple[list[Tensor], list[Tensor]]:
-        seen, of_style = [memory.behind(x, self.past) for x in v], self.style(style)
+        rows, of_style = [memory.behind(x, self.past) for x in v], self.style(style)
         vertical, horizontal = [], []
         for j in range(len(v)):
-            x = self.own(seen[j])
-            x = x if j == 0 else x + self.left(seen[j - 1])
-            x = x if j == len(v) - 1 else x + self.right(seen[j + 1])
+            x = self.own(rows[j])
+            x = x if j == 0 else x + self.left(rows[j - 1])
+            x = x if j == len(v) - 1 else x + self.right(rows[j + 1])
             vertical.append(_gate(x + of_style))
             x = self.to_horizontal(x) + of_style
             x = x if j == 0 else x + self.before(h[j - 1])
@@ -73,17 +73,17 @@ class GatedPixelCnn(nn.Module):
         codes: K, of each column.
         width: of all layers.
         layers: two at least.
-        heard: numbers of the speech of a row.
+        speech: numbers of the speech of a row.
         styles: numbers of the speaker.
     """
 
-    def __init__(self, codes: int, width: int, layers: int, heard: int, styles: int) -> None:
+    def __init__(self, codes: int, width: int, layers: int, speech: int, styles: int) -> None:
         super().__init__()
         self.embedding = nn.Embedding(codes, width)
         self.layers = nn.ModuleList(_GatedLayer(width, styles, first=k == 0) for k in range(layers))
         self.pasts = [(ROWS if k else FIRST_ROWS) - 1 for k in range(layers)]
         """Rows above a row that each layer keeps."""
-        self.heard = nn.Conv1d(heard, width, 1)
+        self.heard = nn.Conv1d(speech, width, 1)
         self.to_vertical, self.to_horizontal = (nn.Conv1d(2 * width, width, 1) for _ in range(2))
         self.out = nn.Sequential(nn.Conv1d(width, OUT, 1), nn.ReLU(), nn.Conv1d(OUT, codes, 1))
         for part in self.modules():
@@ -92,19 +92,19 @@ class GatedPixelCnn(nn.Module):
                 if part.bias is not None:
                     nn.init.zeros_(part.bias)
 
-    def forward(self, above: Columns, row: Columns, heard: Tensor, style: Tensor, memory: Memory) -> list[Tensor]:
+    def forward(self, above: Columns, row: Columns, features: Tensor, style: Tensor, memory: Memory) -> list[Tensor]:
         """Logits (B, K, T) of each column.
 
         Args:
             above: embedded codes of the row before each row; zeros before the first.
             row: embedded codes of each row itself; a column's logits do not depend on it or on those after it.
-            heard: (B, heard, T).
+            features: (B, speech, T) of the speech.
             style: (B, styles, T).
-            memory: blank, or as the rows before left it.
+            memory: blank, or as it was after the rows before.
         """
-        speech = self.heard(heard)
+        speech = self.heard(features)
         if self.training:
-            speech = speech * F.dropout(torch.ones_like(speech[:, :1]), UNHEARD)
+            speech = speech * F.dropout(torch.ones_like(speech[:, :1]), SPEECH_DROPOUT)
         v, h = list(above), list(row)
         for k, layer in enumerate(self.layers):
             if k == 1:
@@ -117,8 +117,8 @@ class GatedPixelCnn(nn.Module):
         """(B, T, columns) numbers of codes → (B, width, T) of each column."""
         return [self.embedding(column).mT for column in codes.unbind(-1)]
 
-    def logits(self, codes: Tensor, heard: Tensor, style: Tensor) -> list[Tensor]:
-        """(B, K, T) of each column for codes (B, T, columns) that are known: what is trained."""
+    def logits(self, codes: Tensor, features: Tensor, style: Tensor) -> list[Tensor]:
+        """(B, K, T) of each column for known codes (B, T, columns), for training."""
         row = self.embed(codes)
         above = [F.pad(x, (1, 0))[..., :-1] for x in row]
-        return self(above, row, heard, style, Memory())
+        return self(above, row, features, style, Memory())

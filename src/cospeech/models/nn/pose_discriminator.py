@@ -1,10 +1,10 @@
-"""A discriminator that knows postures, people and speech, for Mix-StAGE where it is to learn a style in few steps; ours.
+"""A discriminator that sees postures, speakers and speech, so that Mix-StAGE learns a style in few steps; ours.
 
-The published one sees velocity alone, so that it knows neither where somebody's hands are nor how large all movement of a
-batch is, which its batch norms take out; nor does it know in whose style the poses should be, or to what speech. This one sees
-poses, velocity, acceleration and the speech, has no norm, and judges by a projection (Miyato and Koyama 2018):
-score = f(h) + e(speaker) · h / √C, and likewise of an emotion, where it is told of one. What people did to another speech is to
-be told from what they did to this one, as Reed et al. 2016 have pictures told from those of another caption.
+The published one sees velocity alone. It does not know where the hands are. Its batch norms remove how large all movement of a
+batch is. It knows neither the speaker in whose style the poses should be, nor the speech. This one sees poses, velocity,
+acceleration and the speech, has no norm, and scores by a projection (Miyato and Koyama 2018):
+score = f(h) + e(speaker) · h / √C, and likewise of an emotion, where one is given. It also has to tell recordings with another
+speech from those with their own, as Reed et al. 2016 do for pictures and captions.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .unet1d import SLOPE
 
 __all__ = ["FASTER", "PoseDiscriminator"]
 
-FASTER = 3.0  # ours: by what differences are multiplied, so that they count beside standardised poses at 12 to 15 per second
+FASTER = 3.0  # ours: factor of differences, so that they count beside standardised poses at 12 to 15 per second
 
 
 class PoseDiscriminator(nn.Module):
@@ -30,7 +30,7 @@ class PoseDiscriminator(nn.Module):
         audio: A.
         channels: of the first convolution; twice and four times as many follow.
         speakers: S.
-        emotions: E; 0: it is told of none.
+        emotions: E; 0: it is given none.
     """
 
     def __init__(self, pose: int, audio: int, channels: int, speakers: int, emotions: int = 0) -> None:
@@ -45,13 +45,13 @@ class PoseDiscriminator(nn.Module):
         """``emotion``: (B,) of 0 … E − 1, −1: not known."""
         if pose.shape[-1] < PATCH_FRAMES:
             raise InputError(f"{pose.shape[-1]} frames to judge", f"{PATCH_FRAMES} at least")
-        moved = FASTER * velocity(pose)
-        h = torch.cat([pose, moved, velocity(moved), audio], 1)
+        movement = FASTER * velocity(pose)
+        h = torch.cat([pose, movement, velocity(movement), audio], 1)
         for conv in self.convs:
             h = F.leaky_relu(conv(h), SLOPE)
         scores: Tensor = self.out(h).squeeze(1)
-        known = self.speakers(speaker)
+        condition = self.speakers(speaker)
         if self.emotions is not None and emotion is not None:
-            known = known + self.emotions(emotion + 1)
-        own = (h * known.unsqueeze(2)).sum(1) / h.shape[1] ** 0.5
+            condition = condition + self.emotions(emotion + 1)
+        own = (h * condition.unsqueeze(2)).sum(1) / h.shape[1] ** 0.5
         return scores + own[:, : scores.shape[1]]

@@ -22,10 +22,10 @@ def _hops(nodes: int, edges: Edges, most: int) -> NDArray[np.float64]:
     near = np.eye(nodes, dtype=bool)
     for a, b in edges:
         near[a, b] = near[b, a] = True
-    hops, reached = np.full((nodes, nodes), np.inf), np.eye(nodes, dtype=bool)
+    hops, reachable = np.full((nodes, nodes), np.inf), np.eye(nodes, dtype=bool)
     for k in range(most + 1):
-        hops[reached & np.isinf(hops)] = k
-        reached = reached @ near
+        hops[reachable & np.isinf(hops)] = k
+        reachable = reachable @ near
     return hops
 
 
@@ -43,10 +43,10 @@ def spatial_partition(nodes: int, edges: Edges, most: int = 2) -> NDArray[np.flo
     hops = _hops(nodes, edges, most)
     weight = np.isfinite(hops) / np.isfinite(hops).sum(0)
     nearer = hops[:, :1] < hops[:, :1].T
-    found = [np.where(hops == 0, weight, 0)]
+    matrices = [np.where(hops == 0, weight, 0)]
     for k in range(1, most + 1):
-        found += [np.where((hops == k) & ~nearer, weight, 0), np.where((hops == k) & nearer, weight, 0)]
-    return np.stack(found).astype(np.float32)
+        matrices += [np.where((hops == k) & ~nearer, weight, 0), np.where((hops == k) & nearer, weight, 0)]
+    return np.stack(matrices).astype(np.float32)
 
 
 class GraphNorm(BatchNorm1d):
@@ -64,8 +64,8 @@ class GraphNorm(BatchNorm1d):
     def forward(self, x: Tensor) -> Tensor:
         if self.nodes == 1:
             return super().forward(x.flatten(2)).reshape(x.shape)
-        normed = super().forward(x.transpose(2, 3).flatten(1, 2))
-        return normed.unflatten(1, (-1, self.nodes)).transpose(2, 3)
+        y = super().forward(x.transpose(2, 3).flatten(1, 2))
+        return y.unflatten(1, (-1, self.nodes)).transpose(2, 3)
 
     def for_inference(self) -> nn.Module:
         """The same as a product and a sum."""
@@ -73,7 +73,7 @@ class GraphNorm(BatchNorm1d):
 
 
 class _Affine(nn.Module):
-    """What a norm is after training, worked out in double precision."""
+    """A norm after training, computed in double precision."""
 
     scale: Tensor
     shift: Tensor
@@ -117,7 +117,7 @@ class GraphConvolution(nn.Module):
         count, nodes = self.adjacency.shape[:2]
         parts = self.over_time(x).unflatten(1, (count, -1)).permute(0, 1, 4, 2, 3).flatten(1, 2)
         weights = self.adjacency.permute(2, 0, 1).reshape(nodes, -1, 1, 1)
-        mixed = F.conv2d(parts, weights).permute(0, 2, 3, 1)  # of the nodes of all matrices, as a bundle may compute it
-        mixed = self.over_both(self.first_norm(mixed).relu())
-        whole: Tensor = (self.second_norm(mixed) + self.short_norm(self.short(x))).relu()
+        y = F.conv2d(parts, weights).permute(0, 2, 3, 1)  # of the nodes of all matrices, as a bundle may compute it
+        y = self.over_both(self.first_norm(y).relu())
+        whole: Tensor = (self.second_norm(y) + self.short_norm(self.short(x))).relu()
         return whole

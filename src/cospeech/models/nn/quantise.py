@@ -3,8 +3,8 @@
     k(z) = argmin_k ‖z − e_k‖₂,   z_q = z + sg[e_k − z],   L = β E (z − sg[e_k])²
 
 z_q has the value of the nearest code, and passes its gradient to z as it is (straight through). A code is the running average
-of the vectors that it stands for, so that no gradient moves it. A code that stands for hardly any vector is put on a vector of
-the batch (as Dhariwal et al. 2020, Jukebox, do): else most of 2,048 codes are never used.
+of the vectors that it stands for, so that no gradient moves it. A code that is hardly ever used is set to a vector of the batch
+(as Dhariwal et al. 2020, Jukebox, do); otherwise most of 2,048 codes are never used.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from .norm import global_sum, is_shared
 
 __all__ = ["Quantiser"]
 
-LEAST = 1e-5  # added to how many vectors a code stands for; authors' code of Yi et al. 2023
-SELDOM = 0.03  # [ours] share of the mean use of a code, below which the code is put elsewhere
+LEAST = 1e-5  # added to the number of vectors of a code; authors' code of Yi et al. 2023
+SELDOM = 0.03  # [ours] share of the mean use of a code, below which the code is replaced
 
 
 class Quantiser(nn.Module):
@@ -66,25 +66,25 @@ class Quantiser(nn.Module):
     @torch.no_grad()
     def _follow(self, vectors: Tensor, indices: Tensor) -> None:
         """(n, C) vectors and the (n,) codes that stand for them, of all processes together."""
-        chosen = F.one_hot(indices, len(self.codes)).to(vectors)
+        one_hot = F.one_hot(indices, len(self.codes)).to(vectors)
         self.steps += 1
         share = 1 - self.decay
-        self.uses.lerp_(global_sum(chosen.sum(0)), share)
-        self.sums.lerp_(global_sum(chosen.mT @ vectors), share)
-        seen = 1 - self.decay ** int(self.steps)  # the averages begin with zeros
+        self.uses.lerp_(global_sum(one_hot.sum(0)), share)
+        self.sums.lerp_(global_sum(one_hot.mT @ vectors), share)
+        bias_correction = 1 - self.decay ** int(self.steps)  # the averages begin with zeros
         total = self.uses.sum()
         self._revive_codes(vectors, total)
-        size = (self.uses + LEAST * seen) / (total + len(self.codes) * LEAST * seen) * total
+        size = (self.uses + LEAST * bias_correction) / (total + len(self.codes) * LEAST * bias_correction) * total
         self.codes.copy_(self.sums / size.unsqueeze(1))
 
     def _revive_codes(self, vectors: Tensor, total: Tensor) -> None:
-        """Put codes that are seldom used on vectors of the batch, drawn alike by all processes."""
+        """Set codes that are seldom used to vectors of the batch; all processes draw the same."""
         processes, rank = (dist.get_world_size(), dist.get_rank()) if is_shared() else (1, 0)
         mean = total / len(self.codes)
         draw = torch.Generator().manual_seed(int(self.steps))
         places = torch.randint(processes * len(vectors), (len(self.codes),), generator=draw).to(vectors.device)
         own = (places // len(vectors) == rank).unsqueeze(1)
-        found = global_sum(torch.where(own, vectors[places % len(vectors)], 0.0))
+        replacements = global_sum(torch.where(own, vectors[places % len(vectors)], 0.0))
         seldom = self.uses < SELDOM * mean
         self.uses.copy_(torch.where(seldom, mean, self.uses))
-        self.sums.copy_(torch.where(seldom.unsqueeze(1), mean * found, self.sums))
+        self.sums.copy_(torch.where(seldom.unsqueeze(1), mean * replacements, self.sums))

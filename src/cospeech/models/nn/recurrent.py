@@ -10,9 +10,9 @@ from .temporal import Memory
 __all__ = ["BothWays", "BothWaysGru", "Forwards"]
 
 
-def _sum_directions(made: Tensor) -> Tensor:
+def _sum_directions(states: Tensor) -> Tensor:
     """(B, T, 2 · hidden) of both directions → (B, hidden, T)."""
-    ahead, back = made.chunk(2, -1)
+    ahead, back = states.chunk(2, -1)
     return (ahead + back).mT
 
 

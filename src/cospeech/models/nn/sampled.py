@@ -1,9 +1,9 @@
-"""What networks have in common that draw motion from a distribution: latents of four frames each are drawn, then decoded.
+"""The common part of networks that draw motion from a distribution: latents of four frames each are drawn, then decoded.
 
 A bundle holds the parts; `cospeech.runtime.samplers` draws:
 
-    hear                speech → what the sampler hears of it
-    prior or denoise    what is drawn, step by step
+    hear                speech → features for the sampler
+    prior or denoise    the distribution of the latents, step by step
     make                latents → poses
 """
 
@@ -22,12 +22,12 @@ from .windowed import Windowed
 
 __all__ = ["Sampled", "at_rest", "fill_up"]
 
-_SEED = 0  # of what tables draw; ours
+_SEED = 0  # of the noise of tables; ours
 
 
 @contextmanager
 def at_rest(*modules: nn.Module) -> Iterator[None]:
-    """Modules as they evaluate, and no gradients: of what an earlier stage has trained."""
+    """Modules of an earlier training stage in evaluation mode, without gradients."""
     modes = [module.training for module in modules]
     for module in modules:
         module.eval()
@@ -47,17 +47,16 @@ def fill_up(x: Tensor) -> Tensor:
 class Sampled(Windowed):
     """A network of windows whose motion is drawn; a subclass has `hear`, `decode`, `sampler` and `make`.
 
-    In `make`, ``mode_noise`` is what it draws with. Each step has the noise of its first frame; zeros are the most likely
-    motion.
+    In `make` it draws with ``mode_noise``. Each step has the noise of its first frame; zeros give the most likely motion.
     """
 
     literal = True
-    """What is drawn has the speakers' mean poses and deviations already."""
+    """Motion that is drawn has the speakers' mean poses and deviations already."""
     multiple = shortest = STRIDE
     heard: int
-    """Numbers of a step of what the sampler hears."""
+    """Numbers of a step of the features of speech."""
     latent: int
-    """Numbers of a step of what it draws."""
+    """Numbers of a step of the latents."""
 
     def hear(self, audio: Tensor) -> Tensor:
         """(B, A, T) → (B, heard, T / 4)."""
@@ -72,20 +71,20 @@ class Sampled(Windowed):
         raise NotImplementedError
 
     def draw_noise(self, like: Tensor) -> Tensor:
-        """(B, T, modes) for (B, T, ·), always the same: what tables play with."""
+        """(B, T, modes) for (B, T, ·), always the same: the noise of tables."""
         draw = torch.Generator().manual_seed(_SEED)
         return torch.randn(*like.shape[:2], self.modes, generator=draw).to(like)
 
     def export_module(self) -> dict[str, ExportGraph]:
-        """``hear``, the sampler's network, ``make``, and ``style`` where it recognises styles; half of a window is new, and a
-        quarter of it comes after that."""
+        """``hear``, the sampler's network, ``make``, and ``style`` where it recognises styles. Half of a window is new, and a
+        quarter of it follows the new half."""
         steps = self.window // STRIDE
         common: dict[str, Any] = {"frames": 8 * STRIDE, "multiple": STRIDE, "shortest": STRIDE, "window": self.window}
-        rows, heard = {"rows": (1, "T", self.audio)}, {"heard": (1, "S", self.heard)}
+        rows, features = {"rows": (1, "T", self.audio)}, {"heard": (1, "S", self.heard)}
         latent, poses = {"latent": ("N", "S", self.latent)}, {"poses": ("N", "T", self.pose)}
         layout: dict[str, Any] = {"hop": STRIDE * max(1, steps // 2), "look_ahead": STRIDE * (steps // 4)}
         return {
-            "hear": ExportGraph(_OverTime(self, "hear"), rows, heard, **common),
+            "hear": ExportGraph(_OverTime(self, "hear"), rows, features, **common),
             **self.sampler(),
             "make": ExportGraph(_OverTime(self, "decode"), latent, poses, **layout, **common),
             **self.style_graph(),
@@ -100,5 +99,5 @@ class _OverTime(nn.Module):
         self.net, self.method = net, method
 
     def forward(self, x: Tensor) -> Tensor:
-        made: Tensor = getattr(self.net, self.method)(x.mT).mT
-        return made
+        out: Tensor = getattr(self.net, self.method)(x.mT).mT
+        return out

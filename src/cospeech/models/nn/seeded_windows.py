@@ -1,5 +1,5 @@
-"""What networks have in common whose windows begin with known poses, and that may read words: how each input comes in, how
-they are trained, played and exported.
+"""The common part of networks whose windows begin with known poses, and that may read words: how each input comes in, how they
+are trained, played and exported.
 
     rows of a clip   … [ seeds ][ made                ] …
     next window                            [ seeds ][ made …          the last poses that the window before made
@@ -24,11 +24,11 @@ from .words import SubwordTable, WordEmbedding
 
 __all__ = ["SeededWindows", "WindowInputs"]
 
-_AHEAD = 8  # a window hears 1/8 of itself after its new frames when it plays; ours: about 0.3 s, over half of which it is faded
+_AHEAD = 8  # when it plays, a window sees 1/8 of its length after its new frames; ours: about 0.3 s, half of it for the fade
 
 
 class WindowInputs(NamedTuple):
-    """What poses are made of, frame by frame; zeros where it is missing."""
+    """Inputs of which poses are made, frame by frame; zeros where one is missing."""
 
     audio: Tensor
     """(B, T, A)."""
@@ -49,13 +49,13 @@ class SeededWindows(Windowed):
     arrays: tuple[str, ...] = ("pose", "audio", "text")
     optional_arrays: tuple[str, ...] = ("text",)
     seeds: int = SEEDS
-    """Poses that a window begins with; 0: it takes none."""
+    """Known poses that a window begins with; 0: none."""
     cut: bool = False
-    """Whether it makes windows of ``multiple`` frames and no others; of more frames each window is then made by itself."""
+    """Whether it makes only windows of ``multiple`` frames; more frames are then cut into such windows, each made by itself."""
     embedding: SubwordTable | WordEmbedding | None
     """None: it reads no words."""
 
-    def poses(self, given: WindowInputs, noise: Tensor) -> Tensor:
+    def poses(self, inputs: WindowInputs, noise: Tensor) -> Tensor:
         """(B, T, D) of T frames; ``noise`` (B, T or 1, modes)."""
         raise NotImplementedError
 
@@ -64,21 +64,21 @@ class SeededWindows(Windowed):
         raise NotImplementedError
 
     def measure(self, pose: int, audio: int, embedding: SubwordTable | WordEmbedding | None = None) -> None:
-        """Set what the numbers of a `Windowed` are, of a network that takes any number of frames and has no style or noise."""
+        """Set the numbers of a `Windowed`, for a network that takes any number of frames and has no style or noise."""
         self.pose, self.embedding = pose, embedding
         self.audio = audio + (embedding.width if embedding is not None else 0)
         self.styles, self.modes = 0, 0
         self.multiple = self.shortest = 1
 
     def collect_inputs(
-        self, arrays: Mapping[str, Tensor], lacks: Collection[str] = (), known: Tensor | None = None
+        self, arrays: Mapping[str, Tensor], lacks: Collection[str] = (), has_seeds: Tensor | None = None
     ) -> WindowInputs:
         """The arrays of a batch as inputs.
 
         Args:
             arrays: of a batch.
-            lacks: of `INPUTS`, which are kept back.
-            known: (B,) 1 for windows that begin with known poses, 0 for others; None: all.
+            lacks: names of `INPUTS` that are left out.
+            has_seeds: (B,) 1 for windows that begin with known poses, 0 for others; None: all do.
 
         Raises:
             InputError: there is no such input.
@@ -92,28 +92,28 @@ class SeededWindows(Windowed):
         if self.styles:
             speaker = arrays["speaker"]
             style = self.speaker_style(torch.full_like(speaker, -1) if "speaker" in lacks else speaker)
-        begun = pose.new_zeros(rows, frames, 1)
+        flag = pose.new_zeros(rows, frames, 1)
         if "seed" not in lacks:
-            begun[:, : self.seeds] = 1 if known is None else known[:, None, None]
+            flag[:, : self.seeds] = 1 if has_seeds is None else has_seeds[:, None, None]
         return WindowInputs(
             audio, torch.zeros_like(words) if "text" in lacks else words, style[:, None].expand(-1, frames, -1),
-            torch.cat([pose * begun, begun], -1),
+            torch.cat([pose * flag, flag], -1),
         )  # fmt: skip
 
     def collect_training_inputs(self, batch: Batch, seed_dropout: float) -> WindowInputs:
-        """A batch as inputs, in training a share of it without poses to begin with."""
+        """A batch as inputs; in training a share of its windows has no poses to begin with."""
         if not (seed_dropout and self.training):
             return self.collect_inputs(batch.arrays)
-        known = batch.chance.uniform(len(batch)) >= seed_dropout
-        return self.collect_inputs(batch.arrays, known=known.to(batch["pose"]))
+        has_seeds = batch.chance.uniform(len(batch)) >= seed_dropout
+        return self.collect_inputs(batch.arrays, has_seeds=has_seeds.to(batch["pose"]))
 
     @torch.no_grad()
     def play(self, arrays: Mapping[str, Tensor], lacks: Collection[str] = (), noise: Tensor | None = None) -> dict[str, Tensor]:
         """Poses for the arrays of a batch.
 
         Args:
-            arrays: of a batch; of ``pose`` the first four frames are looked at.
-            lacks: of `INPUTS`, which are kept back.
+            arrays: of a batch; of ``pose`` the first four frames are used.
+            lacks: names of `INPUTS` that are left out.
             noise: (B, 1 or T, modes); none: 0.
 
         Returns:
@@ -126,18 +126,18 @@ class SeededWindows(Windowed):
     def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor, seed: Tensor | None = None) -> Tensor:
         """(B, T, A + W), (B, T, C), (B, T, modes) of noise, (B, T, D + 1) known poses → (B, T, D)."""
         width = 0 if self.embedding is None else self.embedding.width
-        heard, words = audio.split([self.audio - width, width], -1)
-        seed = heard.new_zeros(*heard.shape[:2], self.pose + 1) if seed is None else seed
+        speech, words = audio.split([self.audio - width, width], -1)
+        seed = speech.new_zeros(*speech.shape[:2], self.pose + 1) if seed is None else seed
         if not self.cut or audio.shape[1] == self.multiple:
-            return self.poses(WindowInputs(heard, words, style, seed), mode_noise)
+            return self.poses(WindowInputs(speech, words, style, seed), mode_noise)
         count = audio.shape[1] // self.multiple
-        inputs = [x.reshape(len(x) * count, self.multiple, x.shape[2]) for x in (heard, words, style, seed, mode_noise)]
+        inputs = [x.reshape(len(x) * count, self.multiple, x.shape[2]) for x in (speech, words, style, seed, mode_noise)]
         return self.poses(WindowInputs(*inputs[:4]), inputs[4]).reshape(len(audio), -1, self.pose)
 
     def export_module(self) -> dict[str, ExportGraph]:
         """``make``: rows (1, T, A + W), style (N, T, C), noise (N, T, modes) where there are any, seed (N, T, D + 1) → poses.
 
-        Each window begins with the last poses of the one before. Without known poses it is as every `Windowed`.
+        Each window begins with the last poses of the one before. A network without known poses is exported as every `Windowed`.
         """
         if not self.seeds:
             return super().export_module()
@@ -163,7 +163,7 @@ class _Playing(nn.Module):
         super().__init__()
         self.net = deepcopy(net)
 
-    def forward(self, rows: Tensor, *given: Tensor) -> Tensor:
-        others, nothing = iter(given), rows[..., :0]
+    def forward(self, rows: Tensor, *inputs: Tensor) -> Tensor:
+        others, nothing = iter(inputs), rows[..., :0]
         style, noise = (next(others) if width else nothing for width in (self.net.styles, self.net.modes))
         return self.net.make(rows, style, noise, next(others))

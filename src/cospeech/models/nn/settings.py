@@ -1,4 +1,4 @@
-"""What the settings of networks have in common: how they are checked."""
+"""Checks of the settings of networks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["check_least"]
 
 
 def check_least(config: Any, what: str, low: Mapping[str, float]) -> None:
-    """Whether numbers of a network's settings are at least as large as they must be.
+    """Check that numbers of a network's settings are at least as large as they must be.
 
     Args:
         config: the settings; or name → value of numbers, such as settings and the width of a pose.

@@ -1,4 +1,4 @@
-"""The speaker as a distribution, and how differently speakers move for it (Yoon et al. 2020)."""
+"""The speaker as a distribution of latents, and how much motion differs by it (Yoon et al. 2020)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from torch.nn import functional as F
 
 __all__ = ["SpeakerLatent", "kl_divergence", "pose_diversity"]
 
-_CUT = 1000.0  # that diversity is not worth more than, per window; authors' code
+_CUT = 1000.0  # upper limit of the diversity of a window; authors' code
 _NEAR = 1e-5  # added to |z' − z|₁; authors' code
 
 
@@ -27,8 +27,8 @@ class SpeakerLatent(nn.Module):
         self.mean, self.variance = nn.Linear(width, width), nn.Linear(width, width)
 
     def forward(self, weights: Tensor) -> tuple[Tensor, Tensor]:
-        encoded = self.encoder(weights @ self.embedding.weight)
-        return self.mean(encoded).mT, self.variance(encoded).mT
+        code = self.encoder(weights @ self.embedding.weight)
+        return self.mean(code).mT, self.variance(code).mT
 
 
 def kl_divergence(mean: Tensor, variance: Tensor) -> Tensor:
@@ -37,12 +37,12 @@ def kl_divergence(mean: Tensor, variance: Tensor) -> Tensor:
 
 
 def pose_diversity(pose: Tensor, other: Tensor, z: Tensor, other_z: Tensor, beta: float) -> Tensor:
-    """How differently another speaker would move, for so much difference of z: min(1000, Σ Huber(ŷ', ŷ) / |z' − z|₁).
+    """How much the motion of another speaker differs, relative to the difference of z: min(1000, Σ Huber(ŷ', ŷ) / |z' − z|₁).
 
     Args:
         pose, other: (B, T, D) made of z and of z'.
         z, other_z: (B, width, T) each; taken as constants.
         beta: of Huber's loss.
     """
-    moved = F.smooth_l1_loss(other, pose, beta=beta, reduction="none").sum((1, 2))
-    return (moved / ((other_z - z).detach().abs().mean((1, 2)) + _NEAR)).clamp_max(_CUT).mean()
+    distance = F.smooth_l1_loss(other, pose, beta=beta, reduction="none").sum((1, 2))
+    return (distance / ((other_z - z).detach().abs().mean((1, 2)) + _NEAR)).clamp_max(_CUT).mean()

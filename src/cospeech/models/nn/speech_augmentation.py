@@ -1,8 +1,8 @@
-"""Speech of voices and rooms that the corpus does not have: the numbers of speech are changed anew for every window.
+"""Augmentation by other voices and rooms: the numbers of speech are changed anew for every window.
 
-A small corpus repeats few voices and sentences. A network can learn by heart what comes after which sound, and then does not
-hear new speech. Here each number of speech is moved and stretched by amounts that stay the same throughout a window, as
-another voice and another microphone do, and noise changes each frame a little. When the speech is loud stays as it was.
+A small corpus repeats few voices and sentences. A network can learn by heart which motion follows which sound, and then does
+not follow new speech. Here each number of speech is shifted and stretched by amounts that stay the same throughout a window, as
+another voice and another microphone do. Noise changes each frame a little. Loud and soft moments stay where they were.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from .objective import StepRandom
 
 __all__ = ["SpeechAugmentation"]
 
-_STRETCH = 0.5  # [ours] deviation of the stretch's logarithm, of that of the move: levels differ more than ranges
-_NOISE = 0.5  # [ours] deviation of the noise of a frame, of that of the move
+_STRETCH = 0.5  # [ours] deviation of the stretch's logarithm, as a share of that of the shift: levels differ more than ranges
+_NOISE = 0.5  # [ours] deviation of the noise of a frame, as a share of that of the shift
 
 
 class SpeechAugmentation(nn.Module):
-    """(B, T, A) standardised speech → the same, moved, stretched and noisy; in training alone.
+    """(B, T, A) standardised speech → the same, shifted, stretched and noisy; in training alone.
 
     Args:
-        amount: deviation of the move, in those of the corpus; 0: nothing is changed.
+        amount: standard deviation of the shift, in deviations of the corpus; 0: nothing is changed.
     """
 
     def __init__(self, amount: float) -> None:

@@ -1,8 +1,8 @@
-"""wav2vec 2.0 (Baevski et al. 2020) as networks of this package hear through it: its CNN frozen, its transformer trained on.
+"""wav2vec 2.0 (Baevski et al. 2020) as the speech encoder of networks here: its CNN is frozen, its transformer trained on.
 
-The CNN's features, 49.95 a second, are brought to the rate of the motion before the transformer sees them, which makes it three
-times as cheap at 15 frames a second, and lets a store keep them: what never changes is worked out once. Needs ``transformers``
-and a folder with the weights, or their name on Hugging Face's hub, such as ``facebook/wav2vec2-base-960h``.
+The CNN's features, 49.95 a second, are brought to the rate of the motion before the transformer sees them. At 15 frames a
+second that costs a third. It also lets a store keep the features: they never change, so they are computed once. It needs
+``transformers`` and a folder with the weights, or their name on Hugging Face's hub, such as ``facebook/wav2vec2-base-960h``.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 __all__ = ["Wav2VecCnn", "Wav2VecTransformer", "load_cnn", "load_transformer"]
 
 _TINY = 1e-7  # as transformers' Wav2Vec2FeatureExtractor has it: silence stays 0
-_PIECE = 500  # features; ours: ten seconds at a time, 60 MB of the first layer's
-_UNUSED = "masked_spec_embed"  # stands for masked features, of which there are none here
+_PIECE = 500  # features; ours: ten seconds at a time, 60 MB in the first layer
+_MASK_EMBEDDING = "masked_spec_embed"  # replaces masked features; nothing is masked here
 _LARGEST = 65504.0  # of float16
-_PATIENCE = 10.0  # seconds; ours: so long the hub may take to answer
+_TIMEOUT = 10.0  # seconds until the hub must have answered; ours
 _HINT = "a folder with config.json and model.safetensors, or a name such as facebook/wav2vec2-base-960h"
 
 
@@ -52,7 +52,7 @@ class Wav2VecCnn(nn.Module):
         self.width = int(encoder.conv_layers[-1].conv.out_channels)
         """Numbers of a feature; 512."""
         self.stride, self.field = 1, 1
-        """Samples from one feature to the next, 320, and of which each is made, 400."""
+        """Samples from one feature to the next, 320, and samples of which each feature is made, 400."""
         for layer in encoder.conv_layers:
             self.field += (layer.conv.kernel_size[0] - 1) * self.stride
             self.stride *= layer.conv.stride[0]
@@ -66,7 +66,7 @@ class Wav2VecCnn(nn.Module):
     def forward(self, samples: Tensor, frames: int) -> Tensor:
         """(B, n) at 16 kHz → (B, frames, width): a window's features stretched over its frames, the ends on the ends.
 
-        As the same authors' published code hears: 36266 samples, 34 frames at 15 a second, give 113 features, then 34.
+        As in the same authors' published code: 36266 samples, 34 frames at 15 a second, give 113 features, then 34.
         """
         return F.interpolate(self.hear(samples), size=frames, mode="linear", align_corners=True).mT
 
@@ -74,17 +74,17 @@ class Wav2VecCnn(nn.Module):
     def frame_features(self, speech: Speech, frames: int, fps: float) -> Array:
         """(frames, width) float16 of a whole speech, at the times of its frames: linear between the features about them.
 
-        A feature is in the middle of the sound of which it is made; so long speech stays in step, which `forward` would
-        stretch by up to a frame.
+        A feature has the time of the middle of its samples. So long speech stays in step; `forward` would stretch it by up to a
+        frame.
         """
-        ear = At16kHz()
-        samples = np.concatenate([ear.push(speech), ear.finish()])
-        heard = self.hear(torch.from_numpy(samples)[None])[0].T.numpy()
+        resampler = At16kHz()
+        samples = np.concatenate([resampler.push(speech), resampler.finish()])
+        features = self.hear(torch.from_numpy(samples)[None])[0].T.numpy()
         at = (np.arange(frames) * (RATE / fps) - (self.field - 1) / 2) / self.stride
-        at = np.clip(at, 0, len(heard) - 1)
+        at = np.clip(at, 0, len(features) - 1)
         low = at.astype(int)
-        high = np.minimum(low + 1, len(heard) - 1)
-        rows = heard[low] + (heard[high] - heard[low]) * (at - low)[:, None]
+        high = np.minimum(low + 1, len(features) - 1)
+        rows = features[low] + (features[high] - features[low]) * (at - low)[:, None]
         return np.clip(rows, -_LARGEST, _LARGEST).astype(np.float16)
 
     @torch.no_grad()
@@ -102,7 +102,7 @@ class Wav2VecCnn(nn.Module):
         return torch.cat(pieces, -1)
 
     def _scale(self, x: Tensor) -> tuple[Tensor, Tensor] | None:
-        """(B, C, 1) mean and deviation over all of the first layer's outputs, where it is to have them normed over time."""
+        """(B, C, 1) mean and deviation over all outputs of the first layer, if that layer has a norm over time."""
         conv, norm = self.layers[0].conv, getattr(self.layers[0], "layer_norm", None)
         if not isinstance(norm, nn.GroupNorm):
             return None
@@ -132,7 +132,7 @@ class Wav2VecTransformer(nn.Module):
     """(B, T, inputs) features of the CNN → (B, T, outputs): its projection and its transformer, to be trained on.
 
     Args:
-        model: transformers' ``Wav2Vec2Model``. Neither masks nor skips layers: what a step learns from is for us to draw.
+        model: transformers' ``Wav2Vec2Model``. It neither masks features nor skips layers: we draw all randomness of a step.
     """
 
     def __init__(self, model: Any) -> None:
@@ -142,8 +142,8 @@ class Wav2VecTransformer(nn.Module):
         self.encoder.config.layerdrop = 0.0
 
     def forward(self, features: Tensor) -> Tensor:
-        projected, _ = self.projection(features)
-        out: Tensor = self.encoder(projected).last_hidden_state
+        states, _ = self.projection(features)
+        out: Tensor = self.encoder(states).last_hidden_state
         return out
 
 
@@ -181,24 +181,24 @@ def _load_wav2vec(name: str) -> Any:
     try:
         with _quiet():
             try:
-                model, found = _read_wav2vec(name, local=True)
+                model, info = _read_wav2vec(name, local=True)
             except OSError:  # it is no folder, and not all of it is in the hub's cache
                 if Path(name).is_dir():
                     raise
                 _check_hub(name)
-                model, found = _read_wav2vec(name, local=False)
+                model, info = _read_wav2vec(name, local=False)
     except InputError:
         raise
     except Exception as error:  # whatever transformers, its hub and its readers raise
         raise InputError(f"cannot load wav2vec 2.0 from {name!r}: {shorten(str(error), 160)}", _HINT) from None
-    missing = [key for key in (*found["missing_keys"], *found["mismatched_keys"]) if key != _UNUSED]
+    missing = [key for key in (*info["missing_keys"], *info["mismatched_keys"]) if key != _MASK_EMBEDDING]
     if missing:
         raise InputError(f"{name!r} has not all weights of wav2vec 2.0: {missing[0]} is missing", _HINT)
     return model.float()
 
 
 def _read_wav2vec(name: str, *, local: bool) -> tuple[Any, dict[str, Any]]:
-    """transformers' ``Wav2Vec2Model``, and what it says of the weights; ``local``: without asking the hub."""
+    """transformers' ``Wav2Vec2Model``, and its report on the weights; ``local``: without asking the hub."""
     from transformers import AutoConfig
 
     config = AutoConfig.from_pretrained(name, local_files_only=local)
@@ -206,9 +206,9 @@ def _read_wav2vec(name: str, *, local: bool) -> tuple[Any, dict[str, Any]]:
         raise InputError(f"{name!r} is a {config.model_type} model", "only wav2vec2 without an adapter is supported")
     from transformers import Wav2Vec2Model  # takes seconds: not before it is known that there is something to read
 
-    loaded: Any = Wav2Vec2Model.from_pretrained(name, config=config, output_loading_info=True, local_files_only=local)
-    model, found = loaded
-    return model, found
+    pair: Any = Wav2Vec2Model.from_pretrained(name, config=config, output_loading_info=True, local_files_only=local)
+    model, info = pair
+    return model, info
 
 
 def _check_hub(name: str) -> None:
@@ -222,7 +222,7 @@ def _check_hub(name: str) -> None:
 
     problem = f"cannot load wav2vec 2.0 from {name!r}: it is no folder"
     try:
-        model_info(name, timeout=_PATIENCE)
+        model_info(name, timeout=_TIMEOUT)
     except (HFValidationError, RepositoryNotFoundError):
         raise InputError(f"{problem}, and no model on Hugging Face's hub", _HINT) from None
     except Exception:  # of whatever library the hub's client uses for HTTP
@@ -231,7 +231,7 @@ def _check_hub(name: str) -> None:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """transformers says nothing meanwhile, and shows no bars."""
+    """Silence transformers: no messages, no progress bars."""
     from transformers.utils import logging
 
     level, bars = logging.get_verbosity(), logging.is_progress_bar_enabled()

@@ -1,4 +1,4 @@
-"""What makes audio features Â of speech in Chain of Generation: each for the array of a store that it hears."""
+"""Speech encoders of Chain of Generation, which make audio features Â; each reads one array of a store."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ class OwnSpeechEncoder(nn.Module):
         self.inputs = audio
         self.convs = ConvStack(conv, (audio, *[latent] * 4), _KERNEL)
 
-    def forward(self, heard: Tensor, memory: Memory) -> Tensor:
-        out: Tensor = self.convs(heard, memory)
+    def forward(self, audio: Tensor, memory: Memory) -> Tensor:
+        out: Tensor = self.convs(audio, memory)
         return out
 
 
 class Wav2VecSpeechEncoder(nn.Module):
     """The paper's: of wav2vec 2.0 the transformer, then a linear layer. (B, 512, T) → (B, latent, T).
 
-    The store keeps what comes before it, the features of the CNN, which is frozen.
+    The store keeps its inputs, the features of the CNN, which is frozen.
 
     Args:
         encoder: folder or name of the pretrained one, with which its transformer begins.
@@ -58,13 +58,13 @@ class Wav2VecSpeechEncoder(nn.Module):
         self.inputs = self.transformer.inputs
         self.linear = nn.Linear(self.transformer.outputs, latent)
 
-    def forward(self, heard: Tensor, memory: Memory) -> Tensor:
-        out: Tensor = self.linear(self.transformer(heard.mT)).mT
+    def forward(self, features: Tensor, memory: Memory) -> Tensor:
+        out: Tensor = self.linear(self.transformer(features.mT)).mT
         return out
 
 
 class SpeechEncoderConfig(Protocol):
-    """What a speech encoder needs of a network's settings."""
+    """Settings of a network that a speech encoder needs."""
 
     @property
     def latent(self) -> int: ...
@@ -88,5 +88,5 @@ SPEECH_ENCODERS: dict[str, Callable[[SpeechEncoderConfig, int, Conv], OwnSpeechE
     "own": _own,
     "wav2vec": _wav2vec,
 }
-"""Name → (settings, numbers of a frame of audio, what makes convolutions) → a module with ``array``, that which it hears, and
+"""Name → (settings, numbers of a frame of audio, maker of convolutions) → a module with ``array``, the array that it reads, and
 ``inputs``, its numbers per frame."""

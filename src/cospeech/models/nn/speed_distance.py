@@ -1,4 +1,4 @@
-"""How far the speed of made motion is from that of recorded motion: frame by frame, and in when it rises and falls; ours."""
+"""Distances of the speed of generated motion from that of recorded motion: frame by frame, and in its timing; ours."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ def pose_speed(pose: Tensor) -> Tensor:
     return F.avg_pool1d(speed.unsqueeze(1), SMOOTH, 1).squeeze(1)
 
 
-def speed_distance(made: Tensor, recorded: Tensor) -> Tensor:
+def speed_distance(motion: Tensor, recording: Tensor) -> Tensor:
     """Mean square of the difference of the speeds of (B, D, T) poses, by the mean square of the recorded ones."""
-    wanted = pose_speed(recorded)
-    return (pose_speed(made) - wanted).square().mean() / wanted.square().mean().clamp_min(_TINY)
+    target = pose_speed(recording)
+    return (pose_speed(motion) - target).square().mean() / target.square().mean().clamp_min(_TINY)
 
 
-def timing_distance(made: Tensor, recorded: Tensor) -> Tensor:
-    """1 − r of two speeds of (B, D, T) poses: r correlates their logarithms, less the mean over `SPAN` frames about each.
+def timing_distance(motion: Tensor, recording: Tensor) -> Tensor:
+    """1 − r of two speeds of (B, D, T) poses; r is the correlation of their logarithms less the mean over `SPAN` frames around.
 
     Strokes of another size or form have the distance 0, if they come at the same time.
     """
-    one, other = (_strokes(pose_speed(pose)) for pose in (made, recorded))
+    one, other = (_strokes(pose_speed(pose)) for pose in (motion, recording))
     r = (one * other).sum(1) / (one.square().sum(1) * other.square().sum(1) + _TINY).sqrt()
     return (1 - r).mean()
 
 
-def timing_term(weight: float, made: Tensor, recorded: Tensor) -> dict[str, Tensor]:
+def timing_term(weight: float, motion: Tensor, recording: Tensor) -> dict[str, Tensor]:
     """``stroke_timing``, the weighted `timing_distance` of (B, D, T) poses, as a term of a loss; of weight 0, no term."""
-    return {"stroke_timing": weight * timing_distance(made, recorded)} if weight else {}
+    return {"stroke_timing": weight * timing_distance(motion, recording)} if weight else {}
 
 
 def _strokes(speed: Tensor) -> Tensor:

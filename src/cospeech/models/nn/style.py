@@ -1,4 +1,4 @@
-"""Whose style: encoder and matrix of Mix-StAGE (Ahuja et al. 2020, section 4.3), or, where there is one speaker, nothing."""
+"""Style of a speaker: encoder and matrix of Mix-StAGE (Ahuja et al. 2020, section 4.3); for one speaker, nothing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["NoStyle", "SpeakerStyle", "StyleReading"]
 
 
 class StyleReading(NamedTuple):
-    """What a style encoder says of poses."""
+    """Output of a style encoder for poses."""
 
     logits: Tensor
     """(B, S) of Eˢₚ."""
@@ -24,14 +24,14 @@ class StyleReading(NamedTuple):
 
 
 class SpeakerStyle(nn.Module):
-    """Eˢₚ and S: who moves so, and a row of numbers for each speaker.
+    """Eˢₚ and S: an encoder that recognises speakers by their poses, and a row of numbers for each speaker.
 
     Args:
         pose: D.
         channels: of the encoder.
         speakers: S, rows of the matrix.
         width: numbers of an embedding.
-        freezes: whether the encoder is frozen where it judges generated poses.
+        freezes: whether the encoder is frozen for generated poses.
     """
 
     def __init__(self, pose: int, channels: int, speakers: int, width: int, *, freezes: bool) -> None:
@@ -49,18 +49,18 @@ class SpeakerStyle(nn.Module):
         logits = self.encoder(pose)
         return StyleReading(logits, F.one_hot(logits.argmax(1), self.speakers).to(logits).unsqueeze(1))
 
-    def identity(self, seen: StyleReading, made: Tensor, speaker: Tensor) -> dict[str, Tensor]:
-        """Equation 6: CCE of what was seen in recorded poses and is seen in generated ones (B, D, T)."""
-        return {"id": F.cross_entropy(seen.logits, speaker) + F.cross_entropy(self.recognise(made), speaker)}
+    def identity(self, reading: StyleReading, poses: Tensor, speaker: Tensor) -> dict[str, Tensor]:
+        """Equation 6: CCE of the reading of recorded poses, and of the reading of generated ones (B, D, T)."""
+        return {"id": F.cross_entropy(reading.logits, speaker) + F.cross_entropy(self.recognise(poses), speaker)}
 
-    def recognise(self, made: Tensor) -> Tensor:
+    def recognise(self, poses: Tensor) -> Tensor:
         """(B, S) logits of Eˢₚ for generated poses."""
         if not self.freezes:
-            logits: Tensor = self.encoder(made)
+            logits: Tensor = self.encoder(poses)
             return logits
-        frozen = {name: value.detach() for name, value in self.encoder.named_parameters()}
-        judged: Tensor = functional_call(self.encoder, frozen, (made,))
-        return judged
+        parameters = {name: value.detach() for name, value in self.encoder.named_parameters()}
+        scores: Tensor = functional_call(self.encoder, parameters, (poses,))
+        return scores
 
 
 class NoStyle(nn.Module):
@@ -76,6 +76,6 @@ class NoStyle(nn.Module):
         """No logits, no weights."""
         return StyleReading(pose.new_zeros(len(pose), 0), pose.new_zeros(len(pose), 1, 0))
 
-    def identity(self, seen: StyleReading, made: Tensor, speaker: Tensor) -> dict[str, Tensor]:
+    def identity(self, reading: StyleReading, poses: Tensor, speaker: Tensor) -> dict[str, Tensor]:
         """No term."""
         return {}

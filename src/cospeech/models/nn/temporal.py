@@ -1,7 +1,7 @@
-"""Convolutions over time, (B, C, T) throughout: same-padded ones, that see both ways, and causal ones, that play live.
+"""Convolutions over time, (B, C, T) throughout: same-padded ones, which see past and future, and causal ones, which play live.
 
-All take a `Memory`: what a causal layer keeps from one call to the next, so that a signal gives the same in pieces of any size
-as in one. Same-padded layers have nothing to keep. Whole signals begin with a blank one.
+All take a `Memory`, in which causal layers keep their states from one call to the next. So a signal gives the same output in
+pieces of any size as in one. Same-padded layers have no state. A whole signal begins with a blank memory.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Memory:
     """States of causal layers, in the order in which they run.
 
     Args:
-        states: as `left` had them after the piece before; none: the signal begins, after zeros.
+        states: `new_states` after the piece before; none: the signal begins, after zeros.
     """
 
     def __init__(self, states: Iterable[Tensor] = ()) -> None:
@@ -32,16 +32,16 @@ class Memory:
         """The states after this piece."""
 
     def take(self, blank: Callable[[], Tensor]) -> Tensor:
-        """The next layer's state, or what it begins with."""
-        found = next(self._before, None)
-        return blank() if found is None else found
+        """The next layer's state; at the beginning of a signal ``blank()``."""
+        state = next(self._before, None)
+        return blank() if state is None else state
 
     def keep(self, state: Tensor) -> None:
-        """The state that this layer leaves."""
+        """Keep the new state of this layer."""
         self.new_states.append(state)
 
     def behind(self, x: Tensor, frames: int) -> Tensor:
-        """(B, C, T) → (B, C, frames + T): what came before it, then it."""
+        """(B, C, T) → (B, C, frames + T): the frames before it, then its own."""
         whole = torch.cat([self.take(lambda: x.new_zeros(*x.shape[:2], frames)), x], -1)
         self.keep(whole[..., whole.shape[-1] - frames :])
         return whole
@@ -77,7 +77,7 @@ class ConvStack(nn.Module):
 
     Args:
         conv: makes each.
-        widths: of what goes in, and of what comes out of each.
+        widths: of the input, and of the output of each.
         kernel: of all of them.
     """
 
@@ -118,15 +118,15 @@ class TextTcn(nn.Module):
         channels: of every layer; CaMN's code 256.
         outputs: of the linear layer at its end.
         dropout: in the blocks; CaMN's code 0.3.
-        worn: dropout of what comes in; CaMN's code 0.1.
+        input_dropout: dropout of the input; CaMN's code 0.1.
     """
 
     KERNEL, DILATIONS = 2, (1, 2, 4, 8)  # CaMN's code: 4 blocks of 2
 
-    def __init__(self, inputs: int, channels: int, outputs: int, dropout: float, worn: float = 0.1) -> None:
+    def __init__(self, inputs: int, channels: int, outputs: int, dropout: float, input_dropout: float = 0.1) -> None:
         super().__init__()
         widths = (inputs, *[channels] * len(self.DILATIONS))
-        self.worn = nn.Dropout(worn)
+        self.input_dropout = nn.Dropout(input_dropout)
         self.blocks = nn.ModuleList(
             _Block(a, b, self.KERNEL, dilation, dropout)
             for (a, b), dilation in zip(pairwise(widths), self.DILATIONS, strict=True)
@@ -134,7 +134,7 @@ class TextTcn(nn.Module):
         self.out = nn.Conv1d(channels, outputs, 1)
 
     def forward(self, x: Tensor, memory: Memory) -> Tensor:
-        x = self.worn(x)
+        x = self.input_dropout(x)
         for block in self.blocks:
             x = block(x, memory)
         out: Tensor = self.out(x)

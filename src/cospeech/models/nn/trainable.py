@@ -1,4 +1,4 @@
-"""What a network declares: to the training loop, to what makes its batches, and to what makes its bundle.
+"""Declarations of a network for the training loop, for the maker of its batches, and for the maker of its bundle.
 
 A network subclasses `Trainable` and says how it differs from the defaults. The least that it says is its ``Config`` and
 `objectives`; a network of another package does the same (docs/add_a_model.md).
@@ -42,13 +42,13 @@ class Trainable(nn.Module):
     styles: int = 0
     """Numbers of a style: speakers' weights, or a code; 0: there is nothing to choose."""
     encodes_style: bool = False
-    """Whether `style_of` says in which style poses are that it is shown."""
+    """Whether `style_of` gives the style of poses."""
     estimates_speaker: bool = False
     """Whether it estimates speaker and emotion from the speech."""
     wants_quantiles: bool = False
     """Whether `set_statistics` is given ``pose_quantiles`` (S, Q, D) as well: quantiles of each speaker's poses, 0 … 1."""
     literal: bool = False
-    """Whether each number that it makes is meant; else its motion is brought to the speakers' mean poses and deviations."""
+    """Whether its numbers are used as they are; else its motion is brought to the speakers' mean poses and deviations."""
     smooth: int = 1
     """Frames to either side over which a bundle averages its poses (binomial weights); 0 where it learnt to be smooth."""
 
@@ -69,12 +69,12 @@ class Trainable(nn.Module):
 
     @property
     def preliminary_steps(self) -> int:
-        """Steps of a stage before the one that ``[train] steps`` counts; so every system gets equally many steps of that."""
+        """Steps of a first stage, which ``[train] steps`` does not count: all systems get equally many steps of the second."""
         return 0
 
     @property
     def window(self) -> int:
-        """Frames of a training window: ``frames`` of the settings, and what is heard after them.
+        """Frames of a training window: ``frames`` of the settings, and ``delay`` frames after them.
 
         Raises:
             InputError: there are no settings, or they have no ``frames``.
@@ -87,19 +87,19 @@ class Trainable(nn.Module):
 
     @property
     def word_embedding(self) -> SubwordTable | WordEmbedding | None:
-        """What makes numbers of words: its part ``embedding``; they stand after the speech in ``rows``. None: it reads none."""
-        found = self._modules.get("embedding")
-        return found if isinstance(found, SubwordTable | WordEmbedding) else None
+        """The part ``embedding``, which makes numbers of words; in ``rows`` they follow the speech. None: it reads no words."""
+        part = self._modules.get("embedding")
+        return part if isinstance(part, SubwordTable | WordEmbedding) else None
 
     def set_statistics(self, statistics: Mapping[str, Tensor]) -> None:
-        """Learn what its inputs are standardised by, before training begins; by default it need not know.
+        """Take the statistics by which its inputs are standardised, before training begins; by default it does not use them.
 
         Args:
-            statistics: ``pose_mean``, ``pose_std`` (D,), ``audio_mean``, ``audio_std`` (A,), and what else a run keeps.
+            statistics: ``pose_mean``, ``pose_std`` (D,), ``audio_mean``, ``audio_std`` (A,), and others that a run keeps.
         """
 
     def objectives(self) -> dict[str, Objective]:
-        """Name → what is optimised, in the order in which it is done within a step.
+        """Name → objective, in the order within a step.
 
         Raises:
             InputError: a subclass does not say, which is the default.
@@ -107,11 +107,11 @@ class Trainable(nn.Module):
         raise InputError(f"{type(self).__name__} does not say what is trained", "docs/add_a_model.md: objectives")
 
     def validate(self, batch: Batch) -> dict[str, Tensor]:
-        """Figures of a validation batch, by name; by default none: the loop then measures the losses."""
+        """Figures of a validation batch, by name; by default none, and the loop measures the losses."""
         return {}
 
     def export_module(self) -> dict[str, ExportGraph]:
-        """What plays, by the names of `cospeech.runtime.bundles.signature.NETWORKS`; for ``cospeech bundle``.
+        """Graphs that play, by the names of `cospeech.runtime.bundles.signature.NETWORKS`; for ``cospeech bundle``.
 
         Raises:
             InputError: it makes no motion, which is the default.
@@ -123,7 +123,7 @@ class Trainable(nn.Module):
         return {}
 
     def style_of(self, poses: Tensor) -> Tensor:
-        """The style of poses that it is shown: (B, T, D) standardised, T ≥ 64, → (B, styles); by default zeros."""
+        """The style of poses: (B, T, D) standardised, T ≥ 64, → (B, styles); by default zeros."""
         return poses.new_zeros(len(poses), self.styles)
 
     def speaker_styles(self, stretches: Tensor) -> Tensor:

@@ -2,9 +2,9 @@
 
     x + attend(ada(x, s)),   x + attend(ada(x, s), words),   x + dense(ada(x, s)),     ada(x, s) = (1 + f(s)) · norm(x) + g(s)
 
-The style is injected as by AdaIN (Huang and Belongie 2017): it scales and shifts features that are normalised. Features are
-normalised over the channels of a step, not over time: a window has some ten steps, whose mean would be lost. Where a step lies
-is told by a convolution over the steps, so that windows may have any length. All (B, C, S).
+The style is injected as by AdaIN (Huang and Belongie 2017): it scales and shifts normalised features. Features are normalised
+over the channels of a step, not over time: a window has some ten steps, and their mean would be lost. A convolution over the
+steps tells where a step lies, so that windows may have any length. All (B, C, S).
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from torch.nn import functional as F
 __all__ = ["StyledTransformer"]
 
 EPSILON = 1e-5  # of the norm; as PyTorch's
-WIDER = 4  # by how much the dense layers are wider between them; Vaswani et al. 2017
-KERNEL = 5  # steps that the convolution sees which tells where a step lies; ours
+WIDER = 4  # factor of the width between the two dense layers; Vaswani et al. 2017
+KERNEL = 5  # steps that the convolution for the place of a step sees; ours
 
 
 class _AdaptiveNorm(nn.Module):
@@ -36,17 +36,17 @@ class _AdaptiveNorm(nn.Module):
 
 
 class _Attention(nn.Module):
-    """Every step of ``x`` looks at every step of ``seen``."""
+    """Every step of ``x`` attends to every step of ``context``."""
 
-    def __init__(self, width: int, seen: int, heads: int) -> None:
+    def __init__(self, width: int, inputs: int, heads: int) -> None:
         super().__init__()
         self.heads, self.size = (heads, width // heads), (width // heads) ** -0.5
-        self.query, self.key, self.value = nn.Conv1d(width, width, 1), nn.Conv1d(seen, width, 1), nn.Conv1d(seen, width, 1)
+        self.query, self.key, self.value = nn.Conv1d(width, width, 1), nn.Conv1d(inputs, width, 1), nn.Conv1d(inputs, width, 1)
         self.out = nn.Conv1d(width, width, 1)
 
-    def forward(self, x: Tensor, seen: Tensor) -> Tensor:
+    def forward(self, x: Tensor, context: Tensor) -> Tensor:
         query, key, value = (
-            each.unflatten(1, self.heads) for each in (self.query(x), self.key(seen), self.value(seen))
+            each.unflatten(1, self.heads) for each in (self.query(x), self.key(context), self.value(context))
         )  # (B, heads, ·, S)
         weights = torch.softmax((query * self.size).mT @ key, -1)
         out: Tensor = self.out((value @ weights.mT).flatten(1, 2))
@@ -64,8 +64,8 @@ class _Block(nn.Module):
         y = self.norms[0](x, style)
         x = x + self.attend(y, y)
         x = x + self.read(self.norms[1](x, style), words)
-        made: Tensor = x + self.dense(self.norms[2](x, style))
-        return made
+        out: Tensor = x + self.dense(self.norms[2](x, style))
+        return out
 
 
 class StyledTransformer(nn.Module):
@@ -92,5 +92,5 @@ class StyledTransformer(nn.Module):
         x = x + F.relu(self.place(x))
         for block in self.blocks:
             x = block(x, words, style)
-        made: Tensor = self.out(self.norm(x, style))
-        return made
+        out: Tensor = self.out(self.norm(x, style))
+        return out

@@ -1,4 +1,4 @@
-"""Convolutions over time that Mix-StAGE is made of, and its U-Net; (B, C, T) throughout.
+"""Convolutions over time of Mix-StAGE, and its U-Net; (B, C, T) throughout.
 
 Ahuja et al. 2020: convolution, batch norm, ReLU, with kernel 3, and kernel 4 with stride 2 to go down; the slope of the ReLU,
 the depth and the skips by addition are the authors' code's.
@@ -25,12 +25,12 @@ def conv_block(inputs: int, outputs: int, *, down: bool = False, groups: int = 1
 
 
 class UNet1d(nn.Module):
-    """Two convolutions; ``depth`` halvings of time; as many doublings (nearest), each given what was there before the halving.
+    """Two convolutions; ``depth`` halvings of time; as many doublings (nearest), each with a skip from before the halving.
 
     Args:
-        channels: of everything but perhaps what comes in.
+        channels: of all layers; the input may have more.
         depth: halvings; T is a multiple of 2 ** depth.
-        more: channels of what comes in beyond ``channels``.
+        more: channels of the input beyond ``channels``.
     """
 
     def __init__(self, channels: int, depth: int, more: int = 0) -> None:

@@ -16,9 +16,7 @@ __all__ = ["STRIDES", "WaveformEncoder"]
 
 STRIDES = (5, 6, 6, 6)  # authors' code; the product is the samples of a frame
 _CHANNELS, _KERNEL, _SLOPE = (16, 32, 64), 15, 0.3  # authors' code
-_BEFORE = (
-    1600 / 1945
-)  # authors' code pads 1600 samples before the sound; of those that are wanted in all, so that T frames come out
+_BEFORE = 1600 / 1945  # authors' code pads 1600 samples before the sound; as a share of all the padding that T frames need
 
 
 class WaveformEncoder(nn.Module):
@@ -27,7 +25,7 @@ class WaveformEncoder(nn.Module):
     Args:
         samples: of a frame.
         strides: of the convolutions.
-        width: of what comes out.
+        width: of the output.
 
     Raises:
         InputError: the strides do not make one vector of each frame.
@@ -49,5 +47,5 @@ class WaveformEncoder(nn.Module):
 
     def forward(self, waveform: Tensor) -> Tensor:
         samples = F.pad(waveform.flatten(1).unsqueeze(1), self.padding)
-        encoded: Tensor = self.layers(samples)
-        return encoded
+        features: Tensor = self.layers(samples)
+        return features

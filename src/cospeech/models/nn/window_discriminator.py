@@ -29,8 +29,8 @@ class GruDiscriminator(nn.Module):
         self.both_ways = BothWaysGru(inputs, _HIDDEN, _LAYERS, _DROPOUT)
         self.of_frames, self.of_all = nn.Conv1d(_HIDDEN, 1, 1), nn.Linear(frames, 1)
 
-    def forward(self, encoded: Tensor) -> Tensor:
-        scores: Tensor = self.of_all(self.of_frames(self.both_ways(encoded)).squeeze(1)).squeeze(1)
+    def forward(self, features: Tensor) -> Tensor:
+        scores: Tensor = self.of_all(self.of_frames(self.both_ways(features)).squeeze(1)).squeeze(1)
         return scores
 
 
@@ -66,8 +66,7 @@ class AdversarialWindows(Trainable):
     """A network of windows of Yoon et al. 2020's losses: Huber, adversarial, diversity and divergence of a speaker's latent.
 
     Its settings have the weights (``reconstruction``, ``stroke_timing``, ``adversarial``, ``diversity``, ``divergence``),
-    ``beta`` of the Huber loss, ``speaker``, the width of z, and ``adversarial_from``, the step from which on the discriminator
-    judges.
+    ``beta`` of the Huber loss, ``speaker``, the width of z, and ``adversarial_from``, the first step with the discriminator.
     """
 
     discriminator: nn.Module | None
@@ -77,46 +76,46 @@ class AdversarialWindows(Trainable):
         """A batch as inputs of the network."""
         raise NotImplementedError
 
-    def _generate(self, given: Any, noise: Tensor) -> SampledWindows:
+    def _generate(self, inputs: Any, noise: Tensor) -> SampledWindows:
         """``noise``: (B, T or 1, width of z) of N(0, 1), ε."""
         raise NotImplementedError
 
-    def _diversity(self, batch: Batch, given: Any, made: SampledWindows) -> Tensor:
-        """How differently another speaker, drawn of all, would move, for so much difference of z."""
+    def _diversity(self, batch: Batch, inputs: Any, sample: SampledWindows) -> Tensor:
+        """How much the motion of another, random speaker differs, relative to the difference of z."""
         raise NotImplementedError
 
-    def _generate_in_training(self, batch: Batch, given: Any) -> SampledWindows:
-        """With ε drawn, one for a window."""
-        return self._generate(given, batch.chance.normal(len(batch), 1, self.config.speaker))
+    def _generate_in_training(self, batch: Batch, inputs: Any) -> SampledWindows:
+        """As `_generate`, with one random ε for each window."""
+        return self._generate(inputs, batch.chance.normal(len(batch), 1, self.config.speaker))
 
     def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Of G, weighted; moves all but the discriminator."""
         c = self.config
-        given = self.collect_training_inputs(batch, c.seed_dropout)
-        made = self._generate_in_training(batch, given)
-        terms = {"huber": c.reconstruction * F.smooth_l1_loss(made.pose, batch["pose"], beta=c.beta)}
-        terms |= timing_term(c.stroke_timing, made.pose.mT, batch["pose"].mT)
+        inputs = self.collect_training_inputs(batch, c.seed_dropout)
+        sample = self._generate_in_training(batch, inputs)
+        terms = {"huber": c.reconstruction * F.smooth_l1_loss(sample.pose, batch["pose"], beta=c.beta)}
+        terms |= timing_term(c.stroke_timing, sample.pose.mT, batch["pose"].mT)
         if self.discriminator is not None and step >= c.adversarial_from:
-            terms["adversarial"] = c.adversarial * F.softplus(-self.discriminator(made.pose)).mean()
+            terms["adversarial"] = c.adversarial * F.softplus(-self.discriminator(sample.pose)).mean()
         if c.diversity:
-            terms["diversity"] = -c.diversity * self._diversity(batch, given, made)
+            terms["diversity"] = -c.diversity * self._diversity(batch, inputs, sample)
         if c.divergence:
-            terms["divergence"] = c.divergence * kl_divergence(made.mean, made.variance)
+            terms["divergence"] = c.divergence * kl_divergence(sample.mean, sample.variance)
         return terms
 
     def objectives(self) -> dict[str, Objective]:
-        """Discriminator, from the step on at which it begins, and generator; or the generator alone."""
-        maker = [value for name, value in self.named_parameters() if not name.startswith("discriminator.")]
-        generator = {"generator": Objective(maker, self.generator_loss)}
+        """The discriminator, from its first step on, and the generator; or the generator alone."""
+        others = [value for name, value in self.named_parameters() if not name.startswith("discriminator.")]
+        generator = {"generator": Objective(others, self.generator_loss)}
         if self.discriminator is None:
             return generator
-        judge = Objective(self.discriminator.parameters(), self.discriminator_loss, start=self.config.adversarial_from)
-        return {"discriminator": judge, **generator}
+        discriminator = Objective(self.discriminator.parameters(), self.discriminator_loss, start=self.config.adversarial_from)
+        return {"discriminator": discriminator, **generator}
 
     def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Of D; moves the discriminator alone."""
         assert self.discriminator is not None
         with torch.no_grad():
-            made = self._generate_in_training(batch, self.collect_training_inputs(batch, self.config.seed_dropout)).pose
-        true, false = self.discriminator(batch["pose"]), self.discriminator(made)
+            poses = self._generate_in_training(batch, self.collect_training_inputs(batch, self.config.seed_dropout)).pose
+        true, false = self.discriminator(batch["pose"]), self.discriminator(poses)
         return {"true": F.softplus(-true).mean(), "false": F.softplus(false).mean()}

@@ -1,6 +1,6 @@
-"""What networks have in common that make a whole window at once: speech in, the poses of the same frames out.
+"""The common part of networks that make a whole window at once: speech in, the poses of the same frames out.
 
-`make` is what is exported and played in pieces; all else here is the same for every one of them.
+`make` is exported and played in pieces; everything else here is the same for all of them.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Windowed(Trainable):
     audio: int
     """A, numbers of a frame of speech."""
     multiple: int
-    """What T has to be a multiple of in `make`."""
+    """T of `make` is a multiple of this."""
     shortest: int
     """The least T of `make`, a multiple too."""
     modes: int
@@ -56,8 +56,8 @@ class Windowed(Trainable):
             problem = f"speech of shape {tuple(audio.shape)}, styles of shape {tuple(style.shape)}"
             raise InputError(problem, f"(B, T, {self.audio}) and (B, T or 1, {self.styles})")
         more = max(-frames % self.multiple, self.shortest - frames)
-        heard, style = (torch.cat([x, x[:, -1:].expand(-1, more, -1)], 1) for x in (audio, style.expand(-1, frames, -1)))
-        return self.make(heard, style, heard.new_zeros(rows, frames + more, self.modes))[:, :frames]
+        speech, style = (torch.cat([x, x[:, -1:].expand(-1, more, -1)], 1) for x in (audio, style.expand(-1, frames, -1)))
+        return self.make(speech, style, speech.new_zeros(rows, frames + more, self.modes))[:, :frames]
 
     def export_module(self) -> dict[str, ExportGraph]:
         """``make`` with its inputs of some width: rows, style, noise → poses; and ``style`` where it recognises styles."""
@@ -81,7 +81,7 @@ class Windowed(Trainable):
         return {"style": ExportGraph(recognise, inputs, outputs, frames=80, shortest=STYLE_FRAMES, window=STYLE_FRAMES)}
 
     def style_encoder(self) -> nn.Module | None:
-        """What recognises a style: (B, T, D) poses → (B, styles); None: it recognises none."""
+        """A module that recognises a style: (B, T, D) poses → (B, styles); None: it recognises none."""
         return StyleOf(self) if self.encodes_style else None
 
 

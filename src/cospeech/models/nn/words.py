@@ -23,8 +23,8 @@ class SubwordTable(nn.Module):
 
     def forward(self, ids: Tensor) -> Tensor:
         count = (ids > 0).sum(-1, keepdim=True).clamp_min(1)
-        found: Tensor = self.table(ids).sum(-2) / count
-        return found
+        vectors: Tensor = self.table(ids).sum(-2) / count
+        return vectors
 
 
 class WordEmbedding(nn.Module):
@@ -39,7 +39,7 @@ class WordEmbedding(nn.Module):
 
 
 def word_embedding(text: int, width: int) -> SubwordTable | WordEmbedding:
-    """What makes numbers of a store's words.
+    """The embedding of the words of a store.
 
     Args:
         text: width of the store's word vectors; 0: it has ids of subwords.

@@ -73,7 +73,7 @@ def main() -> int:
                 print(f"\rrater {number + 1} of {chosen.raters}", end="", file=sys.stderr, flush=True)
         text, findings = report_study(study)
         minutes = (time.monotonic() - began) / 60
-    print(f"\n{text}\n\n{len(findings.counted.kept)} raters, {minutes:.1f} min in the page")
+    print(f"\n{text}\n\n{len(findings.raters.kept)} raters, {minutes:.1f} min in the page")
     found = all(findings.chances[question.name, "a", other] < LEAST for question in plan.questions for other in "bc")
     alike = all(findings.chances[question.name, "b", "c"] > MOST for question in plan.questions)
     print(f"the planted effect is {'found' if found else 'NOT found'}; b and c are {'alike' if alike else 'NOT alike'}")

@@ -1,6 +1,6 @@
-"""cospeech: speech in, a moving character out.
+"""cospeech: it turns speech into a moving character.
 
-Public names are resolved on first use, so that ``import cospeech`` (and ``cospeech --help``) stays light.
+Public names are imported on first use, so that ``import cospeech`` (and ``cospeech --help``) is fast.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ NO_TELEMETRY = {
     "HF_HUB_DISABLE_TELEMETRY": "1",  # huggingface-hub, of the extras wav2vec and asr
     "RAY_USAGE_STATS_ENABLED": "0",  # ray, of `prepare --backend ray`
 }
-"""Variables of the environment that keep our dependencies from reporting home (docs/security.md).
+"""Environment variables that switch off the telemetry of our dependencies (docs/security.md).
 
-They are set here, because the dependencies read them once, when they are imported, and their child processes inherit them.
-What the user has set is overruled: there is no telemetry in cospeech, and none through it.
+They are set here, because the dependencies read them once, when they are imported; child processes inherit them. They replace
+what the user has set: there is no telemetry in cospeech, and none through it.
 """
 os.environ.update(NO_TELEMETRY)
 
@@ -56,7 +56,7 @@ _HOME = {
 }
 
 
-_MOVED = {
+_NEW_PATHS = {
     "demo": "cli.demo",
     "emotions": "audio.emotions",
     "poses": "motion.poses",
@@ -72,29 +72,29 @@ _MOVED = {
     "style_mixing": "experiments.style_mixing",
     "train": "training.train",
 }
-"""Import paths of 0.1.0's documentation → where they lead now."""
+"""Import paths of 0.1.0's documentation → the present paths."""
 
 
-class _Moved:
-    """Finds a module by the path that it had in an earlier documentation: the same object, under both names.
+class _OldPathFinder:
+    """Finds a module by its path in an earlier documentation: both names lead to the same object.
 
-    Finder and loader in one, without the base classes of importlib.abc, whose import takes longer than all the rest here.
+    It is finder and loader in one. The base classes of importlib.abc are not used: their import takes longer than this module.
     """
 
     def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
-        moved = name.removeprefix(f"{__name__}.") in _MOVED
-        return ModuleSpec(name, self) if moved else None  # type: ignore[arg-type]
+        is_moved = name.removeprefix(f"{__name__}.") in _NEW_PATHS
+        return ModuleSpec(name, self) if is_moved else None  # type: ignore[arg-type]
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
-        module = import_module(f".{_MOVED[spec.name.removeprefix(f'{__name__}.')]}", __name__)
-        self._own = module.__spec__
+        module = import_module(f".{_NEW_PATHS[spec.name.removeprefix(f'{__name__}.')]}", __name__)
+        self._spec = module.__spec__
         return module
 
     def exec_module(self, module: ModuleType) -> None:
-        module.__spec__ = self._own  # its own, which the import system has replaced
+        module.__spec__ = self._spec  # restore the spec that the import system has replaced
 
 
-sys.meta_path.insert(0, _Moved())  # before the one of files, which would find a part of a package a second time
+sys.meta_path.insert(0, _OldPathFinder())  # before the finder of files, which would find a part of a package a second time
 
 
 def __getattr__(name: str) -> object:

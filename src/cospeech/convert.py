@@ -1,4 +1,4 @@
-"""One motion file into another, edited on the way: the call behind ``cospeech convert`` and ``cospeech render``."""
+"""Convert a motion file to another format, with edits: the call behind ``cospeech convert`` and ``cospeech render``."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ from .rules.options import FPS_RANGE, check_range
 
 __all__ = ["Edits", "convert_file", "read_as_humanoid"]
 
-_UNSEEN = 0.1  # [ours] seconds by which a face may be shorter than a body, and nobody is told: files round their rates
+_FACE_TOLERANCE = 0.1  # seconds by which a face may be shorter than a body without a note [ours: files round their rates]
 
 
 @dataclass(frozen=True)
 class Edits:
-    """What is done to a motion between reading and writing, in this order; see `cospeech.motion.edit`."""
+    """Edits of a motion between reading and writing, in this order; see `cospeech.motion.edit`."""
 
-    joined: tuple[File, ...] = ()
-    """Motion files that go on after it."""
+    continuations: tuple[File, ...] = ()
+    """Motion files that follow the motion."""
     start: float | None = None
-    """Seconds before which everything is left out."""
+    """Begin of the stretch that stays, seconds."""
     end: float | None = None
-    """Seconds from which on everything is left out."""
+    """End of the stretch that stays, seconds."""
     face: File | None = None
-    """A motion file whose face takes the place of its own."""
+    """A motion file whose face replaces the motion's own."""
     mirror: bool = False
     """Whether left and right are exchanged."""
     loop: bool = False
@@ -49,46 +49,46 @@ class Edits:
 
     @property
     def files(self) -> list[File]:
-        """What is read for them."""
-        return [*self.joined, *([self.face] if self.face is not None else [])]
+        """Files that are read for the edits."""
+        return [*self.continuations, *([self.face] if self.face is not None else [])]
 
     def apply(self, motion: Motion, source: File) -> Motion:
-        """The motion, edited.
+        """Edit a motion, and return the result.
 
         Args:
-            motion: what is edited.
+            motion: the motion to edit.
             source: its file, for messages.
 
         Raises:
-            InputError: one of them cannot be done with this motion.
+            InputError: an edit is impossible with this motion.
         """
         if self.blend is not None:
             edit.check_blend(self.blend)
-            if not self.joined and not self.loop:
+            if not self.continuations and not self.loop:
                 warnings.warn("the blend changes nothing: it is for --join and --loop", CospeechWarning, stacklevel=2)
-        if self.joined:
+        if self.continuations:
             if self.end is not None and self.end * motion.fps <= len(motion):
                 problem = f"--to {self.end:g} leaves nothing of what is joined: clips are joined before they are cut"
                 warnings.warn(f"{problem}; cut {str(source)!r} first", CospeechWarning, stacklevel=2)
-            motion = _join([(source, motion), *((path, load(path)) for path in self.joined)], self.blend)
+            motion = _join([(source, motion), *((path, load(path)) for path in self.continuations)], self.blend)
         if self.start is not None or self.end is not None:
             motion = edit.cut(motion, self.start, self.end)
         if self.face is not None:
             face = load(self.face)
-            if face.duration < motion.duration - _UNSEEN:
+            if face.duration < motion.duration - _FACE_TOLERANCE:
                 problem = (
                     f"the face of {str(self.face)!r} ends at {face.duration:.4g} s, and rests until {motion.duration:.4g} s"
                 )
                 warnings.warn(problem, CospeechWarning, stacklevel=2)
             motion = edit.replace_face(motion, face)
         if self.mirror:
-            own = motion.skeleton
-            motion = motion.mirror() if own.kind == "humanoid" else motion.retarget("humanoid").mirror().retarget(own)
+            skeleton = motion.skeleton
+            motion = motion.mirror() if skeleton.kind == "humanoid" else motion.retarget("humanoid").mirror().retarget(skeleton)
         return edit.loop(motion, blend=self.blend) if self.loop else motion
 
 
 def _join(clips: Sequence[tuple[File, Motion]], blend: float | None) -> Motion:
-    """Clips of files, one after the other.
+    """Join clips, one after the other.
 
     Raises:
         InputError: they have different skeletons; the hint is the command that retargets one of them.
@@ -97,11 +97,11 @@ def _join(clips: Sequence[tuple[File, Motion]], blend: float | None) -> Motion:
     for path, other in others:
         if other.skeleton != head.skeleton:
             foreign = next((each for each, clip in clips if clip.skeleton.kind != "humanoid"), path)
-            made = Path(foreign).with_name(f"{Path(foreign).stem}-humanoid.bvh")
+            target = Path(foreign).with_name(f"{Path(foreign).stem}-humanoid.bvh")
             raise InputError(
                 f"{str(first)!r} and {str(path)!r} have different skeletons, and cannot be joined",
-                f"retarget first: cospeech convert {shlex.quote(str(foreign))} {shlex.quote(str(made))} --skeleton humanoid; "
-                f"then name {shlex.quote(str(made))} in its place",
+                f"retarget first: cospeech convert {shlex.quote(str(foreign))} {shlex.quote(str(target))} --skeleton humanoid; "
+                f"then name {shlex.quote(str(target))} in its place",
             )
     return edit.join([motion for _, motion in clips], blend=blend)
 
@@ -119,23 +119,23 @@ def convert_file(
     clip: str | int | None = None,
     edits: Edits | None = None,
 ) -> Motion:
-    """Read a motion file and write it in another format; what was written is returned.
+    """Read a motion file, write it in another format, and return the written motion.
 
     Args:
-        source, target: motion files; the suffixes pick the formats.
-        skeleton: retarget to this one first: a name, or a rig to take it from (``my_rig.bvh``, ``.glb``, ``.vrm``).
+        source, target: motion files; the suffixes choose the formats.
+        skeleton: retarget to this one first: a name, or the file of a rig (``my_rig.bvh``, ``.glb``, ``.vrm``).
         fps: resample to this rate first.
         names: a TOML file that says which joint of ``source``, of the rig or of the avatar is which of ours.
-        audio: the speech, for pictures; where ``edits`` cut the motion, the sound is cut alike.
+        audio: the speech, for pictures; if ``edits`` cut the motion, the sound is cut in the same way.
         camera: for pictures, the name of a view: ``body``, ``full``, ``face`` or ``hands``.
         avatar: a VRM, GLB or FBX character for ``.glb`` and for pictures, or an FBX for ``.fbx``, in place of our mannequin.
-        clip: which animation of a ``source`` that has several: its name, or its number from 0; the first where not given.
-        edits: what is done to the motion before all that.
+        clip: one of several animations of ``source``: its name, or its number from 0; the default is the first.
+        edits: edits of the motion before everything else.
 
     Raises:
         InputError: a file cannot be read or written, or the skeleton is not recognised.
     """
-    written, edits = format_of(target), edits or Edits()
+    target_format, edits = format_of(target), edits or Edits()
     inputs = [*(path for path in (names, audio, avatar) if path), *rig_files(skeleton), *edits.files]
     check_files(source, [Path(target)], inputs, None)
     if fps is not None:
@@ -144,44 +144,44 @@ def convert_file(
         find_view(camera)
     bones = load_map(names) if names else None
     goal = None if skeleton is None else check_skeleton(skeleton, {Path(target).suffix.lower()}, bones)
-    worn = None if avatar is None else check_avatar(avatar, {Path(target).suffix.lower()}, bones)
+    character = None if avatar is None else check_avatar(avatar, {Path(target).suffix.lower()}, bones)
     motion = edits.apply(_read(source, bones, clip), source)
     holds = {*format_of(source).holds} | ({"face"} if edits.face is not None else set())
-    shown = [part for part in PARTS if part in holds and (part != "face" or motion.face is not None)]
-    check_parts(target, shown, f"{str(source)!r} holds")
+    parts = [part for part in PARTS if part in holds and (part != "face" or motion.face is not None)]
+    check_parts(target, parts, f"{str(source)!r} holds")
     options: dict[str, object] = {}
-    if "body" not in shown and written.picture:
+    if "body" not in parts and target_format.picture:
         if camera not in (None, "face"):
             raise InputError(f"camera {camera!r} would show nothing that moves: {str(source)!r} holds a face only", "face does")
         options["camera"] = "face"
-    if bones and ("body" in shown or goal or worn):
-        check_map(bones, {str(source): motion.skeleton} | ({} if goal is None else {str(skeleton): goal}), worn)
+    if bones and ("body" in parts or goal or character):
+        check_map(bones, {str(source): motion.skeleton} | ({} if goal is None else {str(skeleton): goal}), character)
     elif names is not None:
         warnings.warn(f"the map changes nothing: {str(source)!r} has no joints", CospeechWarning, stacklevel=2)
-    _note_losses(source, target, audio=audio is not None, face=edits.face is not None, avatar=worn is not None)
-    mapped = bones if bones and names_joints(bones, motion.skeleton) else None
-    if goal is not None or mapped:
-        motion = motion.retarget(goal or "humanoid", bone_map=mapped)
+    _note_losses(source, target, audio=audio is not None, face=edits.face is not None, avatar=character is not None)
+    bone_map = bones if bones and names_joints(bones, motion.skeleton) else None
+    if goal is not None or bone_map:
+        motion = motion.retarget(goal or "humanoid", bone_map=bone_map)
     if fps is not None:
         motion = motion.resample(fps)
     if camera is not None:
         options["camera"] = camera
-    if worn is not None:
-        options["avatar"] = worn
-    if written.sound == "drawn" and edits.start is not None:
+    if character is not None:
+        options["avatar"] = character
+    if target_format.sound == "drawn" and edits.start is not None:
         options["start"] = motion.start
-    with _cut_sound(audio, edits, motion.start) as heard:
-        if heard is not None:
-            options["audio"] = heard
+    with _cut_sound(audio, edits, motion.start) as sound:
+        if sound is not None:
+            options["audio"] = sound
         motion.save(target, **options)
     return motion
 
 
 @contextmanager
 def _cut_sound(audio: File | None, edits: Edits, start: float) -> Iterator[File | None]:
-    """The file of the speech that belongs to what the edits leave of a motion; None where nothing is left of the speech.
+    """Yield a file of the speech that fits the edited motion; None if none of the speech is left.
 
-    It begins with the first frame that is left, at ``start`` seconds.
+    The sound begins with the first frame that is left, at ``start`` seconds.
     """
     if audio is None or (edits.start is None and edits.end is None):
         yield audio
@@ -191,7 +191,7 @@ def _cut_sound(audio: File | None, edits: Edits, start: float) -> Iterator[File 
 
 
 def read_as_humanoid(source: File, bones: Mapping[str, str] | None = None) -> Motion:
-    """The motion of a file; on our humanoid if a map names its joints.
+    """Read the motion of a file, and retarget it to our humanoid if a map is given.
 
     Args:
         source: a motion file.
@@ -208,13 +208,13 @@ def read_as_humanoid(source: File, bones: Mapping[str, str] | None = None) -> Mo
 
 
 def _note_losses(source: File, target: File, *, audio: bool, face: bool, avatar: bool) -> None:
-    """Warn of what was given and is not in the target: speech, a face, the figure of the source."""
-    written, suffix, problems = format_of(target), Path(target).suffix.lower(), list[str]()
-    if audio and written.picture and not written.sound:
+    """Warn if the target holds no speech, no face, or not the figure of the source, although it was given."""
+    target_format, suffix, problems = format_of(target), Path(target).suffix.lower(), list[str]()
+    if audio and target_format.picture and not target_format.sound:
         problems.append(f"the speech changes nothing: a {suffix} has neither sound nor a waveform")
-    if face and "face" not in written.holds:
+    if face and "face" not in target_format.holds:
         problems.append(f"the face changes nothing: a {suffix} holds none")
-    if not avatar and (written.picture or suffix == ".glb") and holds_other_figure(source):
+    if not avatar and (target_format.picture or suffix == ".glb") and holds_other_figure(source):
         problem = f"{str(target)!r} shows our mannequin: the figure of {str(source)!r} is not taken over"
         problems.append(f"{problem} (--avatar {source} does; avatar= in Python)")
     for problem in problems:
@@ -222,7 +222,7 @@ def _note_losses(source: File, target: File, *, audio: bool, face: bool, avatar:
 
 
 def _read(source: File, bones: Mapping[str, str] | None, clip: str | int | None) -> Motion:
-    """The motion of a file, with what its reader takes of a map and of the name of a clip."""
+    """Read the motion of a file; a map and the name of a clip are passed to its reader if the reader takes them."""
     entry = FORMATS.get(Path(source).suffix.lower())
     options: dict[str, object] = {}
     if clip is not None:

@@ -1,4 +1,4 @@
-"""The errors that users are meant to see: what is wrong, with the value, and how to mend it."""
+"""The errors for users: each tells what is wrong, with the value, and how to mend it."""
 
 import errno
 import os
@@ -11,7 +11,7 @@ __all__ = [
     "is_broken_pipe", "nearest", "say_count",
 ]  # fmt: skip
 
-_LONGEST = 2000  # characters; ours: above what lists of all known names take
+_LONGEST = 2000  # characters of a text [ours: longer than any list of known names]
 
 
 class CospeechError(Exception):
@@ -32,14 +32,14 @@ class CospeechError(Exception):
 
 
 def _line(text: str) -> str:
-    """A text as one line; a very long one, in which a file may have said anything, is shortened in its middle."""
+    """A text as one line. The middle of a very long text is left out: the words of a file may have any length."""
     if "\n" in text or "\r" in text:
         text = " ".join(text.split())
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} … {text[-_LONGEST // 4 :]}"
 
 
 class InputError(CospeechError, ValueError):
-    """Something that the user gave cannot be used: exit code 2 on the command line."""
+    """A file, an option or an argument of the user cannot be used: exit code 2 on the command line."""
 
 
 class InternalError(CospeechError, RuntimeError):
@@ -47,16 +47,16 @@ class InternalError(CospeechError, RuntimeError):
 
 
 class CospeechWarning(UserWarning):
-    """What was done is not quite what was asked for: a line ``note: …`` on the command line."""
+    """The result differs a little from what the user asked for: a line ``note: …`` on the command line."""
 
 
 def is_broken_pipe(error: OSError) -> bool:
-    """Whether who reads what we write has left; Windows calls that an invalid argument."""
+    """Whether the reader of our output has closed it; Windows calls that an invalid argument."""
     return isinstance(error, BrokenPipeError) or (os.name == "nt" and error.errno == errno.EINVAL)
 
 
 def describe_extra(name: str) -> str:
-    """A hint for what needs an extra of the package.
+    """A hint how to install an extra of the package.
 
     >>> describe_extra("train")
     "in a clone: pip install -e '.[train]'"
@@ -65,41 +65,41 @@ def describe_extra(name: str) -> str:
 
 
 def find_attribute(module: str, name: str, problem: str, hint: str) -> Any:
-    """What a module of somebody else's has under a name. An error inside the module stays as it is: it tells file and line.
+    """Import an attribute of somebody else's module. An error inside the module is not changed: it tells file and line.
 
     Raises:
-        InputError: there is no such module, or nothing of that name in it.
+        InputError: there is no such module, or it has no such attribute.
     """
     try:
-        found = import_module(module)
+        namespace = import_module(module)
     except ModuleNotFoundError as error:
         if error.name is None or not f"{module}.".startswith(f"{error.name}."):
             raise
         raise InputError(f"{problem}: {error}", hint) from None
-    if not hasattr(found, name):
+    if not hasattr(namespace, name):
         raise InputError(f"{problem}: {module} has no {name!r}", hint)
-    return getattr(found, name)
+    return getattr(namespace, name)
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
-    """A hint for a name that is not among those ``known``: the one most like it where there is one, and all of them.
+def nearest(word: str, choices: Iterable[str]) -> str:
+    """A hint for an unknown name: the most similar choice, if there is one, and all ``choices``.
 
     >>> nearest("livly", ["natural", "lively"])
     "did you mean 'lively'? known: natural, lively"
     """
-    names = list(known)
+    names = list(choices)
     return f"{guess(word, names)}known: {', '.join(names)}"
 
 
-def guess(word: str, known: Iterable[str]) -> str:
-    """A question behind which a hint goes on, for a name that is not among those ``known``; nothing where none is like it.
+def guess(word: str, choices: Iterable[str]) -> str:
+    """The first part of a hint for an unknown name: a question with the most similar of ``choices``; empty if none is similar.
 
     >>> guess("livly", ["natural", "lively"])
     "did you mean 'lively'? "
     """
     from difflib import get_close_matches
 
-    close = get_close_matches(str(word).lower(), list(known), n=1, cutoff=0.5)  # ours: below it the guesses surprise
+    close = get_close_matches(str(word).lower(), list(choices), n=1, cutoff=0.5)  # ours: below it the guesses surprise
     return f"did you mean {close[0]!r}? " if close else ""
 
 
@@ -109,7 +109,7 @@ def say_count(number: int, noun: str, plural: str = "") -> str:
     Args:
         number: of them.
         noun: for one.
-        plural: for several, where it is not the noun with an s.
+        plural: for several, if it is not the noun with an s.
 
     >>> say_count(1, "clip"), say_count(0, "clip"), say_count(12_000, "speech", "speeches")
     ('1 clip', '0 clips', '12000 speeches')

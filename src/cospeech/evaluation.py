@@ -1,4 +1,4 @@
-"""Evaluation: a model, or motions, against recordings, as a table of systems and control rows by metrics.
+"""Evaluation: compare a model, or motions, with recordings. The result is a table of metrics for systems and control rows.
 
 table = evaluate("rules", "stores/beat", raw="raw/beat")
 print(table.to_text())
@@ -33,28 +33,37 @@ from .motion.rotations import Array
 
 __all__ = ["evaluate", "evaluate_clips", "evaluate_store", "feature_tools", "play"]
 
-_LONGER = 0.5  # seconds; ours: so much longer than the recording a motion may be before it is told
-PADDED = 2  # frames; ours: so many may be missing at the end of a motion (frame rates that do not divide)
+_MOST_EXCESS = 0.5  # seconds by which a motion may be longer than the recording without a note [ours]
+PADDING = 2  # frames that may be missing at the end of a motion [ours: frame rates that do not divide]
 Body = Motion | Points | Clip
 Motions = Mapping[str, Body | Sequence[Body]] | Sequence[Body] | str | PathLike[str]
 
 
 def _ted(motion: Motion) -> Points:
-    """With the bone lengths of the authors' code, which the recordings of a store have: lengths are no error of a system."""
+    """Key points with the bone lengths of the authors' code, as in the recordings of a store: lengths are not evaluated."""
     return DIRECTION_VECTORS.decode(DIRECTION_VECTORS.encode(motion), motion.fps)
 
 
 LAYOUTS: dict[str, Callable[[Motion], Points]] = {"ted": _ted, "pats": keypoints2d.points_of}
-"""Layout of key points → how motion on any skeleton that is recognised is seen in it."""
+"""Layout of key points → function that converts motion on any recognised skeleton to it."""
 
 
 def play(model: str | Model, clips: Sequence[Clip], *, takes: int = 1, seed: int = 0) -> dict[str, list[Motion | Clip]]:
-    """Clip name → what a model makes of its speech, ``takes`` times with seeds from ``seed`` on, in the clip's own form.
+    """Generate motion for the speech of each clip, in the form of the clip's own motion.
+
+    Args:
+        model: a model, or its name.
+        clips: recordings with speech.
+        takes: takes of each clip.
+        seed: of the first take; the next take has the next seed.
+
+    Returns:
+        Clip name → takes.
 
     Raises:
         InputError: no such model, or a clip has no speech.
     """
-    player, played = load(model) if isinstance(model, str) else model, dict[str, list[Motion | Clip]]()
+    player, results = load(model) if isinstance(model, str) else model, dict[str, list[Motion | Clip]]()
     for clip in clips:
         if clip.speech is None:
             others = any(each.speech is not None for each in clips)
@@ -63,20 +72,20 @@ def play(model: str | Model, clips: Sequence[Clip], *, takes: int = 1, seed: int
         body = clip.motion if clip.motion is not None else clip.points
         if body is None:
             raise InputError(f"clip {clip.name!r} has no motion to compare with")
-        made = [player.generate(clip.speech, seed=seed + k, fps=body.fps) for k in range(takes)]
-        played[clip.name] = [motion if clip.points is None else _fit_points(motion, clip.points, clip) for motion in made]
-    return played
+        motions = [player.generate(clip.speech, seed=seed + k, fps=body.fps) for k in range(takes)]
+        results[clip.name] = [motion if clip.points is None else _fit_points(motion, clip.points, clip) for motion in motions]
+    return results
 
 
 def feature_tools(features: str | PathLike[str] | FeatureNet | None, clips: Sequence[Clip]) -> Tools | None:
-    """What metrics get: a feature network that was trained (`cospeech.models.feature_net`), for FGD and its like.
+    """The tools of metrics: a trained feature network (`cospeech.models.feature_net`), for FGD and similar metrics.
 
     Args:
         features: the network, the folder of its run (which needs torch), or None: `POSE_STATISTICS`.
-        clips: what it has to see.
+        clips: the clips on which it is used.
 
     Raises:
-        InputError: not the run of a feature network, one for other bodies or rates than the clips', or torch is missing.
+        InputError: not the run of a feature network, a network for another body or frame rate, or torch is missing.
     """
     if features is None:
         return None
@@ -106,29 +115,29 @@ def evaluate_store(
     seed_frames: int = 0,
     features: str | PathLike[str] | FeatureNet | None = None,
 ) -> Table:
-    """A table of systems and the control rows on the recordings of a prepared store.
+    """Compare systems and the control rows with the recordings of a prepared store.
 
     Args:
-        targets: name → what `cospeech.load` takes or gives, or a folder of motions named like the clips; none: the control rows
-            alone.
-        store: made by ``prepare``.
-        raw: the corpus it was made from, for the sound; without it, metrics that hear stay empty and no model can play.
+        targets: name → a model, what `cospeech.load` takes, or a folder of motions named like the clips. If empty, the table
+            has the control rows alone.
+        store: folder made by ``prepare``.
+        raw: folder of the corpus, for the sound. Without it, metrics that need speech stay empty, and no model can play.
         metrics: names in `cospeech.metrics.METRICS`.
         split: train, validation or test; ``"all"`` or None: every clip.
-        takes: so many performances of a model, for metrics of variety.
-        seed: of the first.
-        seed_frames: so many first frames of each motion were given to the systems.
-        features: the network of FGD, or the run folder of one; see `feature_tools`.
+        takes: takes of each model, for metrics of variety.
+        seed: of the first take.
+        seed_frames: number of first frames of each motion that the systems were given.
+        features: the network of FGD, or the folder of its run; see `feature_tools`.
 
     Raises:
-        InputError: anything of these cannot be used.
+        InputError: an argument cannot be used.
     """
     if not 1 <= takes <= 100:
         raise InputError(f"{takes} takes", "1 … 100")
-    chosen = _choose_metrics(metrics, targets)  # before models play, which takes long
-    deaf = [name for name, measure in chosen.items() if "speech" in measure.about.needs] if raw is None else []
-    if deaf and tuple(metrics) != tuple(DEFAULT):
-        raise InputError(f"{', '.join(deaf)}: the sound of the corpus is needed", "name its folder: --raw RAW")
+    measures = _choose_metrics(metrics, targets)  # before models play, which takes long
+    speech_metrics = [name for name, measure in measures.items() if "speech" in measure.about.needs] if raw is None else []
+    if speech_metrics and tuple(metrics) != tuple(DEFAULT):
+        raise InputError(f"{', '.join(speech_metrics)}: the sound of the corpus is needed", "name its folder: --raw RAW")
     for target in targets.values():
         if isinstance(target, str) and not plays(target) and not Path(target).is_dir():
             hint = f"models: {', '.join(MODELS)}; NAME.cospeech; the folder of a run"
@@ -191,25 +200,25 @@ def evaluate_clips(
     tools: Tools | None = None,
     seed_frames: int = 0,
 ) -> Table:
-    """Scores of ``systems`` and of the control rows against recordings.
+    """Compare ``systems`` and the control rows with recordings.
 
     Args:
         systems: name → a folder (`load_motions`), a motion per clip in the clips' order, or clip name → motion or takes. A
-            motion is a `Motion` on any skeleton that is recognised, or a `Points` for recordings of key points. Where the
-            recordings are key points, a `Motion` is converted to them.
+            motion is a `Motion` on any recognised skeleton, or a `Points` for recordings of key points. If the recordings are
+            key points, a `Motion` is converted to them.
         reference: recordings with speech and motion (or key points), all of one skeleton.
         metrics: names in `cospeech.metrics.METRICS`.
-        tools: feature network and so on; `POSE_STATISTICS` stands in where there is no network.
-        seed_frames: so many first frames of each motion were given to the system.
+        tools: feature network and so on; without a network, `POSE_STATISTICS` is used.
+        seed_frames: number of first frames of each motion that the systems were given.
 
     Raises:
         InputError: a name is unknown, motions and clips do not match, or there is nothing to evaluate against.
     """
-    chosen = _choose_metrics(metrics, systems)
+    measures = _choose_metrics(metrics, systems)
     tools = Tools(features=POSE_STATISTICS) if tools is None else tools
     tools = replace(tools, features=POSE_STATISTICS) if tools.features is None else tools
     _check_seed_frames(seed_frames, reference)
-    track = any("track" in measure.about.needs for measure in chosen.values())
+    track = any("track" in measure.about.needs for measure in measures.values())
     truth = [sample_of(clip, track=track) for clip in reference]
     rows = {name: _system(motions, reference, seed_frames, track) for name, motions in systems.items()}
     for name, clips in control_rows(reference, seed=tools.seed).items():
@@ -217,34 +226,34 @@ def evaluate_clips(
     cells: dict[str, dict[str, Score | None]] = {row: {} for row in rows}
     why: dict[str, dict[str, str]] = {}
     for row, samples in rows.items():
-        for column, measure in chosen.items():
+        for column, measure in measures.items():
             try:
                 cells[row][column] = measure(samples, truth, tools)
             except InputError as problem:
                 cells[row][column] = None
                 why.setdefault(row, {})[column] = str(problem)
-    faults = {c: faults_of_order(m.about, {row: cells[row][c] for row in CONTROLS}) for c, m in chosen.items()}
+    faults = {c: faults_of_order(m.about, {row: cells[row][c] for row in CONTROLS}) for c, m in measures.items()}
     minutes = sum(clip.duration for clip in reference) / 60
     assert tools.features is not None
     about = f"{say_count(len(reference), 'clip')}, {minutes:.1f} min; features: {tools.features.name}"
-    return Table(tuple(rows), tuple(chosen), cells, why, {c: f for c, f in faults.items() if f}, about, len(reference))
+    return Table(tuple(rows), tuple(measures), cells, why, {c: f for c, f in faults.items() if f}, about, len(reference))
 
 
 def _choose_metrics(metrics: Sequence[str], systems: Collection[str]) -> dict[str, Metric]:
-    """Name → metric, of names that are known; no system may have the name of a control row."""
+    """Name → metric; raise an InputError for an unknown name, or a system with the name of a control row."""
     if isinstance(metrics, str):
         raise InputError(f"metrics {metrics[:60]!r}", f"a list of names: metrics=[{metrics[:60]!r}]")
-    chosen = {name: load_metric(name) for name in metrics}
-    if not chosen:
+    measures = {name: load_metric(name) for name in metrics}
+    if not measures:
         raise InputError("no metrics", f"known: {', '.join(METRICS)}")
     for name in systems:
         if name in CONTROLS:
             raise InputError(f"a system called {name!r}", f"another name: {', '.join(CONTROLS)} are control rows")
-    return chosen
+    return measures
 
 
 def _check_seed_frames(seed_frames: int, clips: Sequence[Clip]) -> None:
-    """Raise an InputError where the seed frames are fewer than none, or leave nothing of any clip to be judged."""
+    """Raise an InputError if the number of seed frames is negative, or leaves no frame of any clip to evaluate."""
     bodies = [clip.motion if clip.motion is not None else clip.points for clip in clips]
     longest = max((len(body) for body in bodies if body is not None), default=0)
     if seed_frames < 0 or 0 < longest <= seed_frames:
@@ -253,10 +262,10 @@ def _check_seed_frames(seed_frames: int, clips: Sequence[Clip]) -> None:
 
 
 def _fit(body: Motion | Points, clip: Clip) -> Clip:
-    """The clip with a generated motion in place of its own: in its form, at its rate, of its length.
+    """A clip with a generated motion in place of the recorded one, converted to its form, frame rate and length.
 
     Raises:
-        InputError: the motion is shorter than the recording, or cannot be brought to its form.
+        InputError: the motion is shorter than the recording, or cannot be converted to its form.
     """
     if clip.motion is None and clip.points is not None:
         return _fit_points(body, clip.points, clip)
@@ -276,16 +285,16 @@ def _fit(body: Motion | Points, clip: Clip) -> Clip:
 
 
 def _keep_as(motion: Motion, clip: Clip) -> Motion:
-    """The motion as the clip's store would keep it: what its representation leaves out, such as legs, counts for no row."""
+    """The motion in the pose representation of the clip's store: what this leaves out, such as legs, counts for no row."""
     pose = None if clip.pose is None else find_pose(clip.pose)
     if pose is None or pose.source != "motion" or (pose.name == "face" and motion.face is None):
         return motion
-    kept: Motion = pose.decode(pose.encode(motion), motion.fps)
-    return replace(kept, face=motion.face)
+    reconstruction: Motion = pose.decode(pose.encode(motion), motion.fps)
+    return replace(reconstruction, face=motion.face)
 
 
 def _fit_points(body: Motion | Points, true: Points, clip: Clip) -> Clip:
-    """The clip with generated key points in place of its own ones: of their layout, at their rate, of their length."""
+    """A clip with generated key points in place of the recorded ones, converted to their layout, frame rate and length."""
     if isinstance(body, Motion):
         if true.layout not in LAYOUTS:
             raise InputError(f"clip {clip.name!r} has key points of layout {true.layout!r}", nearest(true.layout, LAYOUTS))
@@ -299,26 +308,28 @@ def _fit_points(body: Motion | Points, true: Points, clip: Clip) -> Clip:
     return replace(clip, points=Points(true.fps, values[_rows(len(values), len(true), true.fps, clip.name)], true.layout))
 
 
-def _rows(made: int, wanted: int, fps: float, name: str) -> Array:
-    """(wanted,) numbers of the frames that are compared; the last frame stands for the few that may be missing.
+def _rows(length: int, frames: int, fps: float, name: str) -> Array:
+    """(frames,) indices of the frames to compare; the last frame stands in for the few that may be missing.
 
     Raises:
-        InputError: more than `PADDED` are missing.
+        InputError: more than `PADDING` frames are missing.
     """
-    if wanted - made > PADDED or not made:
-        problem = f"motion for {name!r} has {made} frames ({made / fps:.2f} s), the recording {wanted} ({wanted / fps:.2f} s)"
-        raise InputError(
-            problem, f"{PADDED} frames ({PADDED / fps:.2f} s) may be missing; was it made for another clip, or cut off?"
+    if frames - length > PADDING or not length:
+        problem = (
+            f"motion for {name!r} has {length} frames ({length / fps:.2f} s), the recording {frames} ({frames / fps:.2f} s)"
         )
-    return np.minimum(np.arange(wanted), made - 1)
+        raise InputError(
+            problem, f"{PADDING} frames ({PADDING / fps:.2f} s) may be missing; was it made for another clip, or cut off?"
+        )
+    return np.minimum(np.arange(frames), length - 1)
 
 
 def _note_longer(takes: Mapping[str, Sequence[Body]], reference: Sequence[Clip]) -> None:
-    """Say which motions go on after their recording: that is what a wrong frame rate and another take look like."""
+    """Warn of motions that are longer than their recording: the frame rate or the take may be wrong."""
     longer = []
     for clip in reference:
         seconds = max((take.duration for take in takes[clip.name]), default=0.0)
-        if seconds > clip.duration + _LONGER:
+        if seconds > clip.duration + _MOST_EXCESS:
             longer.append(f"{clip.name!r}: {seconds:.1f} s, recorded {clip.duration:.1f} s")
     if longer:
         what = f"{len(longer)} of {say_count(len(reference), 'clip')} have motion that goes on after the recording"
@@ -327,7 +338,7 @@ def _note_longer(takes: Mapping[str, Sequence[Body]], reference: Sequence[Clip])
 
 
 def _load(folder: str | PathLike[str], reference: Sequence[Clip]) -> dict[str, list[Motion]]:
-    """The motions of a folder, those of parts of recordings cut from the whole where they have no file of their own."""
+    """Load the motions of a folder. A part of a recording without a file of its own is cut from the file of the whole."""
     parts, fps = dict[str, RecordingPart](), 30.0
     for clip in reference:
         body = clip.motion if clip.motion is not None else clip.points
@@ -335,7 +346,7 @@ def _load(folder: str | PathLike[str], reference: Sequence[Clip]) -> dict[str, l
         if body is None or clip.pose is None or not recording or not first.isdecimal():
             continue
         fps = body.fps
-        # readers, too, may put an @ into a name: a part begins with the frame that it is named by
+        # readers of corpora may put an @ into a name, too: only a part begins with the frame of its name
         if clip.points is not None or abs(clip.start * fps - int(first)) < 1:
             parts[clip.name] = RecordingPart(recording, int(first), len(body))
     return load_motions(folder, [clip.name for clip in reference], parts, fps)
@@ -352,12 +363,12 @@ def _system(motions: Motions, reference: Sequence[Clip], seed_frames: int, track
     unknown = sorted(set(motions) - set(names))
     if unknown or set(names) - set(motions):
         raise InputError(f"motions and clips do not match: {(unknown or sorted(set(names) - set(motions)))[0]!r}")
-    takes = {name: [made] if isinstance(made, Body) else made for name, made in motions.items()}
+    takes = {name: [body] if isinstance(body, Body) else body for name, body in motions.items()}
     _note_longer(takes, reference)
     samples = []
     for clip in reference:
         for number, take in enumerate(takes[clip.name], 1):
-            made = take if isinstance(take, Clip) else _fit(take, clip)
-            made = replace(made, name=f"{clip.name}.{number}", speech=clip.speech, semantics=clip.semantics)
-            samples.append(sample_of(made, condition=clip.name, seed_frames=seed_frames, track=track))
+            body = take if isinstance(take, Clip) else _fit(take, clip)
+            body = replace(body, name=f"{clip.name}.{number}", speech=clip.speech, semantics=clip.semantics)
+            samples.append(sample_of(body, condition=clip.name, seed_frames=seed_frames, track=track))
     return samples

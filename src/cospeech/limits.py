@@ -1,7 +1,7 @@
-"""Every limit on what is read, in one place: bytes, seconds, frames, joints, words. docs/security.md has them as a table.
+"""All limits of inputs, in one place: bytes, seconds, frames, joints, words. docs/security.md has them as a table.
 
-All of them are ours: each lies far above what honest files need and far below what fills a machine. A file beyond a limit is
-refused in one line that states the limit, before memory is taken for it.
+All limits are ours: each is far above what usual files need, and far below what fills a machine. A file beyond a limit is
+refused before memory is allocated for it, with an error of one line that names the limit.
 """
 
 from typing import NamedTuple
@@ -23,7 +23,7 @@ __all__ = [
 
 
 class Limit(NamedTuple):
-    """A row of the table: what is limited, the limit and its unit, and what it is for."""
+    """A row of the table: what is limited, the limit, its unit and its reason."""
 
     what: str
     value: float
@@ -34,7 +34,7 @@ class Limit(NamedTuple):
 # ---- sound that comes in ----
 
 PIPED_BYTES = 4 << 30
-"""Of a sound file on standard input, which is kept in a file meanwhile: six hours of uncompressed stereo at 48 kHz."""
+"""Of a sound file on standard input, which is copied to a file: six hours of uncompressed stereo at 48 kHz."""
 
 # ---- motion files ----
 
@@ -50,7 +50,7 @@ joints at 120 with room to spare; a face is read onto a body of 55 joints."""
 FREE_JOINT_FRAMES = 2_000_000
 """Frames × joints that a file of any size may grow to (20 minutes of ours at 30 fps): 200 MB when it is worked on."""
 JOINT_FRAMES_PER_BYTE = 4
-"""And so many more per byte of the file. Where nothing but the clock is keyed on every frame, ours have 3.4."""
+"""Added to it for each byte of the file. Our files have up to 3.4, if only the times have a value for each frame."""
 MOTION_RATES = (1e-4, 1e4)
 """Frames per second of motion: a frame in three hours … ten times the fastest motion capture."""
 LINE_CHARACTERS = 1 << 20
@@ -77,7 +77,7 @@ FBX_UNPACKED = 1 << 30
 FBX_FREE_UNPACKED = 64 << 20
 """Bytes that all arrays of an FBX file of any size may become: a character with 100,000 vertices."""
 FBX_UNPACKED_PER_BYTE = 64
-"""And so many more per byte of the file; curves that stand still are packed to a thirtieth."""
+"""Added to it for each byte of the file; curves that stand still are packed to a thirtieth."""
 AVATAR_VERTICES = 400_000
 """Of all meshes of a character that is drawn; those of games have 20,000 to 100,000."""
 AVATAR_SHAPE_NUMBERS = 60_000_000
@@ -106,17 +106,17 @@ SPEECH_RATES = (100, 10_000_000)
 CHANNELS = 1024
 """Of a sound file; libsndfile's own limit."""
 SPEAKERS = 64
-"""Who talk in a conversation: each of them is heard for itself, and listens to all others. A large meeting has some 30."""
+"""Persons in a conversation: each is heard alone, and listens to all others. A large meeting has some 30."""
 SECONDS_IN_MEMORY = 2 * 3600.0
-"""Of speech that is read as a whole: 460 MB at 16 kHz; longer speech is streamed, of any length."""
+"""Of speech that is read as a whole: 460 MB at 16 kHz. Speech of any length can be streamed."""
 OPEN_TIMEOUT = 30.0
-"""Seconds until a decoder has found the sound: the whole of a long MP3 is scanned before its first sample."""
+"""Seconds until a decoder has found the sound: it scans a long MP3 as a whole before its first sample."""
 BLOCK_TIMEOUT = 10.0
 """Seconds without a block from a decoder; one takes some milliseconds."""
 DECODER_MEMORY = 1 << 30
 """Bytes of address space of a decoder; it needs some 300 MiB, most of that libraries."""
 DECODER_CPU_SECONDS = 3600
-"""Of work of a decoder; a day of MP3 takes some 100 s."""
+"""Processor time of a decoder; a day of MP3 takes some 100 s."""
 LONGEST_MESSAGE_BYTES = 1 << 24
 """In one message of a decoder; a block is 512 KiB, FFmpeg's frames are smaller."""
 

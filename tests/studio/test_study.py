@@ -57,7 +57,7 @@ def test_raters_find_the_planted_effect_and_no_other(study):
             hasty, pages = number == 5, 4 if number == 7 else None
             rate(port, plan, number, clicks if hasty else rates, careless=hasty, pages=pages)
     text, findings = report_study(study)
-    assert [len(names) for names in findings.counted[:3]] == [14, 1, 1]
+    assert [len(names) for names in findings.raters[:3]] == [14, 1, 1]
     assert {tuple(counts.values()) for counts in findings.answers.values()} == {(14 * 8,) * 3}
     assert findings.coverage == (14 * 3, 14 * 3)
     for question in plan.questions:
@@ -79,7 +79,7 @@ def test_forty_raters_of_three_systems_on_twenty_speeches(tmp_path):
         for number in range(40):
             rate(port, plan, number, prefers)
     _, findings = report_study(folder)
-    assert len(findings.counted.kept) == 40
+    assert len(findings.raters.kept) == 40
     for question in plan.questions:
         assert findings.chances[question.name, "a", "b"] < 0.001
         assert findings.chances[question.name, "a", "c"] < 0.001
@@ -372,7 +372,7 @@ def test_an_exported_page_and_its_answers(study, tmp_path):
             import_answers(study, [good, bad])
     assert import_answers(study, [good]) == (1, 0, 0)
     assert import_answers(study, [good]) == (0, 1, 0)
-    assert len(report_study(study)[1].counted.kept) == 1
+    assert len(report_study(study)[1].raters.kept) == 1
 
 
 def test_clips_have_no_title_and_no_sound_where_none_is_wanted(tmp_path):

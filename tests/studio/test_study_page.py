@@ -66,7 +66,7 @@ def test_a_rater_takes_part_in_the_page(study, scheme):
     with Answers(study, plan) as answers:
         (session,) = answers.sessions()
     assert session.trials == list(trials)
-    assert [as_sent(plan, session.given[k]) for k in range(len(trials))] == [
+    assert [as_sent(plan, session.answers[k]) for k in range(len(trials))] == [
         as_sent(plan, right_answers(plan, t)) for t in trials
     ]
     assert all(value > 0 for value in session.seconds.values())

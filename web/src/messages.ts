@@ -64,7 +64,7 @@ export interface ChangedPlan {
   plan: Plan;
 }
 
-/** `cospeech.Plan.clear`: the values of the plan again. */
+/** `cospeech.Plan.clear`: a stretch gets the values of the plan again. */
 export interface ClearStretch {
   start: number;
   end: number;
@@ -72,7 +72,7 @@ export interface ClearStretch {
   names: ("style" | "emotion" | "intensity" | "seed")[];
 }
 
-/** The manner of a clip that was uploaded. */
+/** The style of a clip that was uploaded. */
 export interface ClipStyle {
   clip: string;
 }
@@ -88,7 +88,7 @@ export interface EmotionMoment {
   weights: Record<string, number>;
 }
 
-/** How faces of characters are found and driven, as `cospeech.export.face_names` and `cospeech.export.visemes` have it. */
+/** Tables to find and drive faces of characters, from `cospeech.export.face_names` and `cospeech.export.visemes`. */
 export interface FaceTables {
   arkit: Record<string, string>;
   vrm0: Record<string, string>;
@@ -245,7 +245,7 @@ export interface PlanEditRequest {
   edit: AddGesture | RemoveGesture | MoveGesture | ChangeGesture | ReseedStretch | SetStretch | ClearStretch | LockStretch | UnlockAll;
 }
 
-/** A plan from a file is wanted for a speech. */
+/** Request to open a plan from a file for a speech. */
 export interface PlanOpenRequest {
   plan: Plan;
   speech: string;
@@ -282,7 +282,7 @@ export interface ReseedStretch {
   seed?: number | null;
 }
 
-/** `cospeech.Plan.set`: values of a stretch; only those that are given are set. */
+/** `cospeech.Plan.set`: values of a stretch; only given values are set. */
 export interface SetStretch {
   start: number;
   end: number;
@@ -322,21 +322,21 @@ export interface Stretch {
   open?: boolean;
 }
 
-/** What the server takes. */
+/** Limits of the server. */
 export interface StudioLimits {
   upload_bytes: number;
   minutes: number;
   takes: number;
 }
 
-/** What went wrong, and how to mend it: the body of every answer with a status from 400 on. */
+/** A problem, and a hint how to mend it: the body of every answer with a status from 400 on. */
 export interface StudioProblem {
   problem: string;
   hint: string;
   entry: string | null;
 }
 
-/** What happens to a take. */
+/** An event of a take. */
 export interface TakeEvent {
   type: "queued" | "progress" | "done" | "error" | "cancelled";
   take: string;
@@ -348,7 +348,7 @@ export interface TakeEvent {
   realtime_factor: number | null;
 }
 
-/** Motion for a speech is wanted. */
+/** Request of motion for a speech. */
 export interface TakeRequest {
   speech: string;
   model: string;
@@ -376,14 +376,14 @@ export interface UnlockAll {
   kind: "unlock";
 }
 
-/** A motion that the server holds, as an example of a style. */
+/** A motion that the server keeps, as an example of a style. */
 export interface UploadedClip {
   clip: string;
   name: string;
   seconds: number;
 }
 
-/** A speech that the server holds. */
+/** A speech that the server keeps. */
 export interface UploadedSpeech {
   speech: string;
   name: string;

@@ -1,4 +1,4 @@
-"""Several speeches at once: files, folders of them, standard input; what ``cospeech generate`` does with its arguments."""
+"""``cospeech generate`` for several speeches: it finds the sound files, generates motion for each, and reports."""
 
 from __future__ import annotations
 
@@ -33,33 +33,33 @@ __all__ = ["STANDARD_INPUT", "generate_speeches"]
 STANDARD_INPUT = "-"
 _BLOCK = 1 << 20  # bytes
 _MOST_JOBS = (1, 64)  # ours: more processes than that only wait for each other
-_USUAL = (".bvh", ".glb")  # what is written where no format is named
+_USUAL = (".bvh", ".glb")  # formats that are written where none is named
 _OF_ONE_SPEECH = {
     "transcript": f"words/{NAME}.srt", "face": f"faces/{NAME}.csv", "plan": f"plans/{NAME}.json",
     "plan_out": f"plans/{NAME}.json", "keep_from": f"old/{NAME}.npz",
 }  # fmt: skip
-"""Options that cannot be the same for several speeches, and what may be given."""
-_WITH_NAME = (*_OF_ONE_SPEECH, "emotion", "continue_from")  # options in which `NAME` is put in
+"""Options that need a value of its own for each speech → an example, for the hint."""
+_WITH_NAME = (*_OF_ONE_SPEECH, "emotion", "continue_from")  # options whose value may have `NAME` in it
 _OF_ALL = ("emotion", "continue_from", "bone_map", "skeleton", "avatar")
 """Options that may name a file which all speeches share."""
 _OF_MODELS = frozenset({"speaker", *(field.name for field in fields(GenerationOptions))})
 
 _reasons_to_stop: list[Callable[[], bool]] = []
-"""Of a worker process: what the program has told, and signals that have come."""
+"""Functions of a worker process; if one returns True, the process stops: the main program asked for it, or a signal came."""
 
 Progress = Callable[[float, float | None, str], None]
 
 
 class _Job(NamedTuple):
-    """A speech, and the files to be made of it."""
+    """A speech, and the files to make of it."""
 
     speech: Path
     name: str
     outputs: list[Path]
     folders: set[Path]
-    """Those that are made where they are missing."""
+    """Folders that are made if they are missing."""
     own: dict[str, str]
-    """Options of it alone."""
+    """Options of this speech alone."""
 
 
 def generate_speeches(
@@ -73,53 +73,53 @@ def generate_speeches(
     resume: bool = False,
     **options: Any,
 ) -> Reports:
-    """Generate motion for several sound files, each by itself; what is wrong with one does not keep back the others.
+    """Generate motion for several sound files, each by itself. An error in one does not stop the others.
 
     Args:
-        speeches: sound files; folders, of which every sound file is taken, those in folders below too, but nothing hidden and
-            no video beside a sound of its name; patterns of files and folders, with ``*``, ``?``, ``[`` or ``**``; or ``"-"``
-            alone, for the bytes of one on standard input.
-        outputs: what to write of each: a file, with ``{name}`` in it where there are several speeches; or a folder, named with
-            a slash at its end or there already, for a .bvh and a .glb. Where not given: these two, in the working folder; no
-            file that is there is written over then.
+        speeches: sound files, folders, or patterns of both, with ``*``, ``?``, ``[`` or ``**``. A folder stands for all sound
+            files in it and in the folders below it; hidden files are left out, and so is a video beside a sound file of the
+            same name. ``"-"`` alone reads one sound file from standard input.
+        outputs: files or folders to write for each speech. For several speeches, a file has ``{name}`` in its name. A folder
+            ends with a slash or exists already; it gets a .bvh and a .glb. The default is these two in the working folder; then
+            no existing file is replaced.
         model: as for `cospeech.generate.generate_files`.
-        report: write the `Report` of one speech, or the `Reports` of several, as JSON here too.
+        report: JSON file for the `Report` of one speech, or the `Reports` of several.
         progress: called with (seconds done, seconds in all or None, which speech).
-        jobs: how many speeches are generated at the same time, 1 … 64, each in a process of its own.
-        resume: leave out speeches whose files are all there, and newer than the speech; a note tells how many.
-        options: as for `generate_files`; transcript, emotion, face, continue_from, plan, plan_out and keep_from may have
+        jobs: number of speeches that are generated at the same time, 1 … 64, each in its own process.
+        resume: leave out a speech if all its files exist and are newer than it; a note tells how many.
+        options: as for `generate_files`. transcript, emotion, face, continue_from, plan, plan_out and keep_from may have
             ``{name}`` in them.
 
     Raises:
-        InputError: something given cannot be used; nothing has been written. Of a single speech, what is wrong with it, too.
+        InputError: an argument cannot be used; nothing has been written. Also if the only speech cannot be used.
     """
     check_range("jobs", jobs, _MOST_JOBS)
-    with _find_speeches(speeches) as (found, left_out):
-        loaded = load(model)
+    with _find_speeches(speeches) as (files, left_out):
+        instance = load(model)
         options = {"parts": PARTS, **options}
-        shown = {*options["parts"]} & {*loaded.makes}
-        work = [_job(name, path, outputs, options, shown, several=len(found) > 1) for name, path in found.items()]
+        parts = {*options["parts"]} & {*instance.makes}
+        work = [_job(name, path, outputs, options, parts, several=len(files) > 1) for name, path in files.items()]
         if not outputs:
             _check_new(work, options)
         if left_out:
             _check_left_out(work, options, report, left_out)
-        if resume or len(found) > 1:
+        if resume or len(files) > 1:
             _check(work, options, report)
         if resume:
             work = _list_undone(work, options)
             if not work:
                 return Reports(speeches=[], failed=[])
-        if len(found) == 1:
-            tell = None if progress is None else lambda done, total: progress(done, total, "")
+        if len(files) == 1:
+            tell = None if progress is None else lambda amount, total: progress(amount, total, "")
             return Reports(
-                speeches=[_generate(work[0], options, model=model, loaded=loaded, report=report, progress=tell)], failed=[]
+                speeches=[_generate(work[0], options, model=model, instance=instance, report=report, progress=tell)], failed=[]
             )
-        asked = {key: value for key, value in options.items() if key in _OF_MODELS and NAME not in str(value)}
-        check_request(loaded, **asked)
+        request = {key: value for key, value in options.items() if key in _OF_MODELS and NAME not in str(value)}
+        check_request(instance, **request)
         if report is not None:
             check_destination(report)
         if jobs == 1:
-            result = _each(work, options, model, loaded, progress)
+            result = _each(work, options, model, instance, progress)
         else:
             result = _each_in_parallel(work, options, model, progress, jobs)
         if report is not None:
@@ -128,47 +128,47 @@ def generate_speeches(
         return result
 
 
-def _each(jobs: list[_Job], options: Mapping[str, Any], model: str, loaded: Model, progress: Progress | None) -> Reports:
-    """One speech after the other."""
-    made, failed = list[Report](), list[Failure]()
+def _each(jobs: list[_Job], options: Mapping[str, Any], model: str, instance: Model, progress: Progress | None) -> Reports:
+    """Generate motion for one speech after the other."""
+    reports, failures = list[Report](), list[Failure]()
     for number, job in enumerate(jobs, 1):
         word = f"{number} of {len(jobs)}: {job.name}"
-        tell = None if progress is None else lambda done, total, word=word: progress(done, total, word)  # type: ignore[misc]
+        tell = None if progress is None else lambda amount, total, word=word: progress(amount, total, word)  # type: ignore[misc]
         try:
-            made.append(_generate_one(job, options, model=model, loaded=loaded, progress=tell))
+            reports.append(_generate_one(job, options, model=model, instance=instance, progress=tell))
         except CospeechError as error:
-            failed.append(Failure(speech=str(job.speech), error=str(error), ours=isinstance(error, InternalError)))
-    return Reports(speeches=made, failed=failed)
+            failures.append(Failure(speech=str(job.speech), error=str(error), ours=isinstance(error, InternalError)))
+    return Reports(speeches=reports, failed=failures)
 
 
 def _each_in_parallel(
     work: list[_Job], options: Mapping[str, Any], model: str, progress: Progress | None, jobs: int
 ) -> Reports:
-    """Several speeches at the same time; the reports are in the order of the speeches."""
-    made, failed = list[Report](), list[Failure]()
+    """Generate motion for several speeches at the same time; the reports are in the order of the speeches."""
+    reports, failures = list[Report](), list[Failure]()
     context = get_context("spawn")  # a fork would copy the threads of onnxruntime as they are
     stop = context.Event()
     with ProcessPoolExecutor(min(jobs, len(work)), context, _watch_signals, (stop.is_set,)) as pool:
-        with _hold_signals():  # until a process has begun to watch: one that comes before ends it with a traceback
+        with _hold_signals():  # a signal before `_watch_signals` would end a process with a traceback
             waiting = [pool.submit(_generate_alone, job, dict(options), model) for job in work]
         try:
             for number, (job, future) in enumerate(zip(work, waiting, strict=True), 1):
-                found, notes = future.result()
+                outcome, notes = future.result()
                 for note in notes:
                     warnings.warn(note, CospeechWarning, stacklevel=2)
-                (made if isinstance(found, Report) else failed).append(found)  # type: ignore[arg-type]
+                (reports if isinstance(outcome, Report) else failures).append(outcome)  # type: ignore[arg-type]
                 if progress is not None:
                     progress(number, len(work), f"{number} of {len(work)}: {job.name}")
         except BaseException:
             stop.set()
             pool.shutdown(cancel_futures=True)
             raise
-    return Reports(speeches=made, failed=failed)
+    return Reports(speeches=reports, failed=failures)
 
 
 @contextmanager
 def _hold_signals() -> Iterator[None]:
-    """Signals come later, also to processes that are started meanwhile: these inherit it."""
+    """Block signals for a while; they arrive afterwards. Processes that start meanwhile inherit the block."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
@@ -179,35 +179,39 @@ def _hold_signals() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _watch_signals(told: Callable[[], bool]) -> None:
-    """At the start of a worker process: a signal ends its work at the next piece, so that nothing half-written is left."""
-    _reasons_to_stop.append(told)
+def _watch_signals(must_stop: Callable[[], bool]) -> None:
+    """Prepare a worker process: after a signal it stops at the next piece, and leaves no half-written file.
+
+    Args:
+        must_stop: whether the main program has asked the process to stop.
+    """
+    _reasons_to_stop.append(must_stop)
     for number in list_stop_signals():
         signal.signal(number, lambda *_: _reasons_to_stop.append(lambda: True))
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, list_stop_signals())
 
 
-def _check_stop(done: float = 0.0, total: float | None = None) -> None:
+def _check_stop(amount: float = 0.0, total: float | None = None) -> None:
     if any(reason() for reason in _reasons_to_stop):
         raise KeyboardInterrupt
 
 
 def _generate_alone(job: _Job, options: dict[str, Any], model: str) -> tuple[Report | Failure, list[str]]:
-    """One speech, in a process of its own; and its notes, which the program tells."""
-    with warnings.catch_warnings(record=True) as told:
+    """Generate motion for one speech in a worker process. Also returns its notes, which the main process prints."""
+    with warnings.catch_warnings(record=True) as notes:
         warnings.simplefilter("always", CospeechWarning)
         try:
             _check_stop()
-            found: Report | Failure = _generate_one(job, options, model=model, progress=_check_stop)
+            outcome: Report | Failure = _generate_one(job, options, model=model, progress=_check_stop)
         except CospeechError as error:
-            found = Failure(speech=str(job.speech), error=str(error), ours=isinstance(error, InternalError))
-    return found, [str(warning.message) for warning in told if issubclass(warning.category, CospeechWarning)]
+            outcome = Failure(speech=str(job.speech), error=str(error), ours=isinstance(error, InternalError))
+    return outcome, [str(warning.message) for warning in notes if issubclass(warning.category, CospeechWarning)]
 
 
 @contextmanager
 def _tell_paths(speech: Path) -> Iterator[None]:
-    """Notes that name a speech tell its path: many folders have a ``line1.wav``."""
+    """Put the path of a speech into notes in place of its name: many folders have a ``line1.wav``."""
     with warnings.catch_warnings():
         usual = warnings.showwarning
 
@@ -222,7 +226,7 @@ def _tell_paths(speech: Path) -> Iterator[None]:
 
 
 def _generate_one(job: _Job, options: Mapping[str, Any], **more: Any) -> Report:
-    """One of several speeches."""
+    """Generate motion for one of several speeches."""
     with _tell_paths(job.speech):
         return replace(_generate(job, options, **more), speech=str(job.speech))
 
@@ -233,48 +237,48 @@ def _generate(job: _Job, options: Mapping[str, Any], **more: Any) -> Report:
 
 
 @contextmanager
-def _find_speeches(given: Sequence[str | PathLike[str]]) -> Iterator[FoundFiles]:
-    """Yield what `find_files` finds, or standard input.
+def _find_speeches(speeches: Sequence[str | PathLike[str]]) -> Iterator[FoundFiles]:
+    """Yield the files that `find_files` finds, or a file with the bytes of standard input.
 
     Raises:
-        InputError: as of `find_files`, or standard input is not alone, closed or too large.
+        InputError: as of `find_files`; or standard input is closed, too large, or named together with other speeches.
     """
-    if [os.fspath(speech) for speech in given] == [STANDARD_INPUT]:
+    if [os.fspath(speech) for speech in speeches] == [STANDARD_INPUT]:
         with _read_standard_input() as path:
             yield FoundFiles({path.name: path}, {})
         return
-    for speech in given:
+    for speech in speeches:
         if os.fspath(speech) == STANDARD_INPUT:
             raise InputError("standard input (-) is named together with other speeches", "name it alone")
-        if "://" in os.fspath(speech):  # of an address, a `Path` would lose a slash
+        if "://" in os.fspath(speech):  # a `Path` would drop a slash of the address
             regular_file(speech)
     from ..corpora.folder import SOUND
 
-    yield find_files(map(Path, given), _list_sounds, "sound", SOUND)
+    yield find_files(map(Path, speeches), _list_sounds, "sound", SOUND)
 
 
 def _list_sounds(folder: Path, left_out: LeftOut) -> list[tuple[str, Path]]:
-    """Sound files of a folder, but no video beside a sound of its name: it may be the recording, or a film that we made."""
+    """Sound files of a folder. A video beside a sound of the same name is left out: it is the recording, or our own film."""
     from ..corpora.clip import Dropped
     from ..corpora.folder import VIDEO, sounds
     from ..export.mp4 import is_own_film
 
-    dropped: list[Dropped] = []
-    found = list(sounds(folder, dropped))
-    heard = {name for name, each in found if each.suffix.lower() not in VIDEO}
-    videos = [each for name, each in found if name in heard and each.suffix.lower() in VIDEO]
+    omissions: list[Dropped] = []
+    files = list(sounds(folder, omissions))
+    sound_names = {name for name, each in files if each.suffix.lower() not in VIDEO}
+    videos = [each for name, each in files if name in sound_names and each.suffix.lower() in VIDEO]
     left_out |= dict.fromkeys((each for each in videos if not is_own_film(each)), "a sound of the same name is beside it")
-    left_out |= {folder / item.name: item.reason for item in dropped}
-    skipped = {*videos, *left_out}
-    return [(name, each) for name, each in found if each not in skipped]
+    left_out |= {folder / item.name: item.reason for item in omissions}
+    exclusions = {*videos, *left_out}
+    return [(name, each) for name, each in files if each not in exclusions]
 
 
 @contextmanager
 def _read_standard_input() -> Iterator[Path]:
-    """Yield a file with what standard input has.
+    """Copy standard input to a file, and yield the file.
 
     Raises:
-        InputError: it is a terminal, empty, or larger than `PIPED_BYTES`.
+        InputError: standard input is a terminal, empty, or larger than `PIPED_BYTES`.
     """
     if sys.stdin is None or sys.stdin.isatty():
         raise InputError("there is no sound on standard input", "pipe it in: recorder | cospeech generate - -o talk.bvh")
@@ -291,25 +295,27 @@ def _read_standard_input() -> Iterator[Path]:
         yield path
 
 
-def _job(name: str, speech: Path, given: Sequence[str], options: Mapping[str, Any], shown: set[str], *, several: bool) -> _Job:
-    """What to make of a speech.
+def _job(
+    name: str, speech: Path, targets: Sequence[str], options: Mapping[str, Any], parts: set[str], *, several: bool
+) -> _Job:
+    """The files to make of a speech, and its own options.
 
     Args:
         name, speech: its name and file.
-        given: the outputs as they were named.
+        targets: the outputs as the user named them.
         options: of `generate_files`.
-        shown: the parts that move.
+        parts: the parts that move.
         several: whether there are other speeches.
 
     Raises:
-        InputError: a file that would be that of several speeches.
+        InputError: several speeches would share one file.
     """
-    if not given and name == "stdin":
+    if not targets and name == "stdin":
         raise InputError("no file to write for standard input", f"-o FILE, with a suffix of {' '.join(FORMATS)}")
-    usual = [suffix for suffix in _USUAL if shown & {*FORMATS[suffix].holds}] or _USUAL
+    usual = [suffix for suffix in _USUAL if parts & {*FORMATS[suffix].holds}] or _USUAL
     outputs: list[Path] = []
     folders: set[Path] = set()
-    for text in given or ["."]:
+    for text in targets or ["."]:
         if NAME in text:
             own = [Path(text.replace(NAME, name))]
         elif _is_folder(text):
@@ -326,27 +332,27 @@ def _job(name: str, speech: Path, given: Sequence[str], options: Mapping[str, An
         if several and options.get(key) is not None and NAME not in str(options[key]):
             hint = f"one for each, with {NAME} in it: {_OF_ONE_SPEECH[key]}"
             raise InputError(f"one {key} {str(options[key])!r} for several speeches", hint)
-    put_in = {key: put_name(str(options[key]), name) for key in _WITH_NAME if NAME in str(options.get(key))}
-    if "plan_out" in put_in:
-        put_in["plan_out"] = str(options["plan_out"]).replace(NAME, name)
-        folders.add(Path(put_in["plan_out"]).parent)
-    return _Job(speech, name, outputs, folders, put_in)
+    own_options = {key: put_name(str(options[key]), name) for key in _WITH_NAME if NAME in str(options.get(key))}
+    if "plan_out" in own_options:
+        own_options["plan_out"] = str(options["plan_out"]).replace(NAME, name)
+        folders.add(Path(own_options["plan_out"]).parent)
+    return _Job(speech, name, outputs, folders, own_options)
 
 
 def _check_new(jobs: list[_Job], options: Mapping[str, Any]) -> None:
-    """Files that nobody named are written over none: a recording of that name may lie beside its sound."""
+    """Raise an InputError if an output that the user did not name exists: it may be the recording of a speech."""
     takes = int(options.get("takes", 1))
-    there = [path for job in jobs for path in _takes(job, takes) if path.exists()]
-    if there:
-        are = f" and {len(there) - 1} more are" if len(there) > 1 else " is"
-        hint = f"-o {there[0]} writes over it" if len(there) == 1 else "-o ./ writes over them"
-        raise InputError(f"{str(there[0])!r}{are} there already", f"{hint}; -o out/ writes to another folder")
+    existing = [path for job in jobs for path in _takes(job, takes) if path.exists()]
+    if existing:
+        are = f" and {len(existing) - 1} more are" if len(existing) > 1 else " is"
+        hint = f"-o {existing[0]} writes over it" if len(existing) == 1 else "-o ./ writes over them"
+        raise InputError(f"{str(existing[0])!r}{are} there already", f"{hint}; -o out/ writes to another folder")
 
 
 def _check_left_out(
     jobs: list[_Job], options: Mapping[str, Any], report: str | PathLike[str] | None, left_out: LeftOut
 ) -> None:
-    """Nothing is written over a file that was left out beside the speeches: it may be the recording of one of them."""
+    """Raise an InputError if an output is a file that was left out beside the speeches: it may be a recording."""
     takes = int(options.get("takes", 1))
     plans = [job.own.get("plan_out", options.get("plan_out")) for job in jobs]
     others = [Path(path) for path in (*plans, report) if path is not None]
@@ -358,37 +364,37 @@ def _takes(job: _Job, takes: int) -> list[Path]:
 
 
 def _list_undone(jobs: list[_Job], options: Mapping[str, Any]) -> list[_Job]:
-    """Those of which a file is missing, or older than the speech or what is read for it alone; a note tells of the rest."""
-    left = [job for job in jobs if not _is_done(job, options)]
-    if len(left) < len(jobs):
-        made = f"{len(jobs) - len(left)} of {say_count(len(jobs), 'speech', 'speeches')} left out: their files are there"
-        warnings.warn(f"{made} (--resume)", CospeechWarning, stacklevel=3)
-    return left
+    """Jobs with an output that is missing, or older than the speech or a file of its own options; a note counts the others."""
+    remaining = [job for job in jobs if not _is_done(job, options)]
+    if len(remaining) < len(jobs):
+        text = f"{len(jobs) - len(remaining)} of {say_count(len(jobs), 'speech', 'speeches')} left out: their files are there"
+        warnings.warn(f"{text} (--resume)", CospeechWarning, stacklevel=3)
+    return remaining
 
 
 def _is_done(job: _Job, options: Mapping[str, Any]) -> bool:
-    given = {key: job.own.get(key, options.get(key)) for key in _OF_ONE_SPEECH}
-    own = {key: Path(value) for key, value in given.items() if isinstance(value, str | PathLike)}
-    written = [*_takes(job, int(options.get("takes", 1))), *([own.pop("plan_out")] if "plan_out" in own else [])]
-    if not all(path.is_file() for path in written):
+    values = {key: job.own.get(key, options.get(key)) for key in _OF_ONE_SPEECH}
+    own = {key: Path(value) for key, value in values.items() if isinstance(value, str | PathLike)}
+    outputs = [*_takes(job, int(options.get("takes", 1))), *([own.pop("plan_out")] if "plan_out" in own else [])]
+    if not all(path.is_file() for path in outputs):
         return False
-    read = [path.stat().st_mtime for path in (job.speech, *own.values()) if path.exists()]
-    return max(read) <= min(path.stat().st_mtime for path in written)
+    input_times = [path.stat().st_mtime for path in (job.speech, *own.values()) if path.exists()]
+    return max(input_times) <= min(path.stat().st_mtime for path in outputs)
 
 
 def _is_folder(text: str) -> bool:
-    """Whether a name of an output means a folder; one called ``x.bvh`` is nothing but in the way."""
+    """Whether the name of an output means a folder. A folder called ``x.bvh`` does not count: ``x.bvh`` means a file."""
     return text.endswith(("/", os.sep)) or (Path(text).suffix.lower() not in FORMATS and Path(text).is_dir())
 
 
 def _check(jobs: list[_Job], options: Mapping[str, Any], report: str | PathLike[str] | None) -> None:
-    """All files of all speeches can be told apart."""
+    """Raise an InputError if two speeches share an output, or an output is a file that is read."""
     takes = int(options.get("takes", 1))
     names = [path for job in jobs for path in _takes(job, takes)]
     first, *speeches = (job.speech for job in jobs)
-    read = [Path(job.own[key]) for job in jobs for key in _WITH_NAME if key in job.own]
-    shared = [options.get(key) for key in _OF_ALL if key not in jobs[0].own]
-    read += [Path(path) for path in (*shared, *example_files(options.get("style"))) if isinstance(path, str | PathLike)]
+    inputs = [Path(job.own[key]) for job in jobs for key in _WITH_NAME if key in job.own]
+    common = [options.get(key) for key in _OF_ALL if key not in jobs[0].own]
+    inputs += [Path(path) for path in (*common, *example_files(options.get("style"))) if isinstance(path, str | PathLike)]
     if report is not None and NAME in str(report):
         raise InputError(f"a report of each speech, {str(report)!r}", "one file holds the reports of all: --report report.json")
-    check_files(first, names, [*speeches, *read], None if report is None else Path(report))
+    check_files(first, names, [*speeches, *inputs], None if report is None else Path(report))

@@ -1,4 +1,4 @@
-"""How fast it is here: real-time factor, latency, memory and start, measured on the example speech said over and over."""
+"""``cospeech bench``: real-time factor, latency, memory and start time, measured on repetitions of the example speech."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["measure"]
 
 Row = dict[str, str | float]
 CHUNK = 0.2  # seconds of sound per step of the stream, as a microphone would give it
-STARTS = 5  # how often the start is timed; the best counts, other work on the machine only ever adds
+STARTS = 5  # how often the start is timed; the shortest counts, because other work on the machine only adds time
 
 
 def measure(seconds: float = 60.0) -> list[Row]:
@@ -73,25 +73,28 @@ def _files(speech: Speech) -> Iterator[Row]:
 
 def _stream(speech: Speech) -> Iterator[Row]:
     """Time per chunk, and how far the motion is behind the sound."""
-    steps, behind, heard, mark = [], [], 0.0, time.perf_counter()
+    steps, lags, position, mark = [], [], 0.0, time.perf_counter()
 
     def time_chunks() -> Iterator[Speech]:
-        nonlocal heard, mark
+        nonlocal position, mark
         for chunk in speech.chunks(CHUNK):
             steps.append(time.perf_counter() - mark)
             mark = time.perf_counter()
-            heard = chunk.start + float(chunk.duration)
+            position = chunk.start + float(chunk.duration)
             yield chunk
 
     for piece in load(DEFAULT).stream(time_chunks()):
-        behind.append(heard - piece.start)
-    took = np.array(steps[1:]) * 1000
+        lags.append(position - piece.start)
+    step_times = np.array(steps[1:]) * 1000
     for share in (50, 99):
         yield _row(
-            f"stream, step of {CHUNK} s, {share} %", float(np.percentile(took, share)), "ms", "time to answer a piece of sound"
+            f"stream, step of {CHUNK} s, {share} %",
+            float(np.percentile(step_times, share)),
+            "ms",
+            "time to answer a piece of sound",
         )
-    yield _row("stream, slowest step", float(took.max()), "ms", f"of {len(took)}")
-    yield _row("stream, motion behind sound", max(behind), "s", "look-ahead and piece together, at the most")
+    yield _row("stream, slowest step", float(step_times.max()), "ms", f"of {len(step_times)}")
+    yield _row("stream, motion behind sound", max(lags), "s", "look-ahead and piece together, at the most")
 
 
 def _memory() -> Row:
@@ -106,7 +109,7 @@ def _memory() -> Row:
 def _start() -> Row:
     times = []
     for _ in range(STARTS):
-        began = time.perf_counter()
+        start = time.perf_counter()
         subprocess.run([sys.executable, "-m", "cospeech", "--help"], check=True, capture_output=True)
-        times.append(time.perf_counter() - began)
+        times.append(time.perf_counter() - start)
     return _row("cospeech --help", min(times), "s", f"best of {STARTS}, worst {max(times):.2f}")

@@ -1,4 +1,4 @@
-"""What there is, by kind: the tables behind ``cospeech list`` and the documentation, read from the registries themselves."""
+"""The tables behind ``cospeech list`` and the documentation, one for each kind, read from the registries."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def _models() -> list[Row]:
 
 
 def _styles() -> list[Row]:
-    """Those of the rule-based model, then the speakers of the models whose weights ship, or come with a package."""
+    """Styles of the rule-based model, then the speakers of the models whose weights ship or come with a plug-in."""
     from ..models import BUNDLE, ENTRIES, SHIPPED, find_bundle
     from ..rules.styles import STYLES
     from ..runtime.bundles.bundle import read_bundle
@@ -55,7 +55,7 @@ def _styles() -> list[Row]:
     for model, path in weights.items():
         try:
             names = read_bundle(path).fact("styles", list)
-        except InputError as error:  # of a package: it harms no other
+        except InputError as error:  # a broken bundle of one plug-in does not hide the others
             warnings.warn(f"the styles of {model!r} cannot be read: {error}", CospeechWarning, stacklevel=2)
             continue
         about = dict.fromkeys(names, "a speaker of its training data") | {VOICE: "the speaker that it estimates from the voice"}
@@ -150,7 +150,7 @@ _HOW = {
 
 
 def catalogue_text(what: str) -> str:
-    """Everything of a kind for people: a line each, and how a name is used; styles by model.
+    """The rows of a kind as text for people: a line each, and how a name is used; styles by model.
 
     Raises:
         InputError: there is no such kind.

@@ -65,7 +65,7 @@ def convert(
     clip: Clip = None,
     start: From = None,
     end: To = None,
-    joined: Join = None,
+    continuations: Join = None,
     mirror: Mirror = False,
     loop: Loop = False,
     face: OtherFace = None,
@@ -88,7 +88,9 @@ def convert(
     from ..export import format_of
     from .several import MotionFile, convert_each, find_motions
 
-    edits = Edits(joined=tuple(joined or ()), start=start, end=end, face=face, mirror=mirror, loop=loop, blend=blend)
+    edits = Edits(
+        continuations=tuple(continuations or ()), start=start, end=end, face=face, mirror=mirror, loop=loop, blend=blend
+    )
 
     def write(file: MotionFile) -> None:
         motion = convert_file(
@@ -128,8 +130,8 @@ def render(
 
     suffix = target.suffix.lower()
     if suffix not in FORMATS or not FORMATS[suffix].picture:
-        known = " ".join(sorted(suffixes(lambda entry: entry.picture)))
-        raise InputError(f"{str(target)!r} is not a picture", f"known: {known}; for others use `cospeech convert`")
+        pictures = " ".join(sorted(suffixes(lambda entry: entry.picture)))
+        raise InputError(f"{str(target)!r} is not a picture", f"known: {pictures}; for others use `cospeech convert`")
     edits = Edits(start=start, end=end)
 
     def draw(file: MotionFile) -> None:

@@ -1,4 +1,4 @@
-"""``cospeech prepare`` and ``cospeech synthesise``: the commands that make stores and synthetic corpora. As light as `cli`."""
+"""``cospeech prepare`` and ``cospeech synthesise``: stores and synthetic corpora. Imports are late, as in `cli.main`."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ DerivedSpeakers = Annotated[
     ),
 ]
 Twin = Annotated[list[str] | None, Option("--twin", hidden=True)]  # old name
-"""What 0.1.0 called ``--derive-speaker``: an error says the new name."""
+"""The name of ``--derive-speaker`` in 0.1.0: an error tells the new name."""
 Jobs = Annotated[int, Option("--jobs", "-j", metavar="NUMBER", help="Number of workers. -1: one per core.")]
 Backend = Annotated[
     str, Option("--backend", metavar="NAME", help="Backend of joblib: loky, threading, multiprocessing, dask, ray.")

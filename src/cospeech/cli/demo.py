@@ -22,11 +22,11 @@ EXAMPLE_WORDS = EXAMPLE.with_suffix(".TextGrid")
 
 VIDEO_SIZE = (540, 540)  # ours: drawn in half the time of the usual 720, so that the demonstration stays short
 SUFFIXES = tuple(suffix for suffix in FORMATS.ours if suffix not in (".gif", ".html"))
-"""Formats of the demonstration. The video shows as much as a moving picture; the viewer of pages needs `make studio` first."""
+"""Formats of the demonstration. No .gif: the video shows the same. No .html: its viewer needs `make studio` first."""
 
 
 def make_demo(folder: str | PathLike[str], *, progress: Progress | None = None) -> Report:
-    """Generate from the example speech into ``folder``, which is made where it is missing.
+    """Generate motion for the example speech into ``folder``, which is made if it is missing.
 
     Without PyAV (extra ``av``) the video is left out.
 

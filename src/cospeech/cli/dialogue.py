@@ -1,4 +1,4 @@
-"""``cospeech dialogue``: people in conversation, each a character that talks and listens."""
+"""``cospeech dialogue``: a character for each person of a conversation, which talks and listens."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ Speakers = Annotated[
         "names. If it has words and you give no --transcript, its words are used, too.",
     ),
 ]
-Chosen = Annotated[
+PersonNames = Annotated[
     list[str] | None,
     option("--person", metavar="NAME", help="Generate this person only, who hears all others. Repeat the option for several."),
 ]
@@ -101,7 +101,7 @@ def register(app: typer.Typer) -> None:
 
 
 def dialogue(
-    speech: Sounds, output: Outputs = None, speakers: Speakers = None, person: Chosen = None, model: Models = None,
+    speech: Sounds, output: Outputs = None, speakers: Speakers = None, person: PersonNames = None, model: Models = None,
     style: Styles = None, emotion: Emotions = None, intensity: Intensities = None, transcript: Transcripts = None,
     language: Languages = None, avatar: Avatars = None, angle: Angle = 0.0, seed: Seed = 0, parts: Parts = _ALL_PARTS,
     skeleton: Skeleton = "humanoid", fps: Fps = 30.0, tail: Tail = 0.0, report: ReportFile = None, quiet: Quiet = False,
@@ -130,10 +130,10 @@ def dialogue(
     if report is not None:
         check_destination(report)
     _check_outputs(output)
-    persons, mixed = hear_persons(speech, speakers), speakers is not None
+    persons, is_mixed = hear_persons(speech, speakers), speakers is not None
     if angle and len(persons) != 2:
         raise InputError(f"an angle between {len(persons)} persons", "it is for two; turn the characters themselves")
-    chosen = choose_persons(persons, person or ())
+    picks = choose_persons(persons, person or ())
     words = transcript or _find_words(speakers)
     own = [
         {
@@ -142,16 +142,16 @@ def dialogue(
             "intensity": _pick("--intensity", intensity, k, persons, 1.0),
             "language": _pick("--language", language, k, persons, ""),
             "avatar": _pick("--avatar", avatar, k, persons, None) or None,
-            "transcript": _pick_words(words, k, persons, mixed=mixed), "seed": seed + k,
+            "transcript": _pick_words(words, k, persons, is_mixed=is_mixed), "seed": seed + k,
             "parts": [each.strip() for each in parts.split(",") if each.strip()], "skeleton": skeleton, "fps": fps,
             "tail": tail,
         }
         for k in range(len(persons))
     ]  # fmt: skip
     films = [Path(text) for text in output or () if _is_film(text)]
-    _check_films(films, len(chosen), {own[k]["avatar"] for k in chosen})
+    _check_films(films, len(picks), {own[k]["avatar"] for k in picks})
     output = [text for text in output if not _is_film(text)] if output else None
-    files = {k: _outputs_of(persons[k].name, output) for k in chosen if output != []}
+    files = {k: _outputs_of(persons[k].name, output) for k in picks if output != []}
     _check_use(files, films, skeleton, report)
     _check_apart(
         [*speech, *([speakers] if speakers else [])], [*films, *(path for each in files.values() for path in each)], own, report
@@ -161,27 +161,27 @@ def dialogue(
     with show_progress("generating", quiet) as progress:
         seats = [[0.0, angle], [-angle, 0.0]] if len(persons) == 2 else find_seats(len(persons))
         load_once = cache(load)
-        result = _generate(persons, _make_roles(persons, seats, mixed=mixed), files, own, load_once, progress)
+        result = _generate(persons, _make_roles(persons, seats, is_mixed=is_mixed), files, own, load_once, progress)
         for film in films:
             row = seats if len(persons) == 2 else find_row(len(persons), SIDE)
-            _draw_film(film, chosen, persons, _make_roles(persons, row, mixed=mixed), own, load_once, angle, progress)
+            _draw_film(film, picks, persons, _make_roles(persons, row, is_mixed=is_mixed), own, load_once, angle, progress)
     if report is not None:
         _write_report(report, result, films)
     if not quiet:
         show_outputs(result.speeches)
         for film in films:
-            typer.echo(f"  {film}  {say_count(len(chosen), 'person')} side by side")
+            typer.echo(f"  {film}  {say_count(len(picks), 'person')} side by side")
 
 
-def _make_roles(persons: Sequence[Person], bearings: Sequence[Sequence[float]], *, mixed: bool) -> list[DialogueRole]:
-    """Everybody among the others; ``bearings``: of each person, degrees to the left of every person."""
+def _make_roles(persons: Sequence[Person], bearings: Sequence[Sequence[float]], *, is_mixed: bool) -> list[DialogueRole]:
+    """The role of each person among the others; ``bearings[k][j]``: degrees to the left at which person k sees person j."""
     from ..runtime.listening import DialogueRole
 
     roles = []
     for k, person in enumerate(persons):
         rest = [j for j in range(len(persons)) if j != k]
-        others, places = (persons[j].heard for j in rest), (bearings[k][j] for j in rest)
-        roles.append(DialogueRole(person.heard, tuple(others), tuple(places), mixed))
+        others, places = (persons[j].voice for j in rest), (bearings[k][j] for j in rest)
+        roles.append(DialogueRole(person.voice, tuple(others), tuple(places), is_mixed))
     return roles
 
 
@@ -189,66 +189,71 @@ def _generate(
     persons: Sequence[Person], roles: Sequence[DialogueRole], files: dict[int, list[Path]], own: Sequence[dict[str, Any]],
     load_once: Callable[[str], Model], progress: Any,
 ) -> Reports:  # fmt: skip
-    """All files of the persons that are wanted, or none."""
+    """Write the files of the chosen persons: all of them, or after an error none."""
     from ..files import all_or_none, make_folders
     from ..generate import generate_files
     from ..runtime.report import Reports
 
-    every, made = [path for each in files.values() for path in each], []
-    with make_folders({path.parent for path in every}), all_or_none(every) as place:
+    all_paths, reports = [path for each in files.values() for path in each], []
+    with make_folders({path.parent for path in all_paths}), all_or_none(all_paths) as place:
         for k, paths in files.items():
-            one, staged = persons[k], [place(path) for path in paths]
-            tell = None if progress is None else _tell(progress, one.name)
-            found = generate_files(
-                one.heard.track.path, staged, role=roles[k], progress=tell, loaded=load_once(own[k]["model"]), **own[k]
+            person, temporary = persons[k], [place(path) for path in paths]
+            tell = None if progress is None else _tell(progress, person.name)
+            report = generate_files(
+                person.voice.track.path,
+                temporary,
+                role=roles[k],
+                progress=tell,
+                instance=load_once(own[k]["model"]),
+                **own[k],
             )
-            made.append(replace(found, speech=one.name, outputs=[str(path) for path in paths]))
-    return Reports(speeches=made, failed=[])
+            reports.append(replace(report, speech=person.name, outputs=[str(path) for path in paths]))
+    return Reports(speeches=reports, failed=[])
 
 
 def _write_report(path: Path, result: Reports, films: Sequence[Path]) -> None:
-    """Write what was made; a video of all is among the files of each person."""
+    """Write the reports; a video of all persons is among the files of each person."""
     from ..files import atomic
 
-    told = [replace(each, outputs=[*each.outputs, *map(str, films)]) for each in result.speeches]
+    reports = [replace(each, outputs=[*each.outputs, *map(str, films)]) for each in result.speeches]
     with atomic(path) as file:
-        file.write_text(replace(result, speeches=told).to_json(), "utf-8", newline="\n")
+        file.write_text(replace(result, speeches=reports).to_json(), "utf-8", newline="\n")
 
 
 def _tell(progress: Any, name: str) -> Any:
-    return lambda done, total: progress(done, total, name)
+    return lambda amount, total: progress(amount, total, name)
 
 
 def _draw_film(
-    film: Path, chosen: Sequence[int], persons: Sequence[Person], roles: Sequence[DialogueRole], own: Sequence[dict[str, Any]],
-    load_once: Callable[[str], Model], angle: float, progress: Any,
+    film: Path, picks: Sequence[int], persons: Sequence[Person], roles: Sequence[DialogueRole],
+    own: Sequence[dict[str, Any]], load_once: Callable[[str], Model], angle: float, progress: Any,
 ) -> None:  # fmt: skip
-    """A video of the persons that are wanted, side by side, with the sound of all."""
+    """Draw a video of the chosen persons side by side, with the sound of all."""
     from ..export.group_film import write_group_film
     from ..files import make_folders
     from ..generate import generate_motion
     from ..motion.frame_pieces import cut_alike
 
-    moving = []
-    for k in chosen:
+    motions = []
+    for k in picks:
         options = {key: value for key, value in own[k].items() if key not in ("avatar", "skeleton")}
         options["model"] = load_once(own[k]["model"])
-        moving.append(generate_motion(persons[k].heard.track.path, role=roles[k], **options))
+        motions.append(generate_motion(persons[k].voice.track.path, role=roles[k], **options))
     seconds, fps = float(roles[0].own.length) + own[0]["tail"], own[0]["fps"]
 
     def tell() -> Iterator[list[Motion]]:
-        for pieces in cut_alike(moving):
+        for pieces in cut_alike(motions):
             yield pieces
             if progress is not None:
                 progress(pieces[0].start + pieces[0].duration, seconds, film.name)
 
-    sounds = list(dict.fromkeys(person.heard.track.path for person in persons))
+    sounds = list(dict.fromkeys(person.voice.track.path for person in persons))
     with make_folders({film.parent}):
-        write_group_film(film, tell(), fps=fps, sounds=sounds, avatars=[own[k]["avatar"] for k in chosen], angle=angle)
+        write_group_film(film, tell(), fps=fps, sounds=sounds, avatars=[own[k]["avatar"] for k in picks], angle=angle)
 
 
 def _check_use(files: dict[int, list[Path]], films: Sequence[Path], skeleton: str, report: Path | None) -> None:
-    """Raise an InputError for options that are about the files of each person, where there are only videos of all."""
+    """Raise an InputError for an option about the files of each person, if only videos of all persons are written."""
     from ..export.checks import check_skeleton
 
     if files:
@@ -260,10 +265,10 @@ def _check_use(files: dict[int, list[Path]], films: Sequence[Path], skeleton: st
 
 
 def _check_films(films: Sequence[Path], count: int, avatars: set[str | None]) -> None:
-    """See, before there is any motion, that videos of so many persons can be made.
+    """Check, before any motion is made, that videos of so many persons can be made.
 
     Raises:
-        InputError: they cannot, or an avatar cannot be shown.
+        InputError: they cannot be made, or an avatar cannot be shown.
     """
     from ..export.checks import check_avatar
     from ..export.group_film import check_group_film
@@ -285,7 +290,7 @@ def _is_film(text: str) -> bool:
 
 
 def _check_outputs(output: Sequence[str] | None) -> None:
-    """Raise an InputError where a file would be that of several persons, or is of no known format."""
+    """Raise an InputError if several persons would share a file, or a file has an unknown format."""
     from ..export import format_of
 
     for text in output or ():
@@ -304,27 +309,27 @@ def _outputs_of(name: str, output: Sequence[str] | None) -> list[Path]:
     """The files of one person.
 
     Raises:
-        InputError: none was named, and one is there.
+        InputError: the user named none, and a file of the usual name exists.
     """
-    found = []
+    paths = []
     for text in output or _USUAL:
         if NAME in text:
-            found.append(Path(text.replace(NAME, name)))
+            paths.append(Path(text.replace(NAME, name)))
         else:
-            found += [Path(text) / pattern.replace(NAME, name) for pattern in _USUAL]
-    there = [] if output else [path for path in found if path.exists()]
-    if there:
+            paths += [Path(text) / pattern.replace(NAME, name) for pattern in _USUAL]
+    existing = [] if output else [path for path in paths if path.exists()]
+    if existing:
         raise InputError(
-            f"{str(there[0])!r} is there already", f"-o '{_USUAL[0]}' writes over it; -o out/ writes to another folder"
+            f"{str(existing[0])!r} is there already", f"-o '{_USUAL[0]}' writes over it; -o out/ writes to another folder"
         )
-    return found
+    return paths
 
 
 def _pick(flag: str, values: Sequence[Any] | None, k: int, persons: Sequence[Person], usual: Any) -> Any:
-    """What an option says about a person.
+    """The value of an option for one person.
 
     Raises:
-        InputError: it is given neither once nor once for each.
+        InputError: the option is given neither once nor once for each person.
     """
     if not values:
         return usual
@@ -333,43 +338,43 @@ def _pick(flag: str, values: Sequence[Any] | None, k: int, persons: Sequence[Per
     return values[0] if len(values) == 1 else values[k]
 
 
-def _pick_words(values: Sequence[str] | None, k: int, persons: Sequence[Person], *, mixed: bool) -> str | None:
+def _pick_words(values: Sequence[str] | None, k: int, persons: Sequence[Person], *, is_mixed: bool) -> str | None:
     """The transcript of a person.
 
     Args:
         values: of the option.
-        k: which person.
-        persons: all.
-        mixed: whether they are in one recording, of which all words are in one file.
+        k: number of the person.
+        persons: all persons.
+        is_mixed: whether all are in one recording; then all words are in one file.
 
     Raises:
-        InputError: there is one file for several persons, or of several one for each.
+        InputError: there is one file for several recordings, or there are several files for one recording.
     """
-    if values and mixed and (len(values) > 1 or NAME in values[0]):
+    if values and is_mixed and (len(values) > 1 or NAME in values[0]):
         raise InputError(f"--transcript {' '.join(map(repr, values))} with --speakers", "one file with the words of all")
-    if values and not mixed and len(values) == 1 and NAME not in values[0]:
+    if values and not is_mixed and len(values) == 1 and NAME not in values[0]:
         raise InputError(f"one transcript {values[0]!r} for {len(persons)} persons", f"one of each, or words/{NAME}.srt")
-    found = _pick("--transcript", values, k, persons, None)
-    return found.replace(NAME, persons[k].name) if found else None
+    path = _pick("--transcript", values, k, persons, None)
+    return path.replace(NAME, persons[k].name) if path else None
 
 
 def _find_words(speakers: Path | None) -> list[str] | None:
-    """The file that says who speaks when, where it has words, too."""
+    """The file of ``--speakers``, if it has words, too."""
     from ..audio.transcripts import load_speech_words
 
     if speakers is None or speakers.suffix.lower() == _WORDLESS:
         return None
     try:
         load_speech_words(speakers)
-    except InputError:  # it could be read just now: it has no words
+    except InputError:  # `hear_persons` has read it already, so it only lacks words
         return None
     return [str(speakers)]
 
 
-def _check_apart(read: list[Path], written: list[Path], own: Sequence[dict[str, Any]], report: Path | None) -> None:
-    """No file is written over another one, or over one that is read."""
+def _check_apart(sources: list[Path], targets: list[Path], own: Sequence[dict[str, Any]], report: Path | None) -> None:
+    """Raise an InputError if two outputs are one file, or an output is a file that is read."""
     from ..export.checks import check_apart
 
-    written += [] if report is None else [report]
-    read += [Path(options[key]) for options in own for key in ("transcript", "avatar", "style", "emotion") if options[key]]
-    check_apart(written, read)
+    targets += [] if report is None else [report]
+    sources += [Path(options[key]) for options in own for key in ("transcript", "avatar", "style", "emotion") if options[key]]
+    check_apart(targets, sources)

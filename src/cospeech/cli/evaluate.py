@@ -1,4 +1,4 @@
-"""``cospeech evaluate``: the command that sets motions against the recordings of a store. As light as `cli`."""
+"""``cospeech evaluate``: it compares motions with the recordings of a store. Imports are late, as in `cli.main`."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Metrics = Annotated[
 ]
 Takes = Annotated[int, Option("--takes", metavar="NUMBER", help="Takes of each model, for metrics of variety.")]
 Seed = Annotated[int, Option("--seed", metavar="NUMBER", help="Seed of a model's first take.")]
-Given = Annotated[
+SeedFrames = Annotated[
     int, Option("--seed-frames", metavar="NUMBER", min=0, help="Number of first frames that the systems were given.")
 ]
 Features = Annotated[
@@ -105,15 +105,15 @@ Figure = Annotated[Path | None, Option("--figure", metavar="FILE", help="With --
 
 
 def _parse_source(systems: list[str]) -> dict[str, str]:
-    """Name → model or folder, of ``NAME=FOLDER`` or of a model or folder alone, which is its own name."""
-    found: dict[str, str] = {}
+    """Name → model or folder, from ``NAME=FOLDER``. A model or a folder alone is its own name."""
+    sources: dict[str, str] = {}
     for system in systems:
         name, equals, folder = system.partition("=")
         name, folder = (name, folder) if equals else (Path(system).name, system)
-        if not name or not folder or name in found:
+        if not name or not folder or name in sources:
             raise InputError(f"system {system!r}", "NAME=FOLDER, each name once")
-        found[name] = folder
-    return found
+        sources[name] = folder
+    return sources
 
 
 def _numbers(text: str) -> list[int]:
@@ -155,13 +155,13 @@ def _hearing(systems: Mapping[str, str], store: Path, split: str, out: Path | No
 
     if not systems:
         raise InputError("--hearing without a run", "name the folders of some runs")
-    found = {name: measure_hearing(folder, store, split=split) for name, folder in systems.items()}
-    told = {name: [each._asdict() for each in terms] for name, terms in found.items()}
-    _show({".json": lambda: json.dumps(told, indent=1)}, describe_hearing(found), out, as_json)
+    results = {name: measure_hearing(folder, store, split=split) for name, folder in systems.items()}
+    rows = {name: [each._asdict() for each in terms] for name, terms in results.items()}
+    _show({".json": lambda: json.dumps(rows, indent=1)}, describe_hearing(results), out, as_json)
 
 
 def _names(metrics: str | None) -> list[str]:
-    """Names separated by commas; the default ones where none are given."""
+    """Names separated by commas; for None, the default ones."""
     from ..metrics.table import DEFAULT
 
     return [*DEFAULT] if metrics is None else [name.strip() for name in metrics.split(",") if name.strip()]
@@ -174,10 +174,10 @@ _OF_CONTESTS = frozenset({"hearing", "metrics", "split", "takes", "seed", "seed_
 
 
 def _check_options(context: typer.Context, table: str | None, systems: list[str], headroom: bool) -> None:
-    """No option is given that would change nothing, and no system beside a table.
+    """Check that each option that is given changes something, and that no system is given beside a table.
 
     Raises:
-        InputError: one is.
+        InputError: an option changes nothing, or there is such a system.
     """
     if table is not None and systems:
         raise InputError(f"system {systems[0]!r} beside --table", "leave it out: the table has its own rows")
@@ -190,20 +190,20 @@ def _check_options(context: typer.Context, table: str | None, systems: list[str]
 
 
 def _check_out(out: Path, has_scores: bool) -> None:
-    """A file for the table can be written, and its suffix names a format that this table has.
+    """Check that the file for the table can be written, and that this table has the format of its suffix.
 
     Raises:
-        InputError: it cannot, or it does not.
+        InputError: it cannot be written, or the table has no such format.
     """
     check_destination(out)
-    known = (".json", ".csv", ".tex") if has_scores else (".json",)
-    if out.suffix.lower() not in known:
-        raise InputError(f"a table as {out.suffix or 'a file without suffix'}", f"known: {' '.join(known)}")
+    suffixes = (".json", ".csv", ".tex") if has_scores else (".json",)
+    if out.suffix.lower() not in suffixes:
+        raise InputError(f"a table as {out.suffix or 'a file without suffix'}", f"known: {' '.join(suffixes)}")
 
 
 def _show(files: Mapping[str, Callable[[], str]], text: str, out: Path | None, as_json: bool) -> None:
-    """Print a table, and write it where that is wanted; ``files``: suffix → what makes the text of the file."""
-    typer.echo(files[".json"]() if as_json else text)  # first: a file that cannot be written does not lose it
+    """Print a table, and write it to ``out``, if any; ``files``: suffix → function that makes the text of the file."""
+    typer.echo(files[".json"]() if as_json else text)  # print first: the table is not lost if the file cannot be written
     if out is not None:
         with atomic(out) as path:
             path.write_text(files[out.suffix.lower()]() + "\n", "utf-8", newline="\n")
@@ -223,7 +223,7 @@ def register(app: typer.Typer) -> None:
         split: Split = "test",
         takes: Takes = 1,
         seed: Seed = 0,
-        seed_frames: Given = 0,
+        seed_frames: SeedFrames = 0,
         features: Features = None,
         hearing: HearingGain = False,
         table: Table = None,

@@ -1,4 +1,4 @@
-"""Commands whose last argument is the file to write: ``-o FILE`` says the same there, as in the commands that generate."""
+"""Commands whose last argument is the file to write. ``-o FILE`` means the same there, as in the commands that generate."""
 
 from __future__ import annotations
 

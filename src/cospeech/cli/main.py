@@ -1,6 +1,6 @@
-"""The command line: arguments in, one call of the library, plain words out. Nothing is computed here.
+"""The command line. A command reads its arguments, calls the library once, and prints the result. It computes nothing itself.
 
-Light on purpose: every command imports what it needs when it runs, so that ``cospeech --help`` answers at once.
+Imports are late: a command imports the modules that it needs when it runs, so that ``cospeech --help`` answers at once.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ __all__ = ["app", "main", "show_outputs"]
 INTERRUPTED = 130  # 128 + SIGINT, as shells say
 ALL_PARTS = ",".join(PARTS)
 LOOK_UP = ("generate", "convert", "render")
-"""Commands that look up patterns of files themselves, and name what is written by the folders in which they look."""
+"""Commands that expand patterns of files themselves. The names of their outputs depend on the folders of a pattern."""
 
 app = typer.Typer(
     name="cospeech",
@@ -145,13 +145,13 @@ def generate(
 
 
 def _failure(results: Reports) -> CospeechError:
-    """What is said when nothing came of some speeches."""
+    """The error for the speeches that failed."""
     from .several import describe_failures
 
-    failed = [(failure.speech, failure.error, failure.ours) for failure in results.failed]
-    every = say_count(len(failed) + len(results.speeches), "speech", "speeches")
+    failures = [(failure.speech, failure.error, failure.ours) for failure in results.failed]
+    every = say_count(len(failures) + len(results.speeches), "speech", "speeches")
     hint = "--report FILE lists all; the others are done" if results.speeches else "--report FILE lists all"
-    return describe_failures(failed, every, hint)
+    return describe_failures(failures, every, hint)
 
 
 @app.command("list")
@@ -222,22 +222,24 @@ def bench(
 
 
 def show_outputs(results: list[Report]) -> None:
-    """The files, and where each kind goes, once per kind."""
+    """Print the files, and which programs open them, once per suffix."""
     from ..export import format_of
 
     if not results:
         return
-    took = sum(result.realtime_factor * result.speech_seconds * result.takes for result in results)
+    work_seconds = sum(result.realtime_factor * result.speech_seconds * result.takes for result in results)
     seconds, frames = (sum(values) for values in zip(*((r.speech_seconds, r.frames) for r in results), strict=True))
     what = "" if len(results) == 1 else f"{len(results)} speeches: "
-    print(f"{what}{seconds:.2f} s of speech, {say_count(frames, 'frame')} at {results[0].fps:g} fps, made in {took:.1f} s")
+    print(
+        f"{what}{seconds:.2f} s of speech, {say_count(frames, 'frame')} at {results[0].fps:g} fps, made in {work_seconds:.1f} s"
+    )
     outputs = [name for result in results for name in result.outputs]
     width = max(map(len, outputs))
-    told = set()
+    suffixes = set()
     for name in outputs:
         suffix = Path(name).suffix.lower()
-        print(f"  {name}" if suffix in told else f"  {name:<{width}}  {format_of(name).opens}")
-        told.add(suffix)
+        print(f"  {name}" if suffix in suffixes else f"  {name:<{width}}  {format_of(name).opens}")
+        suffixes.add(suffix)
 
 
 cli_convert.register(app)
@@ -252,70 +254,72 @@ cli_train.register(app)
 
 
 def _usage_error(error: typer.TyperException) -> InputError:
-    """Typer's words as ours: what is wrong, and how to mend it in brackets."""
+    """An error of Typer as one of ours: the problem, and a hint how to mend it."""
     what, _, rest = error.format_message().replace("\n", " ").strip().partition(". ")
     if not rest and what.endswith(")") and " (" in what:
         what, _, rest = what[:-1].partition(" (")
-    context = getattr(error, "ctx", None)  # an option without its value has none
+    context = getattr(error, "ctx", None)  # the error of an option without its value has no context
     param = getattr(error, "param", None)
-    if context and param is not None and param.nargs == -1 and param.required:  # what was given became the last argument
+    if context and param is not None and param.nargs == -1 and param.required:  # the words given became the last argument
         names = [str(each.metavar) for each in context.command.params if each.param_type_name == "argument" and each.required]
         what = f"missing argument: {' and '.join(names)} are needed" if len(names) > 1 else what
-    typed = [word for word in sys.argv[1:2] if word in typer.main.get_group(app).commands]
-    command = context.command_path if context else " ".join(["cospeech", *typed])
+    command_words = [word for word in sys.argv[1:2] if word in typer.main.get_group(app).commands]
+    command = context.command_path if context else " ".join(["cospeech", *command_words])
     hint = rest.strip().rstrip(".") or f"see `{command} --help`"
     return InputError(what[:1].lower() + what[1:].rstrip("."), hint[:1].lower() + hint[1:])
 
 
 def _note_signals() -> list[int]:
-    """Have signals end the program as Ctrl-C does: what is half-written is removed. The numbers of those that come.
+    """Let signals end the program as Ctrl-C does, so that half-written files are removed.
 
-    Whoever is at work may make any other error of what a handler raises: a library that is being imported, for one.
+    Returns:
+        A list that gets the number of each signal that comes. It is needed because the code that a handler interrupts, such as
+        a library during its import, may turn the handler's exception into another one.
     """
-    came: list[int] = []
+    numbers: list[int] = []
 
     def stop(number: int, frame: object) -> NoReturn:
-        came.append(number)
+        numbers.append(number)
         raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
 
     for each in list_stop_signals():
         signal.signal(each, stop)
-    return came
+    return numbers
 
 
 def main() -> None:
-    """Run the command line; exit codes: 0 done, 1 our failure, 2 something given cannot be used, 130 interrupted."""
+    """Run the command line. Exit codes: 0 done, 1 our failure, 2 an argument or file cannot be used, 130 interrupted."""
     ready_streams()
-    came = _note_signals()
+    signals = _note_signals()
     try:
         with _noting():
-            expand = not {*sys.argv[1:2]} & {*LOOK_UP}  # in place of a shell, as that of Windows does not
+            expand = not {*sys.argv[1:2]} & {*LOOK_UP}  # patterns, which the shell of Windows does not expand
             code = app(prog_name="cospeech", standalone_mode=False, windows_expand_args=expand)
-        sys.stdout.flush()  # what cannot be written is told here
-    except (Exception, KeyboardInterrupt, SystemExit) as problem:  # of Ctrl-C in the command itself, Typer makes a code
-        if not came or isinstance(problem, CospeechError):  # after a signal, libraries may fail in any other way
+        sys.stdout.flush()  # an error of writing is raised here
+    except (Exception, KeyboardInterrupt, SystemExit) as problem:  # Typer turns Ctrl-C in the command itself into a code
+        if not signals or isinstance(problem, CospeechError):  # after a signal, libraries may fail in any other way
             code = _tell(problem)
-        code = 128 + came[0] if came else code
+        code = 128 + signals[0] if signals else code
     if code == INTERRUPTED:
         print("interrupted", file=sys.stderr)
     try:
         sys.stdout.flush()
     except OSError:
-        sys.stdout = None  # type: ignore[assignment]  # it is not tried again at exit
+        sys.stdout = None  # type: ignore[assignment]  # Python does not try again at exit
     sys.exit(code)
 
 
 def _tell(problem: BaseException) -> int:
-    """Say what is wrong, if anything is; the exit code.
+    """Print the error of an exception, and return the exit code.
 
     Raises:
-        SystemExit: it is the problem, and whoever raised it has told why.
+        SystemExit: the exception is one; the code that raised it has printed the reason.
     """
     if isinstance(problem, KeyboardInterrupt):
         return INTERRUPTED
     exits = isinstance(problem, SystemExit)
     if isinstance(problem.__context__ if exits else problem, BrokenPipeError):
-        return 0  # the reader of our output has left, as `head` does; Typer makes an exit with 1 of it
+        return 0  # the reader of our output has closed it, as `head` does; Typer turns that into an exit with 1
     if exits:
         raise problem
     if isinstance(problem, CospeechError):
@@ -332,8 +336,8 @@ def _tell(problem: BaseException) -> int:
 
 @contextmanager
 def _noting() -> Iterator[None]:
-    """Our warnings as lines of their own, each text once: a file may be read twice."""
-    told = set[str]()
+    """Print our warnings as lines on stderr, each text once: a file may be read twice."""
+    lines = set[str]()
     with warnings.catch_warnings():
         warnings.simplefilter("always", CospeechWarning)
         usual = warnings.showwarning
@@ -341,8 +345,8 @@ def _noting() -> Iterator[None]:
         def show(message: Warning | str, category: type[Warning], *where: Any) -> None:
             if issubclass(category, CospeechWarning):
                 line = f"note: {' '.join(str(message).split())}"
-                if line not in told:
-                    told.add(line)
+                if line not in lines:
+                    lines.add(line)
                     print(line, file=sys.stderr)
             else:
                 usual(message, category, *where)
@@ -356,7 +360,7 @@ def _say(error: CospeechError, code: int) -> int:
         import traceback
 
         traceback.print_exc()
-    with suppress(OSError):  # nobody can be told, but the exit code
+    with suppress(OSError):  # stderr cannot be written; the exit code still tells
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
     return code
 

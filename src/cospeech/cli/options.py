@@ -1,4 +1,4 @@
-"""Arguments and options of the command line, each with the words that ``--help`` has for it."""
+"""Arguments and options of the command line, each with its help text."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = [
 
 
 NAME = "{name}"
-"""Stands for the name of a speech, of a motion or of a person in the name of a file."""
+"""Placeholder in names of files, for the name of a speech, of a motion or of a person."""
 _READABLE = [suffix for suffix, entry in FORMATS.ours.items() if entry.readable]
 
 
@@ -48,7 +48,7 @@ def seconds(text: str) -> float:
 
 
 def rate(text: str | float) -> float:
-    """Frames per second: 29.97, or the fraction 30000/1001; a default is a number already."""
+    """Frames per second: 29.97, or the fraction 30000/1001. A default value is a number already."""
     above, slash, below = str(text).partition("/")
     try:
         return float(above) / float(below) if slash else float(above)
@@ -64,15 +64,15 @@ def whole(text: str) -> int:
 
 
 def check_idle(context: typer.Context, names: Collection[str], where: str) -> None:
-    """None of these options is given, because they would change nothing.
+    """Check that none of these options is given, because they would change nothing.
 
     Args:
         context: of the command.
         names: of its parameters.
-        where: why, behind the option: ``beside a sound file``.
+        where: the reason, as the message says it behind the option: ``beside a sound file``.
 
     Raises:
-        InputError: one is.
+        InputError: one is given.
     """
     for parameter in context.command.params:
         if parameter.name in names and str(context.get_parameter_source(parameter.name)).endswith("COMMANDLINE"):

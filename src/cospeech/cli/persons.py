@@ -1,4 +1,4 @@
-"""Who talks in a conversation: from files, channels, or a file that says who speaks when."""
+"""The persons of a conversation: one for each file or channel, or as a file of speakers names them."""
 
 from __future__ import annotations
 
@@ -26,28 +26,28 @@ _JOINERS = "\u200c\u200d"  # of letters, in Persian and Indic names: the only si
 
 @dataclass(frozen=True)
 class Person:
-    """Somebody who talks.
+    """A person of a conversation.
 
     Args:
-        name: for files.
-        label: what the recording calls this person: a channel, or a name in ``--speakers``; empty where it has a file.
-        heard: the voice.
+        name: for the names of files.
+        label: name of the channel, or the name in ``--speakers``; empty if the person has a sound file alone.
+        voice: the voice of this person, and when it speaks.
     """
 
     name: str
     label: str
-    heard: HeardSpeaker
+    voice: HeardSpeaker
 
 
 def hear_persons(speech: Sequence[Path], speakers: Path | None) -> list[Person]:
-    """All who talk, in order.
+    """The persons of a conversation, in order.
 
     Args:
-        speech: a file for each person; or one file with a channel for each; or one file of all.
-        speakers: says who speaks when in one file of all.
+        speech: a file for each person; or one file with a channel for each; or one recording of all.
+        speakers: file that tells who speaks when in one recording of all.
 
     Raises:
-        InputError: there are not two persons, or a file cannot be read.
+        InputError: there are fewer than two persons, or a file cannot be read.
     """
     if speakers is not None:
         return _hear_all(speech, speakers)
@@ -59,15 +59,15 @@ def hear_persons(speech: Sequence[Path], speakers: Path | None) -> list[Person]:
         names = [f"{check_name(speech[0]).stem}.{label}" for label in labels]
     else:
         labels, tracks, names = [""] * len(speech), [VoiceTrack(path) for path in speech], _name_files(speech)
-    heard = hear_conversation(*tracks)
-    return [Person(*each) for each in zip(names, labels, heard, strict=True)]
+    voices = hear_conversation(*tracks)
+    return [Person(*each) for each in zip(names, labels, voices, strict=True)]
 
 
 def _label_channels(path: Path) -> list[str]:
-    """What the channels of a file are called.
+    """Names of the channels of a file: left and right, or numbers.
 
     Raises:
-        InputError: there is only one.
+        InputError: the file has only one channel.
     """
     from ..audio.speech import SpeechSource
 
@@ -82,17 +82,17 @@ def _label_channels(path: Path) -> list[str]:
 
 
 def _name_files(speech: Sequence[Path]) -> list[str]:
-    """Names of files; with that of the folder, where they are called alike.
+    """A name for each file, without its suffix; if two are equal, all begin with their folders.
 
     Raises:
-        InputError: two are called alike then, too.
+        InputError: two names are equal even then.
     """
     names = [check_name(path).stem for path in speech]
     if len(set(names)) < len(names):
         names = [f"{path.absolute().parent.name}.{path.stem}" for path in speech]
-    twice = next((path for path, name in zip(speech, names, strict=True) if names.count(name) > 1), None)
-    if twice is not None:
-        raise InputError(f"two sound files are called {twice.name!r}", "files of different names")
+    duplicate = next((path for path, name in zip(speech, names, strict=True) if names.count(name) > 1), None)
+    if duplicate is not None:
+        raise InputError(f"two sound files are called {duplicate.name!r}", "files of different names")
     return names
 
 
@@ -108,43 +108,45 @@ def _hear_all(speech: Sequence[Path], speakers: Path) -> list[Person]:
     stretches = read_speakers(speakers, seconds)
     if len(stretches) < 2:
         raise InputError(f"{speakers.name!r} names only {next(iter(stretches))!r}", "a conversation has two persons or more")
-    heard = hear_recording(VoiceTrack(speech[0]), stretches)
-    files = [f"{check_name(speech[0]).stem}.{_name_file(label)}" for label in heard]
-    alike = [unicodedata.normalize("NFC", name).lower() for name in files]  # as macOS and Windows compare names
-    count = Counter(alike)
-    twice = next((name for name, key in zip(files, alike, strict=True) if count[key] > 1), None)
-    if twice is not None:
-        raise InputError(f"{speakers.name!r} names two speakers whose files would be called {twice!r}", "rename one of them")
-    return [Person(name, *each) for name, each in zip(files, heard.items(), strict=True)]
+    voices = hear_recording(VoiceTrack(speech[0]), stretches)
+    files = [f"{check_name(speech[0]).stem}.{_name_file(label)}" for label in voices]
+    keys = [unicodedata.normalize("NFC", name).lower() for name in files]  # as macOS and Windows compare names
+    count = Counter(keys)
+    duplicate = next((name for name, key in zip(files, keys, strict=True) if count[key] > 1), None)
+    if duplicate is not None:
+        raise InputError(
+            f"{speakers.name!r} names two speakers whose files would be called {duplicate!r}", "rename one of them"
+        )
+    return [Person(name, *each) for name, each in zip(files, voices.items(), strict=True)]
 
 
 def _name_file(label: str) -> str:
-    """What a speaker is called in names of files.
+    """The name of a speaker for names of files.
 
-    A file may call a speaker anything. So what no system takes is left out, and what changes how a terminal or a folder shows a
-    name: control characters, and signs that turn the direction of letters.
+    A label may hold any character. ``_`` replaces characters that some system forbids in names, control characters, and
+    characters that turn the direction of letters.
     """
-    seen = "".join(letter if letter.isprintable() or letter in _JOINERS else "_" for letter in _FORBIDDEN.sub("_", label))
-    return seen[:_LETTERS]
+    name = "".join(letter if letter.isprintable() or letter in _JOINERS else "_" for letter in _FORBIDDEN.sub("_", label))
+    return name[:_LETTERS]
 
 
-def choose_persons(persons: Sequence[Person], wanted: Sequence[str]) -> list[int]:
-    """Whom to generate: places in ``persons``; all where nobody is named.
+def choose_persons(persons: Sequence[Person], names: Sequence[str]) -> list[int]:
+    """The persons to generate, as indices into ``persons``; all if ``names`` is empty.
 
     Raises:
-        InputError: nobody is called so.
+        InputError: no person has one of the names.
     """
-    chosen = []
-    for name in wanted:
-        found = [k for k, person in enumerate(persons) if name and name in (person.name, person.label)]
-        if not found:
-            known = [person.label or person.name for person in persons]
-            raise InputError(f"nobody is called {name!r}", nearest(name, known))
-        chosen += found
-    return sorted(set(chosen)) or list(range(len(persons)))
+    places = []
+    for name in names:
+        matches = [k for k, person in enumerate(persons) if name and name in (person.name, person.label)]
+        if not matches:
+            labels = [person.label or person.name for person in persons]
+            raise InputError(f"nobody is called {name!r}", nearest(name, labels))
+        places += matches
+    return sorted(set(places)) or list(range(len(persons)))
 
 
 def describe_persons(persons: Sequence[Person]) -> str:
     """How long each one speaks, for people to read."""
-    spoken = [(person, sum(phrase.end - phrase.start for phrase in person.heard.phrases)) for person in persons]
-    return f"{say_count(len(persons), 'person')}: " + ", ".join(f"{person.name} {seconds:.0f} s" for person, seconds in spoken)
+    lengths = [(person, sum(phrase.end - phrase.start for phrase in person.voice.phrases)) for person in persons]
+    return f"{say_count(len(persons), 'person')}: " + ", ".join(f"{person.name} {seconds:.0f} s" for person, seconds in lengths)

@@ -20,8 +20,8 @@ def show_progress(title: str, quiet: bool) -> Iterator[Callable[..., None] | Non
         quiet: show none.
 
     Yields:
-        What the work calls with (done, total or None, what is being done); the bar appears with the first call after a second.
-        None where nobody would see a bar: with ``quiet``, or where stderr is no terminal.
+        A function that the work calls with (amount done, total or None, name of the step). The bar appears with the first call
+        after a second. None if nobody would see a bar: with ``quiet``, or if stderr is no terminal.
     """
     if quiet or not sys.stderr.isatty():
         yield None
@@ -32,13 +32,13 @@ def show_progress(title: str, quiet: bool) -> Iterator[Callable[..., None] | Non
     from rich.markup import escape
     from rich.progress import Progress
 
-    bar, began = Progress(console=Console(file=find_bar_stream()), transient=True), monotonic()
+    bar, start = Progress(console=Console(file=find_bar_stream()), transient=True), monotonic()
     task = bar.add_task(title, total=None)
 
-    def tell(done: float, total: float | None, word: str = "") -> None:
-        if not bar.live.is_started and monotonic() - began > 1:
+    def tell(amount: float, total: float | None, word: str = "") -> None:
+        if not bar.live.is_started and monotonic() - start > 1:
             bar.start()
-        bar.update(task, completed=done, total=total, description=escape(f"{title} {word}".rstrip()))
+        bar.update(task, completed=amount, total=total, description=escape(f"{title} {word}".rstrip()))
 
     try:
         yield tell

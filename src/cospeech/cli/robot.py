@@ -1,4 +1,4 @@
-"""``cospeech robot``: speech, or a motion file, as commands for the joints of a robot."""
+"""``cospeech robot``: it turns speech or a motion file into commands for the joints of a robot."""
 
 from __future__ import annotations
 
@@ -52,14 +52,14 @@ Rest = Annotated[
 Rate = Annotated[float, option("--fps", metavar="NUMBER", parser=rate, help="Commands per second, 1 … 240.")]
 
 _WIDE, _FAST = 25.2, 50.0
-"""Radians from limit to limit, and per second, above which limits limit nothing. [ours: ± two turns; twice NAO's fastest]"""
+"""Radians from limit to limit, and radians per second: wider limits have no effect. [ours: ± two turns; twice NAO's fastest]"""
 _TURN, _SEVERAL = 6.284, 3
-"""Radians of a whole turn; so many joints with a larger range are too many. [ours: of NAO, Pepper and Reachy none has it]"""
-_FREE = 2 * tau  # radians of a joint that turns without end, as of `read_urdf`
+"""Radians of a whole turn, and how many joints with a larger range are suspicious. [ours: NAO, Pepper and Reachy have none]"""
+_FREE = 2 * tau  # range of a joint that turns without end, in radians, as `read_urdf` sets it
 _OF_SPEECH = {
     "model": DEFAULT, "style": None, "emotion": "auto", "transcript": None, "language": "", "seed": 0, "intensity": 1.0
 }  # fmt: skip
-"""Options that change nothing for a motion file, and what they are where not given."""
+"""Options that only speech uses → their default values."""
 
 
 def register(app: typer.Typer) -> None:
@@ -125,10 +125,10 @@ def robot(
 
 
 def _is_urdf(robot: str) -> bool:
-    """Whether a robot is a file.
+    """Whether a robot is named by the file of its URDF.
 
     Raises:
-        InputError: it is one that xacro has to read first.
+        InputError: it is a .xacro file, which is no URDF yet.
     """
     suffix = Path(robot).suffix.lower()
     if suffix == ".xacro":
@@ -137,7 +137,7 @@ def _is_urdf(robot: str) -> bool:
 
 
 def _find_joints(robot: str, table: Mapping[str, Any]) -> tuple[RobotJoint, ...]:
-    """The joints of a robot, with the channels and the limits of a map."""
+    """The joints of a robot; the map may change their channels and limits."""
     from ..motion.robot import find_robot, narrow_joints, read_urdf
 
     if "joints" in table and not _is_urdf(robot):
@@ -150,7 +150,7 @@ def _find_joints(robot: str, table: Mapping[str, Any]) -> tuple[RobotJoint, ...]
 
 
 def _make_commands(motion: Motion, joints: Sequence[RobotJoint]) -> tuple[Array, tuple[str, ...]]:
-    """(T, J) commands, and the joints whose limits the motion exceeds all the time."""
+    """Commands of shape (T, J), and names of the joints whose limits the motion exceeds in all frames."""
     import numpy as np
 
     from ..motion.robot import RobotStream
@@ -160,7 +160,7 @@ def _make_commands(motion: Motion, joints: Sequence[RobotJoint]) -> tuple[Array,
 
 
 def _tell_faults(name: str, joints: Sequence[RobotJoint], channels: Mapping[str, str], outside: Sequence[str]) -> None:
-    """On standard error, also with --quiet: what may be wrong with a URDF or a map."""
+    """Print on standard error, also with --quiet, what may be wrong with a URDF or a map."""
     for text in (*_check_ranges(joints), *_check_channels(joints, channels)):
         typer.echo(text, err=True)
     if outside:
@@ -170,14 +170,14 @@ def _tell_faults(name: str, joints: Sequence[RobotJoint], channels: Mapping[str,
 def _tell_what_stays(
     robot: str, name: str, channels: Mapping[str, str], joints: Sequence[RobotJoint], commands: Array, outside: Sequence[str]
 ) -> None:
-    """On standard error: joints that do not move, and why."""
+    """Print on standard error which joints do not move, and why."""
     from ..motion.robot import list_followers, list_joints
 
     followers = list_followers(robot) if _is_urdf(robot) else {}
     for leader in dict.fromkeys(followers.values()):
         typer.echo(f"follows {leader}: {', '.join(name for name in followers if followers[name] == leader)}", err=True)
-    left_out = {joint for joint, what in channels.items() if not what}
-    others = set(list_joints(robot)) - {joint.name for joint in joints} - left_out if _is_urdf(robot) else set()
+    omissions = {joint for joint, what in channels.items() if not what}
+    others = set(list_joints(robot)) - {joint.name for joint in joints} - omissions if _is_urdf(robot) else set()
     if others:
         typer.echo(f"not moved: {', '.join(sorted(others))} (--map FILE.toml says what they take)", err=True)
     still = [
@@ -190,7 +190,7 @@ def _tell_what_stays(
 
 
 def _check_ranges(joints: Sequence[RobotJoint]) -> list[str]:
-    """What is told of limits that limit nothing. One joint may turn further than a whole turn; several hardly do."""
+    """Messages about limits that are too wide to have an effect. One joint may exceed a whole turn; several hardly do."""
     turning = [joint for joint in joints if not joint.is_hand]
     wide = [joint.name for joint in turning if (span := joint.upper - joint.lower) > _TURN and abs(span - _FREE) > 0.01]
     loose = [
@@ -202,23 +202,23 @@ def _check_ranges(joints: Sequence[RobotJoint]) -> list[str]:
 
 
 def _check_channels(joints: Sequence[RobotJoint], channels: Mapping[str, str]) -> list[str]:
-    """What is told of angles that several joints take, and of offsets beyond a whole turn."""
-    told, takers = [], dict[str, list[str]]()
+    """Messages about angles that several joints take, and about offsets of more than a whole turn."""
+    messages, takers = [], dict[str, list[str]]()
     for joint in joints:
         takers.setdefault(joint.channel, []).append(joint.name)
-    told += [f"several joints take {what}: {', '.join(names)}" for what, names in takers.items() if len(names) > 1]
+    messages += [f"several joints take {what}: {', '.join(names)}" for what, names in takers.items() if len(names) > 1]
     far = [joint.name for joint in joints if joint.name in channels and abs(joint.offset) > _TURN]
-    return told + ([f"offsets of more than a turn: {', '.join(far)} (are they in radians?)"] if far else [])
+    return messages + ([f"offsets of more than a turn: {', '.join(far)} (are they in radians?)"] if far else [])
 
 
 def _say_angle(joint: RobotJoint) -> str:
-    """What a joint takes, as a map says it."""
+    """The angle that a joint takes, written as in a map."""
     offset = f"{joint.offset:+.4g}" if joint.offset else ""
     return f"{'-' * (joint.sign < 0)}{joint.channel}{offset}"
 
 
 def _read_motion(path: Path, options: Mapping[str, Any], bones: Mapping[str, str] | None) -> Motion:
-    """Of a motion file, where the options of speech change nothing."""
+    """Read the motion of a motion file; raise an InputError for an option that only speech uses."""
     from ..convert import read_as_humanoid
 
     for name, value in options.items():
@@ -228,15 +228,15 @@ def _read_motion(path: Path, options: Mapping[str, Any], bones: Mapping[str, str
 
 
 def _generate_motion(path: Path, options: Mapping[str, Any], fps: float, quiet: bool) -> Motion:
-    """Of a sound file: body and hands."""
+    """Generate the motion of body and hands for a sound file."""
     from ..export import load
     from ..files import scratch, workplace
     from ..generate import generate_files
 
     with workplace(scratch()) as folder, show_progress("generating", quiet) as progress:
-        made = folder / "motion.npz"
-        generate_files(path, [made], fps=fps, parts=("body", "hands"), progress=progress, **options)
-        return load(made)
+        file = folder / "motion.npz"
+        generate_files(path, [file], fps=fps, parts=("body", "hands"), progress=progress, **options)
+        return load(file)
 
 
 def _read_map(path: Path) -> dict[str, Any]:
@@ -265,4 +265,4 @@ _TABLES = {
     "joints": (str, "texts", 'arm_1 = "left_shoulder_pitch"'),
     "limits": (dict, "tables", "write [limits.arm_1] and velocity = 1.5 below it"),
 }
-"""Table of a map → the kind of its values, that kind in words, and a hint."""
+"""Table of a map → the type of its values, the name of the type in messages, and a hint."""

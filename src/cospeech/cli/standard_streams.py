@@ -1,4 +1,4 @@
-"""Standard streams that take whatever is said, and whose errors tell that they are theirs."""
+"""Standard streams that can print any text, and whose errors name the stream."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from ..errors import is_broken_pipe
 __all__ = ["STANDARD_OUTPUT", "find_bar_stream", "ready_streams"]
 
 STANDARD_OUTPUT = "standard output"
-"""In place of the name of a file, in errors."""
+"""Stands in errors where the name of a file would."""
 
 
 _CONTROLS = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
-"""What a terminal obeys (ECMA-48), and what turns the direction of letters (UAX 9); no ends of lines, no tabs."""
+"""Control characters of terminals (ECMA-48), and of the direction of letters (UAX 9); no ends of lines and no tabs."""
 
 
-class _Shown(TextIOWrapper):
-    """A stream on which a terminal obeys nothing: names from strangers' files may hold commands for it."""
+class _SafeStream(TextIOWrapper):
+    """A stream without control characters: names from other people's files may hold commands for the terminal."""
 
     def write(self, text: str) -> int:
-        return super().write(_CONTROLS.sub(lambda found: ascii(found[0])[1:-1], text) if self.isatty() else text)
+        return super().write(_CONTROLS.sub(lambda match: ascii(match[0])[1:-1], text) if self.isatty() else text)
 
 
-class _Output(_Shown):
-    """Standard output: an error of it has a name, as one of a file may have."""
+class _Output(_SafeStream):
+    """Standard output. Its errors name it, as an error of a file names the file."""
 
     def write(self, text: str) -> int:
         with _name_errors():
@@ -54,11 +54,11 @@ def _name_errors() -> Iterator[None]:
 
 
 def ready_streams() -> None:
-    """Make the standard streams fit for what is said.
+    """Prepare the standard streams for any text.
 
-    What the shell has closed becomes the null device: a file of ours would get its number else, and a library's complaints.
-    Files and pipes get UTF-8, which JSON must be. On Windows they would get the code page of the machine, which lacks most
-    characters.
+    A stream that the shell has closed becomes the null device. Otherwise, one of our files would get its number, and the error
+    messages of libraries would go there. Files and pipes get UTF-8, which JSON must be. On Windows they would get the code page
+    of the machine, which lacks most characters.
     """
     for name in ("stdin", "stdout", "stderr"):
         if getattr(sys, name) is None:
@@ -69,9 +69,9 @@ def ready_streams() -> None:
             stream.reconfigure(errors="replace")  # a terminal that cannot show a character does not end the program
             if os.name == "nt" and not stream.isatty() and "PYTHONIOENCODING" not in os.environ:
                 stream.reconfigure(encoding="utf-8")
-    for name, kind in (("stdout", _Output), ("stderr", _Shown)):
+    for name, kind in (("stdout", _Output), ("stderr", _SafeStream)):
         plain = getattr(sys, name)
-        if plain is getattr(sys, f"__{name}__") and isinstance(plain, TextIOWrapper):  # it stays there, for what it buffers
+        if plain is getattr(sys, f"__{name}__") and isinstance(plain, TextIOWrapper):  # it stays there, with its buffer
             setattr(sys, name, _wrap(plain, kind))
 
 
@@ -84,4 +84,4 @@ def _wrap(plain: TextIOWrapper, kind: type[TextIOWrapper]) -> TextIOWrapper:
 def find_bar_stream() -> IO[str]:
     """Standard error for a progress bar, which moves the cursor of a terminal."""
     plain = sys.__stderr__
-    return plain if plain is not None and isinstance(sys.stderr, _Shown) else sys.stderr
+    return plain if plain is not None and isinstance(sys.stderr, _SafeStream) else sys.stderr

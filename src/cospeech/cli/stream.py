@@ -1,4 +1,4 @@
-"""``cospeech stream``: speech in, frames out, while somebody speaks."""
+"""``cospeech stream``: it takes live speech, and sends frames of motion while the person speaks."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
 __all__ = ["register"]
 
 _ALL = ",".join(PARTS)
-_CLOSING = 0.5  # seconds in which a character that is stopped shuts its mouth and lowers its hands [ours]
-_STEP = 0.1  # seconds of idling that are made at once [ours: a tick of the rules, 10 to 30 ms of work]
+_CLOSING = 0.5  # seconds in which a stopped character closes its mouth and lowers its hands [ours]
+_STEP = 0.1  # seconds of idling in one step [ours: a tick of the rules, 10 to 30 ms of work]
 _SILENCE = 3.0  # seconds of live silence after which the rules idle [ours: longer than a pause between sentences]
 Avatar = Annotated[
     Path | None,
@@ -202,11 +202,11 @@ def stream(
 
     check_sources(source, control, transcript, words, language, rate, samples)
     bones, tell = _read_map(names, avatar), _say_nothing if quiet else _tell
-    wanted = tuple(part.strip() for part in parts.split(","))
-    _check_options(context, source, to, wanted, face_gain)
+    part_names = tuple(part.strip() for part in parts.split(","))
+    _check_options(context, source, to, part_names, face_gain)
     try:
         session = open_live_session(
-            model, style=style, emotion=emotion, seed=seed, temperature=temperature, intensity=intensity, parts=wanted,
+            model, style=style, emotion=emotion, seed=seed, temperature=temperature, intensity=intensity, parts=part_names,
             face_gain=face_gain, fps=fps, look_ahead=look_ahead, angle=angle,
             idle_after=_SILENCE if idle_after is None and is_live(source) else idle_after,
         )  # fmt: skip
@@ -220,7 +220,7 @@ def stream(
         pieces, controls = open_pieces(
             stack, source, transcript, words, control, rate=rate, kind=samples, slack=margin / 2, unpaced=unpaced, tell=tell,
             language=language)  # fmt: skip
-        outlets = _open_outlets(stack, to, StreamSettings(fps, delay, wanted, avatar, bones), tell)
+        outlets = _open_outlets(stack, to, StreamSettings(fps, delay, part_names, avatar, bones), tell)
         hear_partner(stack, partner, session.listener, rate=rate, kind=samples, tell=tell)
         pacer = FramePacer(outlets, delay, paced=not unpaced)
         tell(f"listening to {source}; frames leave {delay:.2f} s after their sound (Ctrl-C ends)")
@@ -234,22 +234,22 @@ def _fail_without_receiver(outlets: Sequence[Outlet]) -> None:
 
 
 def _name_options(problem: str) -> str:
-    """What the library says is wrong, with options as they are typed."""
+    """A message of the library, with the names of options as the user types them."""
     return problem.replace("idle_after", "--idle-after").replace("look_ahead", "--look-ahead")
 
 
 def _check_options(context: typer.Context, source: str, to: Sequence[str], parts: Sequence[str], face_gain: str) -> None:
-    """No receiver is named twice, and no option is given that would change nothing; a gain of no face is a note.
+    """Check receivers and options; a note tells if ``face_gain`` is given and no face is made.
 
     Raises:
-        InputError: one is.
+        InputError: a receiver is named twice, or an option would change nothing.
     """
     from ..export.checks import note_idle_gain
     from ..export.live.addresses import scheme_of
 
-    twice = next((address for address in to if to.count(address) > 1), None)
-    if twice is not None:
-        raise InputError(f"--to {twice!r} is given twice", "name each receiver once")
+    duplicate = next((address for address in to if to.count(address) > 1), None)
+    if duplicate is not None:
+        raise InputError(f"--to {duplicate!r} is given twice", "name each receiver once")
     if not any(scheme_of(address) == "vmc" for address in to):
         check_idle(context, ("avatar",), "without a vmc:// receiver")
     partner = context.params["partner"]
@@ -262,7 +262,7 @@ def _check_options(context: typer.Context, source: str, to: Sequence[str], parts
 
 
 def _read_map(names: Path | None, avatar: Path | None) -> dict[str, str] | None:
-    """The map of an avatar's joints, if there is one."""
+    """Read the map of an avatar's joints, if one is given."""
     from ..motion.bone_mapping import load_map
 
     if names is not None and avatar is None:
@@ -273,7 +273,7 @@ def _read_map(names: Path | None, avatar: Path | None) -> dict[str, str] | None:
 def _open_outlets(
     stack: ExitStack, addresses: Iterable[str], settings: StreamSettings, tell: Callable[[str], None]
 ) -> list[Outlet]:
-    """The receivers; what they got is told when all are closed."""
+    """Open the receivers. When all are closed, how many frames each one got is printed."""
     from ..export.live.targets import open_outlet
 
     outlets: list[Outlet] = []
@@ -291,7 +291,7 @@ def _open_outlets(
 
 @contextmanager
 def _close_at_the_end(outlet: Outlet) -> Iterator[None]:
-    """An error of the receiver does not take the place of another one, or of Ctrl-C."""
+    """Close a receiver at the end. After another error or Ctrl-C, an error of closing is ignored."""
     try:
         yield
     except BaseException:
@@ -302,7 +302,7 @@ def _close_at_the_end(outlet: Outlet) -> Iterator[None]:
 
 
 def _shut_mouth(session: LiveSession, pacer: FramePacer) -> bool:
-    """What has not left is replaced by frames that end the speech; whether there are any."""
+    """Replace the frames that have not been sent by frames that end the speech; False if none are left."""
     if (first := pacer.take_back()) is None:
         return False
     try:
@@ -319,20 +319,20 @@ def _tell(text: str) -> None:
 
 
 def _say_nothing(text: str) -> None:
-    """With --quiet."""
+    """The function to print with when the user wants --quiet."""
 
 
 def _play_to_the_end(
     session: LiveSession, pieces: Iterable[Speech], steer: Callable[[Speech], Speech], pacer: FramePacer,
     tell: Callable[[str], None],
 ) -> None:  # fmt: skip
-    """Play until the sound is over or somebody stops the program, and tell how evenly the frames left."""
+    """Play until the sound ends or the user stops the program, and print how evenly the frames were sent."""
     try:
         _play(session, pieces, steer, pacer)
-    except (KeyboardInterrupt, SystemExit, Exception):  # SystemExit: SIGTERM; an exception: of a microphone that is pulled out
-        over = pacer.paced and _shut_mouth(session, pacer)
-        with suppress(OSError):  # of a receiver: what stopped the program is told
-            _end(pacer, tell, drop=not over)
+    except (KeyboardInterrupt, SystemExit, Exception):  # SystemExit: SIGTERM; Exception: such as an unplugged microphone
+        is_shut = pacer.paced and _shut_mouth(session, pacer)
+        with suppress(OSError):  # an error of a receiver; the first error is printed
+            _end(pacer, tell, drop=not is_shut)
         raise
     _end(pacer, tell, drop=False)
 
@@ -343,7 +343,7 @@ def _end(pacer: FramePacer, tell: Callable[[str], None], *, drop: bool) -> None:
 
 
 def _play(session: LiveSession, pieces: Iterable[Speech], steer: Callable[[Speech], Speech], pacer: FramePacer) -> None:
-    """From the first piece of sound to the last frame."""
+    """Play from the first piece of sound to the last frame."""
     from ..runtime.idle import TO_REST
 
     for piece in pieces:
@@ -351,7 +351,7 @@ def _play(session: LiveSession, pieces: Iterable[Speech], steer: Callable[[Speec
             pacer.begin(float(piece.duration))
         for motion in session.push(steer(piece)):
             pacer.push(motion)
-    steps = round(TO_REST / _STEP) if pacer.paced else 0  # who takes frames as they are made wants those of the sound
-    for seconds in (0.0, *[_STEP] * steps):  # in steps: all of it at once takes longer than a frame may be late
+    steps = round(TO_REST / _STEP) if pacer.paced else 0  # unpaced: only the frames of the sound
+    for seconds in (0.0, *[_STEP] * steps):  # in steps, since one long step would make frames late
         for motion in session.idle(seconds):
             pacer.push(motion)

@@ -1,4 +1,4 @@
-"""Where `cospeech stream` hears from: the sound, and the messages that steer."""
+"""Sources of `cospeech stream`: the sound, the words, and the messages that steer."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 
 __all__ = ["check_partner", "check_sources", "hear_partner", "is_live", "open_pieces"]
 
-_RATES = (8_000, 192_000)  # samples per second of raw sound that can be said
-_WORDS_LINE = 16 << 20  # bytes of a line of --words [ours: with a minute of sound in base64, which some services put there]
+_RATES = (8_000, 192_000)  # range of --rate, samples per second
+_WORDS_LINE = 16 << 20  # bytes of a line of --words [ours: some services put a minute of sound in base64 there]
 
 
 def check_sources(
     source: str, control: str | None, transcript: str | None, words: str | None, language: str, rate: int, samples: str
 ) -> None:
-    """See that what was asked for goes together.
+    """Check that the options about sources fit together.
 
     Raises:
-        InputError: it does not.
+        InputError: they do not.
     """
     from ..audio.languages import check_language
     from ..audio.live_sources import FORMATS
@@ -56,10 +56,10 @@ def check_sources(
 
 
 def _check_sound(source: str) -> None:
-    """See that sound can come from there.
+    """Check that sound can come from a source.
 
     Raises:
-        InputError: it is an address of another kind.
+        InputError: it is an address of a kind that sends no sound.
     """
     from ..export.live.addresses import scheme_of
 
@@ -68,17 +68,17 @@ def _check_sound(source: str) -> None:
 
 
 def _list_addresses() -> str:
-    """Kinds of addresses that something is heard from, for hints."""
+    """Kinds of addresses that can be sources, for hints."""
     from ..export.live.addresses import SOURCES
 
     return ", ".join(f"{scheme}://HOST:PORT" for scheme in SOURCES)
 
 
 def check_partner(partner: str | None, source: str, control: str | None, unpaced: bool) -> None:
-    """See that the person who talks to the character can be heard beside its own speech.
+    """Check that the sound of the other person can be heard beside the character's own speech.
 
     Raises:
-        InputError: that person cannot.
+        InputError: it cannot.
     """
     if partner is None:
         return
@@ -91,7 +91,7 @@ def check_partner(partner: str | None, source: str, control: str | None, unpaced
 
 
 def _check_words(path: str, source: str) -> None:
-    """See that words can be read.
+    """Check that words can be read.
 
     Raises:
         InputError: there is no such file or pipe, or the speech is a sound file.
@@ -106,7 +106,7 @@ def _check_words(path: str, source: str) -> None:
 
 
 def is_live(source: str) -> bool:
-    """Whether somebody speaks now; else it is a sound file."""
+    """Whether a source is live; else it is a sound file."""
     from ..export.live.addresses import SOURCES, scheme_of
 
     return source in ("mic", "-") or scheme_of(source) in SOURCES
@@ -116,16 +116,16 @@ def open_pieces(
     stack: ExitStack, source: str, transcript: str | None, words: str | None, control: str | None, *, rate: int, kind: str,
     slack: float, unpaced: bool, tell: Callable[[str], None], language: str = "",
 ) -> tuple[Iterator[Speech], LiveControls]:  # fmt: skip
-    """The speech of a source, piece by piece, and the messages that steer; what it opens is closed with ``stack``.
+    """Open a source. Returns its speech, piece by piece, and the messages that steer; ``stack`` closes what is opened.
 
     Args:
-        transcript: file of the words of the whole speech.
-        words: file or pipe of words that come beside live sound.
-        control: where messages that steer come from, besides those of the source.
+        transcript: file with the words of the whole speech.
+        words: file or pipe with words that come beside live sound.
+        control: a further source of messages that steer, besides the sound's source.
         slack: seconds that live sound may be late.
-        unpaced: read a file as fast as it can be played.
-        tell: told what is wrong with a message or with raw samples.
-        language: of all words, see `cospeech.audio.languages`; of a transcript it is found where not given.
+        unpaced: read a file as fast as possible, not as fast as it is spoken.
+        tell: called with what is wrong with a message or with raw samples.
+        language: of all words, see `cospeech.audio.languages`. If it is empty, that of a transcript is detected.
 
     Raises:
         InputError: the source or the control cannot be opened, or the transcript cannot be read.
@@ -152,21 +152,21 @@ def open_pieces(
 def _open_words(
     transcript: str | None, language: str, path: str | None, words: WaitingWords, tell: Callable[[str], None]
 ) -> None:
-    """Put the words of a transcript, and in a thread those that come beside the sound."""
+    """Put the words of a transcript into ``words``, and start a thread that puts the words that come beside the sound."""
     from ..audio.languages import with_language
     from ..audio.transcripts import load_speech_words
     from ..face.graphemes import note_unread_words
 
     if transcript is not None:
-        known = with_language(load_speech_words(transcript), language)
-        note_unread_words(known)
-        words.put(known)
+        transcript_words = with_language(load_speech_words(transcript), language)
+        note_unread_words(transcript_words)
+        words.put(transcript_words)
     if path is not None:
         _start(_collect_words, path, words, tell)
 
 
 def _see_that_sound_comes(pieces: Iterator[Speech], waiting: WaitingSound) -> Iterator[Speech]:
-    """The pieces; an error at their end if no sample came."""
+    """Yield the pieces; raise an InputError at the end if no sample came."""
     yield from pieces
     if not waiting.received:
         raise InputError("the input ended without sound", "send samples to it before you end it")
@@ -175,7 +175,7 @@ def _see_that_sound_comes(pieces: Iterator[Speech], waiting: WaitingSound) -> It
 def hear_partner(
     stack: ExitStack, source: str | None, listener: LiveListener, *, rate: int, kind: str, tell: Callable[[str], None]
 ) -> None:
-    """Have a character hear, in a thread, who talks to it, if anybody does; what is opened is closed with ``stack``.
+    """Start a thread in which a character hears the other person, if there is a source; ``stack`` closes what is opened.
 
     Raises:
         InputError: the source cannot be opened.
@@ -203,7 +203,7 @@ def _collect_partner(pieces: Iterator[Speech], listener: LiveListener, tell: Cal
 def _open_blocks(
     stack: ExitStack, source: str, rate: int, kind: str, put: Callable[[str], object], tell: Callable[[str], None]
 ) -> Iterator[Any]:
-    """Samples as they come; texts of a WebSocket are put elsewhere."""
+    """Samples of a source as they come. Texts of a WebSocket go to ``put``."""
     from ..audio.live_sources import read_microphone, read_websocket
 
     def note(text: str) -> None:
@@ -219,7 +219,7 @@ def _open_blocks(
 
 
 def _read_stdin(rate: int, kind: str, note: Callable[[str], None]) -> Iterator[Any]:
-    """Samples of standard input, without its buffer, whose lock would abort the program if it ends while nothing comes."""
+    """Yield samples of standard input. It is read without a buffer: the buffer's lock could abort the program at its end."""
     from ..audio.live_sources import read_pcm
 
     with open(sys.stdin.fileno(), "rb", buffering=0, closefd=False) as file:  # a descriptor
@@ -232,17 +232,17 @@ def _pieces_of_file(stack: ExitStack, path: str, transcript: str | None, languag
     from ..audio.speech_chunks import speech_chunks
     from ..face.graphemes import note_unread_words
 
-    opened = stack.enter_context(open_speech(path, transcript=transcript, language=language))
-    note_unread_words(opened.words)
-    pieces = (piece for block in speech_chunks(opened) for piece in block.chunks(PIECE))
+    speech = stack.enter_context(open_speech(path, transcript=transcript, language=language))
+    note_unread_words(speech.words)
+    pieces = (piece for block in speech_chunks(speech) for piece in block.chunks(PIECE))
     return pieces if unpaced else wait_for_each(pieces)
 
 
 def _open_control(stack: ExitStack, address: str, controls: LiveControls, tell: Callable[[str], None]) -> None:
-    """Hear the messages of ``--control``, besides those of the input.
+    """Start to read the messages of ``--control``, besides those of the input.
 
     Raises:
-        InputError: nobody answers at the address, or it cannot be listened on.
+        InputError: no server answers at the address, or we cannot listen on it.
     """
     messages: Iterable[str | bytes]
     if address == "-":
@@ -256,9 +256,9 @@ def _open_control(stack: ExitStack, address: str, controls: LiveControls, tell: 
     _start(_collect, messages, controls)
 
 
-def _start(collect: Callable[..., None], *given: object) -> None:
-    """Call in a thread that ends with the program."""
-    threading.Thread(target=collect, args=given, name=f"cospeech {collect.__name__}", daemon=True).start()
+def _start(collect: Callable[..., None], *arguments: object) -> None:
+    """Call a function in a thread that ends with the program."""
+    threading.Thread(target=collect, args=arguments, name=f"cospeech {collect.__name__}", daemon=True).start()
 
 
 def _collect(messages: Iterable[str | bytes], controls: LiveControls) -> None:
@@ -268,14 +268,14 @@ def _collect(messages: Iterable[str | bytes], controls: LiveControls) -> None:
 
 
 def _collect_words(path: str, words: WaitingWords, tell: Callable[[str], None]) -> None:
-    """The lines of a file; or those of all who write to a named pipe, one after the other."""
+    """Read words from the lines of a file, or of a named pipe. A pipe is opened again after each writer."""
     from ..audio.live_sources import read_lines
     from ..audio.transcripts import settle
     from ..audio.word_json import read_documents
 
     while True:
         lines = filter(bytes.strip, read_lines(path, _WORDS_LINE))
-        documents = map(_parse_words, lines)  # goes on after an error, as a generator would not
+        documents = map(_parse_words, lines)  # `map` goes on after an error, a generator would not
         while True:
             try:
                 for entry in read_documents(documents):

@@ -1,4 +1,4 @@
-"""``cospeech studio``: the local web page where speech becomes motion, is edited, compared and taken away."""
+"""``cospeech studio``: it serves the local web page on which motion is made, edited, compared and downloaded."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Token = Annotated[
 ]
 NoBrowser = Annotated[bool, Option("--no-browser", help="Do not open the page in a browser.")]
 _RANDOM = "auto"
-_TOKEN = (8, 128)  # characters; ours: shorter ones are guessed
+_TOKEN = (8, 128)  # characters [ours: shorter ones can be guessed]
 
 
 def register(app: typer.Typer) -> None:

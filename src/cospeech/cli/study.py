@@ -1,4 +1,4 @@
-"""``cospeech study``: make a study with human raters, serve its page, and report what it found."""
+"""``cospeech study``: it makes a study with human raters, serves its page, and reports the results."""
 
 from __future__ import annotations
 
@@ -209,10 +209,10 @@ def import_(
     """
     from ..studio.study.static import import_answers
 
-    found = import_answers(study, files)
+    result = import_answers(study, files)
     if not quiet:
-        twice = f", {found.twice} left out: another session of the participant is there" if found.twice else ""
-        typer.echo(f"{study}  {say_count(found.added, 'session')} added, {found.known} known already{twice}")
+        twice = f", {result.twice} left out: another session of the participant is there" if result.twice else ""
+        typer.echo(f"{study}  {say_count(result.added, 'session')} added, {result.known} known already{twice}")
 
 
 @study_app.command()
@@ -236,10 +236,10 @@ def report(
     from ..studio.study.tables import write_tables
 
     text, findings = report_study(study, incomplete=incomplete)
-    written = [] if tables is None else write_tables(study, tables, incomplete=incomplete)
+    files = [] if tables is None else write_tables(study, tables, incomplete=incomplete)
     if as_json:
         typer.echo(json.dumps(findings_json(findings), indent=2, ensure_ascii=False))
         return
     typer.echo(text)
-    for path in written if not quiet else ():
+    for path in files if not quiet else ():
         typer.echo(path)

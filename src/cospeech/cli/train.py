@@ -1,4 +1,4 @@
-"""``cospeech train`` and ``cospeech bundle``: from a recipe to a model that anyone can run. As light as `cli`."""
+"""``cospeech train`` and ``cospeech bundle``: train a model, and pack it into one file. Imports are late, as in `cli.main`."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ Quiet = Annotated[bool, Option("--quiet", "-q", help="Print no progress bar and 
 
 @contextmanager
 def _training() -> Iterator[None]:
-    """Says what to install where PyTorch is missing."""
+    """If PyTorch is missing, raise an InputError that tells what to install."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -70,7 +70,7 @@ def register(app: typer.Typer) -> None:
 
 
 def _leave_team() -> None:
-    """End a process that `torchrun` started: gloo's threads can abort one that ends as others do, when all is done."""
+    """End a process that `torchrun` started. With a normal exit, gloo's threads could abort it after the work is done."""
     if "TORCHELASTIC_RUN_ID" in os.environ:
         sys.stdout.flush()
         sys.stderr.flush()
@@ -118,7 +118,7 @@ def _add_train(app: typer.Typer) -> None:
 
 
 def _continue(plan: recipes.Recipe, folder: Path, changes: list[str], quiet: bool) -> recipes.Recipe:
-    """The recipe that a run began with, with the changes of now; values that differ from the file's are told."""
+    """The recipe that a run began with, with the new changes. Prints which of its values differ from the recipe file."""
     with _training():
         from ..training.checkpoint import continue_recipe
         from ..training.recipe import FREE
@@ -130,14 +130,14 @@ def _continue(plan: recipes.Recipe, folder: Path, changes: list[str], quiet: boo
     return own
 
 
-def _store(named: Path | None, recipe: str, corpus: str) -> Path:
-    """Where the data lie.
+def _store(path: Path | None, recipe: str, corpus: str) -> Path:
+    """The folder of the store.
 
     Raises:
-        InputError: neither the user nor the recipe says.
+        InputError: neither the user nor the recipe names one.
     """
-    if named is not None or recipe:
-        return named or Path(recipe)
+    if path is not None or recipe:
+        return path or Path(recipe)
     if not corpus:
         raise InputError("no store is named", "--store FOLDER, which `cospeech prepare` makes")
     folder = Path("stores", corpus)

@@ -1,4 +1,4 @@
-"""What the command line says of an error that nobody raised on purpose: whose code it comes from, or what ran out."""
+"""Messages for unexpected exceptions: whose code raised the exception, or which resource ran out."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ __all__ = ["explain"]
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _LIBRARIES = tuple(Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib"))
-_INSTALLED = ("site-packages", "dist-packages")  # where installers put packages; the latter is Debian's name
+_PACKAGE_FOLDERS = ("site-packages", "dist-packages")  # where installers put packages; the latter is Debian's name
 _GROUPS = ("cospeech.formats", "cospeech.models")
 
 
 def explain(error: Exception, command: str) -> CospeechError:
-    """The error that is told for one that was not foreseen.
+    """The error to print for an unexpected exception.
 
     Args:
         error: with its traceback.
         command: the name of the command, such as "train".
 
     Returns:
-        An `InputError` for an error in a file of the user's, such as a model of their own; else an `InternalError`.
+        An `InputError` if the exception comes from a file of the user, such as a model of their own; else an `InternalError`.
     """
     if isinstance(error, OSError):
         return _explain_os_error(error)
@@ -45,23 +45,23 @@ def explain(error: Exception, command: str) -> CospeechError:
 
 
 def _explain_os_error(error: OSError) -> CospeechError:
-    """The error that is told where the system refuses something: a name, or of a full disk, say."""
+    """The error to print for an `OSError`, such as a name that is too long, or a full disk."""
     reason, name = error.strerror or str(error), error.filename
     if name == STANDARD_OUTPUT:
         return InternalError(f"cannot write {name}: {reason}", "files that were made before are complete")
-    where = f"{os.fsdecode(name)!r}: " if isinstance(name, str | bytes) else ""  # writing to an open file tells no name
+    where = f"{os.fsdecode(name)!r}: " if isinstance(name, str | bytes) else ""  # an error of an open file has no name
     if error.errno == errno.ENAMETOOLONG:
         return InputError(f"{where}{reason}", "choose a shorter one")
     return InternalError(f"{where}{reason}", "is there room on the disk, and in memory?")
 
 
 def _is_memory(error: Exception) -> bool:
-    """Of Python or NumPy, of a graphics card, or of PyTorch's allocator, which raises a RuntimeError."""
+    """Whether memory ran out: in Python or NumPy, on a graphics card, or in PyTorch's allocator (a RuntimeError)."""
     return isinstance(error, MemoryError) or type(error).__name__ == "OutOfMemoryError" or "can't allocate memory" in str(error)
 
 
 def _find_own_code(error: Exception) -> str:
-    """File and line of the user's code that the error comes from; nothing where innermost, libraries aside, is our code."""
+    """File and line of the user's code that raised the error; empty if our code is the innermost one that is no library."""
     plugins = {entry.value.partition(":")[0].partition(".")[0] for group in _GROUPS for entry in entry_points(group=group)}
     for frame, line in reversed([*traceback.walk_tb(error.__traceback__)]):
         path = _file(frame.f_code)
@@ -69,12 +69,14 @@ def _find_own_code(error: Exception) -> str:
             continue
         if path.is_relative_to(_PACKAGE):
             return ""
-        installed = any(part in _INSTALLED for part in path.parts) or any(path.is_relative_to(place) for place in _LIBRARIES)
-        if not installed or frame.f_globals.get("__name__", "").partition(".")[0] in plugins:
+        is_installed = any(part in _PACKAGE_FOLDERS for part in path.parts) or any(
+            path.is_relative_to(place) for place in _LIBRARIES
+        )
+        if not is_installed or frame.f_globals.get("__name__", "").partition(".")[0] in plugins:
             return f"{str(path)!r}, line {line}"
     return ""
 
 
 def _file(code: CodeType) -> Path | None:
-    """Where code was written; None for what stands in no file, such as Python's frozen modules."""
+    """The file of a code object; None if it has no file, as Python's frozen modules have none."""
     return None if code.co_filename.startswith("<") else Path(code.co_filename).resolve()

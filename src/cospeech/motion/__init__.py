@@ -1,6 +1,6 @@
 """Motion: rotations, skeletons, poses, retargeting and kinematics.
 
-`Motion` is resolved on first use: the command line reads names from this package before it needs NumPy.
+`Motion` is imported on first use: the command line reads names from this package before it needs NumPy.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Finding our joints in a skeleton by its shape alone, when the names say nothing.
+"""Find our joints in a skeleton by its shape alone, when the names say nothing.
 
-A person's tree has two pairs of equal long limbs: legs where they meet low, arms where they meet high. Along a limb the two
-longest neighbouring bones are its upper and lower part. Left and right follow from where the feet point. Fingers and the
-face are not looked for.
+The tree of a person has two pairs of long limbs of equal length: legs, which meet low, and arms, which meet high. The two
+longest neighbouring bones of a limb are its upper and lower part. Left and right follow from the direction of the feet.
+Fingers and the face are not searched.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from .skeleton import Skeleton
 __all__ = ["TreeShape", "by_shape"]
 
 _ALIKE = 0.1  # ours: the two limbs of a pair differ by less in every bone
-_WIDE = 0.25  # ours: shoulders are at least this part of an arm apart, the inner ends of collar bones are not
-_MOST = 32  # ours: so many limbs of one joint are compared, the longest; persons have three where the legs meet
+_WIDE = 0.25  # ours: shoulders are at least this part of an arm apart; the inner ends of collar bones are nearer
+_MOST = 32  # ours: the number of limbs of one joint that are compared, the longest; persons have three where the legs meet
 _LONG = 0.3  # ours: a limb is at least this part of the longest chain in the tree
 
 
 def by_shape(skeleton: Skeleton) -> dict[str, str]:
-    """Our name → their name; empty where the tree is not a person's.
+    """Our name → their name; empty if the tree is not that of a person.
 
     Args:
         skeleton: theirs; its ``rest`` pose should be a standing one.
@@ -35,14 +35,14 @@ def by_shape(skeleton: Skeleton) -> dict[str, str]:
     legs, arms = sorted(pairs, key=lambda pair: len(body.path(pair[0])))
     if (
         body.hanging(arms, legs[0]) > body.hanging(legs, arms[0]) + 0.3
-    ):  # 0.3, ours: clearly, else the root is nearer to the legs
+    ):  # 0.3, ours: a clear difference is needed, as the root is usually nearer to the legs
         legs, arms = arms, legs
-    if body.hanging(legs, arms[0]) < 0.5:  # ours: legs that do not hang: not a standing pose, anything said would be a guess
+    if body.hanging(legs, arms[0]) < 0.5:  # ours: legs that do not hang: no standing pose, so that all would be a guess
         return {}
     chest = arms[0]
     hips = next(j for j in reversed(body.path(legs[0])) if j in body.path(chest))
     up = body.points[chest] - body.points[hips]
-    found = {"hips": hips}
+    matches = {"hips": hips}
     limbs = {}
     for pair, names in ((legs, ("UpperLeg", "LowerLeg", "Foot", "Toes")), (arms, ("UpperArm", "LowerArm", "Hand"))):
         for joint, other in (pair[1:], pair[:0:-1]):
@@ -54,17 +54,17 @@ def by_shape(skeleton: Skeleton) -> dict[str, str]:
         tips = {joint: body.points[list(limbs[joint].values())].mean(0) for joint in (a, b)}
         first = (a, b) if (tips[a] - tips[b]) @ left > 0 else (b, a)
         for side, joint in zip(("left", "right"), first, strict=True):
-            found |= {side + name: j for name, j in limbs[joint].items()}
+            matches |= {side + name: j for name, j in limbs[joint].items()}
     spine = [j for j in body.path(chest) if hips in body.path(j) and j != hips]
-    found |= dict(zip(("spine", "chest", "upperChest"), spine, strict=False))
+    matches |= dict(zip(("spine", "chest", "upperChest"), spine, strict=False))
     if len(spine) > 3:
-        found |= {"chest": spine[(len(spine) - 1) // 2], "upperChest": spine[-1]}
-    found |= body.head(chest, arms[1:], up)
-    return {ours: skeleton.names[j] for ours, j in found.items()}
+        matches |= {"chest": spine[(len(spine) - 1) // 2], "upperChest": spine[-1]}
+    matches |= body.head(chest, arms[1:], up)
+    return {ours: skeleton.names[j] for ours, j in matches.items()}
 
 
 class TreeShape:
-    """A skeleton's rest pose, with the longest way down from every joint."""
+    """The rest pose of a skeleton, with the longest chain below each joint."""
 
     def __init__(self, skeleton: Skeleton) -> None:
         self.skeleton = skeleton
@@ -78,33 +78,33 @@ class TreeShape:
                 self.reach[parent], self.next[parent] = reach, j
 
     def path(self, joint: int) -> list[int]:
-        """From the root down to ``joint``."""
-        found = [joint]
+        """Joints from the root down to ``joint``."""
+        joints = [joint]
         while (joint := self.skeleton.parents[joint]) >= 0:
-            found.append(joint)
-        return found[::-1]
+            joints.append(joint)
+        return joints[::-1]
 
     def chain(self, joint: int) -> list[int]:
-        """The longest way down from ``joint``, joints without length left out."""
-        found = [joint]
+        """The longest chain from ``joint`` down, without bones of no length."""
+        joints = [joint]
         while (joint := self.next[joint]) >= 0:
             if self.bone[joint] > 1e-3 * self.reach[0]:
-                found.append(joint)
+                joints.append(joint)
             else:
-                found[-1] = joint
-        return found
+                joints[-1] = joint
+        return joints
 
     def pairs(self) -> list[tuple[int, int, int]]:
-        """``(joint, limb, other limb)``: the longest alike limbs that meet, one pair per joint, at most two pairs."""
-        found = []
+        """``(joint, limb, other limb)``: the two longest pairs of equal limbs that meet, at most one pair for each joint."""
+        triples = []
         for joint, below in enumerate(self.skeleton.children):
             long = sorted(sorted(below, key=lambda limb: -self.reach[limb])[:_MOST])
             alike = [(a, b) for a, b in combinations(long, 2) if self._alike(a, b)]
             if alike:
                 a, b = max(alike, key=lambda pair: self.reach[pair[0]])
-                found.append((joint, a, b))
-        found.sort(key=lambda pair: -self.reach[pair[1]])
-        return found[:2]
+                triples.append((joint, a, b))
+        triples.sort(key=lambda pair: -self.reach[pair[1]])
+        return triples[:2]
 
     def _alike(self, a: int, b: int) -> bool:
         lengths = [np.array([self.bone[k] for k in self.chain(j)[1:4]]) for j in (a, b)]
@@ -113,15 +113,15 @@ class TreeShape:
         return bool((np.abs(lengths[0] - lengths[1]) <= _ALIKE * np.maximum(*lengths)).all())
 
     def hanging(self, pair: tuple[int, int, int], other: int) -> float:
-        """How far the limbs of ``pair`` point away from the joint ``other``, in parts of their length: 1 for legs."""
+        """How far the limbs of ``pair`` point away from the joint ``other``, as a part of their length: 1 for legs."""
         to = self.points[other] - self.points[pair[0]]
         tips = np.mean([self.points[self.chain(j)[-1]] for j in pair[1:]], 0) - self.points[pair[0]]
         return -float(to @ tips) / max(float(np.linalg.norm(to)) * float(self.reach[pair[1]]), 1e-12)
 
     def limb(self, joint: int, other: int, names: tuple[str, ...], *, collar: bool) -> dict[str, int]:
-        """Name the joints of a limb, its two longest neighbouring bones being the upper and the lower one.
+        """Name the joints of a limb. Its two longest neighbouring bones are the upper and the lower one.
 
-        Collar bones are left aside by being near the middle of the body, that is near the ``other`` limb's.
+        Collar bones are skipped: they lie near the middle of the body, that is near those of the ``other`` limb.
         """
         chain = self.chain(joint)
         lengths = [float(np.linalg.norm(self.points[b] - self.points[a])) for a, b in pairwise(chain)]
@@ -129,11 +129,11 @@ class TreeShape:
         apart = [float(np.linalg.norm(self.points[a] - self.points[b])) for a, b in zip(chain, self.chain(other), strict=False)]
         wide = [k for k in range(len(lengths) - 1) if not collar or apart[k] > _WIDE * self.reach[joint]]
         at = max(wide, key=lambda k: min(lengths[k], lengths[k + 1]), default=0)
-        found = dict(zip(names, chain[at:], strict=False))
-        return found | ({"Shoulder": chain[at - 1]} if collar and at > 0 else {})
+        joints = dict(zip(names, chain[at:], strict=False))
+        return joints | ({"Shoulder": chain[at - 1]} if collar and at > 0 else {})
 
     def toe_direction(self, limb: dict[str, int]) -> Array:
-        """From the ankle to where the foot ends."""
+        """Vector from the ankle to the end of the foot."""
         foot = limb.get("Foot")
         if foot is None:
             return np.zeros(3)
@@ -142,7 +142,7 @@ class TreeShape:
         return self.points[chain[-1]] + np.array(end, float) - self.points[foot]
 
     def _branches(self, joint: int) -> bool:
-        """Whether a face hangs on a joint: three joints or more, or two eyes, which lie as far away as each other."""
+        """Whether a joint carries a face: three joints or more, or two eyes, which are equally far away."""
         below = self.skeleton.children[joint]
         far = self.bone[list(below)]
         return len(below) > 2 or (len(below) == 2 and bool(abs(far[0] - far[1]) <= _ALIKE * far.max()))

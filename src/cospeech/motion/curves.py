@@ -1,4 +1,4 @@
-"""Curves between 0 and 1, and bounds."""
+"""Curves between 0 and 1, and hard and soft bounds."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["clip", "smoothstep", "soft_clip", "soft_positive"]
 
 
 def clip(x: Array, low: Array | float, high: Array | float) -> Array:
-    """As `numpy.clip`, which takes three times as long over few values."""
+    """`numpy.clip`, but three times as fast for few values."""
     return np.minimum(np.maximum(x, low), high)
 
 
@@ -21,14 +21,14 @@ def smoothstep(u: Array) -> Array:
 
 
 def soft_positive(x: Array, width: float) -> Array:
-    """The larger of 0 and ``x``, rounded off over about ``width`` to either side of 0, where it is .69 widths."""
+    """The larger of 0 and ``x``, smoothed over about ``width`` on both sides of 0; at 0 it is .69 widths."""
     return width * np.logaddexp(0.0, x / width)  # type: ignore[no-any-return]
 
 
 def soft_clip(x: Array, low: float, high: float) -> Array:
-    """The identity inside, bent within the last fifth of the range on either side; never at ``low`` or ``high``."""
+    """The identity in the middle, a curve within the last fifth of the range on both sides; never at ``low`` or ``high``."""
     middle, half = (low + high) / 2, (high - low) / 2
     u = (x - middle) / half
     over = np.abs(u) - 0.8
-    bent = np.sign(u) * (0.8 + 0.2 * np.tanh(np.maximum(over, 0) / 0.2))
-    return middle + half * np.where(over > 0, bent, u)
+    curve = np.sign(u) * (0.8 + 0.2 * np.tanh(np.maximum(over, 0) / 0.2))
+    return middle + half * np.where(over > 0, curve, u)

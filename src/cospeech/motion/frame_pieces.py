@@ -1,4 +1,4 @@
-"""Streams of motion, cut at the same frames."""
+"""Cut several streams of motion at the same frames."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from .motion import Motion
 __all__ = ["cut_alike"]
 
 
-def cut_alike(moving: Sequence[Iterator[Motion]]) -> Iterator[list[Motion]]:
-    """Pieces of several motions as they come: the same frames of each, until the shortest is over."""
-    held = [next(motion, None) for motion in moving]
-    while all(piece is not None for piece in held):
-        pieces = [piece for piece in held if piece is not None]
+def cut_alike(streams: Sequence[Iterator[Motion]]) -> Iterator[list[Motion]]:
+    """Yield pieces of several motions as they come: the same frames of each, until the shortest ends."""
+    buffer = [next(motion, None) for motion in streams]
+    while all(piece is not None for piece in buffer):
+        pieces = [piece for piece in buffer if piece is not None]
         count = min(map(len, pieces))
         if count:
             yield [piece[:count] for piece in pieces]
-        held = [
-            piece[count:] if len(piece) > count else next(motion, None) for piece, motion in zip(pieces, moving, strict=True)
+        buffer = [
+            piece[count:] if len(piece) > count else next(motion, None) for piece, motion in zip(pieces, streams, strict=True)
         ]

@@ -1,6 +1,6 @@
-"""What the names of a skeleton's joints say: side, part, and what is a helper of something else.
+"""Read the names of joints: side, part, and whether a joint is a helper of another one.
 
-Names of many makes are read (Mixamo, Rokoko, CMU, Biped, VRoid, Rigify, MakeHuman, Unreal, SMPL …).
+The names of many makes are read (Mixamo, Rokoko, CMU, Biped, VRoid, Rigify, MakeHuman, Unreal, SMPL …).
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ PARTS = {
     "Toes": ("toebase", "toes", "toe", "ball", "forefoot", "foot"),
     "Eye": ("eye", "eyeball", "faceeye"),
 }
-"""Our part → what others call it, best first."""
+"""Our part → its names in other skeletons, best first."""
 _WORDS = {word for words in PARTS.values() for word in words} | {"fingers", "thumb", "toebase"}
 
 
 class JointName:
-    """What a name says: side, stem (words without side and noise), digits, and whether it is a helper of something else."""
+    """The parts of a name: side, stem (words without side and noise), digits, and whether it is a helper of another joint."""
 
     def __init__(self, index: int, name: str) -> None:
         self.index = index
@@ -65,7 +65,7 @@ class JointName:
             self._side_within()
 
     def _side_within(self) -> None:
-        """``leftarm``, ``lfemur``, ``thighr``: sides that are not set off."""
+        """Find a side that is not separated from the stem: ``leftarm``, ``lfemur``, ``thighr``."""
         for side in ("left", "right"):
             if self.stem.startswith(side) or self.stem.endswith(side):
                 self.side, self.stem = side, self.stem.replace(side, "", 1)
@@ -75,32 +75,32 @@ class JointName:
 
     @property
     def rank(self) -> tuple[bool, tuple[int, ...], int]:
-        """Order among joints of one stem: real ones first, then by number."""
+        """Order of joints with the same stem: helpers last, then by number."""
         return self.helper, tuple(int(d[:9]) for d in self.digits), self.index
 
 
 class JointTree:
-    """Ancestry of a skeleton, with what its names say."""
+    """The tree of a skeleton, with its names read."""
 
     def __init__(self, skeleton: Skeleton) -> None:
         self.skeleton = skeleton
         self.joints = [JointName(k, name) for k, name in enumerate(skeleton.names)]
 
     def path(self, joint: int) -> list[int]:
-        """From the root down to ``joint``."""
-        found = [joint]
+        """Joints from the root down to ``joint``."""
+        joints = [joint]
         while (joint := self.skeleton.parents[joint]) >= 0:
-            found.append(joint)
-        return found[::-1]
+            joints.append(joint)
+        return joints[::-1]
 
     def above(self, a: int, b: int) -> bool:
-        """Is ``a`` a true ancestor of ``b``?"""
+        """Whether ``a`` is a true ancestor of ``b``."""
         return a != b and a in self.path(b)
 
     def meeting(self, *joints: int) -> int:
-        """The lowest joint from which all of ``joints`` descend (or which is one of them)."""
-        shared = set.intersection(*(set(self.path(j)) for j in joints))
-        return max(shared, key=lambda j: len(self.path(j)))
+        """The lowest common ancestor of ``joints``; it may be one of them."""
+        ancestors = set.intersection(*(set(self.path(j)) for j in joints))
+        return max(ancestors, key=lambda j: len(self.path(j)))
 
     def find(self, side: str | None, part: str) -> list[int]:
         """Joints that may be ``part``, best first."""

@@ -1,4 +1,4 @@
-"""Key points out of joint rotations, and at other rates."""
+"""Key points from joint rotations, and resampling of key points."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def joint_points(motion: Motion, sources: Sequence[Source]) -> Array:
 
 
 def resample_points(values: Array, fps: float, target: float) -> Array:
-    """(T, …) at another rate, linearly between frames; ceil(T × target / fps) frames."""
+    """Resample (T, …) to another rate, linearly between frames; ceil(T × target / fps) frames."""
     if fps == target or not len(values):
         return values
     count = max(1, int(np.ceil(len(values) * target / fps - 1e-9)))

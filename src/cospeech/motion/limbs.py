@@ -1,9 +1,9 @@
 """Arms and legs that a rig may lack: half bodies, busts, heads alone.
 
-A rig lacks its legs if neither names nor shape say that they are there: no joint is named like one of a leg, and the joints
-that names do not explain make fewer than two long chains. What hangs below the head, a hand or a limb that is found is
-explained, and so are helpers. The same holds for arms. Legs under names that say nothing are two long chains: then a map
-has to name them, or to say by ``""`` that the chains, of a skirt say, are none.
+A rig lacks its legs if neither names nor shape suggest them: no joint has the name of a leg's joint, and the unexplained joints
+form fewer than two long chains. Joints below the head, a hand or a limb with matches are explained, and so are helpers. The
+same holds for arms. Legs whose names say nothing form two long chains. Then a map has to name them, or to say by ``""`` that
+the chains, for example of a skirt, are no legs.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ _PARTS = {"arms": ("UpperArm", "LowerArm"), "legs": ("UpperLeg", "LowerLeg", "Fo
 _WITHIN = {
     "arms": ("upperarm", "uparm", "lowerarm", "lowarm", "forearm", "elbow"),
     "legs": ("leg", "thigh", "shin", "calf", "knee", "foot", "ankle", "toe"),
-}  # ours: within a longer name these still speak of the limb; "arm" does not, because armour and armatures have it
+}  # ours: within a longer name these still mean the limb; "arm" does not, because of armour and armatures
 _ENDS = {"Arm": ("Shoulder", "Hand", "Thumb", "Index", "Middle", "Ring", "Little"), "Leg": ("Foot", "Toes")}
 _TRUNK = {"hips", "spine", "chest", "upperChest", "neck"}
-_EXPLAINED = {word for part in ("Hand", "Eye") for word in PARTS[part]} | {"jaw"}
-_LONG = 0.2  # ours: of the way from hips to head, or of the longest chain where these are not found; a thigh of a dwarf has it
+_END_WORDS = {word for part in ("Hand", "Eye") for word in PARTS[part]} | {"jaw"}
+_LONG = 0.2  # ours: part of the way from hips to head, or else of the longest chain; the thigh of a dwarf has it
 _NOTES = {
     ("arms",): "has no arms: head, trunk and legs move",
     ("legs",): "has no legs: the lower body does not move",
@@ -45,62 +45,62 @@ _NOTES = {
 }
 
 
-def lacks_limb(found: Mapping[str, object], kind: str) -> bool:
-    """Whether no joint of a kind of `LIMBS` is found.
+def lacks_limb(matches: Mapping[str, object], kind: str) -> bool:
+    """Whether no joint of a kind of `LIMBS` has a match.
 
     Args:
-        found: our name → what it is; ``""`` says that there is none.
-        kind: of limb.
+        matches: our name → its match; ``""`` says that there is none.
+        kind: arms or legs.
     """
-    return all(found.get(name, "") == "" for name in LIMBS[kind])
+    return all(matches.get(name, "") == "" for name in LIMBS[kind])
 
 
-def find_absent_limbs(skeleton: Skeleton, found: Mapping[str, str]) -> list[str]:
-    """Which of `LIMBS` a body lacks: nothing of them is found, and nothing says that they are there.
+def find_absent_limbs(skeleton: Skeleton, matches: Mapping[str, str]) -> list[str]:
+    """The kinds of `LIMBS` that a body lacks: no joint of them has a match, and neither names nor shape suggest them.
 
     Args:
         skeleton: theirs.
-        found: our name → their name; without hips and head nothing is said to lack.
+        matches: our name → their name; without hips and head, the result is empty.
     """
-    absent = [kind for kind in LIMBS if lacks_limb(found, kind)]
-    if not absent or not (found.get("hips") and found.get("head")):
+    absent = [kind for kind in LIMBS if lacks_limb(matches, kind)]
+    if not absent or not (matches.get("hips") and matches.get("head")):
         return []
     tree = JointTree(skeleton)
-    return [] if _has_unexplained_pair(tree, found) else [kind for kind in absent if not _is_named(tree, kind)]
+    return [] if _has_unexplained_pair(tree, matches) else [kind for kind in absent if not _is_named(tree, kind)]
 
 
-def may_have_limbs(skeleton: Skeleton, found: Mapping[str, str]) -> bool:
-    """Whether names or shape say that there are arms or legs, found or not; ``found`` is our name → their name."""
+def may_have_limbs(skeleton: Skeleton, matches: Mapping[str, str]) -> bool:
+    """Whether names or shape suggest arms or legs, with or without matches; ``matches``: our name → their name."""
     tree = JointTree(skeleton)
-    return any(_is_named(tree, kind) for kind in LIMBS) or _has_unexplained_pair(tree, found)
+    return any(_is_named(tree, kind) for kind in LIMBS) or _has_unexplained_pair(tree, matches)
 
 
-def drop_loose_ends(found: Mapping[str, T]) -> dict[str, T]:
-    """What is found, without shoulders, hands, fingers and feet of limbs that are not there."""
+def drop_loose_ends(matches: Mapping[str, T]) -> dict[str, T]:
+    """The matches without shoulders, hands, fingers and feet of limbs that are absent."""
     loose = tuple(
         side + end
         for side in ("left", "right")
         for limb, ends in _ENDS.items()
         for end in (*ends, f"Upper{limb}", f"Lower{limb}")
-        if not {f"{side}Upper{limb}", f"{side}Lower{limb}"} <= {*found}
+        if not {f"{side}Upper{limb}", f"{side}Lower{limb}"} <= {*matches}
     )
-    return {ours: theirs for ours, theirs in found.items() if not ours.startswith(loose)} if loose else dict(found)
+    return {ours: theirs for ours, theirs in matches.items() if not ours.startswith(loose)} if loose else dict(matches)
 
 
-def note_absent_limbs(found: Mapping[str, object], file: str) -> None:
-    """Warn of what does not move.
+def note_absent_limbs(matches: Mapping[str, object], file: str) -> None:
+    """Warn that arms or legs are absent and do not move.
 
     Args:
-        found: our name → what it is in the file.
-        file: how the message calls the file.
+        matches: our name → its match in the file.
+        file: name of the file in the message.
     """
-    absent = tuple(kind for kind in LIMBS if lacks_limb(found, kind))
+    absent = tuple(kind for kind in LIMBS if lacks_limb(matches, kind))
     if absent:
         warnings.warn(f"{file} {_NOTES[absent]}", CospeechWarning, stacklevel=2)
 
 
 def _is_named(tree: JointTree, kind: str) -> bool:
-    """Whether a joint is named like one of the limb; a shoulder may be a collar bone."""
+    """Whether a joint has a name of the limb. "Shoulder" does not count: it may be a collar bone."""
     words = {word for part in _PARTS[kind] for word in PARTS[part]} - {*PARTS["Shoulder"]}
     return any(
         (joint.side and joint.stem in words) or any(word in joint.stem for word in _WITHIN[kind])
@@ -109,18 +109,18 @@ def _is_named(tree: JointTree, kind: str) -> bool:
     )
 
 
-def _has_unexplained_pair(tree: JointTree, found: Mapping[str, str]) -> bool:
-    """Whether joints that no name explains make two long chains, each of two joints or more, which might be limbs."""
+def _has_unexplained_pair(tree: JointTree, matches: Mapping[str, str]) -> bool:
+    """Whether unexplained joints form two long chains, each of two joints or more, which might be limbs."""
     skeleton, body = tree.skeleton, TreeShape(tree.skeleton)
-    joints = {ours: skeleton.index[theirs] for ours, theirs in found.items() if theirs}
+    joints = {ours: skeleton.index[theirs] for ours, theirs in matches.items() if theirs}
     on_the_way = {j for joint in joints.values() for j in tree.path(joint)}
-    closed = {joint for ours, joint in joints.items() if ours not in _TRUNK}
+    limb_joints = {joint for ours, joint in joints.items() if ours not in _TRUNK}
     both = {"hips", "head"} <= {*joints}
     size = float(np.linalg.norm(body.points[joints["head"]] - body.points[joints["hips"]])) if both else float(body.reach.max())
     spare: list[bool] = []
     chains = 0
     for joint, parent in enumerate(skeleton.parents):
-        above = parent < 0 or spare[parent] or (parent in on_the_way and parent not in closed)
+        above = parent < 0 or spare[parent] or (parent in on_the_way and parent not in limb_joints)
         spare.append(above and joint not in on_the_way and not _is_explained(tree.joints[joint]))
         goes_on = parent >= 0 and spare[parent] and body.next[parent] == joint
         chains += spare[joint] and not goes_on and len(body.chain(joint)) > 1 and body.reach[joint] > _LONG * size
@@ -128,4 +128,4 @@ def _has_unexplained_pair(tree: JointTree, found: Mapping[str, str]) -> bool:
 
 
 def _is_explained(joint: JointName) -> bool:
-    return joint.extra or joint.stem in _EXPLAINED
+    return joint.extra or joint.stem in _END_WORDS

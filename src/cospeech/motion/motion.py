@@ -1,4 +1,4 @@
-"""Motion: what every generator makes and every exporter takes."""
+"""Motion: the type that every generator returns and every exporter takes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Motion"]
 
-_UNIT = 0.02  # of a squared length; ours: float16 is off by 0.001, what was interpolated without care by more
+_UNIT = 0.02  # tolerance of a squared length [ours: float16 is off by 0.001, careless interpolation by more]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Motion:
         root: (T, 3) position of the root joint in metres, Y up, the character facing +Z.
         face: (T, 52) ARKit weights in 0 … 1 in the order of `cospeech.motion.skeletons.arkit.ARKIT`, or None.
         skeleton: its J joints; our humanoid if not given.
-        start: time of the first frame in seconds; the chunks of a stream have theirs.
+        start: time of the first frame in seconds; each chunk of a stream has its own.
 
     Raises:
         InputError: shapes disagree, rotations are not of unit length, fps is not 0.0001 … 10,000, or a value is not a finite
@@ -86,7 +86,7 @@ class Motion:
         return self.start + np.arange(len(self)) / self.fps
 
     def __getitem__(self, frames: slice) -> Motion:
-        """Frames ``a:b`` as a Motion that knows its start time."""
+        """Frames ``a:b`` as a Motion with its own start time."""
         if not isinstance(frames, slice):
             first = frames if isinstance(frames, int | np.integer) else 3
             end = "" if first == -1 else first + 1
@@ -123,10 +123,10 @@ class Motion:
         )
 
     def resample(self, fps: float) -> Motion:
-        """The same motion at another rate: slerp for rotations, linear for the rest; the duration is kept to a frame.
+        """The same motion at another rate: slerp for rotations, linear for the rest; the duration changes by less than a frame.
 
         Raises:
-            InputError: no rate of motion, or it would become larger than motion in memory may be.
+            InputError: the rate is out of range, or the motion would become larger than motion in memory may be.
         """
         _check_rate(fps)
         if fps == self.fps or len(self) == 0:
@@ -201,18 +201,18 @@ class Motion:
 
 
 def _check_rate(fps: object) -> None:
-    """A number of frames per second that motion can have."""
+    """Raise an InputError for a frame rate that motion cannot have."""
     try:
         fits = isinstance(fps, Real) and not isinstance(fps, bool) and MOTION_RATES[0] <= float(fps) <= MOTION_RATES[1]
     except OverflowError:  # a whole number beyond all floats
         fits = False
     if not fits:  # NaN, too
-        shown = repr(fps)[:40] if not isinstance(fps, int) or abs(fps) < 1e9 else "too many"  # digits of an int have a limit
-        raise InputError(f"{shown} frames per second", f"{MOTION_RATES[0]:g} … {MOTION_RATES[1]:g}, such as 30")
+        text = repr(fps)[:40] if not isinstance(fps, int) or abs(fps) < 1e9 else "too many"  # digits of an int have a limit
+        raise InputError(f"{text} frames per second", f"{MOTION_RATES[0]:g} … {MOTION_RATES[1]:g}, such as 30")
 
 
 def _numbers(name: str, value: object) -> Array:
-    """The array itself, or what can be one: real numbers, all of them finite."""
+    """A value as an array of floats; raise an InputError if it holds anything but finite real numbers."""
     try:
         array = np.asarray(value)
     except ValueError:  # rows of unequal length

@@ -1,7 +1,7 @@
-"""Smooth random motion that is a pure function of time: the same seed gives the same value at the same instant, in any order.
+"""Smooth random noise that is a pure function of time: the same seed gives the same value at the same time, in any order.
 
-A lattice of hashed normal values is interpolated by cubic B-splines and octaves of it are summed, so the spectrum falls
-off smoothly and there is no state to carry through a stream.
+A lattice of hashed normal values is interpolated by cubic B-splines, and several octaves are added. So the spectrum falls off
+smoothly, and a stream needs no state.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["hash_normal", "hash_uniform", "smooth_noise"]
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)  # splitmix64 (Steele, Lea & Flood 2014)
 _MIX_A, _MIX_B = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 _ROUNDS, _LAST = ((_MIX_A, np.uint64(30)), (_MIX_B, np.uint64(27))), np.uint64(31)
-_SHOWN = np.uint64(11)
+_SHIFT = np.uint64(11)
 
 
 def _hash(seed: int, stream: Array, index: Array) -> NDArray[np.uint64]:
@@ -31,8 +31,8 @@ def _hash(seed: int, stream: Array, index: Array) -> NDArray[np.uint64]:
 
 
 def hash_uniform(seed: int, stream: ArrayLike, index: ArrayLike) -> Array:
-    """Uniform values in (0, 1) that depend on nothing but ``(seed, stream, index)``; arguments broadcast."""
-    return ((_hash(seed, np.asarray(stream), np.asarray(index)) >> _SHOWN).astype(np.float64) + 0.5) / 2.0**53
+    """Uniform values in (0, 1) that depend on ``(seed, stream, index)`` alone; arguments broadcast."""
+    return ((_hash(seed, np.asarray(stream), np.asarray(index)) >> _SHIFT).astype(np.float64) + 0.5) / 2.0**53
 
 
 def hash_normal(seed: int, stream: ArrayLike, index: ArrayLike) -> Array:
@@ -45,7 +45,7 @@ def hash_normal(seed: int, stream: ArrayLike, index: ArrayLike) -> Array:
 
 @lru_cache(64)
 def _lattice(seed: int, channels: int, octave: int, low: int, count: int) -> Array:
-    """(count, channels) values from a place on; a stream asks for the same again and again until the next one comes in."""
+    """(count, channels) values from the place ``low`` on. They are cached: a stream needs the same ones again and again."""
     lattice = hash_normal(seed, np.arange(channels) + 7919 * octave, (low + np.arange(count))[:, None])
     lattice.setflags(write=False)
     return lattice
@@ -53,7 +53,7 @@ def _lattice(seed: int, channels: int, octave: int, low: int, count: int) -> Arr
 
 @lru_cache(64)
 def _lattices(seed: int, channels: int, low: tuple[int, ...], count: tuple[int, ...]) -> Array:
-    """(sum of counts, channels): those of all octaves, one after the other."""
+    """(sum of counts, channels) values of all octaves, one after the other."""
     cells = enumerate(zip(low, count, strict=True))
     lattice = np.concatenate([_lattice(seed, channels, octave, *cell) for octave, cell in cells])
     lattice.setflags(write=False)
@@ -64,8 +64,8 @@ def smooth_noise(seed: int, channels: int, times: Array, rate: float, *, octaves
     """Band-limited noise of unit variance.
 
     Args:
-        seed: which noise.
-        channels: C independent ones.
+        seed: another seed gives other noise.
+        channels: C, number of independent channels.
         times: (T,) seconds.
         rate: lattice points per second of the slowest octave; its power lies below about ``rate / 2``.
         octaves: each doubles the rate and multiplies the amplitude by ``gain``.

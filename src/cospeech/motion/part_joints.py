@@ -18,7 +18,7 @@ _ARMS = ("Shoulder", "UpperArm", "LowerArm", "Hand")
 
 @cache
 def arm_joints(parts: tuple[str, ...] = PARTS) -> list[int]:
-    """Indices of what moves the hands: clavicles and arms of a body, fingers of hands."""
+    """Indices of the joints that move the hands: clavicles and arms for the body, fingers for the hands."""
     s = humanoid()
     fingers = {*s.left_hand, *s.right_hand}
     arms = [k for k, name in enumerate(s.names) if name.endswith(_ARMS) and k not in fingers]
@@ -33,7 +33,7 @@ def eye_joints() -> list[int]:
 
 @cache
 def resting_joints(parts: tuple[str, ...]) -> list[int]:
-    """Joints that were not asked for; eyes are asked for with the body."""
+    """Indices of the joints that belong to none of ``parts``; eyes belong to the body."""
     s = humanoid()
     fingers = {*s.left_hand, *s.right_hand}
     resting = [] if "hands" in parts else sorted(fingers)
@@ -41,7 +41,7 @@ def resting_joints(parts: tuple[str, ...]) -> list[int]:
 
 
 def select_parts(rotations: Array, root: Array, parts: tuple[str, ...]) -> tuple[Array, Array]:
-    """Neutral rotations, and the hips at their place, for parts that were not asked for; the same arrays if there are none."""
+    """Set neutral rotations, and the hips at rest, for all other parts; the same arrays are returned if there are none."""
     resting = resting_joints(parts)
     if not resting:
         return rotations, root

@@ -1,6 +1,6 @@
-"""Parts of a character, as options, files and models name them."""
+"""Parts of a character: their names in options, files and models."""
 
 __all__ = ["PARTS"]
 
 PARTS = ("face", "body", "hands")
-"""What can be generated alone or together."""
+"""Parts that can be generated alone or together."""

@@ -1,4 +1,4 @@
-"""Key points over time, for bodies of which no rotations are known."""
+"""Key points over time, for bodies without known rotations."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class Points:
 
     Args:
         fps: frames per second.
-        values: (T, J, 2) or (T, J, 3): pixels or metres as the corpus has them, but y *up* and the person's left at +x
-            when seen from the front; `layout` says which.
+        values: (T, J, 2) or (T, J, 3), in pixels or metres as in the corpus (`layout` says which), but with y *up*, and the
+            person's left at +x when seen from the front.
         layout: name of the key-point table: ``"ted"`` (10 joints, 3-D) or ``"pats"`` (52 joints, 2-D).
     """
 

@@ -1,9 +1,9 @@
-"""What a motion says of the T-pose of its skeleton: the turn of each joint about its bone.
+"""Correct the T-pose of a skeleton by its motion: the turn of each joint about its bone.
 
-Bones that all lie along one axis in a file's zero pose have directions, but no front. `cospeech.motion.tpose` then turns
-each bone the shortest way and may turn it about itself. Positions of joints stay right, but a skin is torn. The motion knows
-better: hips carry the line between the legs, a chest the line between the shoulders, an elbow and a knee bend about one
-axis. If a joint's rotation disagrees with these lines by the same turn in all frames, its T-pose is wrong by that turn.
+If all bones of a file's zero pose lie along one axis, they have directions, but no front. `cospeech.motion.tpose` then turns
+each bone the shortest way, and may turn it about itself. Positions of joints stay right, but a skin is torn. The motion shows
+the right turns: hips carry the line between the legs, a chest the line between the shoulders, and an elbow and a knee bend
+about one axis. If a joint's rotation differs from these lines by the same turn in all frames, its T-pose is wrong by that turn.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from .tpose import on_floor
 __all__ = ["calibrate_rest", "on_motions_floor"]
 
 _X, _Y, _Z = np.eye(3)
-_BENT = np.sin(np.radians(25.0))  # ours: an elbow or a knee that bends less shows no axis
-_FEWEST = 5  # frames that show an axis; ours
-_SHORTEST = 30  # ours: in fewer frames a pose may be meant
-_FRAMES = 256  # ours: frames that are looked at
-_LEAST = 50.0  # degrees; ours: joints turn by half of that on the average, a T-pose that is wrong by far more
+_LEAST_BEND = np.sin(np.radians(25.0))  # ours: an elbow or a knee that bends less shows no axis
+_FEWEST = 5  # ours: frames that are needed to show an axis
+_SHORTEST = 30  # ours: in a shorter motion, the pose may be intended
+_FRAMES = 256  # ours: frames that are examined
+_LEAST = 50.0  # degrees of error that are corrected [ours: the mean turn of joints is half of that, of wrong T-poses far more]
 _LEAST_OF = {"LowerArm": 75.0, "Hand": 100.0, "Distal": 100.0}  # ours: palms and fists are seldom as in a T-pose
-_MANY, _LEAST_OF_MANY = 4, 15.0  # ours: where so many T-poses are wrong, all are set right that are off by this
-_MOST_LEFT = 40.0  # degrees that may remain; ours: more is movement, not a T-pose
+_MANY, _LEAST_OF_MANY = 4, 15.0  # ours: if so many joints are wrong, all with an error of so many degrees are corrected
+_MOST_ERROR = 40.0  # degrees that may remain [ours: more is movement, not a T-pose]
 _CONTACT = 5.0  # ours: the lowest 5 % of the heights of the soles are contacts
-_HIGHEST_FLOOR = 0.12  # metres; ours: feet that never come lower hang on purpose
+_HIGHEST_FLOOR = 0.12  # metres [ours: feet that are always higher hang in the air on purpose]
 _TRUNK = ("spine", "chest", "upperChest", "neck", "head")
 _NEXT = {"UpperArm": "LowerArm", "LowerArm": "Hand", "UpperLeg": "LowerLeg", "LowerLeg": "Foot", "Shoulder": "UpperArm",
          "Foot": "Toes", "Hand": "MiddleProximal"}  # fmt: skip
-_HELD = {"Thumb": "Hand", "Eye": "head", "jaw": "head"}  # what no line tells of: it turns with what holds it
+_HOLDERS = {"Thumb": "Hand", "Eye": "head", "jaw": "head"}  # parts without a line of their own → the part with which they turn
 _CARRIERS = {
     "LowerArm": ("UpperArm", _Y), "Hand": ("LowerArm", _Z),
     "UpperLeg": ("hips", _X), "LowerLeg": ("UpperLeg", _X), "Foot": ("LowerLeg", _X), "Toes": ("Foot", _X),
 }  # fmt: skip
-"""Part → the joint whose turn about the bone it shares on the average, and an axis across the bone."""
-for _finger in ("Index", "Middle", "Ring", "Little"):  # a thumb turns about itself, so that its average tells nothing
+"""Part → the joint whose mean turn about the bone is the same, and an axis across the bone."""
+for _finger in ("Index", "Middle", "Ring", "Little"):  # a thumb turns about itself, so that its mean shows nothing
     _above = "Hand"
     for _phalanx in ("Proximal", "Intermediate", "Distal"):
         _CARRIERS[_finger + _phalanx] = (_above, _Z)
@@ -51,7 +51,7 @@ for _finger in ("Index", "Middle", "Ring", "Little"):  # a thumb turns about its
 
 @dataclass(frozen=True)
 class _Line:
-    """A direction in the T-pose, that of the same thing in each frame, and how much each frame counts."""
+    """A direction in the T-pose, the same direction in each frame, and the weight of each frame."""
 
     rest: Array
     frames: Array
@@ -59,7 +59,7 @@ class _Line:
 
 
 def calibrate_rest(skeleton: Skeleton, names: Mapping[str, str], rotations: Array) -> Skeleton:
-    """The same skeleton with a T-pose that fits its motion.
+    """Correct the T-pose of a skeleton so that it fits its motion.
 
     Args:
         skeleton: theirs, with the T-pose of `cospeech.motion.tpose.with_tpose`.
@@ -67,7 +67,7 @@ def calibrate_rest(skeleton: Skeleton, names: Mapping[str, str], rotations: Arra
         rotations: (T, J, 4) local rotations.
 
     Returns:
-        The skeleton itself where nothing disagrees, or where the motion is too short to tell.
+        The skeleton itself if nothing is wrong, or if the motion is too short to tell.
     """
     if len(rotations) < _SHORTEST:
         return skeleton
@@ -82,18 +82,18 @@ def calibrate_rest(skeleton: Skeleton, names: Mapping[str, str], rotations: Arra
     if not turns:
         return skeleton
     turns |= {ours: turns[holder] for ours, holder in _name_holders(joints).items() if holder in turns}
-    corrected = rest.copy()
+    new_rest = rest.copy()
     for ours, turn in turns.items():
-        corrected[joints[ours]] = quat_multiply(quat_conjugate(turn), rest[joints[ours]])
-    above = corrected[[max(p, 0) for p in skeleton.parents]]
+        new_rest[joints[ours]] = quat_multiply(quat_conjugate(turn), rest[joints[ours]])
+    above = new_rest[[max(p, 0) for p in skeleton.parents]]
     above[0] = (0, 0, 0, 1)
-    return on_floor(replace(skeleton, rest=quat_multiply(quat_conjugate(above), corrected)), joints["hips"])
+    return on_floor(replace(skeleton, rest=quat_multiply(quat_conjugate(above), new_rest)), joints["hips"])
 
 
 def on_motions_floor(skeleton: Skeleton, names: Mapping[str, str], rotations: Array, root: Array) -> Skeleton:
-    """The same skeleton, its T-pose on the floor that the feet of the motion touch; in many files it is not at height 0.
+    """Put the T-pose of a skeleton on the floor that the feet of the motion touch; in many files this is not at height 0.
 
-    Without legs its hips are as high as those of the motion are for half of the time.
+    Without legs, the hips get the median height of the motion's hips.
 
     Args:
         skeleton: theirs, in metres, with its T-pose as ``rest``.
@@ -112,58 +112,58 @@ def on_motions_floor(skeleton: Skeleton, names: Mapping[str, str], rotations: Ar
 
 
 def _find_turns(lines: _Lines, least: float) -> dict[str, Array]:
-    """Our name → (4,) what is missing in the T-pose of a joint, for those that are off by ``least`` degrees or more."""
-    found = {}
+    """Our name → (4,) the turn that corrects the T-pose of a joint, for errors of ``least`` degrees or more."""
+    turns = {}
     for ours in lines.joints:
         limit = next((limit for part, limit in _LEAST_OF.items() if ours.endswith(part)), least)
         turn = _find_turn(lines.since[ours], lines.of(ours), limit)
         if turn is not None:
-            found[ours] = turn
+            turns[ours] = turn
             lines.since[ours] = quat_multiply(lines.since[ours], turn)
-    return found
+    return turns
 
 
 def _name_holders(joints: Mapping[str, int]) -> dict[str, str]:
-    """Our name → the name of what holds it, for joints that no line tells of: else a hand is set right without its thumb."""
-    found = {}
+    """Our name → name of the joint with which it turns, for joints without a line: a thumb is corrected with its hand."""
+    holders = {}
     for ours in joints:
         side = next((s for s in ("left", "right") if ours.startswith(s)), "")
-        holder = next((held for part, held in _HELD.items() if ours.removeprefix(side).startswith(part)), None)
+        holder = next((name for part, name in _HOLDERS.items() if ours.removeprefix(side).startswith(part)), None)
         if holder is not None:
-            found[ours] = holder if holder == "head" else side + holder
-    return found
+            holders[ours] = holder if holder == "head" else side + holder
+    return holders
 
 
 def _find_turn(since: Array, lines: list[_Line], least: float) -> Array | None:
-    """(4,) what is missing between a joint's rotation since the T-pose, (T, 4), and its lines; None where nothing is."""
+    """(4,) the turn between a joint's rotation since the T-pose, (T, 4), and its lines; None if it is no error."""
     if len(lines) < 2:
         return None
     back = quat_conjugate(since)
-    seen = [(line.rest, quat_rotate(back, line.frames), line.weight) for line in lines]
-    fit = sum(np.einsum("t,ti,j->ij", weight / len(weight), now, was) for was, now, weight in seen)
+    observations = [(line.rest, quat_rotate(back, line.frames), line.weight) for line in lines]
+    fit = sum(np.einsum("t,ti,j->ij", weight / len(weight), now, rest) for rest, now, weight in observations)
     u, _, v = np.linalg.svd(fit)
     turn = matrix_to_quat(u @ np.diag((1.0, 1.0, np.sign(np.linalg.det(u @ v)))) @ v)
     if np.degrees(quat_angle(turn, quat_identity())) < least:
         return None
-    left = [np.arccos(np.clip(now @ quat_rotate(turn, was), -1, 1))[weight > 0].mean() for was, now, weight in seen]
-    return turn if np.degrees(max(left)) < _MOST_LEFT else None
+    errors = [np.arccos(np.clip(now @ quat_rotate(turn, rest), -1, 1))[weight > 0].mean() for rest, now, weight in observations]
+    return turn if np.degrees(max(errors)) < _MOST_ERROR else None
 
 
 class _Lines:
-    """Directions that are known in the T-pose and seen in each frame.
+    """Directions that are known both in the T-pose and in each frame.
 
     Args:
         joints: our name → index, parents first.
         points: (T, J, 3) joints in the frames.
         tpoints: (J, 3) joints in the T-pose.
-        since: our name → (T, 4) rotations since the T-pose; set right as they become known.
+        since: our name → (T, 4) rotations since the T-pose; they are corrected as errors become known.
     """
 
     def __init__(self, joints: Mapping[str, int], points: Array, tpoints: Array, since: Mapping[str, Array]) -> None:
         self.joints, self._points, self._tpoints, self.since = joints, points, tpoints, dict(since)
 
     def of(self, ours: str) -> list[_Line]:
-        """Two lines at most, of a joint: where its bone points, and what lies across it."""
+        """At most two lines of a joint: the direction of its bone, and one across it."""
         side = next((s for s in ("left", "right") if ours.startswith(s)), "")
         part = ours.removeprefix(side)
         if ours == "hips":
@@ -200,7 +200,7 @@ class _Lines:
         return [line for line in lines if line is not None]
 
     def _between(self, start: str, end: str, rest: Array | None = None) -> _Line | None:
-        """From one joint to another; ``rest`` is where that points in every T-pose, else it is as in this one."""
+        """The line from one joint to another; ``rest``: its direction in every T-pose; None: that of this T-pose."""
         if not {start, end} <= set(self.joints):
             return None
         a, b = self.joints[start], self.joints[end]
@@ -210,7 +210,7 @@ class _Lines:
         return _Line(_unit(here) if rest is None else rest, _unit(frames), np.ones(len(frames)))
 
     def _up(self, ours: str) -> _Line | None:
-        """From a joint of the trunk to the next above it that lies elsewhere; of a head, from below."""
+        """The line from a joint of the trunk to the next one above it at another place; for a head, from the one below."""
         order = ["hips", *_TRUNK]
         above = [name for name in order[order.index(ours) + 1 :] if name in self.joints]
         below = [name for name in order[: order.index(ours)] if name in self.joints]
@@ -219,13 +219,13 @@ class _Lines:
         return next((line for line in (*lines, *from_below) if line is not None), None)
 
     def _hinge(self, side: str, chain: tuple[str, str, str], axis: Array) -> _Line | None:
-        """The axis about which an elbow or a knee bends; ``axis`` is that of the T-pose."""
+        """The line of the axis about which an elbow or a knee bends; ``axis``: its direction in the T-pose."""
         if not {side + part for part in chain} <= set(self.joints):
             return None
         a, b, c = (self._points[:, self.joints[side + part]] for part in chain)
         normal = np.cross(_unit(b - a), _unit(c - b))
         bend = np.linalg.norm(normal, axis=-1)
-        weight = np.where(bend > _BENT, bend, 0.0)
+        weight = np.where(bend > _LEAST_BEND, bend, 0.0)
         return _Line(axis, _unit(normal), weight) if np.count_nonzero(weight) >= _FEWEST else None
 
 

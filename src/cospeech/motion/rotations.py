@@ -37,16 +37,17 @@ __all__ = [
 ]  # fmt: skip
 
 Array = NDArray[Any]
-"""Floats of any width, and what indexes them: NumPy's own stubs do not follow dtypes through arithmetic."""
+"""An array of any dtype: NumPy's own stubs do not follow dtypes through arithmetic."""
 _AXIS = {"X": 0, "Y": 1, "Z": 2}
 _SMALL = 1e-12  # ours: below this an angle or a norm counts as zero in float64
-_FEW = 256  # numbers up to which one product of gathered copies is quicker than sixteen of views (measured; ours)
+_FEW = 256  # numbers up to which one product of gathered copies is faster than sixteen products of views [ours, measured]
 _OF_A = np.array([3, 0, 1, 2])
 _OF_B = np.array([[0, 3, 2, 1], [1, 2, 3, 0], [2, 1, 0, 3], [3, 0, 1, 2]])
 _SIGNS = np.array([[1, 1, 1, -1], [1, -1, 1, 1], [1, 1, -1, 1], [1, -1, -1, -1]], np.float32)
-"""A row for each component of the Hamilton product: which component of ``b`` goes with w, x, y, z of ``a``, and its sign."""
-_TURNED, _TURNED_BACK = np.array([1, 2, 0, 2, 0, 1]), np.array([2, 0, 1, 1, 2, 0])
-"""Components of the two products of each component of a vector product."""
+"""A row for each component of the Hamilton product: the component of ``b`` that is multiplied with w, x, y, z of ``a``, and the
+sign of the product."""
+_CYCLE, _CYCLE_BACK = np.array([1, 2, 0, 2, 0, 1]), np.array([2, 0, 1, 1, 2, 0])
+"""Indices of the factors of the six products in a vector product."""
 
 
 def quat_identity(*shape: int, dtype: type = np.float64) -> Array:
@@ -95,9 +96,9 @@ def vector_normalize(v: Array) -> Array:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """The vector product of ``(..., 3)``, as of `numpy.cross`, which takes five times as long over few of them."""
+    """The vector product of ``(..., 3)``; for few vectors five times as fast as `numpy.cross`."""
     if a.size <= _FEW and b.size <= _FEW:  # the same bits, see `quat_multiply`
-        terms = a.take(_TURNED, -1) * b.take(_TURNED_BACK, -1)
+        terms = a.take(_CYCLE, -1) * b.take(_CYCLE_BACK, -1)
         few: Array = terms[..., :3] - terms[..., 3:]
         return few
     ax, ay, az, bx, by, bz = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
@@ -111,10 +112,10 @@ def cross(a: Array, b: Array) -> Array:
 def quat_rotate(q: Array, v: Array) -> Array:
     """Rotate vectors ``v (..., 3)`` by ``q (..., 4)``; batch dimensions broadcast."""
     if q.size <= _FEW and v.size <= _FEW:  # the same bits, see `quat_multiply`
-        turned = q.take(_TURNED, -1)
-        terms = turned * v.take(_TURNED_BACK, -1)
+        components = q.take(_CYCLE, -1)
+        terms = components * v.take(_CYCLE_BACK, -1)
         t = 2 * (terms[..., :3] - terms[..., 3:])
-        terms = turned * t.take(_TURNED_BACK, -1)
+        terms = components * t.take(_CYCLE_BACK, -1)
         return v + q[..., 3:] * t + (terms[..., :3] - terms[..., 3:])  # type: ignore[no-any-return]
     xyz = q[..., :3]
     t = 2 * cross(xyz, v)
@@ -132,7 +133,7 @@ def quat_continuous(q: Array, axis: int = 0) -> Array:
 
 
 class QuatStream:
-    """`quat_continuous` of rotations that come in pieces: all pieces together have the signs of the whole.
+    """`quat_continuous` for rotations that come in pieces: the pieces together have the signs of the whole.
 
     >>> turn = QuatStream()
     >>> q = quat_identity(1)
@@ -144,16 +145,16 @@ class QuatStream:
         self._last: Array | None = None
 
     def push(self, q: Array) -> Array:
-        """Rotations ``(T, ..., 4)`` that come next, on the half-spheres of those before; a new array."""
+        """Flip the signs of the next rotations ``(T, ..., 4)`` to fit the ones before; returns a new array."""
         if not len(q):
             return q
-        found = quat_continuous(q) if self._last is None else quat_continuous(np.concatenate([self._last, q]))[1:]
-        self._last = found[-1:].copy()
-        return found
+        result = quat_continuous(q) if self._last is None else quat_continuous(np.concatenate([self._last, q]))[1:]
+        self._last = result[-1:].copy()
+        return result
 
 
 def quat_angle(a: Array, b: Array) -> Array:
-    """Angle between two rotations, ``(...)`` in radians, 0 … π; exact for small angles too."""
+    """Angle between two rotations, ``(...)`` in radians, 0 … π; accurate for small angles, too."""
     d = quat_multiply(quat_conjugate(a), b)
     return 2 * np.arctan2(np.linalg.norm(d[..., :3], axis=-1), np.abs(d[..., 3]))
 
@@ -234,8 +235,8 @@ def euler_to_quat(angles: Array, order: str = "XYZ") -> Array:
         if k:
             before, after = (axis + 1) % 3, (axis + 2) % 3  # the product with a turn about one axis: half of its terms are 0
             x, y, z, w = out[..., axis], out[..., before], out[..., after], out[..., 3]
-            turned = w * s + x * c, y * c + z * s, z * c - y * s, w * c - x * s
-            out[..., axis], out[..., before], out[..., after], out[..., 3] = turned
+            product = w * s + x * c, y * c + z * s, z * c - y * s, w * c - x * s
+            out[..., axis], out[..., before], out[..., after], out[..., 3] = product
         else:
             out[..., axis], out[..., 3] = s, c
         out += 0.0  # no zero is negative
@@ -258,14 +259,14 @@ def quat_to_euler(q: Array, order: str = "XYZ") -> Array:
     pole = np.hypot(m[..., i, i], m[..., i, j]) < 1e-9
     first = np.arctan2(-sign * m[..., j, k], m[..., k, k])
     first = np.where(pole, np.arctan2(sign * m[..., k, j], m[..., j, j]), first)
-    # From what is left after the first turn, so that near the poles, where both are ill-determined, they fit each other.
+    # Computed from the rest after the first turn, so that both fit each other near the poles, where they are ill-determined.
     cos, sin = np.cos(first), sign * np.sin(first)
     third = np.arctan2(sign * (cos * m[..., j, i] + sin * m[..., k, i]), cos * m[..., j, j] + sin * m[..., k, j])
     return np.stack([first, middle, np.where(pole, 0.0, third)], -1)
 
 
 def _nearest_euler(q: Array, order: str) -> Array:
-    """Angles (..., 1 or 2): the quaternion of such angles has the largest product with ``q``."""
+    """Angles (..., 1 or 2) whose quaternion has the largest product with ``q``."""
     i, w = _AXIS[order[0]], q[..., 3]
     if len(order) == 1:
         halves = np.arctan2(q[..., i], w)[..., None]
@@ -318,14 +319,14 @@ def quat_twist(q: Array, axis: ArrayLike) -> Array:
 
 
 def continuous_euler(angles: Array, last: Array | None = None) -> Array:
-    """Of the equivalent answers, take those that run on without jumps.
+    """Choose, among equivalent Euler angles, those without jumps from row to row.
 
-    ``(a, b, c)`` and ``(a + π, π − b, c + π)`` are the same rotation, and so is any angle plus 2π. Which of the two is
-    nearer to the frame before does not depend on the choice made there, so that the choices add up (modulo two).
+    ``(a, b, c)`` and ``(a + π, π − b, c + π)`` are the same rotation, and so is any angle plus 2π. Which of the two triples is
+    nearer to the row before does not depend on the choice in that row, so that the choices add up (modulo two).
 
     Args:
         angles: (T, …, n) radians, of one to three different axes.
-        last: (…, n) the row before, which has been settled already.
+        last: (…, n) the row before, for which the choice has been made.
     """
     rows = angles if last is None else np.concatenate([last[None], angles])
     rows = np.unwrap(_nearer_twins(rows) if rows.shape[-1] == 3 else rows, axis=0)
@@ -333,7 +334,7 @@ def continuous_euler(angles: Array, last: Array | None = None) -> Array:
 
 
 def _nearer_twins(rows: Array) -> Array:
-    """Of the two triples of each rotation the one that is nearer to the row before."""
+    """Of the two triples of each rotation, the one that is nearer to the row before."""
     twin = np.stack([rows[..., 0] + np.pi, np.pi - rows[..., 1], rows[..., 2] + np.pi], -1)
 
     def distance(a: Array, b: Array) -> Array:

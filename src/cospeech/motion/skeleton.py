@@ -33,11 +33,11 @@ class Skeleton:
         offsets: (J, 3) metres, from the parent joint in the parent's frame. The root's offset is its T-pose position.
         rest: (J, 4) local rotations, xyzw, that put this skeleton into the T-pose (facing +Z, Y up); identity for our humanoid.
         ends: leaf name → (3,) offset of the bone's tip, metres.
-        kind: which table the names follow: ``"humanoid"``, ``"mixamo"``, …; ``"custom"`` for files of unknown make.
-        floor: height on which the T-pose stands, metres; 0 unless the file that it was read from has another floor.
-        bone_map: our name → its name, as found when the file was read; empty: it is found when it is needed.
-        layout: the order, units and channels of the BVH file that it was read from; None without such a file. Skeletons with
-            other layouts may be equal.
+        kind: table of the names: ``"humanoid"``, ``"mixamo"``, …; ``"custom"`` for files of unknown make.
+        floor: height of the floor of the T-pose, metres; 0 unless the skeleton comes from a file with another floor.
+        bone_map: our name → its name, as found when the file was read; if empty, it is found when it is needed.
+        layout: order, units and channels of the BVH file that the skeleton was read from; None without such a file. Skeletons
+            with different layouts may be equal.
 
     Raises:
         InputError: names repeat, a parent comes after its child, shapes disagree, or a value is not finite.
@@ -62,8 +62,8 @@ class Skeleton:
         if not (np.isfinite(offsets).all() and np.isfinite(rest).all()):
             raise InputError("a skeleton's offsets or rest hold values that are not finite")
         if len(set(names)) != len(names):
-            twice = sorted(name for name, count in Counter(names).items() if count > 1)
-            raise InputError(f"joint names repeat: {', '.join(twice)[:200]}")
+            duplicates = sorted(name for name, count in Counter(names).items() if count > 1)
+            raise InputError(f"joint names repeat: {', '.join(duplicates)[:200]}")
         if parents[0] != -1 or any(not 0 <= p < k for k, p in enumerate(parents) if k):
             raise InputError("a skeleton has one root, first, and parents stand before their children")
         for name, value in (("names", names), ("parents", parents), ("offsets", offsets), ("rest", rest)):
@@ -197,12 +197,12 @@ def find_skeleton(name: str) -> Skeleton:
     """
     if name not in SKELETONS:
         near = get_close_matches(str(name).lower(), SKELETONS, 1, 0.5)
-        known = f"known: {', '.join(SKELETONS)}"
+        names = f"known: {', '.join(SKELETONS)}"
         if PurePath(str(name)).suffix:
             raise InputError(
-                f"unknown skeleton {name!r}", f"of a file: cospeech.export.target_skeleton.find_target({str(name)!r}); {known}"
+                f"unknown skeleton {name!r}", f"of a file: cospeech.export.target_skeleton.find_target({str(name)!r}); {names}"
             )
-        raise InputError(f"unknown skeleton {name!r}", f"did you mean {near[0]!r}? {known}" if near else known)
+        raise InputError(f"unknown skeleton {name!r}", f"did you mean {near[0]!r}? {names}" if near else names)
     table = import_module(SKELETONS[name])
     return from_table(table.JOINTS, table.ENDS, name)
 

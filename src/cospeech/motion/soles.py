@@ -1,4 +1,4 @@
-"""Soles of feet: the points with which a skeleton stands on the floor, and how high they are."""
+"""Soles of feet: the points on which a skeleton stands, and their heights."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from .skeleton import Skeleton
 
 __all__ = ["Soles", "find_soles"]
 
-_HEEL = 0.25  # of the length from ankle to toes, behind the ankle; ours: a foot is 15 % of the stature, a quarter of it behind
-_TIP = 0.5  # of the same length, before the joint of the toes where the file has no tip; ours: that of our humanoid
+_HEEL = 0.25  # heel behind the ankle, as a part of ankle to toes [ours: a foot is 15 % of the stature, a quarter of it behind]
+_TIP = 0.5  # tip before the joint of the toes, as a part of the same length, if the file has no tip [ours: of our humanoid]
 
 
 @dataclass(frozen=True)
 class Soles:
-    """Points under the feet: on the floor in the T-pose, fixed to a joint.
+    """Points under the feet. In the T-pose they are on the floor; each is fixed to a joint.
 
     Attributes:
-        joints: (P,) which joint carries each point.
+        joints: (P,) the joint that carries each point.
         points: (P, 3) in that joint's frame, metres.
     """
 
@@ -29,7 +29,7 @@ class Soles:
     points: Array
 
     def heights(self, positions: Array, world: Array) -> Array:
-        """(T,) metres, of the lowest point in each frame; positions (T, J, 3) and world rotations (T, J, 4) of the joints."""
+        """(T,) height of the lowest point in each frame, metres, from positions (T, J, 3) and world rotations (T, J, 4)."""
         lowest: Array = (positions[:, self.joints] + quat_rotate(world[:, self.joints], self.points))[..., 1].min(-1)
         return lowest
 
@@ -42,7 +42,7 @@ def find_soles(skeleton: Skeleton, names: Mapping[str, str]) -> Soles | None:
         names: our name → their name.
 
     Returns:
-        None where a foot is missing.
+        None if a foot is missing.
     """
     if not {"leftFoot", "rightFoot"} <= set(names):
         return None
@@ -59,12 +59,12 @@ def find_soles(skeleton: Skeleton, names: Mapping[str, str]) -> Soles | None:
 
 
 def _of_foot(skeleton: Skeleton, points: Array, world: Array, foot: int, toes: int | None) -> list[tuple[int, Array]]:
-    """``(joint, place)`` of heel, ball and tip in the T-pose; heights are not looked at."""
+    """``(joint, place)`` of heel, ball and tip in the T-pose; their heights are not used."""
     last = foot if toes is None else toes
     end = np.array(skeleton.ends.get(skeleton.names[last], (0.0, 0, 0)))
     tip = points[last] + quat_rotate(world[last], end)
     if toes is not None and np.linalg.norm(tip - points[toes]) < 1e-6:
         tip = points[toes] + _TIP * (points[toes] - points[foot])
     along = points[foot] - (tip if toes is None else points[toes])
-    found = [(foot, points[foot] + _HEEL * along), (last, tip)]
-    return found if toes is None else [*found, (foot, points[toes])]
+    places = [(foot, points[foot] + _HEEL * along), (last, tip)]
+    return places if toes is None else [*places, (foot, points[toes])]

@@ -1,8 +1,8 @@
-"""From the pose that a file calls zero to a T-pose: facing +Z, Y up, arms along ±X, legs down, feet on the floor.
+"""Make a T-pose from the zero pose of a file: facing +Z, Y up, arms along ±X, legs down, feet on the floor.
 
-A bone whose direction is already right to a tolerance stays as it was modelled, so that a skeleton in a T-pose is returned
-unchanged, natural bends of knees and shoulders included. Where the zero pose tells nothing about the turn of a limb about
-its own axis, the palms (down) and the feet (forward) decide.
+A bone whose direction is right within a tolerance stays as it was modelled. So a skeleton in a T-pose is not changed, and keeps
+natural bends of knees and shoulders. If the zero pose does not show the turn of a limb about its own axis, the palms (down) and
+the feet (forward) decide.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ _CHILD = {  # the joint that a bone points at, the first that exists
     "ThumbMetacarpal": ("ThumbProximal",), "ThumbProximal": ("ThumbDistal",),
     **{f"{f}Distal": () for f in ("Thumb", "Index", "Middle", "Ring", "Little")},
 }  # fmt: skip
-# Degrees that a bone may be off before it is turned. Ours: limbs of modelled T-poses are within 10°; collar bones, hands,
-# feet and spines differ by build, and are turned only where they make no T-pose at all.
+# Error in degrees up to which a bone is not turned. Ours: limbs of modelled T-poses are within 10°; collar bones, hands, feet
+# and spines differ by build, and are turned only if the pose is no T-pose at all.
 _LIMB, _HAND, _FINGER, _COLLAR, _SPINE, _FOOT = 10.0, 20.0, 45.0, 50.0, 45.0, 50.0
 _TWIST = 35.0
-_APART = 60.0  # a bone whose parent had to turn by more is not where it was modelled to be
+_APART = 60.0  # degrees; if the parent had to turn by more, the modelled direction of a bone means nothing
 _PHALANGES = ("Metacarpal", "Proximal", "Intermediate", "Distal")
-_SNAP = 35.0  # a file's axes are the body's axes if they are that near
+_SNAP = 35.0  # degrees up to which an axis of the file counts as the body's axis
 _FOOT_SLOPE = np.array([0.0, -0.45, 0.89])  # ours: ankle to ball of our humanoid
 
 
@@ -58,16 +58,17 @@ def _part(name: str) -> tuple[str, float]:
 
 
 def directions(skeleton: Skeleton, names: Mapping[str, str]) -> dict[str, Array]:
-    """Directions of bones in the rest pose, not normalised: from each joint to the next of ours below it, or to its tip.
+    """Directions of bones in the rest pose, not normalised: from each joint to the next joint of ours below it, or to its tip.
 
     Args:
         skeleton, names: theirs, and our name → their name.
 
     Returns:
-        our name → (3,), a foot's to the tip of its toes; bones without a next joint or a tip, or of length zero, are absent.
+        Our name → (3,); that of a foot leads to the tip of its toes. Bones without a next joint or a tip, or of length zero,
+        are absent.
     """
     points, tips = _points_and_tips(skeleton)
-    found = {}
+    aims = {}
     for ours, theirs in names.items():
         part, _ = _part(ours)
         side = ours[: len(ours) - len(part)]
@@ -75,37 +76,37 @@ def directions(skeleton: Skeleton, names: Mapping[str, str]) -> dict[str, Array]
         joint = skeleton.index[theirs]
         children = skeleton.children[joint]
         if part == "Foot":
-            found[ours] = _farthest(skeleton, joint, points, tips)
+            aims[ours] = _farthest(skeleton, joint, points, tips)
         elif below is not None:
-            found[ours] = points[skeleton.index[names[below]]] - points[joint]
+            aims[ours] = points[skeleton.index[names[below]]] - points[joint]
         elif part in _CHILD and joint in tips:
-            found[ours] = tips[joint] - points[joint]
+            aims[ours] = tips[joint] - points[joint]
         elif part in _CHILD and len(children) == 1:
-            found[ours] = points[children[0]] - points[joint]
-        if ours in found and np.linalg.norm(found[ours]) < 1e-9:
-            del found[ours]
-    return found
+            aims[ours] = points[children[0]] - points[joint]
+        if ours in aims and np.linalg.norm(aims[ours]) < 1e-9:
+            del aims[ours]
+    return aims
 
 
 def _points_and_tips(skeleton: Skeleton) -> tuple[Array, dict[int, Array]]:
-    """(J, 3) joints and, by joint, the ends of last bones, in the rest pose."""
+    """(J, 3) positions of the joints, and joint → tip of its last bone, in the rest pose."""
     points, world = skeleton.forward(skeleton.rest, skeleton.offsets[0])
     joints = {skeleton.index[name]: np.array(end, float) for name, end in skeleton.ends.items() if name in skeleton.index}
     return points, {j: points[j] + quat_rotate(world[j], end) for j, end in joints.items()}
 
 
 def _farthest(skeleton: Skeleton, joint: int, points: Array, tips: Mapping[int, Array]) -> Array:
-    """To the tip of the toes, by whatever joints a foot has."""
+    """Vector from a foot to its farthest point, the tip of the toes, whatever joints it has."""
     below = [joint]
     for j in range(joint + 1, len(skeleton)):
         if skeleton.parents[j] in below:
             below.append(j)
-    reached = [points[j] - points[joint] for j in below] + [tips[j] - points[joint] for j in below if j in tips]
-    return max(reached, key=lambda v: float(v @ v))
+    ways = [points[j] - points[joint] for j in below] + [tips[j] - points[joint] for j in below if j in tips]
+    return max(ways, key=lambda v: float(v @ v))
 
 
 def with_tpose(skeleton: Skeleton, names: Mapping[str, str]) -> Skeleton:
-    """The same skeleton with the T-pose as ``rest``, its lowest joint or tip on the floor and its hips over the origin.
+    """Give a skeleton the T-pose as ``rest``, with its lowest joint or tip on the floor, and its hips over the origin.
 
     Args:
         skeleton: theirs; its ``rest`` is the pose to start from.
@@ -134,7 +135,7 @@ def on_floor(skeleton: Skeleton, hips: int, height: float = 0.0) -> Skeleton:
 
 
 class _Maker:
-    """Turns joints from the root outwards; ``world`` holds what is settled."""
+    """Turns joints from the root outwards."""
 
     def __init__(self, skeleton: Skeleton, names: Mapping[str, str]) -> None:
         self.skeleton, self.names = skeleton, names
@@ -142,16 +143,16 @@ class _Maker:
         self.points, self.start = skeleton.forward(skeleton.rest, skeleton.offsets[0])
         self.bones = directions(skeleton, names)
         self.whole = self._facing()
-        self.turns: dict[str, Array] = {}  # twists found to be missing, by our name
-        self.rigid: set[str] = set()  # joints that follow their parent because it was twisted
-        self.kept: set[str] = set()
+        self.turns: dict[str, Array] = {}  # our name → twist that is still needed
+        self.rigid: set[str] = set()  # joints that follow their parent, which was twisted
+        self.originals: set[str] = set()
 
     def at(self, ours: str) -> Array:
-        """Position of one of our joints in the pose to start from."""
+        """Position of one of our joints in the start pose."""
         return self.points[self.skeleton.index[self.names[ours]]]
 
     def _facing(self) -> Array:
-        """(4,) the rotation of the whole body that makes its left +X and its top +Y."""
+        """(4,) rotation of the whole body that turns its left to +X and its top to +Y."""
         pairs = ("UpperLeg", "UpperArm", "Shoulder", "Eye")
         pair = next((p for p in pairs if {f"left{p}", f"right{p}"} <= set(self.names)), None)
         if pair is None:
@@ -165,10 +166,10 @@ class _Maker:
         up = vector_normalize(up - left * (left @ up))
         if not left.any() or not up.any():
             return np.array([0.0, 0, 0, 1])
-        snapped = _nearest_axis(left)
-        top = _nearest_axis(np.where(snapped != 0, 0.0, up))
-        if _angle(left, snapped) < _SNAP and _angle(up, top) < _SNAP + 10 and abs(snapped @ top) < 0.5:
-            left, up = snapped, top
+        axis = _nearest_axis(left)
+        top = _nearest_axis(np.where(axis != 0, 0.0, up))
+        if _angle(left, axis) < _SNAP and _angle(up, top) < _SNAP + 10 and abs(axis @ top) < 0.5:
+            left, up = axis, top
         return matrix_to_quat(np.stack([left, up, np.cross(left, up)]))
 
     def turn(self) -> Array:
@@ -181,35 +182,35 @@ class _Maker:
         skeleton = self.skeleton
         world = np.empty_like(self.start)
         for joint, parent in enumerate(skeleton.parents):
-            kept = quat_multiply(self.whole, self.start[joint])
-            follow = kept if parent < 0 else quat_multiply(world[parent], skeleton.rest[joint])
+            original = quat_multiply(self.whole, self.start[joint])
+            follow = original if parent < 0 else quat_multiply(world[parent], skeleton.rest[joint])
             ours = self.ours.get(joint)
             if ours is None or ours == "hips" or parent < 0:
-                world[joint] = kept if ours == "hips" else follow
+                world[joint] = original if ours == "hips" else follow
                 continue
-            world[joint] = self._settle(ours, joint, kept, follow)
+            world[joint] = self._settle(ours, joint, original, follow)
             if ours in self.turns:
                 world[joint] = quat_multiply(self.turns[ours], world[joint])
         return world
 
-    def _settle(self, ours: str, joint: int, kept: Array, follow: Array) -> Array:
-        """As modelled if that is right, else with its parent if that is right, else turned the shortest way."""
+    def _settle(self, ours: str, joint: int, original: Array, follow: Array) -> Array:
+        """World rotation of a joint: as modelled if that is right, else with its parent if that is right, else turned."""
         part, sign = _part(ours)
         if ours not in self.bones:
             return follow
         local = quat_rotate(quat_conjugate(self.start[joint]), vector_normalize(self.bones[ours]))
-        alone = ours in self.rigid or part.endswith(_PHALANGES) or quat_angle(kept, follow) > np.radians(_APART)
-        for candidate in (follow,) if alone else (kept, follow):
-            limb = _LIMB if candidate is kept else 0.0  # what is turned anyway can be turned exactly
+        alone = ours in self.rigid or part.endswith(_PHALANGES) or quat_angle(original, follow) > np.radians(_APART)
+        for candidate in (follow,) if alone else (original, follow):
+            limb = _LIMB if candidate is original else 0.0  # a bone that is turned anyway can be turned exactly
             if _fits(part, sign, quat_rotate(candidate, local), limb):
-                if candidate is kept:
-                    self.kept.add(ours)
+                if candidate is original:
+                    self.originals.add(ours)
                 return candidate
         target = _target(part, sign)
         return follow if target is None else quat_multiply(quat_between(quat_rotate(follow, local), target), follow)
 
     def _find_twists(self, world: Array) -> None:
-        """Turns about their own axis that chest, arms and legs still need."""
+        """Find the turns about their own axis that chest, arms and legs still need."""
         points = self.skeleton.forward(_local(self.skeleton, world), np.zeros(3))[0]
 
         def at(ours: str) -> Array:
@@ -224,21 +225,21 @@ class _Maker:
             littles = [n for n in (f"{side}LittleProximal", f"{side}RingProximal", f"{side}Hand") if n in self.names]
             if len(thumbs) and len(littles) and {f"{side}LowerArm", f"{side}UpperArm"} <= set(self.names):
                 across = at(thumbs[0 if littles[0] != f"{side}Hand" else -1]) - at(littles[0])
-                bone = "LowerArm" if f"{side}UpperArm" in self.kept else "UpperArm"
+                bone = "LowerArm" if f"{side}UpperArm" in self.originals else "UpperArm"
                 self._twist(side + bone, sign * _X, across, _Z, [f"{side}LowerArm", f"{side}Hand"])
             foot, leg = f"{side}Foot", f"{side}UpperLeg"
-            if foot in self.bones and foot not in self.kept and leg not in self.kept:
+            if foot in self.bones and foot not in self.originals and leg not in self.originals:
                 joint = self.skeleton.index[self.names[foot]]
                 follow = quat_multiply(world[self.skeleton.parents[joint]], self.skeleton.rest[joint])
                 local = quat_rotate(quat_conjugate(self.start[joint]), vector_normalize(self.bones[foot]))
                 self._twist(leg, _Y, quat_rotate(follow, local), _Z, [f"{side}LowerLeg", foot])
 
     def _twist(self, ours: str, axis: Array, have: Array, want: Array, rigid: list[str]) -> None:
-        """Ask for a turn of ``ours`` about ``axis`` that takes the direction ``have`` to ``want``, if it is a large one."""
+        """Note a turn of ``ours`` about ``axis`` that takes the direction ``have`` to ``want``, if it is large."""
         across = have - axis * (axis @ have)
         if np.linalg.norm(across) < max(
             1e-9, 0.3 * float(np.linalg.norm(have))
-        ):  # 0.3, ours: too nearly along the axis to tell
+        ):  # 0.3, ours: a direction almost along the axis shows no turn
             return
         angle = float(np.arctan2(np.cross(across, want) @ axis, across @ want))
         if abs(angle) > np.radians(_TWIST):
@@ -253,7 +254,7 @@ def _local(skeleton: Skeleton, world: Array) -> Array:
 
 
 def _fits(part: str, sign: float, d: Array, limb: float) -> bool:
-    """Is the direction ``d`` of a bone that of a T-pose? Bones of arms and legs may be off by ``limb`` degrees."""
+    """Whether the direction ``d`` of a bone is that of a T-pose. Bones of arms and legs may be off by ``limb`` degrees."""
     if part in _UP:
         return _angle(d, _Y) < _SPINE
     if part in ("UpperLeg", "LowerLeg"):

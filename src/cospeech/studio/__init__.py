@@ -1,1 +1,1 @@
-"""Local web pages: the server that they share, and the study with human raters."""
+"""Local web pages: the server that they share, the studio, and the study with human raters."""

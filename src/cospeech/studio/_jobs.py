@@ -1,4 +1,4 @@
-"""The process of `cospeech.studio.worker`: makes takes, writes files, reads clips. It keeps the models that it has loaded."""
+"""The worker process of `cospeech.studio.worker`: it makes takes, writes files and reads clips, and keeps loaded models."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ from cospeech.studio.motion_bytes import read_motion, write_motion
 
 __all__ = ["Jobs", "serve"]
 
-PIECE = 2.0  # seconds of speech between two looks at the cancelling; ours: a half-second piece takes twice the work
-TELL = 0.1  # seconds between two messages of progress; ours
+PIECE = 2.0  # seconds of speech between two checks for a cancel [ours: half-second pieces take twice the work]
+TELL = 0.1  # seconds between two messages of progress [ours]
 
 
 class Cancelled(Exception):
-    """The job is not wanted any more."""
+    """The job was cancelled."""
 
 
 class Jobs:
-    """All jobs, and the models between them."""
+    """Does the jobs, and keeps the models from job to job."""
 
     def __init__(self) -> None:
         self._models: dict[str, Model] = {}
-        self.cancelled = 0
+        self.cancel_number = 0
         self._number = 0
 
     def do(self, values: dict[str, Any]) -> dict[str, Any]:
-        """One job; what is answered."""
+        """Do a job, and return its answer."""
         jobs: dict[str, Callable[..., dict[str, Any]]] = {
             "warm": self.warm, "describe": self.describe, "take": self.take, "file": self.file, "clip": self.clip,
         }  # fmt: skip
@@ -56,13 +56,13 @@ class Jobs:
         return job(**values)
 
     def warm(self) -> dict[str, Any]:
-        """Load what the first take needs."""
+        """Load all that the first take needs."""
         speech = Speech.load(example()[0]).window(0, 2)
         self._load(DEFAULT).generate(speech)
         return {}
 
     def describe(self) -> dict[str, Any]:
-        """Facts of the models that are ready: rows of `cospeech.studio.messages.ModelRow`; and why others are left out."""
+        """Facts of the ready models, as rows of `cospeech.studio.messages.ModelRow`; and why others are left out."""
         rows, left_out = [], []
         for name in MODELS:
             entry = ENTRIES[name]
@@ -70,7 +70,7 @@ class Jobs:
                 continue
             try:
                 rows.append(self._describe(name))
-            except Exception as error:  # whatever a stranger's class does when it is made
+            except Exception as error:  # the class of a plug-in may raise anything
                 if name in ENTRIES.ours:
                     raise
                 left_out.append(f"the model {name!r} is left out: {error if isinstance(error, CospeechError) else repr(error)}")
@@ -88,57 +88,57 @@ class Jobs:
         self, *, folder: str, sound: str, words: list[tuple[str, float, float, str]], model: str, plan: dict[str, Any] | None,
         most_frames: int, by_example: bool, options: dict[str, Any],
     ) -> dict[str, Any]:  # fmt: skip
-        """Motion for a speech; into the folder go ``motion.bin``, ``report.json`` and, where there is one, ``plan.json``.
+        """Make motion for a speech; writes ``motion.bin``, ``report.json`` and, if there is one, ``plan.json`` to the folder.
 
-        ``by_example`` says whether the style is the path of a clip.
+        ``by_example``: whether the style is the path of a clip.
         """
-        began, place, loaded = time.perf_counter(), Path(folder), self._load(model)
-        asked = GenerationOptions(**options, plan=None if plan is None else Plan(**plan))
-        made = [part for part in asked.parts if part in loaded.makes]
-        if not made:
-            raise InputError(f"{model} makes no {' and no '.join(asked.parts)}", f"it makes {' and '.join(loaded.makes)}")
-        listed = getattr(loaded, "takes_gestures", False)
-        played = replace(asked, plan=Plan.of(asked)) if listed and asked.plan is None else asked
-        session = loaded.session(replace(played, **loaded.for_files))
+        start, place, instance = time.perf_counter(), Path(folder), self._load(model)
+        request = GenerationOptions(**options, plan=None if plan is None else Plan(**plan))
+        common_parts = [part for part in request.parts if part in instance.makes]
+        if not common_parts:
+            raise InputError(f"{model} makes no {' and no '.join(request.parts)}", f"it makes {' and '.join(instance.makes)}")
+        lists_gestures = getattr(instance, "takes_gestures", False)
+        settings = replace(request, plan=Plan.of(request)) if lists_gestures and request.plan is None else request
+        session = instance.session(replace(settings, **instance.for_files))
         with open_speech(sound) as source:
             source.words = [Word(*word) for word in words] or None  # type: ignore[assignment]
             motions = list(self._play(session, source, most_frames))
-            seconds, wanted = source.seconds or 0.0, source.frames(asked.fps)
+            seconds, frames = source.seconds or 0.0, source.frames(request.fps)
         motion = Motion.concatenate(motions)
-        if len(motion) != wanted:
-            raise RuntimeError(f"{model} made {len(motion)} frames, {wanted} were due")
+        if len(motion) != frames:
+            raise RuntimeError(f"{model} made {len(motion)} frames, {frames} were due")
         self._check_cancel()
-        performed = (
-            None if by_example else self._find_plan(session, played, words, seconds)
-        )  # no plan can say what a clip shows
-        if performed is not None:
-            (place / "plan.json").write_text(performed.to_json(), "utf-8", newline="\n")
+        final_plan = (
+            None if by_example else self._find_plan(session, settings, words, seconds)
+        )  # a plan cannot hold the style of a clip
+        if final_plan is not None:
+            (place / "plan.json").write_text(final_plan.to_json(), "utf-8", newline="\n")
         write_motion(motion, place / "motion.bin")
-        factor = (time.perf_counter() - began) / seconds
-        style = "example" if by_example else str(asked.style or "")
+        factor = (time.perf_counter() - start) / seconds
+        style = "example" if by_example else str(request.style or "")
         report = Report(
-            model=model, speech_seconds=seconds, frames=wanted, fps=asked.fps, seed=asked.seed, takes=1, realtime_factor=factor,
-            emotion=session.emotion, played=session.expression, arousal=session.arousal, speaker=session.speaker,
-            style=style or loaded.default_style, style_mixture=session.style_mixture, outputs=[], version=__version__,
-            **describe_language(source.words),
+            model=model, speech_seconds=seconds, frames=frames, fps=request.fps, seed=request.seed, takes=1,
+            realtime_factor=factor, emotion=session.emotion, played=session.expression, arousal=session.arousal,
+            speaker=session.speaker, style=style or instance.default_style, style_mixture=session.style_mixture, outputs=[],
+            version=__version__, **describe_language(source.words),
         )  # fmt: skip
         (place / "report.json").write_text(report.to_json(), "utf-8", newline="\n")
-        return {"seconds": seconds, "realtime_factor": factor, "plan": performed is not None}
+        return {"seconds": seconds, "realtime_factor": factor, "plan": final_plan is not None}
 
     def file(
         self, *, motion: str, target: str, sound: str, words: list[tuple[str, float, float, str]], parts: list[str]
     ) -> dict[str, Any]:
-        """A motion as a file of another format."""
-        path, moving = Path(target), read_motion(Path(motion))
+        """Write a motion as a file of another format."""
+        path, whole = Path(target), read_motion(Path(motion))
         check_parts(path, parts, "the take has")
         keywords = writer_keywords([path], sound, None, {}, tuple(Word(*word) for word in words))[path.suffix]
-        with open_writer(path, skeleton=moving.skeleton, fps=moving.fps, **keywords) as writer:
-            for first in range(0, len(moving), 1000):
-                writer.write(moving[first : first + 1000])
+        with open_writer(path, skeleton=whole.skeleton, fps=whole.fps, **keywords) as writer:
+            for first in range(0, len(whole), 1000):
+                writer.write(whole[first : first + 1000])
         return {"opens": format_of(path).opens}
 
     def clip(self, *, path: str) -> dict[str, Any]:
-        """Whether a file of motion can be read, and how long it is."""
+        """Check that a motion file can be read, and return its length."""
         return {"seconds": load_motion(path).duration}
 
     def _load(self, name: str) -> Model:
@@ -147,14 +147,14 @@ class Jobs:
         return self._models[name]
 
     def _play(self, session: Any, source: Any, most_frames: int) -> Iterator[Motion]:
-        """The motion of a speech, piece by piece."""
-        total, told, frames = source.expected_seconds, 0.0, 0
+        """Yield the motion of a speech, piece by piece."""
+        total, last_time, frames = source.expected_seconds, 0.0, 0
 
         def hear(piece: Speech | None) -> Iterator[Motion]:
-            """The motion that a piece makes certain; None: the speech is over."""
+            """The motion that is certain after a piece of speech; None: the end of the speech."""
             self._check_cancel()
-            found: Iterator[Motion] = session.finish() if piece is None else session.push(piece)
-            return found
+            motions: Iterator[Motion] = session.finish() if piece is None else session.push(piece)
+            return motions
 
         chunks = (piece for chunk in speech_chunks(source) for piece in chunk.chunks(PIECE))
         for motion in chain.from_iterable(map(hear, chain(chunks, [None]))):
@@ -164,18 +164,18 @@ class Jobs:
                 problem = f"the take has more than {most_frames:,} frames"
                 raise InputError(problem, "fewer frames per second, or a shorter speech")
             yield motion
-            if time.monotonic() - told > TELL:
-                told = time.monotonic()
+            if time.monotonic() - last_time > TELL:
+                last_time = time.monotonic()
                 send_json(b"P", done=motion.start + motion.duration, total=total)
 
     def _check_cancel(self) -> None:
-        if self.cancelled == self._number:
+        if self.cancel_number == self._number:
             raise Cancelled
 
     def _find_plan(
         self, session: Any, options: GenerationOptions, words: list[tuple[str, float, float, str]], seconds: float
     ) -> Plan:
-        """What was performed."""
+        """The plan of the performance."""
         if options.plan is not None:
             plan: Plan = session.plan
             return plan
@@ -184,7 +184,7 @@ class Jobs:
 
 
 def serve() -> None:
-    """Do the jobs that come, one after the other, until there are no more."""
+    """Do the jobs, one after the other, until the server ends."""
     jobs, waiting = Jobs(), queue.SimpleQueue[dict[str, Any]]()
     threading.Thread(target=_listen, args=(jobs, waiting), daemon=True).start()
     while True:
@@ -200,10 +200,10 @@ def serve() -> None:
 
 
 def _listen(jobs: Jobs, waiting: queue.SimpleQueue[dict[str, Any]]) -> None:
-    """In a thread: jobs and cancels as they come. When the server is gone, so is this process."""
+    """Receive jobs and cancels, in a thread. When the server ends, end this process."""
     for kind, payload in requests():
         if kind == b"C":
-            jobs.cancelled = json.loads(payload)
+            jobs.cancel_number = json.loads(payload)
         else:
             waiting.put(json.loads(payload))
     sys.stdout.flush()

@@ -1,4 +1,4 @@
-"""The calls of the studio's page over HTTP. `cospeech.studio.messages` has what is asked and answered."""
+"""The HTTP calls of the studio's page. Requests and answers are in `cospeech.studio.messages`."""
 
 from __future__ import annotations
 
@@ -45,19 +45,19 @@ from .worker import JobCancelled
 __all__ = ["StudioApi", "answer_errors", "parse_message"]
 
 MOST_FRAMES = 120_000
-"""Of a take; ours: half an hour at 60 frames per second, and 130 MB."""
-_FILE_SECONDS = 600.0  # until a file must be written; ours: a video of some minutes
-_MOST_FILE_JOBS = 8  # downloads that wait for each other; ours
-_LOOK_FOR_CLIENT = 0.5  # seconds between looks whether the client of a file is still there; ours
+"""Frames of a take [ours: half an hour at 60 frames per second, and 130 MB]."""
+_FILE_SECONDS = 600.0  # seconds within which a file must be written [ours: enough for a video of some minutes]
+_MOST_FILE_JOBS = 8  # downloads that wait for each other [ours]
+_LOOK_FOR_CLIENT = 0.5  # seconds between checks whether the client of a file is still connected [ours]
 _ENTRY = re.compile(r"([a-z_]+(?:\[\d+\]|\.\w+)*): ")
-"""The entry of a request or a plan with which a message of ours begins."""
+"""Matches the entry of a request or a plan at the beginning of an error message."""
 
 M = TypeVar("M", bound=BaseModel)
 Endpoint = Callable[[Any], Awaitable[Any]]
 
 
 class _Owner:
-    """Whose job of a process it is."""
+    """Identifies the client to whom a job belongs."""
 
 
 class _Refused(Exception):
@@ -75,30 +75,30 @@ def _answer(message: BaseModel, status: int = 200) -> Any:
 
 
 def _refuse(status: int, problem: str, hint: str = "") -> Any:
-    """An answer with a problem. The connection ends, because the rest of the request may still come."""
-    found = _ENTRY.match(problem)
-    answer = _answer(StudioProblem(problem=problem, hint=hint, entry=found[1] if found else None), status)
+    """An answer with a problem. It ends the connection, because the rest of the request may still come."""
+    match = _ENTRY.match(problem)
+    answer = _answer(StudioProblem(problem=problem, hint=hint, entry=match[1] if match else None), status)
     answer.headers["connection"] = "close"
     return answer
 
 
 def answer_errors(call: Endpoint) -> Endpoint:
-    """The same endpoint, whose errors are answers."""
+    """Wrap an endpoint so that its errors become answers."""
 
     async def handle(request: Any) -> Any:
         try:
             return await call(request)
-        except (_Refused, UploadRefused) as refused:
-            return _refuse(refused.status, refused.problem, refused.hint)
+        except (_Refused, UploadRefused) as refusal:
+            return _refuse(refusal.status, refusal.problem, refusal.hint)
         except QueueFull:
             return _refuse(429, "too many takes wait", "wait until some of them are done, or cancel them")
         except InputError as error:
             return _refuse(422, error.problem, error.hint)
         except LookupError as error:
-            known = type(error) is LookupError  # of ours
+            is_ours = type(error) is LookupError  # of ours
             return _refuse(
                 404,
-                str(error) if known else "there is no such thing",
+                str(error) if is_ours else "there is no such thing",
                 "the oldest ones go when too many are kept; send it again",
             )
         except CospeechError as error:
@@ -110,10 +110,10 @@ def answer_errors(call: Endpoint) -> Endpoint:
 
 
 def parse_message(kind: type[M], body: bytes | str) -> M:
-    """A message of the page. A plan in it is read as a file of a plan is, with the same errors.
+    """Parse a message of the page. A plan in it is read like the file of a plan, with the same errors.
 
     Raises:
-        InputError: it is none of this kind; the problem names the entry.
+        InputError: it is not of this kind; the problem names the entry.
     """
     values = parse_json(body, "the message", PLAN_VALUES)
     if not isinstance(values, dict):
@@ -129,7 +129,7 @@ def parse_message(kind: type[M], body: bytes | str) -> M:
 
 
 async def _in_thread(call: Callable[..., Any], *arguments: Any) -> Any:
-    """The value of a call that takes long; when the server ends, nobody waits for it."""
+    """Call a slow function in a thread, and return its value; when the server ends, it does not wait for the call."""
     return await import_module("anyio.to_thread").run_sync(call, *arguments, abandon_on_cancel=True)
 
 
@@ -137,7 +137,7 @@ class StudioApi:
     """The endpoints.
 
     Args:
-        state: what the server holds.
+        state: of the server.
     """
 
     def __init__(self, state: StudioState) -> None:
@@ -161,28 +161,28 @@ class StudioApi:
         label = label_of(request.query_params.get("name", ""), "speech")
         try:
             await self._receive(request, folder / "upload")
-            held = await _in_thread(hold_speech, folder, folder / "upload", label)
+            speech = await _in_thread(hold_speech, folder, folder / "upload", label)
         except BaseException:
             shutil.rmtree(folder, ignore_errors=True)
             raise
-        self._state.speeches.put(name, held)
-        return _answer(held.describe(name))
+        self._state.speeches.put(name, speech)
+        return _answer(speech.describe(name))
 
     async def add_example(self, request: Any) -> Any:
         """``POST /api/speech/example``."""
         name, folder = self._state.speeches.make_folder()
-        held = await _in_thread(hold_example, folder)
-        self._state.speeches.put(name, held)
-        return _answer(held.describe(name))
+        speech = await _in_thread(hold_example, folder)
+        self._state.speeches.put(name, speech)
+        return _answer(speech.describe(name))
 
     async def set_transcript(self, request: Any) -> Any:
         """``PUT /api/speech/{speech}/transcript?name=``."""
-        held = self._state.speeches.find(request.path_params["speech"])
+        speech = self._state.speeches.find(request.path_params["speech"])
         label = label_of(request.query_params.get("name", ""), "transcript.txt")
-        path = held.folder / f"transcript-{id(request):x}"
+        path = speech.folder / f"transcript-{id(request):x}"
         await self._receive(request, path)
-        await _in_thread(add_words, held, path, label)
-        return _answer(MessageWords(words=list(words_of(held.words))))
+        await _in_thread(add_words, speech, path, label)
+        return _answer(MessageWords(words=list(words_of(speech.words))))
 
     async def give_sound(self, request: Any) -> Any:
         """``GET /api/speech/{speech}/sound``."""
@@ -192,14 +192,14 @@ class StudioApi:
         """``POST /api/clips?name=``: a motion file."""
         label = label_of(request.query_params.get("name", ""), "clip.bvh")
         suffix = Path(label).suffix.lower()
-        known = [each for each, entry in FORMATS.items() if reads_body(entry)]
-        if suffix not in known:
-            raise InputError(f"{label!r} is no example of style", f"motion files: {' '.join(known)}")
+        suffixes = [each for each, entry in FORMATS.items() if reads_body(entry)]
+        if suffix not in suffixes:
+            raise InputError(f"{label!r} is no example of style", f"motion files: {' '.join(suffixes)}")
         name, folder = self._state.clips.make_folder()
         path = folder / f"clip{suffix}"
         try:
             await self._receive(request, path)
-            read = await self._write(request, "clip", path.parent, {"path": str(path)})
+            facts = await self._write(request, "clip", path.parent, {"path": str(path)})
         except InputError as error:
             shutil.rmtree(folder, ignore_errors=True)
             raise rename_error(error, path, label) from None
@@ -207,7 +207,7 @@ class StudioApi:
             shutil.rmtree(folder, ignore_errors=True)
             raise
         self._state.clips.put(name, HeldClip(folder, path))
-        return _answer(UploadedClip(clip=name, name=label, seconds=read["seconds"]))
+        return _answer(UploadedClip(clip=name, name=label, seconds=facts["seconds"]))
 
     async def _receive(self, request: Any, path: Path) -> None:
         disconnect = load_web("starlette.requests").ClientDisconnect
@@ -220,49 +220,49 @@ class StudioApi:
 
     async def add_take(self, request: Any) -> Any:
         """``POST /api/takes``."""
-        asked = parse_message(TakeRequest, await request.body())
+        message = parse_message(TakeRequest, await request.body())
         catalogue = await _in_thread(self._state.list_catalogue)
-        model, held = find_model(catalogue, asked.model), self._state.speeches.find(asked.speech)
-        check_emotion(asked.emotion)
-        style = self._find_style(asked)
-        if not isinstance(asked.style, ClipStyle):
+        model, speech = find_model(catalogue, message.model), self._state.speeches.find(message.speech)
+        check_emotion(message.emotion)
+        style = self._find_style(message)
+        if not isinstance(message.style, ClipStyle):
             check_style(model, style)
         elif not model.takes_example:
             raise InputError(f"{model.name} takes no example of style", "stylised-flow does")
-        options: dict[str, Any] = {"fps": asked.fps, "parts": asked.parts}
-        if asked.plan is None:
+        options: dict[str, Any] = {"fps": message.fps, "parts": message.parts}
+        if message.plan is None:
             options |= {
-                "style": style, "emotion": asked.emotion, "intensity": asked.intensity, "seed": asked.seed,
-                "temperature": asked.temperature,
+                "style": style, "emotion": message.emotion, "intensity": message.intensity, "seed": message.seed,
+                "temperature": message.temperature,
             }  # fmt: skip
         else:
-            check_plan(model, asked.plan)
-        if held.seconds * asked.fps > MOST_FRAMES:
+            check_plan(model, message.plan)
+        if speech.seconds * message.fps > MOST_FRAMES:
             raise InputError(f"the take has more than {MOST_FRAMES:,} frames", "fewer frames per second, or a shorter speech")
         name, folder = self._state.takes.make_folder()
         job = {
-            "folder": str(folder), "sound": str(held.upload),
-            "words": [(w.text, w.start, w.end, w.language) for w in held.words],
-            "model": model.name, "plan": None if asked.plan is None else asked.plan.model_dump(mode="json", by_alias=True),
-            "most_frames": MOST_FRAMES + 240, "by_example": asked.plan is None and isinstance(asked.style, ClipStyle),
+            "folder": str(folder), "sound": str(speech.upload),
+            "words": [(w.text, w.start, w.end, w.language) for w in speech.words],
+            "model": model.name, "plan": None if message.plan is None else message.plan.model_dump(mode="json", by_alias=True),
+            "most_frames": MOST_FRAMES + 240, "by_example": message.plan is None and isinstance(message.style, ClipStyle),
             "options": options,
         }  # fmt: skip
         try:
-            self._state.queue.add(name, folder, held, job, asked.page)
+            self._state.queue.add(name, folder, speech, job, message.page)
         except QueueFull:
             shutil.rmtree(folder, ignore_errors=True)
             raise
-        if asked.page is not None:
-            self._state.pages.expect(asked.page)  # it may have left while it asked
+        if message.page is not None:
+            self._state.pages.expect(message.page)  # the page may have left in the meantime
         return _answer(CreatedTake(take=name))
 
-    def _find_style(self, asked: TakeRequest) -> str | None:
-        """The style as text; that of a clip is its path, which was made here."""
-        if isinstance(asked.style, NamedStyle):
-            return asked.style.name
-        if isinstance(asked.style, MixedStyle):
-            return ",".join(f"{name}:{weight:g}" for name, weight in asked.style.mix.items())
-        return str(self._state.clips.find(asked.style.clip).path) if asked.style is not None else None
+    def _find_style(self, message: TakeRequest) -> str | None:
+        """The style as text; that of a clip is its path, which the server has chosen."""
+        if isinstance(message.style, NamedStyle):
+            return message.style.name
+        if isinstance(message.style, MixedStyle):
+            return ",".join(f"{name}:{weight:g}" for name, weight in message.style.mix.items())
+        return str(self._state.clips.find(message.style.clip).path) if message.style is not None else None
 
     async def drop_take(self, request: Any) -> Any:
         """``DELETE /api/takes/{take}``."""
@@ -298,8 +298,8 @@ class StudioApi:
         path = take.folder / f"take{suffix}"
         if not path.is_file():
             values = {"motion": str(take.motion), "target": str(path), "sound": str(take.speech.upload)}
-            made = find_model(await _in_thread(self._state.list_catalogue), take.job["model"]).parts
-            parts = [part for part in take.job["options"]["parts"] if part in made]
+            model_parts = find_model(await _in_thread(self._state.list_catalogue), take.job["model"]).parts
+            parts = [part for part in take.job["options"]["parts"] if part in model_parts]
             try:
                 await self._write(request, "file", take.folder, values | {"words": take.job["words"], "parts": parts})
             except InputError as error:
@@ -307,12 +307,12 @@ class StudioApi:
         return _send_file(path, "application/octet-stream", f"{take.label}{suffix}")
 
     async def _write(self, request: Any, job: str, folder: Path, values: dict[str, Any]) -> dict[str, Any]:
-        """A job of the process that reads and writes files. It ends when the client that asked for it is gone.
+        """Run a job in the process that reads and writes files. The job ends when its client has disconnected.
 
         Args:
             request: of the client.
             job: name of the job.
-            folder: where the job writes; what a process that was killed leaves there is removed.
+            folder: where the job writes; what a killed process leaves there is removed.
             values: of the job.
         """
         state, owner = self._state, _Owner()
@@ -325,8 +325,8 @@ class StudioApi:
                 if await request.is_disconnected():
                     state.writer.cancel(owner)
                     await wait([work])
-            made: dict[str, Any] = work.result()
-            return made
+            answer: dict[str, Any] = work.result()
+            return answer
         except JobCancelled:
             await _in_thread(sweep, folder)
             raise
@@ -345,31 +345,31 @@ class StudioApi:
         return _answer(await _in_thread(self._edit, body))
 
     async def open_plan(self, request: Any) -> Any:
-        """``POST /api/plans/open``: whether a plan from a file is one of this speech and of this model."""
-        asked = parse_message(PlanOpenRequest, await request.body())
-        model = find_model(await _in_thread(self._state.list_catalogue), asked.model)
-        held = self._state.speeches.find(asked.speech)
-        check_plan(model, asked.plan)
-        if asked.plan.gestures and not model.takes_gestures:
+        """``POST /api/plans/open``: checks that a plan from a file fits this speech and this model."""
+        message = parse_message(PlanOpenRequest, await request.body())
+        model = find_model(await _in_thread(self._state.list_catalogue), message.model)
+        speech = self._state.speeches.find(message.speech)
+        check_plan(model, message.plan)
+        if message.plan.gestures and not model.takes_gestures:
             raise InputError(f"the plan lists gestures, and {model.name} takes none", f"choose the model {DEFAULT} first")
-        other = describe_length(asked.plan.seconds, held.seconds)
+        other = describe_length(message.plan.seconds, speech.seconds)
         if other:
             raise InputError(other, "drop the speech of the plan first")
-        words = PlannedWords(asked.plan.speech_words)
-        words.hear(held.words or None, held.seconds)
-        return _answer(OpenedPlan(plan=asked.plan, note=words.describe_difference(held.seconds)))
+        words = PlannedWords(message.plan.speech_words)
+        words.hear(speech.words or None, speech.seconds)
+        return _answer(OpenedPlan(plan=message.plan, note=words.describe_difference(speech.seconds)))
 
     def _edit(self, body: bytes) -> ChangedPlan:
-        asked = parse_message(PlanEditRequest, body)
-        plan, values = asked.plan, asked.edit.model_dump(exclude_unset=True)
-        if asked.speech is not None and not plan.words:
-            plan = plan.with_words(self._state.speeches.find(asked.speech).words)
-        edit = getattr(plan, values.pop("kind"))  # a name of the messages, so it is an edit
+        message = parse_message(PlanEditRequest, body)
+        plan, values = message.plan, message.edit.model_dump(exclude_unset=True)
+        if message.speech is not None and not plan.words:
+            plan = plan.with_words(self._state.speeches.find(message.speech).words)
+        edit = getattr(plan, values.pop("kind"))  # the message was checked, so the kind is a method that edits
         return ChangedPlan(plan=edit(**values))
 
 
 def _send_file(path: Path, kind: str, label: str | None = None) -> Any:
-    """A file of ours; with a label, as a download of this name."""
+    """Send a file of the server; with a label, as a download of this name."""
     if not path.is_file():
         raise LookupError("this file is no longer here")
     return load_web("starlette.responses").FileResponse(path, media_type=kind, filename=label)

@@ -14,16 +14,16 @@ from .state import StudioState
 __all__ = ["PAGE", "make_app"]
 
 PAGE = Path(__file__).resolve().parents[1] / "assets" / "studio"
-"""Where ``make studio`` puts the built page."""
+"""Folder of the page that ``make studio`` builds."""
 _REQUEST_BYTES = 4 << 20
-"""Of a request that is no file; ours: the plan of half an hour has 1 MB."""
+"""Bytes of a request that is no file [ours: the plan of half an hour has 1 MB]."""
 _POLICY = (
     "default-src 'none'; script-src 'self'; worker-src 'self' blob:; style-src 'self'; img-src 'self' blob: data:; "
     "media-src 'self' blob:; connect-src 'self' blob: data: ws://{host}; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'"
 )
-"""Content-Security-Policy: what comes from this server; what the page makes itself (``blob:``, ``data:``: characters and sound
-that stay in the browser); WebSockets to this server alone."""
+"""Content-Security-Policy. The page may load what comes from this server, and what it makes itself (``blob:``, ``data:``:
+characters and sound that stay in the browser). WebSockets go to this server alone."""
 _HEADERS = HEADERS | {
     "content-security-policy": _POLICY,
     "permissions-policy": "camera=(), geolocation=(), microphone=(self)",
@@ -37,11 +37,11 @@ _NO_PAGE = """<!doctype html>
 
 
 def make_app(state: StudioState, *, token: str | None = None, page: Path = PAGE) -> Any:
-    """The application, behind its guard.
+    """Make the application, behind its guard.
 
     Args:
-        state: what the server holds.
-        token: what clients must bring; None: only this machine is served.
+        state: of the server.
+        token: secret that clients must send; None: only this machine is served.
         page: folder of the built page; its files are listed once.
 
     Raises:
@@ -59,7 +59,7 @@ def make_app(state: StudioState, *, token: str | None = None, page: Path = PAGE)
 
 
 def _takes_file(scope: Scope) -> bool:
-    """Whether the body of a request is a file, which `cospeech.studio.uploads` takes in."""
+    """Whether the body of a request is a file, which `cospeech.studio.uploads` receives."""
     path, method = scope["path"], scope["method"]
     return (method == "POST" and path in ("/api/speech", "/api/clips")) or (method == "PUT" and path.endswith("/transcript"))
 
@@ -87,7 +87,7 @@ def _api_routes(api: StudioApi) -> list[Any]:
 
 
 def _page_routes(page: Path) -> list[Any]:
-    """A route for each file of the page: what is not in the list is no path."""
+    """A route for each file of the page; no other file can be read."""
     responses, route = load_web("starlette.responses"), load_web("starlette.routing").Route
     files = {path.relative_to(page).as_posix(): path for path in sorted(page.rglob("*")) if path.is_file()}
 

@@ -1,7 +1,7 @@
-"""What the studio offers, and whether a name that a page sends is one of them.
+"""The catalogue of the studio: what it offers, and checks of names that a page sends.
 
-Models, styles and emotions are compared with the catalogue before a model sees them. A model takes the path of a file in the
-place of some of these names, and a name from outside must never become a path.
+Models, styles and emotions are compared with the catalogue before a model sees them. Some of these names may also be the path
+of a file, and a name from outside must never become a path.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from .uploads import UPLOAD_BYTES
 __all__ = ["MOST_TAKES", "check_emotion", "check_plan", "check_style", "find_model", "make_catalogue"]
 
 MOST_TAKES = 32
-"""That are kept; ours: four times what is shown side by side."""
+"""Takes that are kept [ours: four times as many as are shown side by side]."""
 
 
 def make_catalogue(models: Sequence[dict[str, Any]]) -> Catalogue:
-    """The catalogue.
+    """Make the catalogue.
 
     Args:
         models: rows as `cospeech.studio._jobs.Jobs.describe` gives them.
@@ -64,7 +64,7 @@ def _list_face_tables() -> FaceTables:
 
 
 def find_model(catalogue: Catalogue, name: str) -> ModelRow:
-    """A model by its name.
+    """Find a model by its name.
 
     Raises:
         InputError: there is none.
@@ -76,7 +76,7 @@ def find_model(catalogue: Catalogue, name: str) -> ModelRow:
 
 
 def check_style(model: ModelRow, style: str | None) -> None:
-    """Whether a style is one of a model, or a mixture of them: ``calm:0.7,lively:0.3``.
+    """Check that a style belongs to a model, or is a mixture of its styles: ``calm:0.7,lively:0.3``.
 
     Raises:
         InputError: it names something else.
@@ -88,21 +88,21 @@ def check_style(model: ModelRow, style: str | None) -> None:
 
 
 def check_emotion(emotion: str) -> None:
-    """Whether an emotion is "auto" or one that there is.
+    """Check that an emotion is "auto" or a known one.
 
     Raises:
         InputError: it is not.
     """
-    known = ("auto", *EMOTIONS)
-    if emotion not in known:
-        raise InputError(f"no emotion is called {emotion[:40]!r}", suggest_emotion(emotion[:40], known))
+    names = ("auto", *EMOTIONS)
+    if emotion not in names:
+        raise InputError(f"no emotion is called {emotion[:40]!r}", suggest_emotion(emotion[:40], names))
 
 
 def check_plan(model: ModelRow, plan: Plan) -> None:
-    """Whether the styles of a plan, and of its stretches, are those of a model.
+    """Check that the styles of a plan, and of its stretches, belong to a model.
 
     Raises:
-        InputError: one is not; the message names the entry.
+        InputError: one does not; the message names the entry.
     """
     places: Iterable[tuple[str, str | None]] = [
         ("style", plan.style), *((f"stretches[{k}].style", each.style) for k, each in enumerate(plan.stretches)),

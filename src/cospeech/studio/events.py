@@ -1,4 +1,4 @@
-"""Events of takes, from any thread to every page that listens."""
+"""Send events of takes from any thread to all pages that listen."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from .messages import TakeEvent
 
 __all__ = ["EventHub", "Listener", "OpenPages"]
 
-_MOST = 500  # events that may wait for a page; ours: half a minute of a busy server
+_MOST = 500  # events that may wait for a page [ours: half a minute of a busy server]
 _GOING_AWAY = 1001  # code of a close: the page is left (RFC 6455)
-_GRACE = 5.0  # seconds; ours: a page tries a lost connection again every second
+_GRACE = 5.0  # seconds [ours: a page tries every second to restore a lost connection]
 
 
 class Listener:
@@ -23,12 +23,12 @@ class Listener:
     def __init__(self) -> None:
         self.loop = asyncio.get_running_loop()
         self._waiting: deque[TakeEvent] = deque()
-        self._changed = asyncio.Event()
+        self._change = asyncio.Event()
         self.is_behind = False
         """Whether the page has taken no event for so long that some are lost."""
 
     def put(self, event: TakeEvent) -> None:
-        """Queue an event; progress takes the place of progress of the same take. Called by the loop."""
+        """Queue an event; progress replaces earlier progress of the same take. Called by the loop."""
         last = self._waiting[-1] if self._waiting else None
         if last is not None and last.type == event.type == "progress" and last.take == event.take:
             self._waiting.pop()
@@ -36,18 +36,18 @@ class Listener:
             self.is_behind = True
         else:
             self._waiting.append(event)
-        self._changed.set()
+        self._change.set()
 
     async def take(self) -> TakeEvent:
         """The next event."""
         while not self._waiting:
-            self._changed.clear()
-            await self._changed.wait()
+            self._change.clear()
+            await self._change.wait()
         return self._waiting.popleft()
 
 
 class OpenPages:
-    """Which pages are open. Of one that has left, and does not come back in time, the server is told once.
+    """Keeps track of the open pages. If a page leaves and does not come back in time, ``leave`` is called once.
 
     All calls come from one event loop.
 
@@ -61,16 +61,16 @@ class OpenPages:
         self._open: Counter[str] = Counter()
 
     def enter(self, page: str) -> None:
-        """A page listens."""
+        """Note that a page listens."""
         self._open[page] += 1
 
     def close(self, page: str, code: int) -> None:
-        """A page listens no more; ``code``: of the end of its WebSocket."""
+        """Note that a page does not listen any more; ``code``: close code of its WebSocket."""
         self._open[page] -= 1
         self.expect(page, 0.0 if code == _GOING_AWAY else self._grace)
 
     def expect(self, page: str, seconds: float | None = None) -> None:
-        """A page that does not listen after so many seconds (usually the grace) has left."""
+        """If a page does not listen after so many seconds (by default the grace), it has left."""
         asyncio.get_running_loop().call_later(self._grace if seconds is None else seconds, self._look, page)
 
     def _look(self, page: str) -> None:
@@ -87,7 +87,7 @@ class EventHub:
         self._lock = threading.Lock()
 
     def publish(self, event: TakeEvent) -> None:
-        """Tell everybody who listens."""
+        """Send an event to all listeners."""
         with self._lock:
             listeners = list(self._listeners)
         for listener in listeners:
@@ -95,11 +95,11 @@ class EventHub:
                 listener.loop.call_soon_threadsafe(listener.put, event)
 
     def add(self, listener: Listener) -> None:
-        """From now on it hears all events."""
+        """Add a listener; it gets all events from now on."""
         with self._lock:
             self._listeners.add(listener)
 
     def remove(self, listener: Listener) -> None:
-        """It hears nothing more."""
+        """Remove a listener; it gets no more events."""
         with self._lock:
             self._listeners.discard(listener)

@@ -1,7 +1,7 @@
-"""Live sessions of the studio: a microphone in the page comes in, frames go to the page and to other receivers.
+"""Live sessions of the studio: sound of the page's microphone comes in, frames go to the page and to other receivers.
 
-A session runs in threads of its own, so that the server goes on. Sound that waits and frames that wait are bounded: who sends
-too much loses sound, and who takes too little loses frames.
+A session runs in its own threads, so that the server is not blocked. The queues of sound and frames are bounded: a client that
+sends too much loses sound, and a receiver that is too slow loses frames.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 __all__ = ["MOST_LIVE", "FrameBox", "LiveModels", "LivePlayer"]
 
 MOST_LIVE = 4
-"""Live sessions at once; ours: two cores play about so many."""
-_AHEAD = 10.0  # seconds of sound that may wait; ours: more than a browser sends at once
-_SILENCE = 3.0  # seconds of silence after which the rules idle, as of `cospeech stream`
+"""Live sessions at the same time [ours: two cores play about so many]."""
+_AHEAD = 10.0  # seconds of sound that may wait [ours: more than a browser sends at once]
+_SILENCE = 3.0  # seconds of silence after which the rules idle, as in `cospeech stream`
 
 
 class LiveModels:
@@ -54,16 +54,16 @@ class LiveModels:
 
 
 class FrameBox:
-    """Frames between the session and the page: the newest ones, as bytes. It belongs to one event loop.
+    """A queue of the newest frames from the session to the page, as bytes. It belongs to one event loop.
 
     Args:
-        fps: frames per second; as many seconds of them wait as of any other receiver.
+        fps: frames per second; the queue holds as many seconds as that of any other receiver.
     """
 
     name = "page"
 
     def __init__(self, fps: float) -> None:
-        self._loop, self._changed = asyncio.get_running_loop(), asyncio.Event()
+        self._loop, self._change = asyncio.get_running_loop(), asyncio.Event()
         self._frames: deque[bytes] = deque(maxlen=max(1, round(WAITING * fps)))
         self.dropped = 0
 
@@ -74,27 +74,27 @@ class FrameBox:
             self._loop.call_soon_threadsafe(self.put, data)
 
     def put(self, data: bytes) -> None:
-        """Queue the bytes of a frame; the oldest frame goes where too many wait. Called by the loop."""
+        """Queue the bytes of a frame; if too many wait, the oldest frame is dropped. Called by the loop."""
         self.dropped += len(self._frames) == self._frames.maxlen
         self._frames.append(data)
-        self._changed.set()
+        self._change.set()
 
     async def take(self) -> bytes:
         """The next frame."""
         while not self._frames:
-            self._changed.clear()
-            await self._changed.wait()
+            self._change.clear()
+            await self._change.wait()
         return self._frames.popleft()
 
 
 class LivePlayer:
-    """One live session at work.
+    """Runs one live session.
 
     Args:
-        start: what the page asks for; its names are checked already.
-        models: where its model comes from.
-        box: takes the frames for the page.
-        on_end: called once from the thread of the session when it is over, with the problem or None.
+        start: request of the page; its names are checked already.
+        models: loads the model.
+        box: queue of frames for the page.
+        on_end: called once from the thread of the session when it ends, with the problem or None.
     """
 
     def __init__(
@@ -107,18 +107,18 @@ class LivePlayer:
         self._outlets: list[Outlet] = []
         self._pace = Pace()
         self._latency, self._look_ahead = 0.0, 0.0
-        self._stopped = threading.Event()
+        self._stop_event = threading.Event()
         self.problem: CospeechError = InputError("")
         """The last control that was refused."""
         self._thread = threading.Thread(target=self._run, name="cospeech studio live", daemon=True)
         self._thread.start()
 
     def hear(self, data: bytes) -> None:
-        """Samples of 16 bits; half a sample at the end is left out."""
+        """Add samples of 16 bits; half a sample at the end is left out."""
         self._sound.put(decode_pcm(data[: len(data) - len(data) % 2], "s16"), wait=False)
 
     def steer(self, message: ChangeLive | InterruptLive) -> None:
-        """Change or interrupt what is spoken, before the next piece of sound; an interruption drops the sound that waits."""
+        """Change or interrupt the speech before the next piece of sound; an interruption drops the sound that waits."""
         values = message.model_dump(exclude={"type"}, exclude_none=True)
         if isinstance(message, InterruptLive):
             values = {"interrupt": True}
@@ -128,11 +128,11 @@ class LivePlayer:
 
     def stop(self) -> None:
         """End at once; ``on_end`` follows."""
-        self._stopped.set()
+        self._stop_event.set()
         self._sound.end()
 
     def status(self, *, running: bool) -> LiveStatus:
-        """How it goes."""
+        """The present state of the session."""
         targets = [
             TargetStatus(url=outlet.name, sent=outlet.sent, problem=outlet.problem, note=self._notes.get(outlet.name, ""))
             for outlet in self._outlets
@@ -143,37 +143,37 @@ class LivePlayer:
         )  # fmt: skip
 
     def _run(self) -> None:
-        """In a thread."""
-        ended: CospeechError | None = None
+        """Run the session, in a thread."""
+        problem: CospeechError | None = None
         try:
             with ExitStack() as stack:
                 self._play(stack)
         except CospeechError as error:
-            ended = error
+            problem = error
         except Exception as error:
-            ended = CospeechError(f"a failure of ours: {type(error).__name__}", str(error)[:200])
-        self._stopped.set()
+            problem = CospeechError(f"a failure of ours: {type(error).__name__}", str(error)[:200])
+        self._stop_event.set()
         self._sound.end()
-        self._on_end(ended)
+        self._on_end(problem)
 
     def _play(self, stack: ExitStack) -> None:
-        asked = self._start
+        start = self._start
         session = open_live_session(
-            self._models.find(asked.model), style=asked.style, emotion=asked.emotion, intensity=asked.intensity, fps=asked.fps,
+            self._models.find(start.model), style=start.style, emotion=start.emotion, intensity=start.intensity, fps=start.fps,
             idle_after=_SILENCE,
         )  # fmt: skip
         session.warm_up()
         self._look_ahead, self._latency = session.look_ahead, session.latency + PIECE + MARGIN
-        settings = StreamSettings(asked.fps, self._latency, PARTS)
-        for address in asked.targets:
+        settings = StreamSettings(start.fps, self._latency, PARTS)
+        for address in start.targets:
             outlet = open_outlet(address, settings, lambda text, name=address: self._note(name, text))  # type: ignore[misc]
             stack.callback(outlet.close, 0.5)
             self._outlets.append(outlet)
         pacer = FramePacer([*self._outlets, cast(Outlet, self._box)], self._latency)
         stack.callback(pacer.close, drop=True)
         self._pace = pacer.pace
-        for piece in pace_pieces(None, asked.rate, waiting=self._sound):
-            if self._stopped.is_set():
+        for piece in pace_pieces(None, start.rate, waiting=self._sound):
+            if self._stop_event.is_set():
                 return
             if not pacer.is_started:
                 pacer.begin(float(piece.duration))
@@ -181,11 +181,11 @@ class LivePlayer:
                 pacer.push(motion)
 
     def _tell_problem(self, problem: InputError) -> None:
-        """What was refused is told with the next status, and the session goes on."""
+        """Keep a problem for the next status; the session goes on."""
         self.problem = problem
 
     def _note(self, name: str, text: str) -> None:
-        """What an outlet tells. The state of its receiver is the outlet's ``problem``, so only the rest is kept: a page that
-        was refused, say."""
+        """Keep a note of an outlet, such as that a page was refused. Notes about the state of its receiver are not kept: the
+        outlet's ``problem`` tells it."""
         if not text.endswith("is back") and all(outlet.problem != text for outlet in self._outlets):
             self._notes[name] = text

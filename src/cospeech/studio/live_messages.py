@@ -58,9 +58,9 @@ class TargetStatus(StudioMessage):
     sent: int
     """Frames."""
     problem: str
-    """Why nobody receives frames now; else empty."""
+    """Reason why no frames are received now; else empty."""
     note: str
-    """What was told of it once: a page that was refused, say."""
+    """A note about it, such as that a page was refused."""
 
 
 class LiveStatus(StudioMessage):

@@ -35,13 +35,13 @@ Part = Literal["face", "body", "hands"]
 
 
 class StudioMessage(BaseModel):
-    """What every message is: it does not change, and has no other fields."""
+    """Base of all messages: a message cannot be changed, and has no other fields."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class StudioProblem(StudioMessage):
-    """What went wrong, and how to mend it: the body of every answer with a status from 400 on."""
+    """A problem, and a hint how to mend it: the body of every answer with a status from 400 on."""
 
     problem: str
     hint: str = ""
@@ -56,14 +56,14 @@ class ModelRow(StudioMessage):
     title: str
     styles: list[str]
     seated: list[str]
-    """Those that sit. A plan has styles that sit, or styles that stand."""
+    """Styles that sit. All styles of a plan sit, or all stand."""
     parts: list[Part]
     takes_gestures: bool
-    """Whether its plan may list gestures; a plan of the others has seeds, styles, emotions and stretches alone."""
+    """Whether its plan may list gestures; a plan for other models has only seeds, styles, emotions and stretches."""
     takes_example: bool
-    """Whether it follows the manner of a clip."""
+    """Whether it can follow the style of a clip."""
     latency: float
-    """Seconds that a frame of a live session comes after its sound, before the margin of the pacing."""
+    """Seconds by which a frame of a live session comes after its sound, without the margin of the pacing."""
 
 
 class FormRow(StudioMessage):
@@ -84,38 +84,38 @@ class FormatRow(StudioMessage):
 
 
 class StudioLimits(StudioMessage):
-    """What the server takes."""
+    """Limits of the server."""
 
     upload_bytes: int
     minutes: float
-    """Of a speech, after decoding."""
+    """Length of a speech, after decoding."""
     takes: int
-    """That are kept; the oldest one goes."""
+    """Number of takes that are kept; the oldest one is dropped."""
 
 
 class FaceTables(StudioMessage):
-    """How faces of characters are found and driven, as `cospeech.export.face_names` and `cospeech.export.visemes` have it."""
+    """Tables to find and drive faces of characters, from `cospeech.export.face_names` and `cospeech.export.visemes`."""
 
     arkit: dict[str, str]
-    """Small letters without signs → ARKit's name."""
+    """Name in small letters without signs → ARKit's name."""
     vrm0: dict[str, str]
     """Preset of VRM 0.x → that of VRM 1.0."""
     oculus: dict[str, str]
-    """What stands after ``viseme_``, in small letters → viseme of Oculus."""
+    """Text after ``viseme_``, in small letters → viseme of Oculus."""
     longest: int
     """Letters at the end of a name that count."""
     enough: int
-    """Of ARKit's shapes: with fewer, presets or visemes are driven."""
+    """Number of ARKit's shapes that is enough: with fewer, presets or visemes are driven."""
     held: float
-    """Share of a vertex that an eye bone holds, if it is an eyeball's."""
+    """Least weight of an eye bone in a vertex of an eyeball."""
     moved: float
-    """Metres by which the shape of a look moves an eyeball, if it turns it."""
+    """Least movement in metres by which the shape of a look turns an eyeball."""
     vowels: dict[str, str]
     """Viseme of Oculus → preset of VRM."""
     moods: dict[str, tuple[float, dict[str, float]]]
-    """Preset of VRM → what is added to a sum of ARKit weights, and their shares."""
+    """Preset of VRM → constant that is added to a sum of ARKit weights, and the factor of each weight."""
     scales: dict[str, float]
-    """Of the formula of vowels."""
+    """Factors of the formula of vowels."""
 
 
 class Catalogue(StudioMessage):
@@ -132,7 +132,7 @@ class Catalogue(StudioMessage):
     parents: list[int]
     """Index of the parent of each joint; −1 of the root."""
     rest: list[tuple[float, float, float]]
-    """Of each joint, its place from its parent in metres, in the T-pose."""
+    """Offset of each joint from its parent in the T-pose, metres."""
     weights: list[str]
     """The 52 names of ARKit, in the order of the face."""
     face: FaceTables
@@ -142,7 +142,7 @@ class Catalogue(StudioMessage):
 
 
 class UploadedSpeech(StudioMessage):
-    """A speech that the server holds."""
+    """A speech that the server keeps."""
 
     speech: str
     name: str
@@ -159,7 +159,7 @@ class MessageWords(StudioMessage):
 
 
 class UploadedClip(StudioMessage):
-    """A motion that the server holds, as an example of a style."""
+    """A motion that the server keeps, as an example of a style."""
 
     clip: str
     name: str
@@ -173,7 +173,7 @@ class NamedStyle(StudioMessage):
 
 
 class ClipStyle(StudioMessage):
-    """The manner of a clip that was uploaded."""
+    """The style of a clip that was uploaded."""
 
     clip: Token
 
@@ -190,7 +190,7 @@ Style = NamedStyle | ClipStyle | MixedStyle
 
 
 class TakeRequest(StudioMessage):
-    """Motion for a speech is wanted."""
+    """Request of motion for a speech."""
 
     speech: Token
     model: ShortText
@@ -202,9 +202,9 @@ class TakeRequest(StudioMessage):
     parts: Annotated[list[Part], Field(min_length=1, max_length=3)] = ["face", "body", "hands"]
     fps: FrameRate = 30.0
     plan: Plan | None = None
-    """Played in the place of style, emotion, intensity, seed and temperature, which are its own."""
+    """It replaces style, emotion, intensity, seed and temperature, as it has its own."""
     page: Token | None = None
-    """The name with which a page listens to ``WS /api/events?page=``. When it has left, its takes are cancelled."""
+    """The name with which a page listens to ``WS /api/events?page=``. When the page has left, its takes are cancelled."""
 
 
 class CreatedTake(StudioMessage):
@@ -227,16 +227,16 @@ class MotionHeader(StudioMessage):
 
 
 class TakeEvent(StudioMessage):
-    """What happens to a take."""
+    """An event of a take."""
 
     type: Literal["queued", "progress", "done", "error", "cancelled"]
     take: str
     done: float = 0.0
-    """Seconds of motion that are made."""
+    """Seconds of motion that are done."""
     total: float | None = None
-    """Seconds of motion in all, where it is known."""
+    """Seconds of motion in all, if known."""
     seconds: float = 0.0
-    """Of work so far, by the clock."""
+    """Seconds of work so far, by the clock."""
     problem: str = ""
     hint: str = ""
     realtime_factor: float | None = None
@@ -247,7 +247,7 @@ class TakeEvent(StudioMessage):
 
 
 class _GestureFields(StudioMessage):
-    """Fields of `cospeech.rules.plan_model.PlannedGesture`, which checks them; only those that are given are changed."""
+    """Fields of `cospeech.rules.plan_model.PlannedGesture`, which checks them; only given fields are changed."""
 
     start: Number | None = None
     end: Number | None = None
@@ -306,7 +306,7 @@ class ReseedStretch(_StretchOfTime):
 
 
 class SetStretch(_StretchOfTime):
-    """`cospeech.Plan.set`: values of a stretch; only those that are given are set."""
+    """`cospeech.Plan.set`: values of a stretch; only given values are set."""
 
     kind: Literal["set"]
     style: ShortText | None = None
@@ -317,7 +317,7 @@ class SetStretch(_StretchOfTime):
 
 
 class ClearStretch(_StretchOfTime):
-    """`cospeech.Plan.clear`: the values of the plan again."""
+    """`cospeech.Plan.clear`: a stretch gets the values of the plan again."""
 
     kind: Literal["clear"]
     names: Annotated[list[Literal["style", "emotion", "intensity", "seed"]], Field(min_length=1, max_length=4)]
@@ -358,7 +358,7 @@ class PlanEditRequest(StudioMessage):
 
 
 class PlanOpenRequest(StudioMessage):
-    """A plan from a file is wanted for a speech."""
+    """Request to open a plan from a file for a speech."""
 
     plan: Plan
     speech: Token
@@ -370,7 +370,7 @@ class OpenedPlan(StudioMessage):
 
     plan: Plan
     note: str = ""
-    """That its words are not those of the speech; else empty."""
+    """A note that its words are not those of the speech; else empty."""
 
 
 class ChangedPlan(StudioMessage):

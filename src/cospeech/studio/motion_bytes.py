@@ -1,4 +1,4 @@
-"""Motion as the studio's page takes it; see `cospeech.studio.messages.MotionHeader`."""
+"""Motion as bytes for the studio's page; see `cospeech.studio.messages.MotionHeader`."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def write_motion(motion: Motion, path: Path) -> None:
 
 
 def read_motion(path: Path) -> Motion:
-    """Read what `write_motion` has written; float32 motion comes back bit by bit.
+    """Read a file of `write_motion`; float32 motion is read back exactly.
 
     Raises:
         InternalError: it is something else.
@@ -44,8 +44,8 @@ def read_motion(path: Path) -> Motion:
     if len(values) != frames * (3 + 4 * joints + len(ARKIT)) or not FPS_RANGE[0] <= header.fps <= FPS_RANGE[1]:
         raise InternalError("a motion of the studio is damaged")
     root, rotations, face = np.split(values, np.cumsum([3 * frames, 4 * joints * frames]))
-    shown = face.reshape(frames, -1) if header.weights else None
-    return Motion(header.fps, rotations.reshape(frames, joints, 4), root.reshape(frames, 3), shown)
+    weights = face.reshape(frames, -1) if header.weights else None
+    return Motion(header.fps, rotations.reshape(frames, joints, 4), root.reshape(frames, 3), weights)
 
 
 def frame_bytes(frame: Motion) -> bytes:

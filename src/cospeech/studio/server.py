@@ -1,7 +1,7 @@
-"""The local web server: who may ask, how much may be sent, and what a page may load.
+"""The local web server, which controls who may send requests, how much, and what a page may load.
 
-Every page of ours is served through `Guard`. It refuses foreign hosts and origins, holds back large and slow requests, asks
-for a token where the server is open to a network, and adds the headers that keep a page from loading anything from elsewhere.
+All our pages are served through `Guard`. It refuses foreign hosts and origins, and large and slow requests. It asks for a token
+if the server is open to a network, and adds the headers that keep a page from loading anything from elsewhere.
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 MESSAGE_BYTES = 1 << 20
-"""Of a request or a message of a WebSocket; ours: an answer has some hundred bytes."""
+"""Bytes of a request or a message of a WebSocket [ours: an answer has some hundred bytes]."""
 REQUEST_SECONDS = 10.0
-"""Until a request is complete; ours: some hundred bytes take no time on the slowest line."""
+"""Seconds until a request must be complete [ours: some hundred bytes take no time on the slowest line]."""
 MOST_HELD = 256 << 20
-"""Bytes of all requests that are held at once; ours: what a small machine can spare."""
+"""Bytes of all requests that are held at the same time [ours: what a small machine can spare]."""
 CONNECTIONS = 400
-"""At once; ours: below the 1024 open files that systems usually allow. Others are answered 503."""
+"""Connections at the same time [ours: below the 1024 open files that systems usually allow]. Others are answered 503."""
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; media-src 'self'; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""Content-Security-Policy: everything comes from this server, and nothing is written into the page as code."""
+"""Content-Security-Policy: all resources come from this server, and the page has no inline code."""
 HEADERS = {
     "content-security-policy": POLICY,
     "x-content-type-options": "nosniff",
@@ -61,12 +61,12 @@ HEADERS = {
     "cache-control": "no-store",
 }
 _ALL = {"0.0.0.0": ("127.0.0.1", "192.0.2.1"), "::": ("::1", "2001:db8::1")}
-"""All addresses of a machine → its own name of itself; and an address that nobody has (RFC 5737, RFC 3849)."""
+"""Wildcard address → the machine's own loopback address, and an address that nobody has (RFC 5737, RFC 3849)."""
 _HOST = re.compile(r"[A-Za-z0-9.:\[\]_-]{1,255}")
 
 
 def load_web(module: str) -> Any:
-    """A module of the extra ``studio`` by name, ``"starlette.routing"`` or ``"uvicorn"``.
+    """Import a module of the extra ``studio`` by name, such as ``"starlette.routing"`` or ``"uvicorn"``.
 
     Raises:
         InputError: it is not installed.
@@ -78,7 +78,7 @@ def load_web(module: str) -> Any:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine can reach an address to listen at."""
+    """Whether an address to listen at can be reached from this machine alone."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -91,7 +91,7 @@ def make_token() -> str:
 
 
 def name_cookie(token: str) -> str:
-    """How the cookie that holds a token is called: each server of a machine has one of its own, since cookies know no ports."""
+    """Name of the cookie that holds a token. It depends on the token, since cookies of all ports of a machine are shared."""
     return f"cospeech-{hashlib.sha256(token.encode()).hexdigest()[:8]}"
 
 
@@ -101,16 +101,16 @@ def _host_name(host: str) -> str:
 
 
 class Guard:
-    """Lets through what a page of this server sends, and answers everything else itself.
+    """Passes on requests of this server's own pages, and answers all others itself.
 
     Args:
         app: the application behind it.
-        token: what every client must bring, as ``?token=``, as a cookie or as ``Authorization: Bearer``; None: any client may
-            come, but only one that calls this machine by a name of its own (against DNS rebinding).
+        token: secret that every client must send, as ``?token=``, as a cookie or as ``Authorization: Bearer``. None: no secret
+            is needed, but the client must call this machine by a loopback name (against DNS rebinding).
         limit: bytes of a request.
         seconds: until a request is complete.
-        headers: of every answer; in the policy, ``{host}`` stands for the address by which the client calls this server.
-        takes_files: whether the application reads the body of a request itself, piece by piece, with limits of its own.
+        headers: of every answer; in the policy, ``{host}`` stands for the address that the client uses for this server.
+        takes_files: whether the application reads the body of a request itself, piece by piece, with its own limits.
     """
 
     def __init__(
@@ -118,40 +118,40 @@ class Guard:
         headers: Mapping[str, str] = HEADERS, takes_files: Callable[[Scope], bool] = lambda scope: False,
     ) -> None:  # fmt: skip
         self._app, self._token, self._limit, self._seconds = app, token, limit, seconds
-        self._headers, self._takes_files, self._held = headers, takes_files, 0
+        self._headers, self._takes_files, self._held_bytes = headers, takes_files, 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
-        refused = self._refuse(scope, headers)
+        refusal = self._refuse(scope, headers)
         send_on = send if scope["type"] == "websocket" else _with_headers(send, self._headers, headers.get("host", ""))
         if scope["type"] == "websocket":
-            if refused or "origin" not in headers:
+            if refusal or "origin" not in headers:
                 await receive()
                 await send({"type": "websocket.close", "code": 4403})
             else:
                 await self._app(scope, receive, send)
             return
-        if refused is None and self._brings_token(scope):
+        if refusal is None and self._brings_token(scope):
             cookie = f"{name_cookie(self._token or '')}={self._token}; Path=/; HttpOnly; SameSite=Strict"
             await _answer(send_on, 303, "", {"location": _without_token(scope), "set-cookie": cookie})
             return
-        if refused is None and self._takes_files(scope):
+        if refusal is None and self._takes_files(scope):
             await self._app(scope, receive, send_on)
             return
-        body: bytes | tuple[int, str] = refused or await self._body(headers, receive)
+        body: bytes | tuple[int, str] = refusal or await self._body(headers, receive)
         if isinstance(body, tuple):
             await _answer(send_on, *body)
             return
         try:
             await self._app(scope, _replay(body, receive), send_on)
         finally:
-            self._held -= len(body)
+            self._held_bytes -= len(body)
 
     def _refuse(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str] | None:
-        """Why a request is refused, by status and words; None: it is not."""
+        """Status and text with which a request is refused; None: it is not refused."""
         host = headers.get("host", "")
         try:
             name, origin = _host_name(host), headers.get("origin")
@@ -165,42 +165,42 @@ class Guard:
         if scope.get("method") not in (None, "GET", "HEAD") and headers.get("sec-fetch-site", "none") == "cross-site":
             return 403, "this page may not ask this server"
         if self._token is not None:
-            brought = _tokens(scope, headers, name_cookie(self._token))
-            if not any(secrets.compare_digest(each, self._token) for each in brought):
+            tokens = _tokens(scope, headers, name_cookie(self._token))
+            if not any(secrets.compare_digest(each, self._token) for each in tokens):
                 return 401, "the address lacks the token that the server has printed"
         return None
 
     def _brings_token(self, scope: Scope) -> bool:
-        """Whether the token stands in the address, from where a cookie takes it over."""
+        """Whether the token is in the address; it then goes into a cookie."""
         return self._token is not None and scope.get("method") == "GET" and "token" in _query(scope)
 
     async def _body(self, headers: dict[str, str], receive: Receive) -> bytes | tuple[int, str]:
-        """The whole of a request, or the answer to one that is too large or too slow."""
+        """The whole body of a request, or status and text of the answer to a request that is too large or too slow."""
         length = headers.get("content-length", "0")
         if not (length.isascii() and length.isdigit()):
             return 400, "the length cannot be read"
         if int(length) > self._limit:
             return 413, f"at most {self._limit} bytes"
-        held, more, kept = bytearray(), True, False
+        body, more, is_complete = bytearray(), True, False
         try:
             async with asyncio.timeout(self._seconds):
                 while more:
                     message = await receive()
                     if message["type"] == "http.disconnect":
                         return 400, "the request is not complete"
-                    held += message.get("body", b"")
-                    self._held += len(message.get("body", b""))
+                    body += message.get("body", b"")
+                    self._held_bytes += len(message.get("body", b""))
                     more = message.get("more_body", False)
-                    if len(held) > self._limit:
+                    if len(body) > self._limit:
                         return 413, f"at most {self._limit} bytes"
-                    if self._held > MOST_HELD:
+                    if self._held_bytes > MOST_HELD:
                         return 503, "the server is busy"
-            kept = True
+            is_complete = True
         except TimeoutError:
             return 408, "the request is too slow"
         finally:
-            self._held -= 0 if kept else len(held)
-        return bytes(held)
+            self._held_bytes -= 0 if is_complete else len(body)
+        return bytes(body)
 
 
 def _query(scope: Scope) -> dict[str, list[str]]:
@@ -211,47 +211,47 @@ def _query(scope: Scope) -> dict[str, list[str]]:
 
 
 def _without_token(scope: Scope) -> str:
-    """Where a browser goes on when its cookie has the token: the same page of this server."""
+    """Address of the same page without the token, to which a browser goes when its cookie has the token."""
     participant = _query(scope).get("participant", [""])[0]
-    kept = f"?participant={participant}" if participant.isascii() and participant.isalnum() else ""
-    return f"./{kept}"
+    query = f"?participant={participant}" if participant.isascii() and participant.isalnum() else ""
+    return f"./{query}"
 
 
 def _tokens(scope: Scope, headers: dict[str, str], name: str) -> list[str]:
-    """All that a client offers as the token."""
-    found = _query(scope).get("token", [])[:1]
+    """All values that a client sends as the token."""
+    tokens = _query(scope).get("token", [])[:1]
     try:
         cookie = SimpleCookie(headers.get("cookie", ""))
-        found += [cookie[name].value] if name in cookie else []
+        tokens += [cookie[name].value] if name in cookie else []
     except CookieError:
         pass
     scheme, _, value = headers.get("authorization", "").partition(" ")
-    found += [value] if scheme.lower() == "bearer" else []
-    return [token for token in found if token.isascii()]
+    tokens += [value] if scheme.lower() == "bearer" else []
+    return [token for token in tokens if token.isascii()]
 
 
 def _replay(body: bytes, receive: Receive) -> Receive:
-    """Messages of a request that was read before; then those that come."""
-    told = False
+    """A ``receive`` that first returns a request that was read before, and then new messages."""
+    is_sent = False
 
     async def again() -> Message:
-        nonlocal told
-        if told:
+        nonlocal is_sent
+        if is_sent:
             return await receive()
-        told = True
+        is_sent = True
         return {"type": "http.request", "body": body, "more_body": False}
 
     return again
 
 
 def _with_headers(send: Send, headers: Mapping[str, str], host: str) -> Send:
-    """A ``send`` that adds the headers of every answer; a host of other characters than hosts have is left out."""
-    known = host if _HOST.fullmatch(host) else ""
+    """A ``send`` that adds the headers of every answer; a host with invalid characters is left out."""
+    safe_host = host if _HOST.fullmatch(host) else ""
 
     async def more(message: Message) -> None:
         if message["type"] == "http.response.start":
             raw = [(name, value) for name, value in message.get("headers", []) if name.decode("latin-1").lower() not in headers]
-            raw += [(name.encode(), value.replace("{host}", known).encode()) for name, value in headers.items()]
+            raw += [(name.encode(), value.replace("{host}", safe_host).encode()) for name, value in headers.items()]
             message = {**message, "headers": raw}
         await send(message)
 
@@ -259,7 +259,7 @@ def _with_headers(send: Send, headers: Mapping[str, str], host: str) -> Send:
 
 
 async def _answer(send: Send, status: int, text: str, headers: dict[str, str] | None = None) -> None:
-    """A short answer of the guard; the connection ends, because the rest of the request may still come."""
+    """Send a short answer of the guard. It ends the connection, because the rest of the request may still come."""
     own = {"content-type": "text/plain; charset=utf-8", "content-length": str(len(text.encode())), "connection": "close"}
     raw = [(name.encode(), value.encode("latin-1")) for name, value in (own | (headers or {})).items()]
     await send({"type": "http.response.start", "status": status, "headers": raw})
@@ -270,46 +270,46 @@ async def _answer(send: Send, status: int, text: str, headers: dict[str, str] | 
 
 
 def open_socket(host: str, port: int) -> socket.socket:
-    """A listening socket; port 0 takes any free one.
+    """Open a listening socket; port 0 chooses a free port.
 
     Raises:
-        InputError: the port is taken, or the address is none of this machine.
+        InputError: the port is taken, or the address does not belong to this machine.
     """
     try:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        made = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)  # asyncio sends at once only if TCP is said
+        listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)  # only with TCP given, asyncio sends at once
     except OSError as error:
         raise InternalError(f"no socket: {error.strerror}") from None
     try:
         # On Windows SO_REUSEADDR lets two programs have one port; without it, a port is free again at once.
         option = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
-        made.setsockopt(socket.SOL_SOCKET, option, 1)
-        made.bind((host, port))
-        made.listen(256)
+        listener.setsockopt(socket.SOL_SOCKET, option, 1)
+        listener.bind((host, port))
+        listener.listen(256)
     except (OSError, OverflowError) as error:
-        made.close()
+        listener.close()
         why = getattr(error, "strerror", None) or str(error)
         raise InputError(f"cannot listen at {host} port {port}: {why}", "choose another --port, or 0 for any") from None
-    return made
+    return listener
 
 
 def list_addresses(host: str, listening: socket.socket, token: str | None) -> list[str]:
-    """Where browsers find what is served at a listening socket; a token that is needed is in it.
+    """Addresses of a server at a listening socket, for browsers, with the token, if any.
 
-    A server that listens at all addresses of its machine is found by its own browsers at the first, which counts as secure
-    (microphone, clipboard), and by those of other machines at the rest.
+    If a server listens at all addresses of its machine, the first one is for browsers of the same machine; it counts as secure
+    (microphone, clipboard). The others are for browsers of other machines.
     """
     names = [host]
     if host in _ALL:
         own, far = _ALL[host]
         names = [own, _find_outward(far) or socket.gethostname()]
     port, query = listening.getsockname()[1], f"?token={token}" if token else ""
-    shown = [f"[{name}]" if ":" in name else name for name in names]
-    return [f"http://{name}:{port}/{query}" for name in shown]
+    hosts = [f"[{name}]" if ":" in name else name for name in names]
+    return [f"http://{name}:{port}/{query}" for name in hosts]
 
 
 def _find_outward(far: str) -> str | None:
-    """The address of this machine from which it would call another one; no packet is sent. None where it has no network."""
+    """The address from which this machine would call another one; no packet is sent. None without a network."""
     try:
         with socket.socket(socket.AF_INET6 if ":" in far else socket.AF_INET, socket.SOCK_DGRAM) as line:
             line.connect((far, 9))
@@ -319,11 +319,11 @@ def _find_outward(far: str) -> str | None:
 
 
 def server_of(app: App, *, websockets: bool = False) -> Any:
-    """The server of an application, which runs with ``run(sockets=[…])`` and ends when ``should_exit`` is set.
+    """Make the server of an application. It runs with ``run(sockets=[…])``, and ends when ``should_exit`` is set.
 
     Args:
         app: the application.
-        websockets: whether it talks over WebSockets, whose messages have `MESSAGE_BYTES` at most.
+        websockets: whether it uses WebSockets, whose messages have at most `MESSAGE_BYTES`.
     """
     if websockets:
         load_web("websockets")
@@ -331,14 +331,14 @@ def server_of(app: App, *, websockets: bool = False) -> Any:
     base = import_module("uvicorn.protocols.http.h11_impl").H11Protocol
 
     class Protocol(base):  # type: ignore[misc,valid-type]
-        """HTTP whose connections end if no request is complete in `REQUEST_SECONDS`."""
+        """HTTP that closes a connection if no request is complete within `REQUEST_SECONDS`."""
 
-        def __init__(self, *arguments: Any, **named: Any) -> None:
-            super().__init__(*arguments, **named)
+        def __init__(self, *arguments: Any, **keywords: Any) -> None:
+            super().__init__(*arguments, **keywords)
             self.loop.call_later(REQUEST_SECONDS, self.look, None)
 
         def look(self, before: Any) -> None:
-            """Close the connection if nothing was completed since the last look; ``before``: the request of that time."""
+            """Close the connection if no request was completed since the last look; ``before``: the request at that time."""
             if self.transport is None or self.transport.is_closing() or self.transport.get_protocol() is not self:
                 return  # it is closed, or has become a WebSocket
             if before is self.cycle and (self.cycle is None or self.cycle.response_complete):

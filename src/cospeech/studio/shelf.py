@@ -1,4 +1,4 @@
-"""What the studio keeps for its page: things with random names, each with a folder, and the oldest one goes."""
+"""A store for the studio: it keeps things with random names and a folder each, and drops the oldest ones."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Kept(Protocol):
 
     @property
     def in_use(self) -> bool:
-        """Whether it may not go now."""
+        """Whether it must not be dropped now."""
         ...
 
 
@@ -26,13 +26,13 @@ T = TypeVar("T", bound=Kept)
 
 
 class Shelf(Generic[T]):
-    """Things by their names. Names are made here, so that a name from outside is never a path.
+    """Keeps things by name. It makes the names itself, so that a name from outside is never a path.
 
     Args:
-        kind: what the things are, for messages: one word.
+        kind: kind of the things, one word for messages.
         parent: an existing folder; each thing has a folder in it.
-        most: things that are kept.
-        most_bytes: of the files of all things; a thing that is larger alone is kept until the next one comes.
+        most: number of things that are kept.
+        most_bytes: bytes of the files of all things; a single larger thing is kept until the next one comes.
     """
 
     def __init__(self, kind: str, parent: Path, most: int, most_bytes: int) -> None:
@@ -43,27 +43,27 @@ class Shelf(Generic[T]):
         parent.mkdir()
 
     def make_folder(self) -> tuple[str, Path]:
-        """A new name, and an empty folder for what it is going to name."""
+        """Make a new name, and an empty folder for a thing of this name."""
         name = secrets.token_hex(8)
         folder = self._parent / name
         folder.mkdir()
         return name, folder
 
     def put(self, name: str, thing: T) -> list[str]:
-        """Keep a thing under a name of `make_folder`; returns the names of those that went."""
+        """Keep a thing under a name of `make_folder`; returns the names of dropped things."""
         with self._lock:
             self._things[name] = thing
-            gone = self._choose_oldest(name)
-            removed = [self._things.pop(each) for each in gone]
-        for each in removed:
+            names = self._choose_oldest(name)
+            things = [self._things.pop(each) for each in names]
+        for each in things:
             shutil.rmtree(each.folder, ignore_errors=True)
-        return gone
+        return names
 
     def find(self, name: str) -> T:
-        """A thing by its name.
+        """Find a thing by its name.
 
         Raises:
-            LookupError: there is none; it says of what kind.
+            LookupError: there is none; the message tells the kind.
         """
         with self._lock:
             return self._find(name)
@@ -91,16 +91,16 @@ class Shelf(Generic[T]):
         shutil.rmtree(thing.folder, ignore_errors=True)
 
     def _choose_oldest(self, new: str) -> list[str]:
-        """Names of the things that must go, so that the limits hold."""
+        """Names of the things that must be dropped to keep the limits."""
         sizes = {name: _count_bytes(thing.folder) for name, thing in self._things.items()}
-        gone: list[str] = []
+        names: list[str] = []
         for name, thing in self._things.items():
             if len(sizes) <= self._most and sum(sizes.values()) <= self._most_bytes:
                 break
             if name != new and not thing.in_use:
-                gone.append(name)
+                names.append(name)
                 del sizes[name]
-        return gone
+        return names
 
 
 def _count_bytes(folder: Path) -> int:

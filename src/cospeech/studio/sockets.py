@@ -32,14 +32,14 @@ class StudioSockets:
     """The endpoints.
 
     Args:
-        state: what the server holds.
+        state: of the server.
     """
 
     def __init__(self, state: StudioState) -> None:
         self._state = state
 
     async def events(self, socket: Any) -> None:
-        """``WS /api/events``: first the last event of each take that is kept, then all that happen."""
+        """``WS /api/events``: first the last event of each take, then all new events."""
         listener, page, end = Listener(), socket.query_params.get("page", "")[:64], _Ending()
         await socket.accept()
         self._state.hub.add(listener)
@@ -63,21 +63,21 @@ class StudioSockets:
 
 
 async def _until_first(*works: Coroutine[Any, Any, None]) -> None:
-    """Run several things until one has ended; the others are cancelled. A client that has gone is no error."""
+    """Run several coroutines until one has ended; the others are cancelled. That a client has disconnected is no error."""
     tasks = [asyncio.create_task(work) for work in works]
     try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        first_tasks, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-    for task in done:
+    for task in first_tasks:
         if task.exception() is not None and not isinstance(task.exception(), _client_errors()):
             raise task.exception()  # type: ignore[misc]
 
 
 def _client_errors() -> tuple[type[BaseException], ...]:
-    """What is raised when a client has gone."""
+    """Exceptions that mean that a client has disconnected."""
     return load_web("starlette.websockets").WebSocketDisconnect, RuntimeError, OSError
 
 
@@ -89,29 +89,29 @@ async def _send_events(socket: Any, listener: Listener) -> None:
 
 
 class _Ending:
-    """How a connection ended."""
+    """The close code of a connection."""
 
     def __init__(self) -> None:
         self.code = _LOST
 
     async def wait(self, socket: Any) -> None:
-        """Until the client has closed the connection."""
+        """Wait until the client has closed the connection."""
         while (message := await socket.receive())["type"] != "websocket.disconnect":
             pass
         self.code = message.get("code") or _LOST
 
 
 class _LiveClient:
-    """One connection of a page that speaks."""
+    """One connection of a page with a live session."""
 
     def __init__(self, state: StudioState, socket: Any) -> None:
         self._state, self._socket = state, socket
         self._player: LivePlayer | None = None
         self._sending: asyncio.Task[None] | None = None
-        self._ended = asyncio.Event()
+        self._end_event = asyncio.Event()
 
     async def serve(self) -> None:
-        """Do what the page says until it goes."""
+        """Handle the messages of the page until it disconnects."""
         with contextlib.suppress(*_client_errors()):
             while (message := await self._socket.receive())["type"] != "websocket.disconnect":
                 data = message.get("bytes")
@@ -122,11 +122,11 @@ class _LiveClient:
 
     async def _obey(self, text: str) -> None:
         try:
-            asked = _LIVE.validate_json(text)
-            if isinstance(asked, StartLive):
-                await self._start(asked)
-            elif isinstance(asked, ChangeLive | InterruptLive):
-                self._steer(asked)
+            message = _LIVE.validate_json(text)
+            if isinstance(message, StartLive):
+                await self._start(message)
+            elif isinstance(message, ChangeLive | InterruptLive):
+                self._steer(message)
             else:
                 await self.close()
         except ValidationError as error:
@@ -135,20 +135,20 @@ class _LiveClient:
         except CospeechError as error:
             await self._tell_problem(error.problem, error.hint)
 
-    async def _start(self, asked: StartLive) -> None:
+    async def _start(self, start: StartLive) -> None:
         await self.close()
         catalogue = await import_module("anyio.to_thread").run_sync(self._state.list_catalogue)
-        self._model = find_model(catalogue, asked.model)
-        check_style(self._model, asked.style)
-        check_emotion(asked.emotion)
-        for address in asked.targets:
+        self._model = find_model(catalogue, start.model)
+        check_style(self._model, start.style)
+        check_emotion(start.emotion)
+        for address in start.targets:
             if address == "-":
                 raise InputError("standard output belongs to the server", "vmc://, livelink://, ws:// or listen://")
         if self._state.live_sessions >= MOST_LIVE:
             raise InputError(f"{MOST_LIVE} live sessions run already", "stop one of them")
         self._state.live_sessions += 1
-        box, self._ended = FrameBox(asked.fps), asyncio.Event()
-        self._player = LivePlayer(asked, self._state.live_models, box, partial(self._on_end, asyncio.get_running_loop()))
+        box, self._end_event = FrameBox(start.fps), asyncio.Event()
+        self._player = LivePlayer(start, self._state.live_models, box, partial(self._on_end, asyncio.get_running_loop()))
         self._sending = asyncio.create_task(self._send(self._player, box))
 
     def _on_end(self, loop: asyncio.AbstractEventLoop, problem: CospeechError | None) -> None:
@@ -160,21 +160,21 @@ class _LiveClient:
         self._state.live_sessions -= 1
         if problem is not None and self._player is not None:
             self._player.problem = problem
-        self._ended.set()
+        self._end_event.set()
 
-    def _steer(self, asked: ChangeLive | InterruptLive) -> None:
+    def _steer(self, change: ChangeLive | InterruptLive) -> None:
         if self._player is None:
             raise InputError("no live session runs", 'send {"type": "start", …} first')
-        if isinstance(asked, ChangeLive):
-            check_style(self._model, asked.style)
-            check_emotion(asked.emotion or "auto")
-        self._player.steer(asked)
+        if isinstance(change, ChangeLive):
+            check_style(self._model, change.style)
+            check_emotion(change.emotion or "auto")
+        self._player.steer(change)
 
     async def _send(self, player: LivePlayer, box: FrameBox) -> None:
-        """Frames and states of a session, until it is over."""
+        """Send frames and states of a session until it ends."""
         with contextlib.suppress(*_client_errors()):
-            await _until_first(self._send_frames(box), self._send_states(player), _wait_for(self._ended))
-            if self._ended.is_set():
+            await _until_first(self._send_frames(box), self._send_states(player), _wait_for(self._end_event))
+            if self._end_event.is_set():
                 await self._socket.send_text(player.status(running=False).model_dump_json())
 
     async def _send_frames(self, box: FrameBox) -> None:
@@ -187,7 +187,7 @@ class _LiveClient:
             await asyncio.sleep(_STATUS_SECONDS)
 
     async def _tell_problem(self, problem: str, hint: str) -> None:
-        running = self._player is not None and not self._ended.is_set()
+        running = self._player is not None and not self._end_event.is_set()
         if running and self._player is not None:
             status = self._player.status(running=True)
         else:

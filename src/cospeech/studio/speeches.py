@@ -1,4 +1,4 @@
-"""Speech that was sent to the studio: kept as it came for the models, and as a WAV file for the page."""
+"""Speeches of the studio: each is kept as it came, for the models, and as a WAV file, for the page."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from .messages import UploadedSpeech
 __all__ = ["MINUTES", "HeldSpeech", "add_words", "hold_example", "hold_speech", "label_of", "rename_error"]
 
 MINUTES = 30.0
-"""Of a speech, after decoding; ours: a talk. It takes 86 MB as sound for the page."""
-_RATE = 24_000  # Hz of the sound for the page; ours: speech has little above 12 kHz, and half an hour takes 86 MB
+"""Length of a speech, after decoding [ours: a talk; it takes 86 MB as sound for the page]."""
+_RATE = 24_000  # Hz of the sound for the page [ours: speech has little above 12 kHz, and half an hour takes 86 MB]
 _PEAKS = 50  # a second
 _MOST_PEAKS = 6000
 _LONGEST_LABEL = 120
@@ -46,13 +46,13 @@ class HeldSpeech:
         return self.folder / "sound.wav"
 
     def describe(self, name: str) -> UploadedSpeech:
-        """What the page is told."""
+        """The answer to the page."""
         words = list(words_of(self.words))
         return UploadedSpeech(speech=name, name=self.label, seconds=self.seconds, peaks=self.peaks, words=words)
 
 
 def label_of(name: str, usual: str) -> str:
-    """A name from outside as a label: without folders and characters that cannot be printed.
+    """Make a label of a name from outside: without folders and characters that cannot be printed.
 
     >>> label_of("../../etc/passwd", "talk")
     'passwd'
@@ -62,7 +62,7 @@ def label_of(name: str, usual: str) -> str:
 
 
 def rename_error(error: InputError, path: Path, label: str) -> InputError:
-    """The same error about the label, where it names a file of the server."""
+    """The same error with the label in place of the file of the server."""
     return InputError(*(text.replace(str(path), label).replace(path.name, label) for text in (error.problem, error.hint)))
 
 
@@ -72,7 +72,7 @@ def hold_speech(folder: Path, upload: Path, label: str) -> HeldSpeech:
     Args:
         folder: of the speech; ``upload`` lies in it.
         upload: the file.
-        label: how people call it.
+        label: name of the file, for people.
 
     Raises:
         InputError: it is no sound, or longer than `MINUTES`. A length that the file states is checked before decoding.
@@ -88,34 +88,34 @@ def hold_speech(folder: Path, upload: Path, label: str) -> HeldSpeech:
 
 
 def hold_example(folder: Path) -> HeldSpeech:
-    """The speech that comes with cospeech, with its words."""
+    """Read the example speech of cospeech, with its words."""
     sound, words = example()
     upload = Path(shutil.copyfile(sound, folder / "upload"))
-    held = hold_speech(folder, upload, sound.name)
-    held.words = load_words(words, speech_seconds=held.seconds)
-    return held
+    speech = hold_speech(folder, upload, sound.name)
+    speech.words = load_words(words, speech_seconds=speech.seconds)
+    return speech
 
 
-def add_words(held: HeldSpeech, transcript: Path, label: str) -> None:
+def add_words(speech: HeldSpeech, transcript: Path, label: str) -> None:
     """Give a speech the words of a transcript. Plain text is aligned to the sound.
 
     Args:
-        held: the speech.
+        speech: the speech.
         transcript: the file, in the folder of the speech.
-        label: how people call it; its suffix says what it is, as far as we know it.
+        label: name of the file, for people; its suffix, if known, chooses the format.
 
     Raises:
         InputError: it cannot be read.
     """
     suffix = Path(label).suffix.lower()
-    named = transcript.rename(transcript.with_suffix(suffix if suffix in SUFFIXES else ".txt"))
+    path = transcript.rename(transcript.with_suffix(suffix if suffix in SUFFIXES else ".txt"))
     try:
-        with open_speech(held.upload, transcript=named) as source:
-            held.words = source.words or ()
+        with open_speech(speech.upload, transcript=path) as source:
+            speech.words = source.words or ()
     except InputError as error:
-        raise rename_error(error, named, label) from None
+        raise rename_error(error, path, label) from None
     finally:
-        named.unlink(missing_ok=True)
+        path.unlink(missing_ok=True)
 
 
 def _check_length(seconds: float) -> None:
@@ -125,7 +125,7 @@ def _check_length(seconds: float) -> None:
 
 def _write_sound(source: SpeechSource, path: Path) -> list[float]:
     """Decode a speech into a WAV file; returns the largest sample of each piece, see `UploadedSpeech`."""
-    size, rest, found, count = _RATE // _PEAKS, np.zeros(0, np.float32), list[np.ndarray](), 0
+    size, rest, pieces, count = _RATE // _PEAKS, np.zeros(0, np.float32), list[np.ndarray](), 0
     with wave.open(str(path), "wb") as file:
         file.setnchannels(1)
         file.setsampwidth(2)
@@ -134,11 +134,11 @@ def _write_sound(source: SpeechSource, path: Path) -> list[float]:
             count += len(block)
             _check_length(count / _RATE)
             file.writeframes((np.clip(block, -1, 1) * 32767).astype("<i2").tobytes())
-            heard = np.concatenate([rest, np.abs(block)])
-            whole = len(heard) - len(heard) % size
-            found.append(heard[:whole].reshape(-1, size).max(axis=1))
-            rest = heard[whole:]
-    peaks = np.concatenate([*found, [rest.max(initial=0.0)]] if len(rest) else found)
+            samples = np.concatenate([rest, np.abs(block)])
+            whole = len(samples) - len(samples) % size
+            pieces.append(samples[:whole].reshape(-1, size).max(axis=1))
+            rest = samples[whole:]
+    peaks = np.concatenate([*pieces, [rest.max(initial=0.0)]] if len(rest) else pieces)
     wide = -(-len(peaks) // _MOST_PEAKS)
-    joined = np.pad(peaks, (0, -len(peaks) % wide)).reshape(-1, wide).max(axis=1)
-    return [round(float(peak), 4) for peak in np.clip(joined, 0, 1)]
+    coarse_peaks = np.pad(peaks, (0, -len(peaks) % wide)).reshape(-1, wide).max(axis=1)
+    return [round(float(peak), 4) for peak in np.clip(coarse_peaks, 0, 1)]

@@ -1,4 +1,4 @@
-"""What one server of the studio holds: speeches, clips, takes, and the processes that work for it."""
+"""The state of a studio server: speeches, clips, takes, and its worker processes."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from .worker import JobCancelled, StudioWorker
 
 __all__ = ["HeldClip", "StudioState"]
 
-_MOST_SPEECHES, _MOST_CLIPS = 8, 16  # ours: as many as are compared side by side, and twice
-_DISK = 2 << 30  # bytes of each shelf; ours: sixteen takes of half an hour at 60 frames per second
+_MOST_SPEECHES, _MOST_CLIPS = 8, 16  # ours: as many as are compared side by side, and twice as many
+_DISK = 2 << 30  # bytes of each shelf [ours: sixteen takes of half an hour at 60 frames per second]
 
 
 @dataclass
@@ -37,7 +37,7 @@ class HeldClip:
 
 
 class StudioState:
-    """Everything of one server; a context manager. Its files lie in a temporary folder, which goes at the end."""
+    """The state of one server; a context manager. Its files are in a temporary folder, which is removed at the end."""
 
     def __init__(self) -> None:
         self._stack = ExitStack()
@@ -63,25 +63,25 @@ class StudioState:
         self._stack.close()
 
     def list_catalogue(self) -> Catalogue:
-        """What there is. The first call waits until the worker process has loaded the models.
+        """The catalogue. The first call waits until the worker process has loaded the models.
 
         Raises:
             CospeechError: the worker process has ended.
         """
         with self._turn:
             if self._catalogue is None:
-                found = self.maker.run("describe")
-                for text in found["left_out"]:
+                facts = self.maker.run("describe")
+                for text in facts["left_out"]:
                     warnings.warn(text, CospeechWarning, stacklevel=2)
-                self._catalogue = make_catalogue(found["models"])
+                self._catalogue = make_catalogue(facts["models"])
             return self._catalogue
 
     def start_warm_up(self) -> None:
-        """Load the models, so that neither the page nor the first take need wait; returns at once."""
+        """Start to load the models, so that neither the page nor the first take has to wait; returns at once."""
         threading.Thread(target=self._warm_up, name="cospeech warm-up", daemon=True).start()
 
     def _warm_up(self) -> None:
-        with suppress(CospeechError, JobCancelled):  # the first call that needs the process tells
+        with suppress(CospeechError, JobCancelled):  # the first call that needs the process reports it
             self.maker.run("warm")
             self.list_catalogue()
 
@@ -93,8 +93,8 @@ class StudioState:
                 from ..export.glb import CharacterScene
                 from ..export.mannequin import build
 
-                made = path.with_suffix(".new")
-                with made.open("wb") as file:
+                temporary = path.with_suffix(".new")
+                with temporary.open("wb") as file:
                     CharacterScene(build()).builder.write(file)
-                made.replace(path)
+                temporary.replace(path)
         return path

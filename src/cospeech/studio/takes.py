@@ -1,4 +1,4 @@
-"""The takes of the studio: a queue, one process that makes them, and what becomes of each."""
+"""The takes of the studio: a queue, one process that makes them, and the events of each."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .worker import JobCancelled, StudioWorker
 __all__ = ["MOST_WAITING", "HeldTake", "QueueFull", "TakeQueue"]
 
 MOST_WAITING = 16
-"""Takes that wait for their turn; ours: two pages that ask for eight each."""
+"""Takes that wait for their turn [ours: two pages with eight each]."""
 
 
 class QueueFull(Exception):
@@ -29,17 +29,17 @@ class QueueFull(Exception):
 
 @dataclass(eq=False)
 class HeldTake:
-    """A take, wanted or made, in a folder of its own."""
+    """A take, which waits, is being made, or is done; in a folder of its own."""
 
     name: str
     folder: Path
     speech: HeldSpeech
     job: dict[str, Any]
-    """What the worker process is asked for; see `cospeech.studio._jobs.Jobs.take`."""
+    """Arguments of the job; see `cospeech.studio._jobs.Jobs.take`."""
     event: TakeEvent
-    """The last thing that happened to it."""
+    """Its last event."""
     page: str | None = None
-    """The page that asked for it, where a page did."""
+    """The page that requested it, if any."""
 
     @property
     def in_use(self) -> bool:
@@ -48,12 +48,12 @@ class HeldTake:
 
     @property
     def label(self) -> str:
-        """How people call it: as its speech, without the suffix."""
+        """Its name for people: that of its speech, without the suffix."""
         return Path(self.speech.label).stem
 
     @property
     def motion(self) -> Path:
-        """See `cospeech.studio.motion_bytes`."""
+        """File of the motion; see `cospeech.studio.motion_bytes`."""
         return self.folder / "motion.bin"
 
 
@@ -61,16 +61,16 @@ class TakeQueue:
     """Makes takes one after the other, in a thread that waits for the worker process.
 
     Args:
-        shelf: where takes are kept.
+        shelf: keeps the takes.
         worker: makes them; it is closed with the queue.
-        publish: told what happens to each take.
+        publish: called with each event of a take.
     """
 
     def __init__(self, shelf: Shelf[HeldTake], worker: StudioWorker, publish: Callable[[TakeEvent], None]) -> None:
         self._shelf, self._worker, self._publish = shelf, worker, publish
         self._waiting: deque[HeldTake] = deque()
         self._running: HeldTake | None = None
-        self._changed, self._closed = threading.Condition(), False
+        self._change, self._closed = threading.Condition(), False
         self._thread = threading.Thread(target=self._work, name="cospeech takes", daemon=True)
         self._thread.start()
 
@@ -81,22 +81,22 @@ class TakeQueue:
             QueueFull: `MOST_WAITING` takes wait already.
         """
         take = HeldTake(name, folder, speech, job, TakeEvent(type="queued", take=name), page)
-        with self._changed:
+        with self._change:
             if len(self._waiting) >= MOST_WAITING:
                 raise QueueFull
             self._waiting.append(take)
             self._shelf.put(name, take)
             self._publish(take.event)
-            self._changed.notify()
+            self._change.notify()
 
     def cancel(self, name: str) -> None:
-        """Cancel a take that waits or is being made; forget one that is over.
+        """Cancel a take that waits or is being made; drop one that is done.
 
         Raises:
             LookupError: there is no such take.
         """
         take = self._shelf.find(name)
-        with self._changed:
+        with self._change:
             if take in self._waiting:
                 self._waiting.remove(take)
                 self._tell(take, "cancelled")
@@ -104,22 +104,22 @@ class TakeQueue:
                 if take.in_use:
                     self._tell(take, "cancelled")
                     self._worker.cancel(take)
-                return  # its folder goes when the process has left it
+                return  # its folder is removed when the process has finished with it
         self._shelf.remove(name)
 
     def cancel_page(self, page: str) -> None:
         """Cancel the takes of a page that wait or are being made."""
         for take in reversed(self._shelf.things):  # those that wait first, so that none of them begins
             if take.page == page and take.in_use:
-                with suppress(LookupError):  # it went meanwhile
+                with suppress(LookupError):  # it was dropped meanwhile
                     self.cancel(take.name)
 
     def close(self) -> None:
         """End the worker process and the thread; takes that wait are not made."""
-        with self._changed:
+        with self._change:
             self._closed = True
             self._waiting.clear()
-            self._changed.notify()
+            self._change.notify()
         self._worker.close()
         self._thread.join(5)
 
@@ -130,47 +130,47 @@ class TakeQueue:
     def _work(self) -> None:
         while (take := self._next()) is not None:
             self._make(take)
-            with self._changed:
+            with self._change:
                 self._running = None
             if take.event.type == "cancelled":
-                with suppress(LookupError):  # newer takes have pushed it from the shelf
+                with suppress(LookupError):  # the shelf has dropped it for newer takes
                     self._shelf.remove(take.name)
             if self._worker.process_id is None:
                 self._warm_up()
 
     def _next(self) -> HeldTake | None:
-        with self._changed:
+        with self._change:
             while not self._waiting and not self._closed:
-                self._changed.wait()
+                self._change.wait()
             self._running = None if self._closed else self._waiting.popleft()
             return self._running
 
     def _make(self, take: HeldTake) -> None:
-        began = time.perf_counter()
+        start = time.perf_counter()
 
-        def progress(done: float, total: float | None) -> None:
-            with self._changed:
+        def progress(amount: float, total: float | None) -> None:
+            with self._change:
                 if take.in_use:
-                    self._tell(take, "progress", done=done, total=total, seconds=time.perf_counter() - began)
+                    self._tell(take, "progress", done=amount, total=total, seconds=time.perf_counter() - start)
 
         kind, facts = "error", dict[str, Any]()
         try:
-            made = self._worker.run("take", progress, owner=take, **take.job)
+            result = self._worker.run("take", progress, owner=take, **take.job)
             kind, facts = (
                 "done",
-                {"done": made["seconds"], "total": made["seconds"], "realtime_factor": made["realtime_factor"]},
+                {"done": result["seconds"], "total": result["seconds"], "realtime_factor": result["realtime_factor"]},
             )
         except JobCancelled:
             kind = "cancelled"
         except CospeechError as error:
             facts = {"problem": error.problem, "hint": error.hint}
-        with self._changed:
+        with self._change:
             if take.event.type != "cancelled":
-                self._tell(take, kind, seconds=time.perf_counter() - began, **facts)
+                self._tell(take, kind, seconds=time.perf_counter() - start, **facts)
 
     def _warm_up(self) -> None:
-        """Start the process again, so that the next take need not wait for it."""
+        """Start the process again, so that the next take does not have to wait for it."""
         try:
             self._worker.run("warm")
         except (CospeechError, JobCancelled):
-            return  # the next take tells
+            return  # the next take reports it

@@ -1,4 +1,4 @@
-"""Files that a page sends: written to the disk as they come, within limits that hold before anything is read."""
+"""Receive files from a page: they are written to disk as they come, within limits that are checked first."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from pathlib import Path
 __all__ = ["MOST_UPLOADS", "UPLOAD_BYTES", "UploadRefused", "Uploads"]
 
 UPLOAD_BYTES = 64 << 20
-"""Of one file; ours: half an hour of speech as WAV at 16 kHz."""
+"""Bytes of one file [ours: half an hour of speech as WAV at 16 kHz]."""
 MOST_UPLOADS = 8 * UPLOAD_BYTES
-"""Bytes of all files that are on their way; ours: 512 MiB of the disk."""
-_SLOWEST = 16_384  # bytes a second, on average; ours: a poor mobile line
-_GRACE = 10.0  # seconds until the average counts, and of silence at most; as `cospeech.studio.server.REQUEST_SECONDS`
+"""Bytes of all files that are being received [ours: 512 MiB of the disk]."""
+_SLOWEST = 16_384  # bytes per second, on average [ours: a poor mobile line]
+_GRACE = 10.0  # seconds until the average counts, and longest silence; as `cospeech.studio.server.REQUEST_SECONDS`
 
 
 class UploadRefused(Exception):
-    """A file that is not taken; ``status`` is that of the answer."""
+    """A file was refused; ``status``: HTTP status of the answer."""
 
     def __init__(self, status: int, problem: str, hint: str = "") -> None:
         super().__init__(problem)
@@ -26,10 +26,10 @@ class UploadRefused(Exception):
 
 
 class Uploads:
-    """Takes files in; one for a server.
+    """Receives files; a server has one.
 
     Args:
-        grace: seconds of silence until a file is given up; the average of its speed counts after as many.
+        grace: seconds of silence after which a file is refused; its average speed is checked after the same time.
     """
 
     def __init__(self, grace: float = _GRACE) -> None:
@@ -40,28 +40,28 @@ class Uploads:
 
         Args:
             pieces: of the body.
-            length: as the header ``Content-Length`` says it.
+            length: value of the header ``Content-Length``.
             path: a new file.
 
         Returns:
-            Its bytes.
+            Number of bytes.
 
         Raises:
             UploadRefused: it is too large, too slow, empty, or not complete; no file is left.
         """
         _check_length(length)
-        size, began = 0, time.monotonic()
+        size, start = 0, time.monotonic()
         try:
             with path.open("wb") as file:
                 async for piece in self._in_time(pieces):
                     size += len(piece)
                     self._bytes += len(piece)
-                    passed = time.monotonic() - began
+                    seconds = time.monotonic() - start
                     if size > UPLOAD_BYTES:
                         raise UploadRefused(413, f"at most {UPLOAD_BYTES >> 20} MiB", "cut the file into pieces")
                     if self._bytes > MOST_UPLOADS:
                         raise UploadRefused(503, "too many files are on their way", "try again in a minute")
-                    if passed > self._grace and size < _SLOWEST * passed:
+                    if seconds > self._grace and size < _SLOWEST * seconds:
                         raise UploadRefused(408, "the file comes too slowly")
                     file.write(piece)
             if not size:
@@ -86,7 +86,7 @@ class Uploads:
 
 
 def _check_length(length: str | None) -> None:
-    """What the header says, before anything is read."""
+    """Check the length in the header, before anything is read."""
     if length is None:
         return
     if not (length.isascii() and length.isdigit()):

@@ -1,4 +1,4 @@
-"""The processes that do the studio's heavy work, from the server's side: one job at a time, and they may die."""
+"""Worker processes for the studio's heavy work, from the server's side: one job at a time; a process may die."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from ..errors import InputError, InternalError
 
 __all__ = ["JobCancelled", "StudioWorker"]
 
-_LONGEST = 1 << 24  # bytes of an answer; ours: a report has some kB
-_PATIENCE = 0.7  # seconds until a job that is cancelled must have ended; ours: the page is told within a second
+_LONGEST = 1 << 24  # bytes of an answer [ours: a report has some kB]
+_PATIENCE = 0.7  # seconds within which a cancelled job must end [ours: the page gets an answer within a second]
 
 Progress = Callable[[float, float | None], None]
 
@@ -27,7 +27,7 @@ class JobCancelled(Exception):
 
 
 class StudioWorker:
-    """A process that is started at its first job, keeps its models, and is started again when it has ended.
+    """A process that starts with its first job, keeps its models, and is started again if it has ended.
 
     Methods may be called from any thread; jobs wait for each other.
     """
@@ -35,14 +35,14 @@ class StudioWorker:
     def __init__(self) -> None:
         self._turn, self._state = threading.Lock(), threading.Lock()
         self._worker: Worker | None = None
-        self._numbers, self._running, self._cancelled = count(1), 0, 0
+        self._numbers, self._running, self._cancel_number = count(1), 0, 0
         self._owner: object = None
-        self._unwanted = WeakSet[Any]()
+        self._cancelled_owners = WeakSet[Any]()
         self._closed = False
 
     @property
     def process_id(self) -> int | None:
-        """Of the process; None where none runs."""
+        """Id of the process; None if none runs."""
         worker = self._worker
         return None if worker is None else worker.process.pid
 
@@ -53,19 +53,19 @@ class StudioWorker:
 
         Args:
             job: its name.
-            progress: called with seconds done and in all.
-            timeout: seconds that the process may say nothing.
-            owner: whose job it is, for `cancel`.
-            values: of the job; they travel as JSON.
+            progress: called with the seconds done and the seconds in all.
+            timeout: longest time without a message of the process, seconds.
+            owner: identifies the job for `cancel`.
+            values: arguments of the job; they are sent as JSON.
 
         Raises:
-            InputError: something given cannot be used.
+            InputError: an argument cannot be used.
             InternalError: the process has ended, or failed.
             JobCancelled: `cancel` was called.
         """
         with self._turn:
             with self._state:
-                if self._closed or (owner is not None and owner in self._unwanted):
+                if self._closed or (owner is not None and owner in self._cancelled_owners):
                     raise JobCancelled
                 if self._worker is None:
                     command = worker_command(Path(__file__).with_name("_jobs.py"))
@@ -79,7 +79,7 @@ class StudioWorker:
                 worker.close()
                 with self._state:
                     self._worker = None
-                    if self._cancelled == number or self._closed:
+                    if self._cancel_number == number or self._closed:
                         raise JobCancelled from None
                 raise InternalError(f"the worker process has ended ({error})", "it was started again; try once more") from None
             finally:
@@ -87,25 +87,25 @@ class StudioWorker:
                     self._running, self._owner = 0, None
 
     def cancel(self, owner: Any = None) -> None:
-        """End the job that runs. A process that does not listen is killed.
+        """End the job that runs. A process that does not react is killed.
 
         Args:
-            owner: an object that was given to `run`: its job alone ends, also where it still waits. None: whosever runs.
+            owner: an object that was given to `run`: only its job ends, even if it still waits. None: the job that runs.
         """
         with self._state:
             worker, number = self._worker, self._running
             if owner is not None:
-                self._unwanted.add(owner)
+                self._cancelled_owners.add(owner)
             if worker is None or not number or (owner is not None and owner is not self._owner):
                 return
-            self._cancelled = number
+            self._cancel_number = number
         worker.request(b"C", json.dumps(number).encode())
         timer = threading.Timer(_PATIENCE, self._kill, (worker, number))
         timer.daemon = True
         timer.start()
 
     def close(self) -> None:
-        """End the process, and what it does; no job is taken any more."""
+        """End the process and its job; no more jobs are accepted."""
         with self._state:
             self._closed, worker = True, self._worker
         if worker is not None:
@@ -120,7 +120,7 @@ class StudioWorker:
                 worker.process.kill()
 
     def _follow(self, worker: Worker, progress: Progress | None, timeout: float | None) -> dict[str, Any]:
-        """The answer to a job."""
+        """Wait for the answer to a job, and return it."""
         while True:
             kind, payload = worker.receive(_LONGEST, timeout)
             values: dict[str, Any] = json.loads(payload)
@@ -131,5 +131,5 @@ class StudioWorker:
             if kind == b"C":
                 raise JobCancelled
             if progress is not None:
-                with suppress(RuntimeError):  # the loop that listens has ended
+                with suppress(RuntimeError):  # the event loop of the listener has ended
                     progress(values["done"], values["total"])

@@ -1,3 +1,3 @@
-"""Inverse kinematics of arms and legs, hand shapes, and the room that the body fills."""
+"""Inverse kinematics of arms and legs, hand shapes, and the volume of the body."""
 
 __all__: list[str] = []

@@ -1,8 +1,8 @@
-"""Arms that stay out of torso and head, whoever moved them.
+"""Keep arms out of torso and head.
 
-Wrists, palms, fingers and forearms are pushed out (`body_volume`), and the arm follows: its elbow stays on its side of the line
-from shoulder to wrist, and its hand turns with the forearm. Each frame depends on itself alone. Arms that touch nothing stay as
-they are.
+Wrists, palms, fingers and forearms are pushed out (`body_volume`), and the arm follows. Its elbow stays on the same side of the
+line from shoulder to wrist, and its hand turns with the forearm. Each frame depends on itself alone. Arms that touch nothing do
+not change.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from .two_bones import place_middle_joint
 __all__ = ["TrunkFrames", "find_pushes", "keep_arms_out", "move_wrists", "push_from_body", "trunk_frames"]
 
 _LOW, _OVER = 1.02, 0.20
-"""Metres of the T-pose from which on the torso turns with the chest, and over which this changes [ours]."""
+"""Height of the T-pose in metres from which on the torso turns with the chest, and metres over which this changes [ours]."""
 _BALLS = ((0.0, 0.036), (0.080, 0.050), (0.140, 0.030))
-"""Metres along the hand from the wrist, and radius, of wrist, palm and fingers [ours]: as of the hands of the rules."""
+"""Metres along the hand from the wrist, and radius, of wrist, palm and fingers [ours: those of the hands of the rules]."""
 _ALONG, _FOREARM = 0.62, 0.036  # share of the forearm from the elbow, and the radius of the arm there, metres [ours]
-_TIMES = 3  # rounds of pushes [ours]: what leaves the torso may meet the head
+_TIMES = 3  # rounds of pushes [ours: a hand that leaves the torso may meet the head]
 _AIR = 0.004  # metres between body and arm [ours]
-_TOUCHES = 1e-4  # metres of pushes, added, from which on an arm is moved [ours]: pushes begin softly
-_BENT = 0.03  # upper arms that an elbow is off the line to the wrist, below which the forearm's hinge says where it goes [ours]
+_TOUCHES = 1e-4  # sum of pushes in metres from which on an arm is moved [ours: pushes begin softly]
+_LEAST_BEND = 0.03  # upper arms from the elbow to the line to the wrist; below it, the hinge gives the elbow's side [ours]
 
 
 class TrunkFrames(NamedTuple):
-    """The trunk as both arms see it: (N, 2, …), the right side mirrored; positions relative to the upper chest's joint."""
+    """The trunk in the frames of both arms: (N, 2, …), the right side mirrored; positions relative to the upper chest."""
 
     to_hips: Array
     from_hips: Array
@@ -42,7 +42,7 @@ class TrunkFrames(NamedTuple):
 
 
 def push_from_body(point: Array, radius: Array | float, trunk: TrunkFrames) -> Array:
-    """Displacement of balls at ``point (..., N, 2, 3)``, relative to the upper chest in its frame, out of torso and head."""
+    """Displacement that moves balls at ``point (..., N, 2, 3)`` out of torso and head, in the frame of the upper chest."""
     in_chest, in_hips = _tpose()
     upper = point + in_chest
     lower = quat_rotate(trunk.to_hips, point) + trunk.hips_at + in_hips
@@ -53,7 +53,7 @@ def push_from_body(point: Array, radius: Array | float, trunk: TrunkFrames) -> A
 
 
 def trunk_frames(q: Array) -> TrunkFrames:
-    """How both arms see the trunk, of local rotations (N, J, 4)."""
+    """The trunk in the frames of both arms, from local rotations (N, J, 4)."""
     s = humanoid()
     spine, chest, upper, neck, head = (q[:, s.index[name]] for name in ("spine", "chest", "upperChest", "neck", "head"))
     o = {name: s.offsets[s.index[name]] for name in ("spine", "chest", "upperChest", "neck", "head")}
@@ -66,11 +66,11 @@ def trunk_frames(q: Array) -> TrunkFrames:
 
 
 def keep_arms_out(q: Array, amount: float = 1.0) -> None:
-    """Bring arms and hands out of torso and head.
+    """Move arms and hands out of torso and head.
 
     Args:
-        q: (N, J, 4) local rotations of our humanoid; written to.
-        amount: share of the way that they go, 0 … 1.
+        q: (N, J, 4) local rotations of our humanoid; changed in place.
+        amount: share of the way that they move, 0 … 1.
     """
     if amount:
         arm = _read_arms(q)
@@ -78,15 +78,15 @@ def keep_arms_out(q: Array, amount: float = 1.0) -> None:
 
 
 def find_pushes(q: Array) -> Array:
-    """(N, 2, 3) metres by which the wrists of local rotations (N, J, 4) go out of torso and head.
+    """(N, 2, 3) metres by which the wrists of local rotations (N, J, 4) must move to leave torso and head.
 
-    In the frame of the upper chest, the right side mirrored; zero where an arm touches nothing.
+    In the frame of the upper chest, the right side mirrored; zero if an arm touches nothing.
     """
     return _find_pushes(_read_arms(q), trunk_frames(q))
 
 
 def move_wrists(q: Array, ways: Array) -> None:
-    """Move the wrists of local rotations (N, J, 4), which are written to, by ``ways`` (N, 2, 3) as of `find_pushes`."""
+    """Move the wrists of local rotations (N, J, 4), in place, by ``ways`` (N, 2, 3) as of `find_pushes`."""
     if ways.any():
         _place_wrists(q, _read_arms(q), ways)
 
@@ -102,7 +102,7 @@ def _find_pushes(arm: _Arms, trunk: TrunkFrames) -> Array:
 
 
 def _place_wrists(q: Array, arm: _Arms, ways: Array) -> None:
-    """See `move_wrists`; ``arm`` is what was read from ``q``."""
+    """See `move_wrists`; ``arm``: the arms of ``q``."""
     rows = np.flatnonzero(ways.any((1, 2)))
     if not len(rows):
         return
@@ -138,7 +138,7 @@ def _read_arms(q: Array) -> _Arms:
 
 
 def _find_touches(arm: _Arms, trunk: TrunkFrames) -> Array:
-    """(N,) whether an arm comes so near to the body that it is moved; most do not, and this is all that they cost."""
+    """(N,) whether an arm is so near to the body that it must move. Most are not, and then need no further work."""
     far, radius = (np.array(column)[:, None, None] for column in zip(*_BALLS, (0.0, _FOREARM), strict=True))
     points = arm.wrist + far[..., None] * quat_rotate(arm.hand, np.array([1.0, 0.0, 0.0]))
     points[-1] = arm.elbow + _ALONG * (arm.wrist - arm.elbow)
@@ -147,33 +147,33 @@ def _find_touches(arm: _Arms, trunk: TrunkFrames) -> Array:
 
 
 def _find_push(arm: _Arms, trunk: TrunkFrames) -> Array:
-    """(N, 2, 3) metres that the wrists go."""
+    """(N, 2, 3) metres by which the wrists must move."""
     along = quat_rotate(arm.hand, np.array([1.0, 0.0, 0.0]))
-    moved = np.zeros_like(arm.wrist)
+    shift = np.zeros_like(arm.wrist)
     for _ in range(_TIMES):
         for far, radius in _BALLS:
-            moved = moved + push_from_body(arm.wrist + far * along + moved, radius + _AIR, trunk)
-        middle = arm.elbow + _ALONG * (arm.wrist + moved - arm.elbow)
-        moved = moved + push_from_body(middle, _FOREARM + _AIR, trunk) / _ALONG
-    return moved
+            shift = shift + push_from_body(arm.wrist + far * along + shift, radius + _AIR, trunk)
+        middle = arm.elbow + _ALONG * (arm.wrist + shift - arm.elbow)
+        shift = shift + push_from_body(middle, _FOREARM + _AIR, trunk) / _ALONG
+    return shift
 
 
 def _follow(arm: _Arms, to: Array) -> tuple[Array, Array]:
     """(N, 2, 4) rotations of upper arm and forearm with which the wrists are at ``to (N, 2, 3)`` from the shoulders."""
     lengths, before = arm_lengths(), arm.wrist - arm.shoulder
     far = _length(to)[..., None]
-    reached = clip(
+    distance = clip(
         far, abs(lengths.upper - lengths.fore) + _AIR, np.maximum(_length(before)[..., None], MOST_REACH * lengths.total)
     )
     line = to / np.maximum(far, 1e-6)
     turn = quat_between(before, line)
     off = _square_to(quat_rotate(turn, arm.elbow - arm.shoulder), line)
-    straight = smoothstep(1.0 - _length(off) / (_BENT * lengths.upper))[..., None]
+    straight = smoothstep(1.0 - _length(off) / (_LEAST_BEND * lengths.upper))[..., None]
     back = quat_rotate(turn, quat_rotate(arm.upper, np.array([0.0, 0.0, -1.0])))
     pole = vector_normalize(off + straight * lengths.upper * _square_to(back, line))
-    bone = place_middle_joint(line, reached[..., 0], pole, lengths)
+    bone = place_middle_joint(line, distance[..., 0], pole, lengths)
     upper = _turn_bone(arm.elbow - arm.shoulder, bone, arm.upper)
-    return upper, _turn_bone(arm.wrist - arm.elbow, reached * line - bone, arm.fore)
+    return upper, _turn_bone(arm.wrist - arm.elbow, distance * line - bone, arm.fore)
 
 
 def _length(vectors: Array) -> Array:
@@ -181,7 +181,7 @@ def _length(vectors: Array) -> Array:
 
 
 def _square_to(vectors: Array, line: Array) -> Array:
-    """What is left of vectors at right angles to unit vectors."""
+    """The part of vectors that is at right angles to unit vectors."""
     return vectors - np.einsum("...i,...i->...", vectors, line)[..., None] * line  # type: ignore[no-any-return]
 
 
@@ -191,6 +191,6 @@ def _turn_bone(before: Array, after: Array, rotation: Array) -> Array:
 
 @lru_cache(1)
 def _tpose() -> tuple[Array, Array]:
-    """(3,) where upper chest and hips of the T-pose are, metres."""
+    """(3,) positions of upper chest and hips in the T-pose, metres."""
     s = humanoid()
     return s.tpose[s.index["upperChest"]], s.tpose[s.index["hips"]]

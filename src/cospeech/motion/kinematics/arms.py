@@ -1,7 +1,7 @@
-"""From a wrist in gesture space to the rotations of clavicle, arm, forearm, hand and fingers.
+"""Compute rotations of clavicle, arm, forearm, hand and fingers from the place of a wrist in gesture space.
 
-All maths is for a left arm; the right one enters mirrored and is mirrored back (x → −x). Two-bone inverse kinematics
-with the elbow's swivel as the free parameter (Tolani, Goswami & Badler 2000).
+All formulas are for a left arm. The right one is mirrored before, and mirrored back after (x → −x). The method is two-bone
+inverse kinematics with the elbow's swivel as the free parameter (Tolani, Goswami & Badler 2000).
 """
 
 from __future__ import annotations
@@ -32,35 +32,35 @@ __all__ = [
 ]  # fmt: skip
 
 MIRROR_V, MIRROR_Q = np.array([-1.0, 1.0, 1.0]), np.array([1.0, -1.0, -1.0, 1.0])
-"""What mirrors positions and rotations between the left and the right arm."""
-MOST_REACH = 0.992  # of the arm's full length: an elbow never locks quite straight (ours; motion.md: flexion 5 % = 16–54°)
-FOREARM_SHARE = 0.6  # of pronation that the forearm bone shows; the wrist takes the rest, so that skin twists gradually
+"""Factors that mirror positions and rotations between the left and the right arm."""
+MOST_REACH = 0.992  # of the arm's full length: an elbow is never quite straight (ours; motion.md: flexion 5 % = 16–54°)
+FOREARM_SHARE = 0.6  # share of pronation in the forearm bone; the wrist has the rest, so that skin twists gradually
 FINGERS = ("Index", "Middle", "Ring", "Little")
 _SPREAD_SHARE = np.array([-1.0, -0.15, 0.65, 1.5])  # of the spread angle, index … little, about the hand's normal
-POLE = np.array([0.30, -0.70, -0.65])  # where an elbow points when left alone: out, down, back (ours, by eye)
+POLE = np.array([0.30, -0.70, -0.65])  # natural direction of an elbow: out, down, back (ours, by eye)
 
 
 class ArmLengths(NamedTuple):
-    """Metres."""
+    """Lengths of the bones of an arm, metres."""
 
     upper: float
     fore: float
 
     @property
     def total(self) -> float:
-        """Shoulder to wrist, straight."""
+        """Length of a straight arm from shoulder to wrist."""
         return self.upper + self.fore
 
 
 @lru_cache(1)
 def arm_lengths() -> ArmLengths:
-    """Of our humanoid."""
+    """Arm lengths of our humanoid."""
     s = humanoid()
     return ArmLengths(*(float(np.linalg.norm(s.offsets[s.index[n]])) for n in ("leftLowerArm", "leftHand")))
 
 
 def mirror_arm(left: Array, mirror: Array) -> Array:
-    """(N, 2, k): values of the left arm (N, k), and the same for the right one, by `MIRROR_V` or `MIRROR_Q`."""
+    """(N, 2, k): values of the left arm (N, k), and their mirror images for the right one, by `MIRROR_V` or `MIRROR_Q`."""
     both = np.empty((len(left), 2, left.shape[1]))
     both[:, 0] = left
     np.multiply(left, mirror, out=both[:, 1])
@@ -80,9 +80,9 @@ def reach(target: Array) -> Array:
     far, near = MOST_REACH * (upper + fore), 0.34 * (upper + fore)
     d = np.sqrt(np.einsum("...i,...i->...", target, target))
     soft = 0.03 * (upper + fore)  # ours: the last stretch is spread over 3 % of the arm, so the elbow never snaps
-    limited = far - np.logaddexp(0.0, (far - d) / soft) * soft
-    limited = near + soft * np.logaddexp(0.0, (limited - near) / soft)
-    return target * (limited / np.maximum(d, 1e-6))[..., None]
+    distance = far - np.logaddexp(0.0, (far - d) / soft) * soft
+    distance = near + soft * np.logaddexp(0.0, (distance - near) / soft)
+    return target * (distance / np.maximum(d, 1e-6))[..., None]
 
 
 def solve_arm(target: Array, swivel: Array) -> tuple[Array, Array]:
@@ -114,7 +114,7 @@ def bone_frame(direction: Array, hinge: Array) -> Array:
 
 
 def hand_turns(angles: Array) -> tuple[Array, Array]:
-    """What follows the rotation of a forearm from `solve_arm`: its share of the pronation, and the hand in that frame.
+    """Rotations that follow that of a forearm from `solve_arm`: its share of the pronation, and the hand in that frame.
 
     Args:
         angles: (..., 3) pronation, flexion, deviation in radians.
@@ -142,33 +142,33 @@ def finger_rotations(channels: Array) -> Array:
 
 
 def finger_angles(rotations: Array) -> tuple[Array, Array]:
-    """The channels that `finger_rotations` would make such a hand of; the nearest ones for a hand that came from elsewhere.
+    """The channels of a hand: the inverse of `finger_rotations`; for any other hand, the nearest channels.
 
     Args:
         rotations: (..., 15, 4) of a left hand, joints in that function's order.
 
     Returns:
-        (..., 12) radians: knuckles, middles, spread, thumb as in `Channel`; and how well the spread shows, (...): 1 with
-        all fingers straight, 0 with all of them bent, when nothing is known of it.
+        (..., 12) radians: knuckles, middles, spread, thumb as in `Channel`; and (...) how visible the spread is: 1 if all
+        fingers are straight, 0 if all are bent, as the spread is unknown then.
     """
     bend = _turn_about(rotations, 2)
     knuckles, middle, last = -bend[..., 3::3], -bend[..., 4::3], -bend[..., 5::3]
     middles = (middle + _COUPLING * last) / (1 + _COUPLING**2)  # least squares of both joints
     swing = quat_multiply(rotations[..., 3::3, :], _about(2, knuckles))
     share = _parting(knuckles)
-    seen = np.einsum("...i,...i->...", share, share)
-    spread = np.einsum("...i,...i->...", share, _turn_about(swing, 1)) / np.maximum(seen, 1e-9)
+    visibility = np.einsum("...i,...i->...", share, share)
+    spread = np.einsum("...i,...i->...", share, _turn_about(swing, 1)) / np.maximum(visibility, 1e-9)
     thumb = rotations[..., 0, :]
     base = _turn_about(thumb, 1)
     opposition = _turn_about(quat_multiply(thumb, _about(1, -base)), 0)
     outer = rotations[..., 1:3, :] * np.where(rotations[..., 1:3, 3:] < 0, -1.0, 1.0)
     outer = 2 * np.arctan2(outer[..., :3] @ _THUMB_HINGE, outer[..., 3]).mean(-1)
     angles = np.concatenate([knuckles, middles, np.stack([spread, opposition, base, outer], -1)], -1)
-    return angles, seen / (_SPREAD_SHARE**2).sum()
+    return angles, visibility / (_SPREAD_SHARE**2).sum()
 
 
 def _parting(knuckles: Array) -> Array:
-    """What each finger has of the spread: bent fingers cannot part (collateral ligaments tighten)."""
+    """The share of each finger in the spread: bent fingers cannot spread (collateral ligaments tighten)."""
     return _SPREAD_SHARE * clip(1 - knuckles / 1.2, 0.0, 1.0)
 
 
@@ -198,18 +198,18 @@ def to_parent(parent: Array, child: Array) -> Array:
 
 
 def wrists_in_chest(q: Array) -> Array:
-    """Where the wrists are, of local rotations (n, J, 4).
+    """Positions of the wrists, from local rotations (n, J, 4).
 
     Returns:
-        (n, 2, 3) of left and right wrist from the own shoulder in the frame of the upper chest, arm lengths.
+        (n, 2, 3) of left and right wrist, each from its shoulder, in the frame of the upper chest, in arm lengths.
     """
     s = humanoid()
-    found = []
+    wrists = []
     for side in ("left", "right"):
         turn, at = q[:, s.index[side + "Shoulder"]], np.zeros((len(q), 3))
         turn = quat_multiply(turn, q[:, s.index[side + "UpperArm"]])
         for name in ("LowerArm", "Hand"):
             at = at + quat_rotate(turn, s.offsets[s.index[side + name]])
             turn = quat_multiply(turn, q[:, s.index[side + name]])
-        found.append(at)
-    return np.stack(found, 1) / arm_lengths().total
+        wrists.append(at)
+    return np.stack(wrists, 1) / arm_lengths().total

@@ -1,4 +1,4 @@
-"""Channels of everything that is not a hand: hips, torso, head, gaze, feet, breath."""
+"""Channels of all parts but the hands: hips, torso, head, gaze, feet, breath."""
 
 from __future__ import annotations
 

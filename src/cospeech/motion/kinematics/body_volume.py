@@ -1,8 +1,8 @@
-"""The space that torso, thighs and head fill, so that hands can stay out of it.
+"""The volume of torso, thighs and head, so that hands can stay out of it.
 
-The torso is a stack of ellipses around the spine of the T-pose, the head an ellipsoid; both are measured on our
-mannequin, clothes included (`cospeech.export.mannequin`), and rounded up. Points are pushed out softly, a little before they
-touch, so that a path bends around the body instead of jumping.
+The torso is a stack of ellipses around the spine of the T-pose, and the head is an ellipsoid. Both are measured on our
+mannequin with its clothes (`cospeech.export.mannequin`), and rounded up. Points are pushed out softly, a little before they
+touch, so that a path bends around the body and does not jump.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _SOFT = 0.012  # metres over which a push fades in (ours)
 
 
 def push_from_torso(points: Array, radius: Array | float) -> Array:
-    """Displacement (..., 3) that brings balls at ``points (..., 3)`` (T-pose frame of the torso) out of it.
+    """Displacement (..., 3) that moves balls at ``points (..., 3)`` (T-pose frame of the torso) out of the torso.
 
     The push is horizontal, along the ellipse's normal, and never towards the back: a hand in front leaves to the front.
     """
@@ -58,14 +58,14 @@ def push_from_torso(points: Array, radius: Array | float) -> Array:
 
 
 def _measure_section(height: Array) -> Array:
-    """(3, …) half width, half depth and centre of the torso at heights (…): as three times `numpy.interp`, at once."""
+    """(3, …) half width, half depth and centre of the torso at heights (…): the result of three calls of `numpy.interp`."""
     height = clip(height, _HEIGHTS[0], _HEIGHTS[-1])
     below = np.searchsorted(_HEIGHTS, height, "right") - 1
     return _SLOPES.take(below, 1) * (height - _HEIGHTS.take(below)) + _SIZES.take(below, 1)
 
 
 def push_from_head(points: Array, centre: Array, radius: Array | float) -> Array:
-    """Displacement (..., 3) that brings balls out of the head's ellipsoid around ``centre (..., 3)``."""
+    """Displacement (..., 3) that moves balls out of the head's ellipsoid around ``centre (..., 3)``."""
     radii = HEAD_RADII + np.asarray(radius)[..., None]
     rel = points - centre
     norm = np.sqrt(np.einsum("...i,...i->...", rel / radii, rel / radii)) + 1e-6

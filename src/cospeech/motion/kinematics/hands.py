@@ -1,8 +1,8 @@
-"""Hand shapes and what a hand's channels mean.
+"""Hand shapes, and the meaning of a hand's channels.
 
-A hand is a row of channels on a `Track`. The wrist is placed in gesture space: an own frame per arm that follows the
-upper chest, with the shoulder joint of the T-pose as origin, in units of arm length (shoulder to wrist). Everything is
-written for the left hand; the right is its mirror image. Angles in degrees here, because people edit these tables.
+A hand is a row of channels on a `Track`. Its wrist has a place in gesture space: each arm has a frame that follows the upper
+chest, with the shoulder joint of the T-pose as origin, in units of arm length (shoulder to wrist). All values are for the left
+hand; the right is its mirror image. Angles are in degrees here, because people edit these tables.
 """
 
 from __future__ import annotations
@@ -88,4 +88,4 @@ HAND_VARIANTS: dict[str, HandShape] = {
     "half_fist": HandShape((38, 46, 52, 56), (50, 58, 62, 62), 3, (26, 12, 28)),
     "lazy_point": HandShape((14, 46, 56, 60), (22, 62, 70, 68), 4, (16, 6, 14)),
 }
-"""Shapes that stand in for those of `HAND_SHAPES`, so that no hand is twice the same; ours, by eye."""
+"""Shapes that replace those of `HAND_SHAPES` now and then, so that hands vary; ours, by eye."""

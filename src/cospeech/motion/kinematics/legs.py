@@ -17,7 +17,7 @@ __all__ = ["BALL", "SEAT", "STANCE", "TOE_OUT", "balance", "carry", "place_feet"
 SEAT = 0.515  # metres from the floor to the hips' joint of a seated body (ours: a chair of 0.43 m)
 STANCE = 0.105  # metres from the middle to each ankle (ours: a little wider than the hips)
 TOE_OUT = 9.0  # degrees
-_ROLLS = np.radians(4.0)  # of tip, on both sides of a flat foot, within which toes begin to bend (ours)
+_ROLLS = np.radians(4.0)  # range of tip, on both sides of a flat foot, within which toes begin to bend (ours)
 _LEANS = 0.5  # share of a seated torso's pitch that the pelvis takes (ours: CMU's seated takes have .5 to 1)
 _AHEAD = 0.42  # metres that the ankles of a seated body are in front of its hips (ours: shins upright)
 _SITTING, _STANDING = 0.62, 0.78  # hips' height in metres up to which a body sits, from which it stands (ours)
@@ -28,12 +28,12 @@ _SPREAD = (BALL - _HEEL) / 2  # metres
 _TURNS_OVER = 3.0
 """Radians for each metre of lift: how gently a foot in the air goes from ball to heel (ours, or the knee jerks by 4° a frame).
 Its sole comes down by a quarter of the lift at most."""
-_SOFT = 0.004  # metres: how the lower of both legs' limits is rounded
-_FOLDED = 0.99999  # ours: cosine of the least angle of the thigh with the way to the ankle, so that no bone's way is lost
-_BENT = 0.0008  # metres over which a knee begins to bend (ours)
+_SOFT = 0.004  # metres of smoothing of the minimum of both legs' limits
+_MOST_COSINE = 0.99999  # ours: cosine of the least angle of the thigh with the line to the ankle; directions stay defined
+_BEND_WIDTH = 0.0008  # metres over which a knee begins to bend (ours)
 _MOST_SHIFT = 0.64
-"""Share of the way from the middle to a foot that hips never pass. [ours: nine tenths of the time, CMU's people who stand are
-within .07 to .7 of it (13_01 to 13_26); hips further out are a body that falls, or legs that lean side by side]"""
+"""Share of the way from the middle to a foot that hips never exceed. [ours: nine tenths of the time, CMU's standing people are
+within .07 to .7 of it (13_01 to 13_26); with hips further out a body falls, or its legs lean side by side]"""
 _SIDES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
 
 
@@ -51,10 +51,10 @@ def _lengths() -> tuple[float, float]:
 
 
 def stand(b: Array, seated: bool, rotations: Array | None) -> tuple[Array, Array]:
-    """Write the legs into ``rotations`` (N, J, 4); None: hips alone.
+    """Compute hips and legs, and write the legs into ``rotations`` (N, J, 4), if it is not None.
 
     Args:
-        b: (N, channels) of the body's track, noise included.
+        b: (N, channels) of the body's track, with noise.
 
     Returns:
         hips' rotation (N, 4) and position (N, 3).
@@ -64,8 +64,8 @@ def stand(b: Array, seated: bool, rotations: Array | None) -> tuple[Array, Array
     roll = b[:, Body.HIPS_ROLL] + (0.0 if seated else _TILT * weight_shift(b))
     pitch = b[:, Body.HIPS_PITCH] + b[:, Body.PITCH] * (_LEANS if seated else 0.12)
     if seated:  # no forward tilt under a raised thigh: hips bend by 120° at most
-        raised = clip(lift.max(1) / 0.15, 0.0, 1.0)
-        room = 12.0 - 17.0 * raised * raised * (3 - 2 * raised)
+        lift_share = clip(lift.max(1) / 0.15, 0.0, 1.0)
+        room = 12.0 - 17.0 * lift_share * lift_share * (3 - 2 * lift_share)
         pitch = room - soft_positive(room - pitch, 3.0)
     yaw = b[:, Body.HIPS_YAW] + (0.0 if seated else feet[..., 2].mean(1))
     hips = euler_to_quat(np.radians(np.stack([yaw, pitch, roll], -1)), "YXZ")
@@ -83,10 +83,10 @@ def stand(b: Array, seated: bool, rotations: Array | None) -> tuple[Array, Array
 
 
 def balance(place: Array, b: Array) -> Array:
-    """Where hips of a standing body may be: between the feet, and not beside them, where a person would fall.
+    """Limit the hips of a standing body to a place between the feet; beside them, a person would fall.
 
     Args:
-        place: (N, 2) where they want to be, x and z in metres.
+        place: (N, 2) wanted place of the hips, x and z in metres.
         b: (N, channels) of the body's track.
 
     Returns:
@@ -99,8 +99,8 @@ def balance(place: Array, b: Array) -> Array:
 
 
 def _sunk(b: Array) -> Array:
-    """(N,) metres by which knees that bend lower the hips: never less than nothing, or feet would leave the floor."""
-    return soft_positive(b[:, Body.SINK], _BENT)
+    """(N,) metres by which bent knees lower the hips: never negative, or feet would leave the floor."""
+    return soft_positive(b[:, Body.SINK], _BEND_WIDTH)
 
 
 def weight_shift(b: Array) -> Array:
@@ -109,7 +109,7 @@ def weight_shift(b: Array) -> Array:
 
 
 def _ankles(feet: Array, lift: Array, tip: Array) -> Array:
-    """(N, 2, 3) ankles of feet that are lifted, and rolled about ball or heel, which stay where they are.
+    """(N, 2, 3) ankles of feet that are lifted, and rolled about ball or heel, which do not move.
 
     Args:
         feet: (N, 2, 3) x and z of the ankle of the flat foot, yaw in degrees.
@@ -125,7 +125,7 @@ def _ankles(feet: Array, lift: Array, tip: Array) -> Array:
 
 
 def _height(root: Array, hips: Array, ankles: Array) -> Array:
-    """The highest that both legs allow, rounded off; a lifted foot does not pull the hips down."""
+    """The greatest height of the hips that both legs allow, smoothed; a lifted foot does not pull the hips down."""
     limit = _STRAIGHT * sum(_lengths())
     joints = quat_rotate(hips[:, None], _leg()[0] * _SIDES)
     flat = (root[:, None] + joints - ankles)[..., [0, 2]]
@@ -140,7 +140,7 @@ def _legs(hips: Array, root: Array, ankles: Array, yaw: Array, tip: Array) -> Ar
     Args:
         hips, root: (N, 4) rotation and (N, 3) position of the hips.
         ankles: (N, 2, 3) where the left and the right ankle are.
-        yaw, tip: (N, 2) by which feet turn to the left, in degrees, and are rolled over their balls, in radians.
+        yaw, tip: (N, 2) turn of the feet to the left, in degrees, and their roll over the balls, in radians.
     """
     rel = ankles - (root[:, None] + quat_rotate(hips[:, None], _leg()[0] * _SIDES))
     d = np.maximum(np.sqrt(np.einsum("nsi,nsi->ns", rel, rel)), 1e-6)
@@ -149,7 +149,7 @@ def _legs(hips: Array, root: Array, ankles: Array, yaw: Array, tip: Array) -> Ar
     pole = np.stack([np.sin(turn), np.zeros_like(turn), np.cos(turn)], -1)
     pole = pole - np.einsum("nsi,nsi->ns", pole, along)[..., None] * along
     pole /= np.maximum(np.sqrt(np.einsum("nsi,nsi->ns", pole, pole))[..., None], 1e-9)
-    knee = place_middle_joint(along, d, pole, _lengths(), _FOLDED)
+    knee = place_middle_joint(along, d, pole, _lengths(), _MOST_COSINE)
     hinge = cross(-along, pole)  # to the left
     bones = _bones(np.stack([knee, rel - knee], 2), hinge[:, :, None])
     world = np.concatenate([bones, euler_to_quat(np.stack([turn, tip], -1), "YX")[:, :, None]], 2)
@@ -158,7 +158,7 @@ def _legs(hips: Array, root: Array, ankles: Array, yaw: Array, tip: Array) -> Ar
 
 
 def _bones(directions: Array, hinge: Array) -> Array:
-    """World rotations that lay thigh and shin along ``directions (N, 2, 2, 3)`` with the x-axis on ``hinge``."""
+    """World rotations with which thigh and shin lie along ``directions (N, 2, 2, 3)``, with the x-axis on ``hinge``."""
     down = -directions / np.sqrt(np.einsum("nsbi,nsbi->nsb", directions, directions))[..., None]
     hinge = np.broadcast_to(hinge, down.shape)
     q = matrix_to_quat(np.stack([hinge, down, cross(hinge, down)], -1))
@@ -167,17 +167,17 @@ def _bones(directions: Array, hinge: Array) -> Array:
 
 @lru_cache(1)
 def _tilts() -> Array:
-    """(2, 4): the rest offsets of knee and ankle are not quite straight down."""
+    """(2, 4) corrections, because the rest offsets of knee and ankle do not point straight down."""
     tilt = np.array([np.arctan2(rest[2], -rest[1]) / 2 for rest in _leg()[1:3]])
     return np.stack([np.sin(tilt), 0 * tilt, 0 * tilt, np.cos(tilt)], -1)
 
 
 def carry(hips: Array, place: Array, b: Array) -> tuple[Array, Array, Array]:
-    """Legs for hips that somebody else turned, over the feet of a body's track.
+    """Compute legs for given rotations of the hips, over the feet of a body's track.
 
     Args:
         hips: (N, 4) rotations of the hips.
-        place: (N, 3) of the hips' joint, metres; its height is not asked for.
+        place: (N, 3) of the hips' joint, metres; its height is not used.
         b: (N, channels) of the track: feet, lifts, tips and how far the hips sink.
 
     Returns:
@@ -194,14 +194,14 @@ def carry(hips: Array, place: Array, b: Array) -> tuple[Array, Array, Array]:
 
 
 def read_feet(rotations: Array, root: Array) -> Array:
-    """Where the feet of finished motion are: the inverse of `place_feet`.
+    """Places of the feet of a motion: the inverse of `place_feet`.
 
     Args:
         rotations, root: (N, J, 4) local rotations of our humanoid, (N, 3) metres.
 
     Returns:
-        (N, 2, 5) of the left and the right foot: x and z of the ankle of the flat foot in metres, yaw in degrees, by how many
-        metres it is lifted, by how many radians it is rolled over its ball.
+        (N, 2, 5) of the left and the right foot: x and z of the ankle of the flat foot in metres, yaw in degrees, lift in
+        metres, and roll over its ball in radians.
     """
     bones = rotations[:, _leg_joints()]
     world, ankle = rotations[:, :1], root[:, None] + quat_rotate(rotations[:, :1], _leg()[0] * _SIDES)
@@ -216,7 +216,7 @@ def read_feet(rotations: Array, root: Array) -> Array:
 
 
 def _read_lift(height: Array, edge: Array) -> Array:
-    """Metres of lift of feet whose ankles are ``height`` above where they are on the floor: the inverse of `_ankles`."""
+    """Lift in metres of feet whose ankles are ``height`` above those of feet on the floor: the inverse of `_ankles`."""
     share, over = _SPREAD * _TURNS_OVER, height + _SPREAD * abs(edge)
     a, b, c = 1 - 2 * share, over * (1 - share), over * over - (_SPREAD * edge) ** 2
     lift = (b - np.sqrt(np.maximum(b * b - a * c, 0.0))) / a
@@ -224,13 +224,13 @@ def _read_lift(height: Array, edge: Array) -> Array:
 
 
 def place_feet(hips: Array, place: Array, feet: Array, soft: Array, sink: Array) -> tuple[Array, Array, Array]:
-    """Legs for hips and feet that somebody else moved.
+    """Compute legs for given hips and feet.
 
     Args:
-        hips, place: (N, 4) rotations and (N, 3) places of the hips, metres; lowered where a leg would not reach its foot.
+        hips, place: (N, 4) rotations and (N, 3) places of the hips, metres; they are lowered if a leg cannot reach its foot.
         feet: (N, 2, 5) as of `read_feet`.
-        soft: (N,) 0 … 1: how far hips begin to sink before a leg is stretched, so that no knee snaps.
-        sink: (N,) metres by which the hips are then lower, so that a knee is bent before its foot leaves the floor.
+        soft: (N,) 0 … 1: how early the hips begin to sink before a leg is stretched, so that no knee snaps.
+        sink: (N,) metres by which the hips sink further, so that a knee is bent before its foot leaves the floor.
 
     Returns:
         The eight joints, their local rotations (N, 8, 4), and the place (N, 3).
@@ -246,7 +246,7 @@ def place_feet(hips: Array, place: Array, feet: Array, soft: Array, sink: Array)
 
 
 def _bend_toes(tip: Array) -> Array:
-    """Radians by which toes bend so that they lie flat while the heel is up; they begin gently: 1 degree under a flat foot."""
+    """Radians by which toes bend, so that they lie flat while the heel is up. They begin gently: 1 degree under a flat foot."""
     rolling = clip((tip + _ROLLS) / (2 * _ROLLS), 0.0, 1.0)
     return _ROLLS * rolling * rolling + np.maximum(tip - _ROLLS, 0.0)  # type: ignore[no-any-return]
 
@@ -268,14 +268,14 @@ def _leg_joints() -> Array:
 
 
 def plant(hips: Array, place: Array) -> tuple[Array, Array, Array]:
-    """Legs for hips alone: both feet stay in the rest stance; low hips sit, with the ankles in front of them.
+    """Compute legs for hips alone: both feet stay in the rest stance. Low hips sit, with the ankles in front of them.
 
     Every frame depends on its own row only. Between `_STANDING` and `_SITTING` the ankles glide from under the hips to the
     front, so that nothing jumps.
 
     Args:
         hips: (N, 4) rotations of the hips.
-        place: (N, 3) of the hips' joint, metres; lowered where both legs would not reach the floor.
+        place: (N, 3) of the hips' joint, metres; it is lowered if the legs cannot reach the floor.
 
     Returns:
         The six joints, their local rotations (N, 6, 4), and the place (N, 3).

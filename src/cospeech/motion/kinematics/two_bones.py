@@ -1,4 +1,4 @@
-"""Two bones in a row, of an arm or of a leg: where the joint between them is."""
+"""The place of the joint between two bones of an arm or a leg."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["place_middle_joint"]
 
 
 def place_middle_joint(along: Array, distance: Array, pole: Array, bones: tuple[float, float], most: float = 1.0) -> Array:
-    """Elbow or knee, from the joint above it, by the law of cosines.
+    """Position of an elbow or a knee, relative to the joint above it, by the law of cosines.
 
     Args:
         along: (..., 3) direction from the joint above to the end of the second bone.

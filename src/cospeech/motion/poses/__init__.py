@@ -1,7 +1,7 @@
-"""Poses: a person's motion ↔ the vectors that a network sees, one module per representation, each there and back.
+"""Pose representations: they encode motion as vectors for networks, and decode it again; one module for each.
 
-Every representation has ``name``, ``dimensions``, ``names`` (one per dimension), ``fps`` (of the papers), ``source`` (which
-field of a `Clip` it encodes: "points" or "motion"; for the latter also ``skeleton``, a name of
+Every representation has ``name``, ``dimensions``, ``names`` (one per dimension), ``fps`` (of the papers), ``source`` (the
+field of a `Clip` that it encodes: "points" or "motion"; for the latter also ``skeleton``, a name of
 `cospeech.motion.skeletons.SKELETONS`), ``encode(source) -> (T, D)`` and ``decode(vectors, fps, …)`` back.
 """
 
@@ -31,7 +31,7 @@ POSES: dict[str, str] = {
 
 
 class Pose(Protocol):
-    """What the representations have in common."""
+    """The interface of a representation."""
 
     @property
     def name(self) -> str: ...

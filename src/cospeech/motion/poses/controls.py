@@ -1,8 +1,8 @@
-"""Style controls of MoGlow (Alexanderson et al. 2020): how high, how fast and how far out the hands are.
+"""Style controls of MoGlow (Alexanderson et al. 2020): height, speed and distance of the hands.
 
-Each is a mean over the 4 seconds about a frame, of both wrists, relative to the hips as they stand in the T-pose (of TED: to
-the lowest point): height in metres, speed in metres per second, horizontal distance in metres. A system is trained with them
-as it moves, and generates with constant ones, told as quantiles of the training data: ``hand_height:0.85``.
+Each is a mean of both wrists over the 4 seconds about a frame, relative to the hips in the orientation of the T-pose (for TED:
+to the lowest point): height in metres, speed in metres per second, horizontal distance in metres. A system is trained with the
+controls of its data. It generates with constant ones, given as quantiles of the training data: ``hand_height:0.85``.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ __all__ = [
 CONTROLS = ("hand_height", "hand_speed", "hand_radius")
 """In the order of the columns; the authors' MG-H, MG-V and MG-R."""
 QUANTILES = 101
-"""How many quantiles of a control a bundle keeps: 0, 0.01 … 1."""
+"""Number of quantiles of a control in a bundle: 0, 0.01 … 1."""
 SECONDS = 4.0  # of the running mean; Alexanderson et al. 2020 and the authors' code
 
 
 def _wrists(vectors: Array, pose: Pose, fps: float) -> Array:
-    """(T, 2, 3) left and right wrist from the hips, metres, the hips as they stand in the T-pose."""
+    """(T, 2, 3) left and right wrist from the hips, metres; the hips have the orientation of the T-pose."""
     body = pose.decode(np.asarray(vectors, np.float64), fps)
     if isinstance(body, Points):
         if body.layout != "ted":
@@ -56,7 +56,7 @@ def _wrists(vectors: Array, pose: Pose, fps: float) -> Array:
 
 
 def _running_mean(x: Array, frames: int) -> Array:
-    """(T, …) means over ``frames // 2`` frames to either side; fewer at the ends."""
+    """(T, …) means over ``frames // 2`` frames on both sides; fewer at the ends."""
     half, count = frames // 2, len(x)
     sums = np.concatenate([np.zeros((1, *x.shape[1:])), np.cumsum(x, 0)])
     low, high = np.maximum(np.arange(count) - half, 0), np.minimum(np.arange(count) + half + 1, count)
@@ -67,45 +67,45 @@ def style_controls(vectors: Array, pose: Pose, fps: float) -> Array:
     """The three controls of every frame.
 
     Args:
-        vectors: (T, D) of a representation with hands in three dimensions, as it decodes them.
+        vectors: (T, D) of a representation with hands in three dimensions, in the form that it decodes.
         pose, fps: representation and rate.
 
     Returns:
         (T, 3) float32, columns `CONTROLS`.
 
     Raises:
-        InputError: a representation without such hands.
+        InputError: the representation has no such hands.
     """
     if not len(vectors):
         return np.zeros((0, len(CONTROLS)), np.float32)
     wrists = _wrists(vectors, pose, fps)
-    moved = np.linalg.norm(np.diff(wrists, axis=0), axis=-1) * fps
-    speed = np.concatenate([moved[:1], moved]) if len(moved) else np.zeros((1, 2))
+    steps = np.linalg.norm(np.diff(wrists, axis=0), axis=-1) * fps
+    speed = np.concatenate([steps[:1], steps]) if len(steps) else np.zeros((1, 2))
     height, radius = wrists[..., 1], np.linalg.norm(wrists[..., [0, 2]], axis=-1)
     both = np.stack([height.mean(1), speed.mean(1), radius.mean(1)], -1)
     return _running_mean(both, int(SECONDS * fps)).astype(np.float32)
 
 
 def read_controls(text: str) -> dict[str, float]:
-    """``"hand_height:0.85,hand_speed:0.15"``, as ``--style`` has it → name → quantile.
+    """Parse ``"hand_height:0.85,hand_speed:0.15"``, as given to ``--style``; returns name → quantile.
 
     >>> read_controls("hand_height:0.85, hand_speed:0.15")
     {'hand_height': 0.85, 'hand_speed': 0.15}
 
     Raises:
-        InputError: an unknown control, or no quantile 0 … 1.
+        InputError: a control is unknown, or a quantile is not in 0 … 1.
     """
-    found: dict[str, float] = {}
+    quantiles: dict[str, float] = {}
     hint = "NAME:QUANTILE once, 0 … 1, such as hand_height:0.85"
     for name, value, part in read_named_numbers(
         text, number="quantile", of="style control", hint=hint, is_name=CONTROLS.__contains__
     ):
         if name not in CONTROLS:
             raise InputError(f"no style control is called {name!r}", nearest(name, CONTROLS))
-        if value is None or not 0 <= value <= 1 or name in found:
+        if value is None or not 0 <= value <= 1 or name in quantiles:
             raise InputError(f"style control {part!r}", hint)
-        found[name] = value
-    return found
+        quantiles[name] = value
+    return quantiles
 
 
 def control_row(style: Mapping[str, float], quantiles: Array, controls: Sequence[str] = CONTROLS) -> Array:
@@ -113,19 +113,20 @@ def control_row(style: Mapping[str, float], quantiles: Array, controls: Sequence
 
     Args:
         style: name → quantile, 0 … 1; controls that it does not name are at their median.
-        quantiles: (101, C), a column for each of ``controls``: a run's (`control_quantiles`), or standardised, a bundle's.
-        controls: their names, those that the system has.
+        quantiles: (101, C), a column for each of ``controls``: those of a run (`control_quantiles`), or the standardised ones
+            of a bundle.
+        controls: names of the controls that the system has.
 
     Returns:
-        (C,) float32, as the quantiles are: in metres and metres per second, or standardised.
+        (C,) float32, in the units of the quantiles: metres and metres per second, or standardised.
 
     Raises:
-        InputError: a control that the system does not have, or no quantile.
+        InputError: the system does not have a control, or a number is no quantile.
     """
     for name, value in style.items():
         if name not in controls:
-            known = f"it has {', '.join(controls)}" if controls else "it was trained without"
-            raise InputError(f"the system has no style control {name!r}", known)
+            hint = f"it has {', '.join(controls)}" if controls else "it was trained without"
+            raise InputError(f"the system has no style control {name!r}", hint)
         if not 0 <= value <= 1:
             raise InputError(f"style control {name} at {value}", "a quantile, 0 … 1")
     grid = np.linspace(0, 1, len(quantiles))

@@ -1,8 +1,8 @@
 """Direction vectors of TED (Yoon et al. 2020): 10 joints in 3-D ↔ 9 unit vectors, 27 numbers.
 
-The vectors lie in the axes of the published data, x to the person's *right*, y *down*, z to the front, so that the published
-mean and feature networks fit; ours (left, up, front) are turned by 180° about z. Bone lengths are thrown away on encoding, and
-decoding uses the published ones: the round trip is exact for bodies of these proportions, and keeps all directions for others.
+The vectors have the axes of the published data, x to the person's *right*, y *down*, z to the front, so that the published
+mean and feature networks fit; our axes (left, up, front) are turned by 180° about z. Encoding drops bone lengths, and decoding
+uses the published ones: the round trip is exact for bodies of these proportions, and keeps all directions for others.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ MEAN = np.array([
     -0.9236511, 0.3061306, -0.0012415, -0.5155854, 0.8129665, 0.0871897, 0.2348464, 0.1846561, 0.8091402,
     0.9271948, 0.2960011, -0.013189, 0.5233978, 0.8092403, 0.0725451, -0.2037076, 0.1924306, 0.8196916,
 ])  # fmt: skip
-"""(27,) ``mean_dir_vec`` of the authors' configuration: what the published networks subtract."""
+"""(27,) ``mean_dir_vec`` of the authors' configuration, which the published networks subtract."""
 
 _TURN = np.array(AXES)  # our axes to those of the data
 _FROM, _TO = (np.array(end) for end in list(zip(*BONES, strict=True))[:2])
@@ -41,14 +41,14 @@ def points_of(motion: Motion) -> Points:
     """The 10 key points of a motion in metres from the spine, at the motion's rate.
 
     Raises:
-        InputError: it is on a skeleton that is not recognised.
+        InputError: its skeleton is not recognised.
     """
     values = joint_points(motion, SOURCES)
     return Points(motion.fps, values - values[:, :1], "ted")
 
 
 def to_vectors(points: Array) -> Array:
-    """(…, 10, 3) positions, y up → (…, 27) unit vectors, y down; a bone of no length gives zeros, as in the authors' code."""
+    """(…, 10, 3) positions, y up → (…, 27) unit vectors, y down; a bone of length 0 gives zeros, as in the authors' code."""
     points = np.asarray(points)
     if points.shape[-2:] != (len(JOINTS), 3):
         raise InputError(f"key points of shape {points.shape}", f"the direction vectors of TED take (…, {len(JOINTS)}, 3)")
@@ -84,7 +84,7 @@ class DirectionVectors:
         return tuple(f"{JOINTS[a]}-{JOINTS[b]}.{axis}" for a, b, _ in BONES for axis in "xyz")
 
     def encode(self, source: Points | Motion) -> Array:
-        """Of a motion, its key points (`points_of`) are encoded.
+        """Encode key points, or those of a motion (`points_of`).
 
         Raises:
             InputError: key points of another shape, or motion on a skeleton that is not recognised.

@@ -1,7 +1,7 @@
 """Euler angles of BEAT (Liu et al. 2022): 47 joints of spine, neck, arms and fingers ↔ 141 degrees.
 
-Intrinsic X, Y, Z, as the channels of BEAT's BVH files. Of the many triples that mean one rotation, encoding takes those that
-run on without jumps from frame to frame, starting in −180 … 180 (middle −90 … 90); decoding takes any.
+The order is intrinsic X, Y, Z, as in the channels of BEAT's BVH files. Many triples mean the same rotation. Encoding chooses
+those without jumps from frame to frame, starting in −180 … 180 (middle −90 … 90); decoding accepts any.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ JOINTS = (
 
 
 def to_angles(rotations: Array) -> Array:
-    """(T, …, 4) rotations → (T, …, 3) degrees that run on without jumps along T."""
+    """(T, …, 4) rotations → (T, …, 3) degrees without jumps along T."""
     return np.degrees(continuous_euler(quat_to_euler(rotations, "XYZ")))
 
 
@@ -61,7 +61,7 @@ class Euler:
         return to_angles(pick(source, self.joints, self.skeleton)).reshape(len(source), self.dimensions)
 
     def decode(self, vectors: Array, fps: float = fps, skeleton: Skeleton | None = None) -> Motion:
-        """On BEAT's skeleton where none is given; joints that the vectors lack keep the T-pose."""
+        """Decode to a motion, by default on BEAT's skeleton; joints that the vectors lack keep the T-pose."""
         angles = size(vectors, self.dimensions, self.name).reshape(len(vectors), -1, 3)
         return build_motion(fps, skeleton or find_skeleton(self.skeleton), self.joints, to_rotations(angles))
 

@@ -1,10 +1,9 @@
 """Exponential maps of Trinity (Alexanderson et al. 2020): rotation vectors in radians; 15 upper joints ↔ 45 numbers,
 20 joints and the way of the hips ↔ 69.
 
-A rotation vector is axis × angle. Kept below π it would jump to the other side of the sphere where an arm turns further;
-encoding therefore lets the angle run on, up to 2π. The hips' nine numbers (after PyMO's ``pos_rot_deltas``): place in metres
-and turn in radians relative to a smoothed point that walks below them, then that point's step
-to its left and front and its turn.
+A rotation vector is axis × angle. With angles below π it would jump to the other side of the sphere when an arm turns further.
+So encoding lets the angle grow up to 2π. The nine numbers of the hips (after PyMO's ``pos_rot_deltas``) are place in metres and
+turn in radians relative to a smoothed point that walks below them, then this point's step to its left and front, and its turn.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ _UP = np.array([0.0, 1.0, 0.0])
 
 
 def to_rotvecs(rotations: Array) -> Array:
-    """(…, 4) → (…, 3) rotation vectors of length 0 … 2π: q and −q give the two that mean the same rotation."""
+    """(…, 4) → (…, 3) rotation vectors of length 0 … 2π. q and −q give different vectors for the same rotation."""
     sine = np.linalg.norm(rotations[..., :3], axis=-1, keepdims=True)
     angle = 2 * np.arctan2(sine, rotations[..., 3:])
     near = np.where(rotations[..., 3:] < 0, -2.0, 2.0)  # of angle / sine at no turn
@@ -39,7 +38,7 @@ def to_rotations(rotvecs: Array) -> Array:
 
 
 def walk(motion: Motion) -> tuple[Array, Array]:
-    """The smoothed point that walks below the hips, T > 0: (T, 3) metres on the floor, (T,) its turn about Y in radians."""
+    """The smoothed point that walks below the hips: (T, 3) metres on the floor, (T,) its turn about Y in radians; T > 0."""
     since = quat_multiply(np.asarray(motion.rotations[:, 0], float), quat_conjugate(motion.skeleton.rest[0]))
     front = quat_rotate(since, np.array([0.0, 0.0, 1.0]))
     turn = np.unwrap(np.arctan2(front[:, 0], front[:, 2]))
@@ -49,9 +48,9 @@ def walk(motion: Motion) -> tuple[Array, Array]:
 
 
 def _smooth(x: Array, sigma: float) -> Array:
-    """``x (T,)``, T > 0, under a Gaussian of ``sigma`` frames, cut off at four of them; the ends go on as they are.
+    """Smooth ``x (T,)``, T > 0, with a Gaussian of ``sigma`` frames, cut off at 4 sigma; the ends are repeated.
 
-    That is SciPy's ``gaussian_filter1d(x, sigma, mode="nearest")``, whose cut-off this is.
+    This is SciPy's ``gaussian_filter1d(x, sigma, mode="nearest")``, with the same cut-off.
     """
     radius = int(4 * sigma + 0.5)
     kernel = np.exp(-0.5 * np.square(np.arange(-radius, radius + 1) / sigma))
@@ -72,7 +71,7 @@ def _encode_hips(motion: Motion) -> Array:
 
 
 def _add_steps(vectors: Array, start: tuple[float, float, float]) -> tuple[Array, Array]:
-    """(T, 3) places and (T,) turns of the walking point from the nine numbers; in pieces as in the whole, to the bit."""
+    """(T, 3) places and (T,) turns of the walking point from the nine numbers; pieces give the bits of the whole."""
     turn = np.cumsum(np.concatenate([start[2:], vectors[:, 8]]))[1:]
     step = np.stack([vectors[:, 6], 0 * vectors[:, 6], vectors[:, 7]], -1)
     steps = quat_rotate(axis_angle_to_quat(_UP, turn), step)
@@ -123,10 +122,10 @@ class ExpMap:
         skeleton: Skeleton | None = None,
         start: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> Motion:
-        """On Trinity's skeleton where none is given; joints that the vectors lack keep the T-pose.
+        """Decode to a motion, by default on Trinity's skeleton; joints that the vectors lack keep the T-pose.
 
         Args:
-            start: where the walking point begins: metres to the left and to the front, radians (`walk`'s first row).
+            start: start of the walking point: metres to the left and to the front, radians (the first row of `walk`).
         """
         vectors = size(vectors, self.dimensions, self.name)
         skeleton = skeleton or find_skeleton(self.skeleton)

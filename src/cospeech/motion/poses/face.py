@@ -1,6 +1,6 @@
-"""A talking face in 55 numbers: the 52 ARKit weights, and how neck and head together are turned, a rotation vector in radians.
+"""A talking face in 55 numbers: the 52 ARKit weights, and the turn of neck and head together, a rotation vector in radians.
 
-The body rests. Decoded weights lie in 0 … 1; the turn is shared by neck and head, half each, and held within what heads can do.
+The body rests. Decoded weights are in 0 … 1. Neck and head share the turn, half each, and it is limited to what heads can do.
 Every frame is decoded from its own row, so a motion may be decoded in pieces of any size.
 """
 
@@ -21,10 +21,10 @@ __all__ = ["FACE", "MIRROR", "FacePose"]
 
 _CHAIN = ("neck", "head")
 _WEIGHTS = len(ARKIT)
-_MOST = 0.6  # radians; ours: a talker's head turns less far, and nothing that a network says breaks a neck
+_MOST = 0.6  # radians [ours: a talker's head turns less; no output of a network breaks a neck]
 
 MIRROR = (*ARKIT_MIRROR, *range(_WEIGHTS, _WEIGHTS + 3))
-"""Which number takes each one's place in a mirror (of the turn, y and z change their sign besides)."""
+"""For each number, the index of its mirror image (y and z of the turn also change their sign)."""
 
 
 @dataclass(frozen=True)
@@ -52,23 +52,23 @@ class FacePose:
         return np.concatenate([np.asarray(source.face, float), quat_to_rotvec(quat_multiply(turns[:, 0], turns[:, 1]))], -1)
 
     def decode(self, vectors: Array, fps: float = fps, skeleton: Skeleton | None = None, start: float = 0.0) -> Motion:
-        """In float32.
+        """Decode to a motion in float32.
 
         Args:
             vectors: (T, 55).
             skeleton: ours, or None.
-            start: seconds of the first frame, where the rows are a piece of something longer.
+            start: time of the first frame in seconds, if the rows are a piece of something longer.
 
         Raises:
-            InputError: wrong shape or skeleton, numbers that are not finite or beyond all measure.
+            InputError: wrong shape or skeleton, or numbers that are not finite or far too large.
         """
         vectors, body = humanoid_vectors(vectors, self.dimensions, self.name, skeleton), humanoid()
         turn = vectors[:, _WEIGHTS:]
         angle = np.linalg.norm(turn, axis=-1, keepdims=True)
         half = rotvec_to_quat(turn * (0.5 * np.minimum(1.0, _MOST / np.maximum(angle, _MOST))))
-        made = build_motion(fps, body, _CHAIN, np.stack([half, half], 1))
+        motion = build_motion(fps, body, _CHAIN, np.stack([half, half], 1))
         face = np.clip(vectors[:, :_WEIGHTS], 0, 1).astype(np.float32)
-        return Motion(fps, made.rotations.astype(np.float32), made.root.astype(np.float32), face, body, start)
+        return Motion(fps, motion.rotations.astype(np.float32), motion.root.astype(np.float32), face, body, start)
 
 
 FACE = FacePose()

@@ -1,9 +1,9 @@
-"""Our humanoid in 57 numbers: what a network generates where the product is an animated character.
+"""Our humanoid in 57 numbers, for networks that generate animated characters.
 
-Hips (place from the rest place in metres, rotation vector), rotation vectors of spine, neck, head and arms in radians, and six
-numbers per hand: a hand's twelve angles (`cospeech.motion.kinematics.hands`) lie close to six directions, the principal ones of
-its table of hand shapes. Legs are not generated: decoding plants the feet (`cospeech.motion.kinematics.legs.plant`). Eyes, jaw
-and toes rest.
+The numbers are those of the hips (place from the rest place in metres, rotation vector), rotation vectors of spine, neck, head
+and arms in radians, and six numbers per hand: the twelve angles of a hand (`cospeech.motion.kinematics.hands`) lie close to a
+space of six dimensions, spanned by the principal directions of its table of hand shapes. Legs are not generated: decoding
+plants the feet (`cospeech.motion.kinematics.legs.plant`). Eyes, jaw and toes rest.
 
 Every frame is decoded from its own row, so a motion may be decoded in pieces of any size.
 """
@@ -36,8 +36,8 @@ _HANDS = slice(_TURNS.stop, _TURNS.stop + 2 * _GRIPS)
 _ANGLES = slice(Channel.KNUCKLES.start, Channel.THUMB.stop)  # columns of a hand's track
 _LEAST = np.array([-20.0] * 4 + [-10.0] * 4 + [-4.0, -20.0, -30.0, -10.0])
 _MOST = np.array([95.0] * 4 + [110.0] * 4 + [16.0, 60.0, 40.0, 60.0])
-"""Degrees that a hand's angles keep within when decoded, whatever a network says: active ranges of adult fingers (Hume et al.
-1990) and what of the rules' motion lies beyond after the projection; spread and thumb ours."""
+"""Limits of decoded angles of a hand, degrees: active ranges of adult fingers (Hume et al. 1990), widened so that the rules'
+motion fits after the projection; spread and thumb ours."""
 _FLIP = np.array([1.0, -1.0, -1.0, 1.0])  # a rotation in the mirror, x → −x
 
 
@@ -58,19 +58,19 @@ def _encode_hands(motion: Motion) -> Array:
     """(T, 12): six numbers of the left hand, six of the right."""
     rotations = np.asarray(motion.rotations, float)
     left, right = arms.finger_joints()
-    angles, seen = arms.finger_angles(np.stack([rotations[:, left], rotations[:, right] * _FLIP], 1))
+    angles, visibility = arms.finger_angles(np.stack([rotations[:, left], rotations[:, right] * _FLIP], 1))
     mean, basis = hand_basis()
     weights = np.ones_like(angles)
-    weights[..., 8] = seen  # a spread that bent fingers hide does not count
-    weighted = basis * weights[..., None, :]
+    weights[..., 8] = visibility  # bent fingers hide the spread, which then does not count
+    weighted_basis = basis * weights[..., None, :]
     # least squares: (basis W basisᵀ) grips = basis W (angles − mean)
-    grips = np.linalg.solve(weighted @ basis.T, (weighted @ (angles - mean)[..., None]))
+    grips = np.linalg.solve(weighted_basis @ basis.T, (weighted_basis @ (angles - mean)[..., None]))
     return grips.reshape(len(motion), 2 * _GRIPS)
 
 
 @lru_cache(1)
 def _gesture_space() -> tuple[Array, Array]:
-    """Joints of the rotation vectors; joints of both hands, left first."""
+    """Indices of the joints of the rotation vectors, and of the joints of both hands, left first."""
     index = humanoid().index
     return np.array([index[name] for name in JOINTS]), np.concatenate(arms.finger_joints())
 
@@ -101,23 +101,23 @@ class Humanoid:
         return np.concatenate([place, turns, _encode_hands(source)], -1)
 
     def decode(self, vectors: Array, fps: float = fps, skeleton: Skeleton | None = None, start: float = 0.0) -> Motion:
-        """In float32; hips higher than the legs are long are lowered, fingers bent beyond what hands can are held back.
+        """Decode to a motion in float32. Hips that the legs cannot reach are lowered; angles of fingers are limited.
 
         Args:
             vectors: (T, 57).
             skeleton: ours, or None.
-            start: seconds of the first frame, where the rows are a piece of something longer.
+            start: time of the first frame in seconds, if the rows are a piece of something longer.
 
         Raises:
-            InputError: wrong shape or skeleton, numbers that are not finite or beyond all measure.
+            InputError: wrong shape or skeleton, or numbers that are not finite or far too large.
         """
         vectors, body = humanoid_vectors(vectors, self.dimensions, self.name, skeleton), humanoid()
         frames = len(vectors)
-        turned, fingers = _gesture_space()
+        joints, fingers = _gesture_space()
         rotations = np.zeros((frames, len(body), 4), np.float32)
         rotations[..., 3] = 1.0
         turns = rotvec_to_quat(vectors[:, _TURNS].reshape(frames, len(JOINTS), 3))
-        rotations[:, turned] = turns
+        rotations[:, joints] = turns
         mean, basis = hand_basis()
         channels = np.zeros((frames, 2, CHANNELS))
         angles = np.degrees(vectors[:, _HANDS].reshape(frames, 2, _GRIPS) @ basis + mean)

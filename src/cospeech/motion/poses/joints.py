@@ -1,4 +1,4 @@
-"""Local rotations of some named joints, out of a motion and back into one; what the rotational representations share."""
+"""Read local rotations of named joints from a motion, and build a motion of them; used by the representations of rotations."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..skeleton import Skeleton, humanoid
 
 __all__ = ["build_motion", "check_humanoid", "hand_columns", "humanoid_vectors", "part_columns", "pick", "size"]
 
-_FARTHEST = 100.0  # ours: metres, radians or a weight beyond which a number is a mistake
+_FARTHEST = 100.0  # metres, radians or a weight; a larger number is a mistake [ours]
 
 _HAND = re.compile(r"(left|right)_?(hand|grip|wrist|thumb|index|middle|ring|pinky|little)", re.IGNORECASE)
 _SIDE = re.compile(r"(left|right|[LR](?=[A-Z]))", re.IGNORECASE)
@@ -26,30 +26,32 @@ _PARTS = {
 
 
 def hand_columns(names: Sequence[str]) -> list[int]:
-    """Which columns of a pose are hands: rotations of wrists and fingers, and grips; by the columns' names.
+    """Columns of a pose that are hands, by their names: rotations of wrists and fingers, and grips.
 
     Raises:
-        InputError: none is, or all are.
+        InputError: no column is, or all are.
     """
-    found = [k for k, name in enumerate(names) if _HAND.match(name)]
-    if not 0 < len(found) < len(names):
-        raise InputError(f"a pose of which {len(found)} of {len(names)} columns are hands", "such as euler or expmap-humanoid")
-    return found
+    columns = [k for k, name in enumerate(names) if _HAND.match(name)]
+    if not 0 < len(columns) < len(names):
+        raise InputError(
+            f"a pose of which {len(columns)} of {len(names)} columns are hands", "such as euler or expmap-humanoid"
+        )
+    return columns
 
 
 def part_columns(names: Sequence[str]) -> list[list[int]]:
-    """Which columns of a pose are trunk, head, and of each side arm, hand and leg, as far as it has them; by their names.
+    """Columns of a pose by part, from their names: trunk, head, and arm, hand and leg of each side, if it has them.
 
     >>> part_columns(["hips.x", "head.rx", "leftUpperArm.rx", "leftHand.rx", "leftGrip.0"])
     [[0], [1], [2], [3, 4]]
     """
-    found: dict[str, list[int]] = {}
+    columns: dict[str, list[int]] = {}
     for k, name in enumerate(names):
         side = _SIDE.match(name)
         kinds = ("hand", "leg") if side else ("head",)
         kind = next((kind for kind in kinds if _PARTS[kind].match(name)), "arm" if side else "trunk")
-        found.setdefault(f"{side[0] if side else ''} {kind}", []).append(k)
-    return [*found.values()]
+        columns.setdefault(f"{side[0] if side else ''} {kind}", []).append(k)
+    return [*columns.values()]
 
 
 def _gesture_space(skeleton: Skeleton, joints: Sequence[str], hint: str = "") -> list[int]:
@@ -66,7 +68,7 @@ def pick(motion: Motion, joints: Sequence[str], kind: str) -> Array:
     """(T, K, 4) rotations of the named joints, in their order, without sign flips, the first with w ≥ 0, in float64.
 
     Args:
-        kind: of the skeleton that has these joints; the hint names it.
+        kind: of the skeleton that has these joints, for the hint.
 
     Raises:
         InputError: the motion's skeleton lacks a joint.
@@ -79,11 +81,11 @@ def pick(motion: Motion, joints: Sequence[str], kind: str) -> Array:
 
 
 def build_motion(fps: float, skeleton: Skeleton, joints: Sequence[str], rotations: Array, root: Array | None = None) -> Motion:
-    """A motion in which the named joints turn as told and all others keep the T-pose.
+    """Make a motion in which the named joints have the given rotations, and all others keep the T-pose.
 
     Args:
         rotations: (T, K, 4) of the named joints.
-        root: (T, 3) metres; the T-pose's place where not given.
+        root: (T, 3) metres; None: the place of the T-pose.
     """
     all_joints = np.broadcast_to(skeleton.rest, (len(rotations), len(skeleton), 4)).copy()
     all_joints[:, _gesture_space(skeleton, joints)] = rotations
@@ -92,7 +94,7 @@ def build_motion(fps: float, skeleton: Skeleton, joints: Sequence[str], rotation
 
 
 def size(vectors: Array, dimensions: int, name: str) -> Array:
-    """The vectors in float64, their shape checked: (T, dimensions)."""
+    """Check that vectors have the shape (T, dimensions), and return them in float64."""
     vectors = np.asarray(vectors, float)
     if vectors.ndim != 2 or vectors.shape[1] != dimensions:
         raise InputError(f"{name} vectors of shape {vectors.shape}", f"(frames, {dimensions})")
@@ -108,16 +110,16 @@ def check_humanoid(motion: Motion) -> None:
 
 
 def humanoid_vectors(vectors: Array, dimensions: int, name: str, skeleton: Skeleton | None) -> Array:
-    """The vectors of a representation that is on our humanoid alone in float64, checked.
+    """Check vectors of a representation that only our humanoid has, and return them in float64.
 
     Args:
         vectors: (T, dimensions).
         dimensions: D.
         name: of the representation.
-        skeleton: for which a motion is wanted; ours, or None.
+        skeleton: the skeleton to decode to; it must be ours, or None.
 
     Raises:
-        InputError: wrong shape or skeleton, numbers that are not finite or beyond all measure.
+        InputError: wrong shape or skeleton, or numbers that are not finite or far too large.
     """
     vectors = size(vectors, dimensions, name)
     if not (np.abs(vectors) < _FARTHEST).all():  # false for NaN, too

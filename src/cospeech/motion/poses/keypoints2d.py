@@ -1,9 +1,9 @@
 """Key points of PATS (Ahuja et al. 2020): 52 joints in 2-D ↔ 48 joints of constant shoulder length, 96 numbers.
 
-Positions are taken from the neck and scaled, frame by frame, so that neck to right shoulder measures 167 pixels
-(``pose/normalize`` of the data); the neck, the nose and the eyes are left out. Order ``x0 … x47, y0 … y47``; as in the data,
-x is to the picture's right (the person's left) and y is *down*. What is thrown away comes back as constants: the neck at the
-origin, nose and eyes at their mean.
+Positions are relative to the neck, and scaled in each frame so that neck to right shoulder measures 167 pixels
+(``pose/normalize`` of the data). The neck, the nose and the eyes are left out. The order is ``x0 … x47, y0 … y47``. As in the
+data, x is to the picture's right (the person's left) and y is *down*. Decoding puts the points that were left out at constant
+places: the neck at the origin, nose and eyes at their mean.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from ..skeletons.pats import JOINTS, SOURCES
 
 __all__ = ["FACE", "JOINTS", "KEPT", "KEYPOINTS2D", "SHOULDER", "KeyPoints2D", "points_of", "to_points", "to_vectors"]
 
-MASKED = (0, 7, 8, 9)  # neck, nose, eyes: what all models of the paper leave out
+MASKED = (0, 7, 8, 9)  # neck, nose, eyes: all models of the paper leave them out
 KEPT = tuple(k for k in range(len(JOINTS)) if k not in MASKED)
 SHOULDER = 167.0  # pixels from neck to right shoulder after normalisation
 FACE = np.array([[-4.9, 173.0], [-35.8, 204.4], [26.0, 205.0]])
 """(3, 2) nose and eyes from the neck, y up: mean over the eight speakers whose statistics are published."""
 
 _SCALE = 950.0  # pixels per metre; ours: our humanoid's shoulder measures 167 pixels, as the mean of the data
-_NECK = (640.0, -300.0)  # pixels, y up; ours: where the neck of the T-pose is in a picture of 1280 × 720
+_NECK = (640.0, -300.0)  # pixels, y up; ours: place of the T-pose's neck in a picture of 1280 × 720
 _RIGHT_SHOULDER = JOINTS.index("RShoulder")
 
 
@@ -37,7 +37,7 @@ def points_of(motion: Motion) -> Points:
     """The 52 key points of a motion, seen from the front without perspective, in pixels, at the motion's rate.
 
     Raises:
-        InputError: it is on a skeleton that is not recognised.
+        InputError: its skeleton is not recognised.
     """
     body, (name, offset) = humanoid(), SOURCES[0]
     rest = (body.tpose[body.index[name]] + np.array(offset))[:2]
@@ -48,7 +48,7 @@ def to_vectors(points: Array) -> Array:
     """(…, 52, 2) positions, y up, of any scale and place → (…, 96).
 
     Raises:
-        InputError: another shape, or a right shoulder that lies on the neck.
+        InputError: another shape, or the right shoulder lies on the neck.
     """
     points = np.asarray(points)
     if points.shape[-2:] != (len(JOINTS), 2):
@@ -58,8 +58,8 @@ def to_vectors(points: Array) -> Array:
     if not (length > 1e-6).all():
         frame = int(np.argmax(~(length.reshape(-1) > 1e-6)))
         raise InputError(f"the right shoulder lies on the neck in frame {frame}", "a failed detection: leave the frame out")
-    kept = points[..., list(KEPT), :] * (SHOULDER / length) * np.array([1, -1], points.dtype)
-    return np.concatenate([kept[..., 0], kept[..., 1]], -1).astype(points.dtype, copy=False)
+    body_points = points[..., list(KEPT), :] * (SHOULDER / length) * np.array([1, -1], points.dtype)
+    return np.concatenate([body_points[..., 0], body_points[..., 1]], -1).astype(points.dtype, copy=False)
 
 
 def to_points(vectors: Array) -> Array:
@@ -87,7 +87,7 @@ class KeyPoints2D:
         return tuple(f"{JOINTS[k]}.{axis}" for axis in "xy" for k in KEPT)
 
     def encode(self, source: Points | Motion) -> Array:
-        """Of a motion, its key points (`points_of`) are encoded.
+        """Encode key points, or those of a motion (`points_of`).
 
         Raises:
             InputError: key points that cannot be encoded (`to_vectors`), or motion on a skeleton that is not recognised.

@@ -1,8 +1,8 @@
-"""Key points → motion of our humanoid, so that a network trained on TED's or PATS's points can leave as BVH, GLB or VRMA.
+"""Convert key points to motion of our humanoid, so that networks trained on TED's or PATS's points can write BVH, GLB or VRMA.
 
-What the points say is kept: where the neck, shoulders, elbows and wrists lie as seen from one another (TED: in depth, too;
-PATS: in the picture), and the turn of the head (TED). What they do not say is filled in: hips and legs rest; the torso bends as
-a whole; upper arms are twisted so that elbows bend about their hinge; forearms and hands are not twisted; fingers are relaxed.
+The result keeps what the points show: the directions between neck, shoulders, elbows and wrists (TED: with depth; PATS: in the
+picture), and the turn of the head (TED). The rest is filled in: hips and legs rest; the torso bends as a whole; upper arms are
+twisted so that elbows bend about their hinge; forearms and hands are not twisted; fingers are relaxed.
 """
 
 from __future__ import annotations
@@ -41,17 +41,17 @@ from .joints import build_motion
 
 __all__ = ["lift"]
 
-_ROUNDS = 4  # ours: of the fit of torso and head; each leaves about a tenth of the error
-_STRAIGHT = 0.1  # ours: sine of the elbow's bend (6°) below which its hinge is rather taken from where elbows point by nature
+_ROUNDS = 4  # rounds of the fit of torso and head [ours: each leaves about a tenth of the error]
+_STRAIGHT = 0.1  # sine of the elbow's bend (6°) below which its hinge follows the natural direction of elbows [ours]
 _X = np.array([1.0, 0.0, 0.0])
 
 
 class _Aims(NamedTuple):
-    """Unit vectors in the world that the points give; left, right along the second axis.
+    """Unit vectors in the world that the points show; left and right along the second axis.
 
     Attributes:
         up: (T, 3) from the chest's point to the neck, or None.
-        shoulders, upper, fore: (T, 2, 3) from the neck's point to the shoulder, on to the elbow, on to the wrist.
+        shoulders, upper, fore: (T, 2, 3) from the neck's point to the shoulder, then to the elbow, then to the wrist.
         head: (T, 2, 3) from the neck to the nose, from the nose to the top of the head, or None.
         neck: (3,) the neck's point in the upper chest's axes.
     """
@@ -65,11 +65,11 @@ class _Aims(NamedTuple):
 
 
 def lift(points: Points) -> Motion:
-    """Motion of our humanoid at the rate of the points, the hips at their place in the T-pose.
+    """Convert key points to motion of our humanoid at the same rate, with the hips at their place in the T-pose.
 
     Args:
-        points: of the layout ``"ted"`` (only directions count: bones may be of any length) or ``"pats"`` (a picture: arms are
-            taken to reach to the front by what their bones seem too short; torso and head do not turn out of the picture).
+        points: of the layout ``"ted"`` (only directions count: bones may be of any length) or ``"pats"`` (a picture: a bone of
+            an arm that seems too short points to the front; torso and head do not turn out of the picture).
 
     Raises:
         InputError: another layout or shape, values that are not finite, or shoulders that lie on the neck.
@@ -95,7 +95,7 @@ def lift(points: Points) -> Motion:
 
 @lru_cache(2)
 def _rest(layout: str) -> dict[str, Array]:
-    """Where the points of a layout lie in the T-pose."""
+    """Places of the points of a layout in the T-pose."""
     s = humanoid()
     joints, sources = (TED_JOINTS, TED_SOURCES) if layout == "ted" else (PATS_JOINTS, PATS_SOURCES)
     return {point: s.tpose[s.index[name]] + np.array(offset) for point, (name, offset) in zip(joints, sources, strict=True)}
@@ -105,10 +105,10 @@ def _aims_of_ted(values: Array) -> _Aims:
     rest = _rest("ted")
 
     def way(start: str, end: str) -> Array:
-        """Where a bone has no length (the data's mark of what is missing), as in the T-pose."""
+        """Direction of a bone; that of the T-pose if its length is 0, which marks missing data."""
         bone = values[:, TED_JOINTS.index(end)] - values[:, TED_JOINTS.index(start)]
-        gone = np.linalg.norm(bone, axis=-1, keepdims=True) < 1e-6
-        return vector_normalize(np.where(gone, rest[end] - rest[start], bone))
+        is_missing = np.linalg.norm(bone, axis=-1, keepdims=True) < 1e-6
+        return vector_normalize(np.where(is_missing, rest[end] - rest[start], bone))
 
     def both(start: str, end: str) -> Array:
         return np.stack([way((side + start) if start != "neck" else start, side + end) for side in ("left", "right")], 1)
@@ -130,7 +130,7 @@ def _aims_of_pats(values: Array) -> _Aims:
     flat = keypoints2d.to_points(keypoints2d.to_vectors(values)) * (across / keypoints2d.SHOULDER)  # metres
 
     def deep(start: str, end: str, length: float) -> Array:
-        """The bone in depth: to the front by what the picture's is too short."""
+        """Direction of a bone with depth: it points to the front by as much as it is too short in the picture."""
         bones = []
         for side in "LR":
             bone = flat[:, PATS_JOINTS.index(side + end)] - flat[:, PATS_JOINTS.index(side + start)]
@@ -139,8 +139,8 @@ def _aims_of_pats(values: Array) -> _Aims:
         return vector_normalize(np.stack(bones, 1))
 
     sides = flat[:, [PATS_JOINTS.index("LShoulder"), PATS_JOINTS.index("RShoulder")]]
-    gone = np.linalg.norm(sides, axis=-1, keepdims=True) < 1e-6
-    sides = np.where(gone, np.array([[1.0, 0.0], [-1.0, 0.0]]), sides)
+    is_missing = np.linalg.norm(sides, axis=-1, keepdims=True) < 1e-6
+    sides = np.where(is_missing, np.array([[1.0, 0.0], [-1.0, 0.0]]), sides)
     shoulders = vector_normalize(np.concatenate([sides, np.zeros_like(sides[..., :1])], -1))
     lengths = arms.arm_lengths()
     neck = np.array(PATS_SOURCES[0][1])
@@ -165,8 +165,8 @@ def _share(rotation: Array, share: float) -> Array:
 
 
 def _torso(aims: _Aims) -> Array:
-    """(T, 4) of the upper chest, so that chest and neck lie one above the other, and the shoulders' line turns, as the points
-    say. The spine's joints share it, so the chest turns less: the fit goes round a few times."""
+    """(T, 4) rotation of the upper chest that puts the neck above the chest, and turns the line of the shoulders, as the points
+    show. The joints of the spine share it, so that the chest turns less: the fit needs some rounds."""
     s, rest = humanoid(), _rest("ted")
     line = aims.shoulders[:, 0] - aims.shoulders[:, 1]
     up = aims.up
@@ -178,14 +178,14 @@ def _torso(aims: _Aims) -> Array:
     torso = quat_multiply(goal, quat_conjugate(_basis(low + high, _X)))
     chest_share = sum(share for name, share in SPINE if name != "upperChest")
     for _ in range(_ROUNDS):
-        made = quat_rotate(_share(torso, chest_share), low) + quat_rotate(torso, high)
-        is_now = _basis(made, quat_rotate(torso, _X))
+        direction = quat_rotate(_share(torso, chest_share), low) + quat_rotate(torso, high)
+        is_now = _basis(direction, quat_rotate(torso, _X))
         torso = quat_multiply(quat_multiply(goal, quat_conjugate(is_now)), torso)
     return torso
 
 
 def _head(aims: _Aims, torso: Array) -> dict[str, Array]:
-    """Neck and head. The mean of both directions counts most: heads differ in how far the nose stands out."""
+    """Rotations of neck and head. They follow the mean of both directions, because the length of noses differs."""
     if aims.head is None:
         return {name: quat_identity(len(torso)) for name in ("neck", "head")}
     s, rest = humanoid(), _rest("ted")
@@ -205,7 +205,7 @@ def _head(aims: _Aims, torso: Array) -> dict[str, Array]:
 
 
 def _arms(aims: _Aims, torso: Array) -> dict[str, Array]:
-    """Clavicles, arms, hands; worked out in the upper chest's axes for left arms, the right one in the mirror."""
+    """Rotations of clavicles and arms, computed in the upper chest's axes for left arms; the right one is mirrored."""
     s = humanoid()
     back = quat_conjugate(torso)[:, None]
 
@@ -216,20 +216,20 @@ def _arms(aims: _Aims, torso: Array) -> dict[str, Array]:
     along, upper, fore = (mirror_directions(d) for d in (aims.shoulders, aims.upper, aims.fore))
     clavicle = s.offsets[s.index["leftUpperArm"]]
     start = s.offsets[s.index["leftShoulder"]] - aims.neck
-    # the shoulder lies on the ray from the neck's point, as far from the clavicle's joint as that is long
+    # the shoulder lies on the ray from the neck's point, one length of the clavicle away from the clavicle's joint
     middle = along @ start
     far = middle + np.sqrt(np.maximum(middle**2 - start @ start + clavicle @ clavicle, 0))
     shoulder = quat_between(np.broadcast_to(clavicle, along.shape), far[..., None] * along - start)
     natural = vector_normalize(np.cross(upper, np.broadcast_to(arms.POLE, upper.shape)))
     hinge = -np.cross(upper, fore) + _STRAIGHT * natural
-    turned = [
+    frames = [
         arms.bone_frame(d, vector_normalize(hinge - np.einsum("...i,...i->...", hinge, d)[..., None] * d))
         for d in (upper, fore)
     ]
     locals_ = {
         "Shoulder": shoulder,
-        "UpperArm": arms.to_parent(shoulder, turned[0]),
-        "LowerArm": arms.to_parent(turned[0], turned[1]),
+        "UpperArm": arms.to_parent(shoulder, frames[0]),
+        "LowerArm": arms.to_parent(frames[0], frames[1]),
     }
     return {"left" + name: q[:, 0] for name, q in locals_.items()} | {
         "right" + name: q[:, 1] * MIRROR_Q for name, q in locals_.items()
@@ -237,7 +237,7 @@ def _arms(aims: _Aims, torso: Array) -> dict[str, Array]:
 
 
 def _fingers(frames: int) -> Array:
-    """(T, 30, 4) of both hands, relaxed."""
+    """(T, 30, 4) rotations of both hands, relaxed."""
     channels = np.zeros(CHANNELS)
     channels[Channel.KNUCKLES.start : Channel.THUMB.stop] = HAND_SHAPES["relaxed"].values()
     left = arms.finger_rotations(channels)

@@ -1,6 +1,6 @@
 """Rotations in six numbers (Zhou et al. 2019, "On the Continuity of Rotation Representations"): two columns of the matrix.
 
-No jumps, no two vectors for one rotation; six arbitrary numbers decode to the nearest pair of right-angled columns.
+It has no jumps, and one vector for each rotation; any six numbers decode to a near pair of right-angled columns.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ class Rot6D:
     """``encode(Motion) -> (T, 6 K)``, ``decode((T, 6 K), fps, skeleton) -> Motion``.
 
     Args:
-        joints: K names; those of BEAT's 47 where not given (282 numbers).
-        skeleton: whose they are.
+        joints: K names; the default is BEAT's 47 (282 numbers).
+        skeleton: the skeleton that has them.
     """
 
     joints: tuple[str, ...] = JOINTS
@@ -43,7 +43,7 @@ class Rot6D:
         return quat_to_rot6d(pick(source, self.joints, self.skeleton)).reshape(len(source), self.dimensions)
 
     def decode(self, vectors: Array, fps: float = fps, skeleton: Skeleton | None = None) -> Motion:
-        """On its own skeleton where none is given; joints that the vectors lack keep the T-pose."""
+        """Decode to a motion, by default on the representation's skeleton; joints that the vectors lack keep the T-pose."""
         columns = size(vectors, self.dimensions, self.name).reshape(len(vectors), -1, 6)
         rotations = matrix_to_quat(rot6d_to_matrix(columns))
         return build_motion(fps, skeleton or find_skeleton(self.skeleton), self.joints, rotations)

@@ -1,4 +1,4 @@
-"""Motion for robots: joint angles of arms, head and trunk, within the limits of position, speed and acceleration of a robot.
+"""Motion for robots: joint angles of arms, head and trunk within a robot's limits of position, speed and acceleration.
 
 >>> from cospeech.motion.motion import Motion
 >>> from cospeech.motion.skeleton import humanoid

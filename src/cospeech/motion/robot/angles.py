@@ -1,15 +1,15 @@
-"""From a body's rotations to the angles that serial arms, heads and trunks have.
+"""Compute the joint angles of a robot's arms, head and trunk from the rotations of a body.
 
 The frame is that of ROS (REP 103): x forward, y to the left, z up. Angles are those of NAO's documentation, which most social
-robots share. With all of them 0 the arms point forward, and the elbows bend about the vertical:
+robots share. At 0, the arms point forward, and the elbows bend about the vertical:
 
 * shoulder: pitch about y (90° hangs down), then roll about z (left: outward is positive), then yaw about the upper arm;
 * elbow: a bend about the axis that the yaw has turned (left: negative, right: positive);
 * forearm: yaw about itself; hand: 0 closed … 1 open;
 * head and trunk: yaw, pitch (positive: forward), roll.
 
-Pitch and yaw of a shoulder turn about one line where the arm points straight to the side. There pitch stays where it was, and
-yaw takes what is left (swing and twist), so that no joint spins.
+If an arm points straight to the side, pitch and yaw of its shoulder turn about the same line. Then pitch keeps its value, and
+yaw takes the rest (swing and twist), so that no joint spins.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ _AXES = {
     "left": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
     "right": np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]),
 }
-"""Columns: along the bone, across it, along the elbow's hinge, in the T-pose; in our axes."""
+"""Columns: directions along the bone, across it, and along the elbow's hinge in the T-pose, in our axes."""
 _FIST = np.radians(70.0)  # mean bend of the knuckles of a closed hand [ours]
-_FASTEST = 12.0  # radians per second of pitch, which could jump past the side; the fastest gestures have 10 [ours]
+_FASTEST = 12.0  # highest speed of pitch, radians per second: it could jump at the side; the fastest gestures have 10 [ours]
 _FREE = (0.10, 0.35)  # cosine of roll below which pitch stays, and above which it is free [ours: 84° and 70°]
 
 
 class BodyAngles:
-    """Angles of motion that comes in pieces; all pieces together have those of the whole."""
+    """Computes angles of motion that comes in pieces; the pieces together give those of the whole."""
 
     def __init__(self) -> None:
         self._pitch: dict[str, tuple[float | None, bool]] = {}
         self._yaw: dict[str, float] = {}
 
     def push(self, motion: Motion) -> dict[str, Array]:
-        """Channel → (T,) of the next frames, on our humanoid or on a skeleton that is recognised."""
+        """Channel → (T,) angles of the next frames, on our humanoid or on any recognised skeleton."""
         motion = motion if motion.skeleton.kind == "humanoid" else motion.retarget("humanoid")
         joint = motion.skeleton.index
 
@@ -61,12 +61,12 @@ class BodyAngles:
         angles: dict[str, Array] = {}
         for side in ("left", "right"):
             arm = together(f"{side}Shoulder", f"{side}UpperArm")
-            found = self._arm(side, arm, together(f"{side}LowerArm"), together(f"{side}Hand"), motion.fps)
-            found["hand"] = self._openness(motion, side)
-            angles |= {f"{side}_{name}": value for name, value in found.items()}
+            arm_angles = self._arm(side, arm, together(f"{side}LowerArm"), together(f"{side}Hand"), motion.fps)
+            arm_angles["hand"] = self._openness(motion, side)
+            angles |= {f"{side}_{name}": value for name, value in arm_angles.items()}
         for name, joints in (("head", ("neck", "head")), ("torso", ("spine", "chest", "upperChest"))):
-            turned = quat_to_euler(together(*joints), "YXZ")  # our y, x and z are ROS' z, y and x
-            angles |= {f"{name}_{angle}": turned[:, k] for k, angle in enumerate(("yaw", "pitch", "roll"))}
+            euler = quat_to_euler(together(*joints), "YXZ")  # our y, x and z are ROS' z, y and x
+            angles |= {f"{name}_{angle}": euler[:, k] for k, angle in enumerate(("yaw", "pitch", "roll"))}
         return angles
 
     def _arm(self, side: str, upper: Array, lower: Array, hand: Array, fps: float) -> dict[str, Array]:
@@ -82,26 +82,26 @@ class BodyAngles:
         yaw = _twist(rest) + off
         elbow = sign * bend
         forearm = np.swapaxes(_turn(0, off) @ _turn(2, elbow), 1, 2) @ f @ (axes.T @ quat_to_matrix(hand) @ axes)
-        turned = _twist(forearm)
+        twist = _twist(forearm)
         return {
             "shoulder_pitch": pitch, "shoulder_roll": roll, "shoulder_yaw": self._unwrap(f"{side} arm", yaw), "elbow": elbow,
-            "forearm_yaw": self._unwrap(f"{side} forearm", turned),
+            "forearm_yaw": self._unwrap(f"{side} forearm", twist),
         }  # fmt: skip
 
     def _hold(self, side: str, pitch: Array, cosine: Array, most: float) -> Array:
-        """Pitch follows as far as the arm's direction says it, and turns the short way."""
+        """Let pitch follow as far as the arm's direction defines it, by the short way."""
         free = smoothstep((cosine - _FREE[0]) / (_FREE[1] - _FREE[0]))
-        held, (last, behind) = np.empty_like(pitch), self._pitch.get(side, (None, False))
-        for k, (wanted, share) in enumerate(zip(pitch.tolist(), free.tolist(), strict=True)):
-            way = 0.0 if last is None else _short(wanted - last)
+        result, (last, behind) = np.empty_like(pitch), self._pitch.get(side, (None, False))
+        for k, (target, share) in enumerate(zip(pitch.tolist(), free.tolist(), strict=True)):
+            way = 0.0 if last is None else _short(target - last)
             behind = last is not None and (share < 1 or (behind and abs(way) > most))
-            last = wanted if last is None else last + (min(max(share * way, -most), most) if behind else way)
-            held[k] = last
+            last = target if last is None else last + (min(max(share * way, -most), most) if behind else way)
+            result[k] = last
         self._pitch[side] = last, behind
-        return held
+        return result
 
     def _unwrap(self, name: str, angle: Array) -> Array:
-        """Without jumps of a whole turn, from piece to piece too."""
+        """Remove jumps of a whole turn, also between pieces."""
         if not len(angle):
             return angle
         first = self._yaw.get(name, float(angle[0]))
@@ -123,10 +123,10 @@ def _turn(axis: int, angle: Array) -> Array:
 
 
 def _twist(m: Array) -> Array:
-    """(T,) how far rotations (T, 3, 3) turn about x, whatever their swing is."""
+    """(T,) twist of rotations (T, 3, 3) about x, without their swing."""
     return np.arctan2(m[:, 2, 1] - m[:, 1, 2], m[:, 1, 1] + m[:, 2, 2])
 
 
 def _short(angle: float) -> float:
-    """The same angle, −π … π."""
+    """The same angle in −π … π."""
     return (angle + np.pi) % (2 * np.pi) - np.pi

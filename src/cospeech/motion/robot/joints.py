@@ -24,19 +24,19 @@ class RobotJoint:
     """One joint of a robot.
 
     Raises:
-        InputError: no such channel, limits that nothing can keep, or a hand with an offset.
+        InputError: no such channel, impossible limits, or a hand with an offset.
     """
 
     name: str
     channel: str
-    """Of `CHANNELS`, the angle that it takes."""
+    """The angle that it takes, one of `CHANNELS`."""
     lower: float
-    """Radians; metres of a gripper that slides."""
+    """Radians; metres for a gripper that slides."""
     upper: float
     velocity: float
     """Radians (or metres) per second, at most."""
     sign: float = 1.0
-    """Of a hand, +1: open is ``upper``; -1: open is ``lower``."""
+    """For a hand, +1: open is ``upper``; -1: open is ``lower``."""
     offset: float = 0.0
     """Radians: command = sign × angle + offset."""
     acceleration: float = 0.0
@@ -63,7 +63,7 @@ class RobotJoint:
         return self.channel.endswith("_hand")
 
     def command(self, angles: Mapping[str, Array]) -> Array:
-        """(T,) where the joint goes, before its limits hold; a hand goes from one of its limits to the other.
+        """(T,) goals of the joint, before its limits are applied; a hand goes from one of its limits to the other.
 
         Args:
             angles: channel → (T,), as of `BodyAngles`.
@@ -71,8 +71,8 @@ class RobotJoint:
         angle = angles[self.channel]
         if not self.is_hand:
             return self.sign * angle + self.offset
-        closed, opened = (self.lower, self.upper) if self.sign > 0 else (self.upper, self.lower)
-        return closed + angle * (opened - closed)
+        closed_at, open_at = (self.lower, self.upper) if self.sign > 0 else (self.upper, self.lower)
+        return closed_at + angle * (open_at - closed_at)
 
 
 def narrow_joints(joints: Sequence[RobotJoint], limits: Mapping[str, Mapping[str, float]]) -> tuple[RobotJoint, ...]:
@@ -80,11 +80,11 @@ def narrow_joints(joints: Sequence[RobotJoint], limits: Mapping[str, Mapping[str
 
     Args:
         joints: of a robot.
-        limits: joint → some of `LIMITS`. Position and speed may only become narrower. Acceleration may be any; where a speed
-            comes without one, full speed is reached in the same time as before.
+        limits: joint → some of `LIMITS`. Position and speed may only become narrower. Acceleration may have any value; if only
+            a speed is given, full speed is reached in the same time as before.
 
     Raises:
-        InputError: no such joint or limit, one that is no number, or one that is wider than the robot's.
+        InputError: no such joint or limit, a limit that is no number, or one that is wider than the robot's.
 
     >>> from cospeech.motion.robot import find_robot
     >>> narrow_joints(find_robot("nao"), {"HeadYaw": {"velocity": 2.0, "acceleration": 5.0}})[0].acceleration
@@ -98,7 +98,7 @@ def narrow_joints(joints: Sequence[RobotJoint], limits: Mapping[str, Mapping[str
 
 
 def check_limits(name: str, limits: Mapping[str, float]) -> None:
-    """Limits that are given for a joint are some of `LIMITS`, and numbers.
+    """Check that limits of a joint are some of `LIMITS`, and numbers.
 
     Raises:
         InputError: they are not, or a speed or an acceleration is not above 0.
@@ -119,5 +119,5 @@ def _narrow(joint: RobotJoint, limits: Mapping[str, float]) -> RobotJoint:
         if key != "acceleration" and (value < own if key == "lower" else value > own):
             raise InputError(f"joint {joint.name!r} has {key} = {value:g}, the robot {own:g}", "limits may only be narrowed")
     faster = joint.acceleration / joint.velocity * limits.get("velocity", joint.velocity)
-    changed: dict[str, Any] = {"acceleration": faster, **limits}
-    return replace(joint, **changed)
+    values: dict[str, Any] = {"acceleration": faster, **limits}
+    return replace(joint, **values)

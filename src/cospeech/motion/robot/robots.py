@@ -1,4 +1,4 @@
-"""Robots by name: which angle each joint takes, and its limits."""
+"""Robots by name: the angle that each joint takes, and its limits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands of a whole robot: streamed, at once, and as files for controllers."""
+"""Commands of a whole robot: as a stream, for a whole motion, and as files for controllers."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ __all__ = ["RobotStream", "check_trajectory_file", "robot_trajectory", "save_tra
 
 _SUFFIXES = (".csv", ".json")
 _FASTEST = 10_000.0  # commands per second [ours: as of `Motion`]
-_DIGITS = 9  # behind the point, radians [ours: at 240 commands per second, an acceleration is then right to 1e-4]
-_MEASURED = 0.05  # rad [ours]: a joint that is measured, or wanted, may lie so far beyond a limit
+_DIGITS = 9  # digits behind the point, radians [ours: at 240 commands per second, an acceleration is then right to 1e-4]
+_TOLERANCE = 0.05  # radians by which a measured place, or a goal, may lie beyond a limit [ours]
 
 
 class RobotStream:
-    """Motion that comes in pieces → commands of a robot; all pieces together have those of the whole.
+    """Turns motion that comes in pieces into commands of a robot; the pieces together give those of the whole.
 
     Args:
-        joints: of the robot, `find_robot` or `read_urdf`.
+        joints: of the robot, from `find_robot` or `read_urdf`.
         fps: of the motion and of the commands.
-        start: joint → radians, where the robot is now. From there it catches up with the motion within its limits. A joint
-            that is not named begins where the motion begins.
+        start: joint → radians, the present place of the robot. From there it follows the motion within its limits. A joint
+            without a start begins where the motion begins.
 
     Raises:
         InputError: no joints, a start of a joint that the robot does not have, one that is no number, or one that is not within
@@ -63,31 +63,31 @@ class RobotStream:
             if not isinstance(start[name], Real) or not np.isfinite(start[name]):
                 raise InputError(f"a start of joint {name!r} at {start[name]!r}", "radians")
             joint = joints[self.names.index(name)]
-            if not joint.lower - _MEASURED <= start[name] <= joint.upper + _MEASURED:
+            if not joint.lower - _TOLERANCE <= start[name] <= joint.upper + _TOLERANCE:
                 ends = f"its limits are {joint.lower:.2f} … {joint.upper:.2f} radians"
                 raise InputError(f"a start of joint {name!r} at {start[name]:g} radians", ends)
         first = np.array([start.get(name, np.nan) for name in self.names], float)
         self._limiter = JointLimiter(*(np.array(values) for values in limits), fps=fps, start=first)
         turning = np.array([not joint.is_hand for joint in joints])
         self._turns = TurnChooser(np.array(limits[0]), np.array(limits[1]), turning)
-        self._ends = np.array(limits[:2]) + np.array([[-_MEASURED], [_MEASURED]])
-        self._outside, self._pushed, self._over = np.ones(len(joints), bool), False, False
+        self._ends = np.array(limits[:2]) + np.array([[-_TOLERANCE], [_TOLERANCE]])
+        self._outside, self._has_commands, self._is_over = np.ones(len(joints), bool), False, False
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the joints, in the order of the columns."""
+        """Names of the joints, in the order of the columns."""
         return tuple(joint.name for joint in self.joints)
 
     @property
     def outside(self) -> tuple[str, ...]:
-        """Names of the joints that stay at a limit, because in every frame so far the motion wants more."""
-        return tuple(name for name, always in zip(self.names, self._outside, strict=True) if always and self._pushed)
+        """Names of the joints whose goal has been beyond a limit in every frame so far."""
+        return tuple(name for name, always in zip(self.names, self._outside, strict=True) if always and self._has_commands)
 
     def push(self, motion: Motion) -> Array:
         """(T, J) commands of the next frames, radians.
 
         Raises:
-            InputError: no motion, one of another rate, or one that comes after `finish`.
+            InputError: not a motion, a motion of another rate, or the stream is finished.
         """
         self._check_open()
         if not isinstance(motion, Motion):
@@ -95,48 +95,48 @@ class RobotStream:
         if motion.fps != self.fps:
             raise InputError(f"motion of {motion.fps:g} frames per second for a robot of {self.fps:g}", "motion.resample(fps)")
         angles = self._angles.push(motion)
-        wanted = self._turns.push(np.stack([joint.command(angles) for joint in self.joints], 1))
-        self._outside &= ((wanted < self._ends[0]) | (wanted > self._ends[1])).all(0)
-        self._pushed |= len(wanted) > 0
-        return self._limiter.push(wanted)
+        goals = self._turns.push(np.stack([joint.command(angles) for joint in self.joints], 1))
+        self._outside &= ((goals < self._ends[0]) | (goals > self._ends[1])).all(0)
+        self._has_commands |= len(goals) > 0
+        return self._limiter.push(goals)
 
     def rewind(self, count: int) -> None:
-        """Take back the last commands, which the robot did not get, because `LiveSession.interrupt` took back their frames.
+        """Take back the last commands that the robot did not get, because `LiveSession.interrupt` took back their frames.
 
-        The next commands go on from the one before them, within the limits.
+        The next commands go on from the command before them, within the limits.
 
         Args:
-            count: of commands, within the last 60 s.
+            count: number of commands, within the last 60 s.
 
         Raises:
-            InputError: there were not so many, or they are forgotten, or the stream is finished.
+            InputError: there were not so many commands, they are too old, or the stream is finished.
         """
         self._check_open()
         self._turns.go_on_from(self._limiter.rewind(count))
         self._angles = BodyAngles()
 
     def finish(self) -> Array:
-        """(T, J) commands that stop the joints where they are, as soon as they can brake; none where all stand still.
+        """(T, J) commands that stop the joints as soon as they can brake; none if all stand still. The stream is finished then.
 
-        With the usual acceleration this takes an eighth of a second at most. The stream is over then.
+        With the usual acceleration this takes an eighth of a second at most.
 
         Raises:
-            InputError: it is over already.
+            InputError: the stream is finished already.
         """
         self._check_open()
-        self._over = True
+        self._is_over = True
         return self._limiter.finish()
 
     def _check_open(self) -> None:
-        if self._over:
+        if self._is_over:
             raise InputError("the stream of commands is finished", "open another RobotStream; start= says where the robot is")
 
 
 def robot_trajectory(motion: Motion, joints: Sequence[RobotJoint]) -> Array:
     """(T, J) commands of a whole motion, radians.
 
-    It begins and ends at standstill: where the motion ends while a joint moves, T is longer than the motion by the time to
-    brake, an eighth of a second at most with the usual acceleration.
+    It begins and ends at standstill. If a joint still moves at the end of the motion, the commands are longer than the motion
+    by the time to brake, an eighth of a second at most with the usual acceleration.
     """
     stream = RobotStream(joints, fps=motion.fps)
     return np.concatenate([stream.push(motion), stream.finish()])
@@ -146,7 +146,7 @@ def check_trajectory_file(path: str | PathLike[str]) -> str:
     """The suffix of a file for `save_trajectory`.
 
     Raises:
-        InputError: it is not one of those that can be written.
+        InputError: no such file can be written.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in _SUFFIXES:
@@ -200,9 +200,9 @@ def _check_rate(fps: Any) -> None:
 
 
 def _round_within(commands: Array, joints: Sequence[RobotJoint]) -> Array:
-    """Commands with `_DIGITS` digits behind the point; those that lie within the limits stay there."""
+    """Round commands to `_DIGITS` digits behind the point; commands within the limits stay within them."""
     unit = 10.0**-_DIGITS
     lower, upper = (np.array([getattr(joint, name) for joint in joints]) for name in LIMITS[:2])
-    rounded = commands.round(_DIGITS)
-    rounded = np.where((rounded < lower) & (commands >= lower), (commands + unit).round(_DIGITS), rounded)
-    return np.where((rounded > upper) & (commands <= upper), (commands - unit).round(_DIGITS), rounded)
+    result = commands.round(_DIGITS)
+    result = np.where((result < lower) & (commands >= lower), (commands + unit).round(_DIGITS), result)
+    return np.where((result > upper) & (commands <= upper), (commands - unit).round(_DIGITS), result)

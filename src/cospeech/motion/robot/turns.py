@@ -1,4 +1,4 @@
-"""Angles that are the same pose a whole turn further: which of them a joint is asked for."""
+"""Choose among angles that differ by whole turns, and so are the same pose of a joint."""
 
 from __future__ import annotations
 
@@ -10,35 +10,35 @@ __all__ = ["TurnChooser"]
 
 _TURN = 2 * np.pi
 _FAR = 0.5
-"""Radians by which an angle is beyond a limit before another turn counts; or by which that is nearer to the limits, where none
-is within them. [ours: no joint flickers where its range is about a whole turn]"""
+"""Radians by which an angle must be beyond a limit before another turn is chosen; or by which the other turn must be nearer to
+the limits, if no turn is within them. [ours: a joint with a range of about a whole turn does not flicker]"""
 
 
 class TurnChooser:
-    """Keeps angles within the limits of joints by whole turns, where that is possible, and else without jumps.
+    """Keeps angles within the limits of joints by adding whole turns, if possible, and otherwise without jumps.
 
-    A forearm that somebody turns and turns ends where it began, but the sum of its ways does not. An angle stays on the turn of
-    the frame before while that is within the limits. Where it is far outside of them, another turn that is within them counts:
-    the joint then goes there the long way round, as it cannot go on.
+    A forearm that goes on turning comes back to its pose, but the sum of its turns grows. An angle stays on the turn of the
+    frame before while this is within the limits. If it is far outside of them, another turn within them is chosen: the joint
+    then goes there the long way round, as it cannot go on.
 
     Args:
         lower, upper: (J,) radians.
-        turns: (J,) whether a joint turns; hands and what slides do not.
+        turns: (J,) whether a joint turns; hands and sliding joints do not.
     """
 
     def __init__(self, lower: Array, upper: Array, turns: Array) -> None:
         self._lower, self._upper, self._turns = lower, upper, turns
         self._last: Array | None = None
 
-    def push(self, wanted: Array) -> Array:
-        """(T, J) → (T, J), the same angles on other turns; pieces of any size give the bits of the whole."""
-        chosen = np.empty_like(wanted, float)
-        for k, row in enumerate(wanted):
-            self._last = chosen[k] = np.where(self._turns, self._choose(row), row)
-        return chosen
+    def push(self, angles: Array) -> Array:
+        """(T, J) → (T, J), the same angles with whole turns added; pieces of any size give the bits of the whole."""
+        result = np.empty_like(angles, float)
+        for k, row in enumerate(angles):
+            self._last = result[k] = np.where(self._turns, self._choose(row), row)
+        return result
 
     def go_on_from(self, place: Array | None) -> None:
-        """The next angles come after this (J,) place; None: they are the first."""
+        """Set the (J,) place before the next angles; None: they are the first."""
         self._last = place
 
     def _choose(self, row: Array) -> Array:
@@ -46,7 +46,7 @@ class TurnChooser:
         first = row + _TURN * np.ceil((self._lower - row) / _TURN)  # the first turn from the lower limit on
         last = row + _TURN * np.floor((self._upper - row) / _TURN)  # the last turn up to the upper limit
         within = np.where(near > self._upper, last, first)
-        beside = np.where(self._outside(last) < self._outside(first), last, first)  # where none is within them
+        beside = np.where(self._outside(last) < self._outside(first), last, first)  # if no turn is within the limits
         far, possible = self._outside(near), first <= self._upper
         flips = (far > _FAR) & possible
         nears = ~possible & (far > self._outside(beside) + _FAR)

@@ -1,4 +1,4 @@
-"""Joints of a robot from its URDF."""
+"""Read the joints of a robot from its URDF."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ def read_urdf(
     channels: Mapping[str, str] | None = None,
     limits: Mapping[str, Mapping[str, float]] | None = None,
 ) -> tuple[RobotJoint, ...]:
-    """Joints of a robot from its URDF, in the order of the file.
+    """Read the joints of a robot from its URDF, in the order of the file.
 
     Args:
-        path: the ``.urdf`` (of a ``.xacro``, what xacro makes of it).
-        channels: joint → what it takes of `CHANNELS`; ``"-left_elbow"`` takes it with the other sign,
-            ``"left_shoulder_pitch-1.5708"`` with an offset in radians, and with ``""`` the joint is not moved. A hand goes from
-            the lower limit (closed) to the upper one (open); of ``"-left_hand"``, open is the lower one. Joints with the names
-            of a known robot need none, where they turn about the same axis (`read_axes`). Such a joint takes the other sign
-            where its axis points the other way. A joint that follows another (``<mimic>``) takes nothing, and narrows the
-            limits of that one to its own.
-        limits: joint → lower, upper and velocity where the URDF says nothing of them; a velocity of 0 says nothing. What it
-            says counts: `narrow_joints` narrows that.
+        path: the ``.urdf`` (for a ``.xacro``, the output of xacro).
+        channels: joint → the one of `CHANNELS` that it takes. ``"-left_elbow"`` takes it with the other sign,
+            ``"left_shoulder_pitch-1.5708"`` with an offset in radians; with ``""`` the joint does not move. A hand goes from
+            the lower limit (closed) to the upper one (open); for ``"-left_hand"``, open is the lower one. Joints with the names
+            of a known robot need no channel if they turn about the same axis (`read_axes`). If the axis points the other way,
+            such a joint takes the other sign. A joint that follows another (``<mimic>``) takes no channel; it narrows the
+            limits of the joint that it follows to its own.
+        limits: joint → lower, upper and velocity, used if the URDF does not give them; a velocity of 0 counts as not given.
+            `narrow_joints` narrows the limits that the URDF gives.
 
     Raises:
-        InputError: no URDF, a joint of no known type, one that it does not have, one that follows another, one whose limits
-            neither it nor ``limits`` gives, or one that slides and takes no hand.
+        InputError: no URDF, a joint of unknown type, a channel for a joint that is absent or follows another, a joint whose
+            limits neither the URDF nor ``limits`` gives, or a sliding joint that takes no hand.
     """
     root = _read_root(path)
     moving, followers = _read_joints(root, path)
@@ -55,19 +55,21 @@ def read_urdf(
             leader = _read_leader(name, followers[name])
             problem = f"joint {name!r} of {str(path)!r} follows {leader!r} and takes nothing"
             raise InputError(problem, f"map {leader}, and leave {name} out of the map")
-    wanted = {name: what for name, what in (_recognise(moving, axes) | dict(channels or {})).items() if what}
-    if not wanted:
+    assignments = {name: what for name, what in (_recognise(moving, axes) | dict(channels or {})).items() if what}
+    if not assignments:
         raise InputError(
             f"no joint of {str(path)!r} is recognised", 'a map says what each takes, such as arm_1 = "left_shoulder_pitch"'
         )
-    for name in wanted:
+    for name in assignments:
         if name not in moving:
             raise InputError(f"{str(path)!r} has no joint {name!r} that moves", nearest(name, moving))
-    given = limits or {}
-    for name in given:
-        check_limits(name, given[name])
-    joints = tuple(_joint(name, moving[name], wanted[name], given.get(name, {})) for name in moving if name in wanted)
-    return _narrow_leaders(joints, followers, given)
+    limit_table = limits or {}
+    for name in limit_table:
+        check_limits(name, limit_table[name])
+    joints = tuple(
+        _joint(name, moving[name], assignments[name], limit_table.get(name, {})) for name in moving if name in assignments
+    )
+    return _narrow_leaders(joints, followers, limit_table)
 
 
 def list_joints(path: str | PathLike[str]) -> tuple[str, ...]:
@@ -91,8 +93,8 @@ def list_followers(path: str | PathLike[str]) -> dict[str, str]:
 def _read_joints(
     root: ElementTree.Element, path: str | PathLike[str]
 ) -> tuple[dict[str, ElementTree.Element], dict[str, ElementTree.Element]]:
-    """Joints that turn or slide by commands, and those that follow another."""
-    found: dict[str, ElementTree.Element] = {}
+    """The joints that turn or slide by commands, and the joints that follow another."""
+    joints: dict[str, ElementTree.Element] = {}
     followers: dict[str, ElementTree.Element] = {}
     for joint in root.findall("{*}joint"):  # {*}: with a namespace of its own, too
         name, kind = joint.get("name", ""), joint.get("type")
@@ -103,26 +105,26 @@ def _read_joints(
             continue
         if not name:
             raise InputError(f"a {kind} joint of {str(path)!r} has no name", 'a URDF says <joint name="HeadYaw" …>')
-        if name in found or name in followers:
+        if name in joints or name in followers:
             raise InputError(f"{str(path)!r} has two joints {name!r}", "each joint needs a name of its own")
-        (found if joint.find("{*}mimic") is None else followers)[name] = joint
+        (joints if joint.find("{*}mimic") is None else followers)[name] = joint
     for name, joint in followers.items():
         leader = _read_leader(name, joint)
-        if leader not in found:
+        if leader not in joints:
             problem = f"joint {name!r} mimics {leader!r}"
             raise InputError(
-                problem, nearest(leader, found) if leader not in followers else "which follows another joint itself"
+                problem, nearest(leader, joints) if leader not in followers else "which follows another joint itself"
             )
-    return found, followers
+    return joints, followers
 
 
 def _read_root(path: str | PathLike[str]) -> ElementTree.Element:
     data = read_regular(path, "a URDF", URDF_BYTES)
 
-    def refuse_doctype(*given: object) -> None:
+    def refuse_doctype(*arguments: object) -> None:
         raise InputError(f"{str(path)!r} has a document type", "remove <!DOCTYPE …>; a URDF needs none")
 
-    parser = expat.ParserCreate()  # which finds it in any encoding
+    parser = expat.ParserCreate()  # it finds a document type in any encoding
     parser.StartDoctypeDeclHandler = refuse_doctype
     try:
         parser.Parse(data, True)
@@ -143,26 +145,26 @@ def _read_leader(name: str, joint: ElementTree.Element) -> str:
 
 
 def _recognise(joints: Mapping[str, ElementTree.Element], axes: Mapping[str, Axis]) -> dict[str, str]:
-    """Joints with the names of a robot of ours, with its signs and offsets, both turned over where the axis is.
+    """Assignments of joints with the names of a known robot: its signs and offsets, or their opposites if the axis is opposite.
 
-    A joint that turns about another axis than that robot's is not recognised: its angle would mean something else.
+    A joint that turns about another axis than that of the robot is not recognised: its angle would mean something else.
     """
-    known, found = {joint.name: joint for robot in ROBOTS.values() for joint in robot}, {}
+    table, assignments = {joint.name: joint for robot in ROBOTS.values() for joint in robot}, {}
     for name, element in joints.items():
-        if name not in known:
+        if name not in table:
             continue
-        joint, axis = known[name], axes[name]
+        joint, axis = table[name], axes[name]
         if not joint.is_hand and (element.get("type") == "prismatic" or axis.letter not in ("", TURNS[name])):
             continue
         way = -1.0 if axis.is_turned_over and not joint.is_hand else 1.0
-        found[name] = f"{'-' * (way * joint.sign < 0)}{joint.channel}{way * joint.offset:+.6f}"
-    return found
+        assignments[name] = f"{'-' * (way * joint.sign < 0)}{joint.channel}{way * joint.offset:+.6f}"
+    return assignments
 
 
 def _narrow_leaders(
     joints: tuple[RobotJoint, ...], followers: Mapping[str, ElementTree.Element], limits: Mapping[str, Mapping[str, float]]
 ) -> tuple[RobotJoint, ...]:
-    """The same joints, within the limits of those that follow them: follower = multiplier × leader + offset."""
+    """Narrow the limits of joints to those of their followers: follower = multiplier × leader + offset."""
     own = {joint.name: joint for joint in joints}
     for name, element in followers.items():
         leader, mimic = own.get(_read_leader(name, element)), element.find("{*}mimic")
@@ -184,9 +186,9 @@ def _narrow_leaders(
     return tuple(own[joint.name] for joint in joints)
 
 
-def _joint(name: str, element: ElementTree.Element, what: str, given: Mapping[str, float]) -> RobotJoint:
+def _joint(name: str, element: ElementTree.Element, what: str, limits: Mapping[str, float]) -> RobotJoint:
     channel, sign, offset = _parse_channel(name, what)
-    lower, upper, velocity = _read_limits(name, element, given)
+    lower, upper, velocity = _read_limits(name, element, limits)
     joint = RobotJoint(name, channel, lower, upper, velocity, sign, offset)
     if element.get("type") == "prismatic" and not joint.is_hand:
         raise InputError(
@@ -200,38 +202,38 @@ def _joint(name: str, element: ElementTree.Element, what: str, given: Mapping[st
 
 
 def _parse_channel(name: str, what: str) -> tuple[str, float, float]:
-    """Channel, sign and offset of a text such as ``-left_elbow+0.5``."""
-    found = re.fullmatch(r"(-?)([a-z_]+)([+-].+)?", what.replace(" ", ""))
+    """Parse channel, sign and offset from a text such as ``-left_elbow+0.5``."""
+    match = re.fullmatch(r"(-?)([a-z_]+)([+-].+)?", what.replace(" ", ""))
     try:
-        offset = float(found[3] or 0) if found else None
+        offset = float(match[3] or 0) if match else None
     except ValueError:
         offset = None
-    if found is None or offset is None:
+    if match is None or offset is None:
         raise InputError(f"joint {name!r} takes {what!r}", "write left_elbow, or -left_elbow+0.5 in radians")
-    return found[2], -1.0 if found[1] else 1.0, offset
+    return match[2], -1.0 if match[1] else 1.0, offset
 
 
-def _read_limits(name: str, element: ElementTree.Element, given: Mapping[str, float]) -> tuple[float, float, float]:
-    """Lower, upper and velocity: the narrower of hard and soft limits; those that are given where the URDF has none."""
+def _read_limits(name: str, element: ElementTree.Element, extra: Mapping[str, float]) -> tuple[float, float, float]:
+    """Lower, upper and velocity: the narrower of hard and soft limits; those of ``extra`` if the URDF has none."""
     limit, soft = element.find("{*}limit"), element.find("{*}safety_controller")
     turns_without_end = element.get("type") == "continuous"
-    found = dict[str, float]()
+    values = dict[str, float]()
     for key in ("lower", "upper", "velocity"):
         if turns_without_end and key != "velocity":
-            found[key] = {"lower": -2 * np.pi, "upper": 2 * np.pi}[key]
+            values[key] = {"lower": -2 * np.pi, "upper": 2 * np.pi}[key]
             continue
-        said = None if limit is None or limit.get(key) is None else _read_number(name, limit, key)
-        if said is None or (key == "velocity" and said == 0):  # many exporters write 0 where they do not know
-            if key not in given:
-                problem = f"joint {name!r} has no limits: {key} is {'missing' if said is None else 0}"
+        value = None if limit is None or limit.get(key) is None else _read_number(name, limit, key)
+        if value is None or (key == "velocity" and value == 0):  # many exporters write 0 for an unknown speed
+            if key not in extra:
+                problem = f"joint {name!r} has no limits: {key} is {'missing' if value is None else 0}"
                 hint = f'a URDF says <limit lower=… upper=… velocity=…/>; or a map: [limits."{name}"] and {key} = … below it'
                 raise InputError(problem, hint)
-            said = given[key]
-        found[key] = float(said)
+            value = extra[key]
+        values[key] = float(value)
     for key, narrower in (("lower", max), ("upper", min)):
         if soft is not None and soft.get(f"soft_{key}_limit") is not None:
-            found[key] = narrower(found[key], _read_number(name, soft, f"soft_{key}_limit"))
-    return found["lower"], found["upper"], found["velocity"]
+            values[key] = narrower(values[key], _read_number(name, soft, f"soft_{key}_limit"))
+    return values["lower"], values["upper"], values["velocity"]
 
 
 def _read_number(name: str, element: ElementTree.Element, key: str) -> float:

@@ -27,4 +27,4 @@ def _other_side(name: str) -> str:
 
 
 ARKIT_MIRROR = tuple(ARKIT_INDEX[_other_side(name)] for name in ARKIT)
-"""Column of the channel that takes each one's place in a mirror."""
+"""For each channel, the column of its mirror image."""

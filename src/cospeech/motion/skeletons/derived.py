@@ -1,7 +1,7 @@
-"""Skeletons that have our humanoid's proportions under other names: where a joint is, said by our joints.
+"""Skeletons with our humanoid's proportions and other names: the place of a joint is given by our joints.
 
-Character files of these kinds differ in size from person to person, so that no set of offsets is *the* right one; ours is
-an adult of 1.72 m. Retargeting onto a file of the user's own keeps that file's offsets.
+Character files of these kinds differ in size, so that no set of offsets is *the* right one; ours is an adult of 1.72 m. If the
+user retargets to an own file, the offsets of that file are kept.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ _POINTS = _points()
 
 
 def tip(name: str) -> Point:
-    """Where the last bone of a chain ends, in metres in the T-pose."""
+    """End of the last bone of a chain in the T-pose, metres."""
     return tuple(a + b for a, b in zip(_POINTS[name], ENDS[name], strict=True))  # type: ignore[return-value]
 
 
 def between(a: str, b: str, part: float) -> Point:
-    """The point that lies ``part`` (0 … 1) of the way from our joint ``a`` to ``b``, in metres in the T-pose."""
+    """The point at ``part`` (0 … 1) of the way from our joint ``a`` to ``b`` in the T-pose, metres."""
     return tuple(p + (q - p) * part for p, q in zip(_POINTS[a], _POINTS[b], strict=True))  # type: ignore[return-value]
 
 
 def rows(joints: Iterable[tuple[str, str | None, str | Point]]) -> list[Row]:
-    """Rows ``(name, parent, offset)`` from rows ``(name, parent, our joint's name or a point in metres)``."""
+    """Make rows ``(name, parent, offset)`` of rows ``(name, parent, our joint's name or a point in metres)``."""
     at: dict[str, Point] = {}
     result: list[Row] = []
     for name, parent, where in joints:

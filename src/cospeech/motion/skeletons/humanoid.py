@@ -58,9 +58,9 @@ _LEFT_ENDS = {  # where the last bone of each chain ends, from its joint
 
 def _side(side: str) -> list[tuple[str, str, tuple[float, float, float]]]:
     mirror = 1 if side == "left" else -1
-    shared = {"head", "upperChest", "hips"}
+    centre = {"head", "upperChest", "hips"}
     return [
-        (side + name, parent if parent in shared else side + parent, (mirror * x, y, z)) for name, parent, (x, y, z) in _LEFT
+        (side + name, parent if parent in centre else side + parent, (mirror * x, y, z)) for name, parent, (x, y, z) in _LEFT
     ]
 
 

@@ -20,30 +20,30 @@ _OTHERS = ("Proximal", "Intermediate", "Distal")
 
 
 def _joints() -> list[tuple[str, str | None, str | Point]]:
-    found: list[tuple[str, str | None, str | Point]] = []
+    table: list[tuple[str, str | None, str | Point]] = []
     parent: str | None = None
     for ours, name in _CENTRE.items():
-        found.append((PREFIX + name, parent, ours))
+        table.append((PREFIX + name, parent, ours))
         parent = PREFIX + name
-    found.append((PREFIX + "HeadTop_End", parent, tip("head")))
+    table.append((PREFIX + "HeadTop_End", parent, tip("head")))
     for side in ("Left", "Right"):
         parent = PREFIX + "Spine2"
         for ours in ("Shoulder", "UpperArm", "LowerArm", "Hand"):
-            found.append((PREFIX + side + _LIMBS[ours], parent, side.lower() + ours))
-            parent = found[-1][0]
+            table.append((PREFIX + side + _LIMBS[ours], parent, side.lower() + ours))
+            parent = table[-1][0]
         for finger, name in _FINGERS.items():
             above = parent
             for k, part in enumerate(_THUMB if finger == "Thumb" else _OTHERS, 1):
-                found.append((f"{PREFIX}{side}Hand{name}{k}", above, side.lower() + finger + part))
-                above = found[-1][0]
-            found.append((f"{PREFIX}{side}Hand{name}4", above, tip(f"{side.lower()}{finger}Distal")))
+                table.append((f"{PREFIX}{side}Hand{name}{k}", above, side.lower() + finger + part))
+                above = table[-1][0]
+            table.append((f"{PREFIX}{side}Hand{name}4", above, tip(f"{side.lower()}{finger}Distal")))
     for side in ("Left", "Right"):
         parent = PREFIX + "Hips"
         for ours in ("UpperLeg", "LowerLeg", "Foot", "Toes"):
-            found.append((PREFIX + side + _LIMBS[ours], parent, side.lower() + ours))
-            parent = found[-1][0]
-        found.append((f"{PREFIX}{side}Toe_End", parent, tip(f"{side.lower()}Toes")))
-    return found
+            table.append((PREFIX + side + _LIMBS[ours], parent, side.lower() + ours))
+            parent = table[-1][0]
+        table.append((f"{PREFIX}{side}Toe_End", parent, tip(f"{side.lower()}Toes")))
+    return table
 
 
 _TABLE = _joints()

@@ -23,10 +23,10 @@ JOINTS = (
 PARENTS = (-1, 0, 1, 2, 0, 4, 5, 0, 7, 7, 6, *_chains(10), 3, *_chains(31))
 
 LEFT = (4, 5, 6, 9, *range(10, 31))
-"""What the authors' left-arm transform holds still."""
+"""Joints that the authors' left-arm transform holds still."""
 
 RIGHT = (1, 2, 3, 8, *range(31, 52))
-"""What the authors' right-arm transform holds still."""
+"""Joints that the authors' right-arm transform holds still."""
 
 SPEAKERS = (
     "oliver", "jon", "conan", "rock", "chemistry", "ellen", "almaram", "angelica", "seth", "shelly", "colbert", "corden",

@@ -31,19 +31,19 @@ _FINGERS = {"thumb": "Thumb", "index": "Index", "middle": "Middle", "ring": "Rin
 
 def _side(side: str, mark: str) -> list[tuple[str, str | None, str | Point]]:
     centre = {"spine_05", "pelvis"}
-    found: list[tuple[str, str | None, str | Point]] = [
+    table: list[tuple[str, str | None, str | Point]] = [
         (name + mark, parent if parent in centre else parent + mark, side + ours) for name, parent, ours in _LIMBS
     ]
     for finger, ours in _FINGERS.items():
         parent = "hand" + mark
         if finger != "thumb":
-            found.append((f"{finger}_metacarpal{mark}", parent, between(f"{side}Hand", f"{side}{ours}Proximal", _METACARPAL)))
-            parent = found[-1][0]
+            table.append((f"{finger}_metacarpal{mark}", parent, between(f"{side}Hand", f"{side}{ours}Proximal", _METACARPAL)))
+            parent = table[-1][0]
         parts = ("Metacarpal", "Proximal", "Distal") if finger == "thumb" else ("Proximal", "Intermediate", "Distal")
         for k, part in enumerate(parts, 1):
-            found.append((f"{finger}_0{k}{mark}", parent, side + ours + part))
-            parent = found[-1][0]
-    return found
+            table.append((f"{finger}_0{k}{mark}", parent, side + ours + part))
+            parent = table[-1][0]
+    return table
 
 
 _TABLE = _CENTRE + _side("left", "_l") + _side("right", "_r")

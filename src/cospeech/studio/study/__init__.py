@@ -1,4 +1,4 @@
-"""A study with human raters: made from clips, answered on a page, reported."""
+"""Studies with human raters: make a study from clips, collect answers on a page, and report them."""
 
 from .make import make_study
 from .plan import StudyPlan, load_plan

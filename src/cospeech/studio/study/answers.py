@@ -1,4 +1,4 @@
-"""The answers to a study, in SQLite: one row an answer, safe against a power cut in the middle of one."""
+"""The answers to a study, in SQLite: a row for each answer; a power cut damages nothing."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ __all__ = ["Answers", "Rater", "RaterSession", "check_answers", "count_checks", 
 
 FILE = "answers.sqlite"
 MOST_RATERS = 20_000
-"""Of a study; ours: ten times the largest of the field. It keeps a flood from filling the disk."""
+"""Raters of a study [ours: ten times the largest study of the field]. The limit keeps a flood from filling the disk."""
 MOST_SECONDS = 86_400.0
-"""That a trial may take; a longer time is cut."""
+"""Seconds that a trial may take; a longer time is cut."""
 GONE = 3600.0
 """Seconds without an answer after which another rater gets the session [ours: twice the longest sessions of the field]."""
 _TABLES = """
@@ -38,12 +38,12 @@ CREATE TABLE IF NOT EXISTS answers (
 
 
 class Rater(NamedTuple):
-    """Who answers.
+    """A person who answers.
 
     Args:
         rater: a secret name, which the page keeps.
         number: of the session.
-        participant: code of the invitation; "" where there is none.
+        participant: code of the invitation; "" if there is none.
     """
 
     rater: str
@@ -52,20 +52,20 @@ class Rater(NamedTuple):
 
 
 class RaterSession(NamedTuple):
-    """What is known of a rater.
+    """The session of a rater.
 
     Args:
-        rater: who.
+        rater: the rater.
         trials: of the session.
-        given: trial → answers.
-        seconds: trial → how long it took.
+        answers: trial → answers.
+        seconds: trial → its time in seconds.
         source: ``server`` or ``import``.
         at: when the rater came, seconds since 1970.
     """
 
     rater: Rater
     trials: list[Trial]
-    given: dict[int, dict[tuple[str, int], int]]
+    answers: dict[int, dict[tuple[str, int], int]]
     seconds: dict[int, float]
     source: str
     at: float
@@ -73,14 +73,14 @@ class RaterSession(NamedTuple):
     @property
     def is_whole(self) -> bool:
         """Whether all pages are answered."""
-        return len(self.given) == len(self.trials)
+        return len(self.answers) == len(self.trials)
 
 
 def count_checks(plan: StudyPlan, session: RaterSession) -> tuple[int, int]:
-    """How many attention checks a rater has passed, and failed."""
-    seen = [k for k, trial in enumerate(session.trials) if trial.check and k in session.given]
-    passed = sum(passes(plan, session.trials[k], session.given[k]) for k in seen)
-    return passed, len(seen) - passed
+    """Numbers of attention checks that a rater has passed, and failed."""
+    checks = [k for k, trial in enumerate(session.trials) if trial.check and k in session.answers]
+    successes = sum(passes(plan, session.trials[k], session.answers[k]) for k in checks)
+    return successes, len(checks) - successes
 
 
 def passes_checks(plan: StudyPlan, session: RaterSession) -> bool:
@@ -88,41 +88,41 @@ def passes_checks(plan: StudyPlan, session: RaterSession) -> bool:
     return count_checks(plan, session)[1] <= plan.checks - plan.fewest_checks
 
 
-def check_answers(plan: StudyPlan, trial: Trial, given: Any) -> dict[tuple[str, int], int]:
-    """The answers to a trial as a page sends them, ``{"question": value}`` or ``{"question": [value of each clip]}``.
+def check_answers(plan: StudyPlan, trial: Trial, answers: Any) -> dict[tuple[str, int], int]:
+    """Check and parse the answers to a trial from a page: ``{"question": value}`` or ``{"question": [value of each clip]}``.
 
     Raises:
-        InputError: an answer is missing, is none of the options, or belongs to no question.
+        InputError: an answer is missing, is not one of the options, or belongs to no question.
     """
-    if not isinstance(given, Mapping):
+    if not isinstance(answers, Mapping):
         raise InputError("the answers are no table", "question = value")
-    found: dict[tuple[str, int], Any] = {}
-    for name, value in given.items():
+    result: dict[tuple[str, int], Any] = {}
+    for name, value in answers.items():
         values = enumerate(value) if isinstance(value, list) else [(-1, value)]
-        found |= {(name, place): one for place, one in values}
+        result |= {(name, place): one for place, one in values}
     keys = answer_keys(plan, trial)
-    if found.keys() != keys.keys():
+    if result.keys() != keys.keys():
         raise InputError("the answers are not those to the questions of this page", "answer all of them")
-    for key, value in found.items():
+    for key, value in result.items():
         if type(value) is not int or value not in keys[key]:
             raise InputError(f"no such answer to {key[0]!r}", f"known: {', '.join(map(str, keys[key]))}")
-    return found
+    return result
 
 
 class Answers:
-    """The data base of a study's folder.
+    """The database in the folder of a study.
 
     Args:
         study: the folder.
         plan: its plan.
 
     Raises:
-        InputError: the plan was changed after the first rater in a way that changes what the answers mean.
+        InputError: after the first rater came, the plan was changed in a way that changes the meaning of the answers.
     """
 
     def __init__(self, study: Path, plan: StudyPlan) -> None:
         self._plan, self._lock = plan, threading.Lock()
-        self._failed: dict[str, bool] = {}  # rater → whether the checks of a whole session were failed
+        self._failures: dict[str, bool] = {}  # rater → whether the checks of the whole session were failed
         path = study / FILE
         try:
             self._base = sqlite3.connect(path, check_same_thread=False, timeout=10.0, isolation_level=None)
@@ -142,7 +142,7 @@ class Answers:
             )
 
     def close(self) -> None:
-        """Write all to the file and let go of it."""
+        """Write all to the file, and close it."""
         with self._lock:
             self._base.close()
 
@@ -154,7 +154,7 @@ class Answers:
 
     @contextmanager
     def _change(self) -> Iterator[None]:
-        """Change the data base: all of it, or nothing after an error."""
+        """Make changes to the database in one transaction: after an error, none of them."""
         with self._lock:
             self._base.execute("BEGIN IMMEDIATE")
             try:
@@ -165,67 +165,68 @@ class Answers:
             self._base.execute("COMMIT")
 
     def add_rater(self, participant: str = "") -> Rater:
-        """A new rater, with the first session that nobody has; one whose code is known goes on where he stopped.
+        """Add a rater, with the first free session. A rater with a known code continues the session of this code.
 
-        The session of a rater who stopped `GONE` ago, or who failed the attention checks, is given out again, so that all
+        The session of a rater who stopped `GONE` seconds ago, or who failed the attention checks, is free again, so that all
         speeches are seen equally often.
 
         Raises:
-            InputError: there are too many.
+            InputError: there are too many raters.
         """
         with self._change():
-            known = "SELECT rater, number, participant FROM raters WHERE participant = ? AND source = 'server'"
-            row = self._base.execute(known, (participant,)).fetchone() if participant else None
+            query = "SELECT rater, number, participant FROM raters WHERE participant = ? AND source = 'server'"
+            row = self._base.execute(query, (participant,)).fetchone() if participant else None
             if row is not None:
                 return Rater(*row)
             if self._base.execute("SELECT count(*) FROM raters WHERE source = 'server'").fetchone()[0] >= MOST_RATERS:
                 raise InputError(f"the study has {MOST_RATERS} raters", "it takes no more")
-            made = Rater(secrets.token_urlsafe(16), self._find_number(), participant)
+            rater = Rater(secrets.token_urlsafe(16), self._find_number(), participant)
             self._keep_digest()
-            self._base.execute("INSERT INTO raters VALUES (?, ?, ?, 'server', ?)", (*made, time.time()))
-            return made
+            self._base.execute("INSERT INTO raters VALUES (?, ?, ?, 'server', ?)", (*rater, time.time()))
+            return rater
 
     def _keep_digest(self) -> None:
-        """Note which plan the answers belong to, with the first of them; the lock is held."""
+        """Store the digest of the plan with the first rater. The caller holds the lock."""
         self._base.execute("DELETE FROM study WHERE NOT EXISTS (SELECT 1 FROM raters)")
         self._base.execute("INSERT INTO study SELECT ? WHERE NOT EXISTS (SELECT 1 FROM study)", (self._plan.digest,))
 
     def _find_number(self) -> int:
-        """The first session that no rater has, or that was left or spoilt by all who had it; the lock is held."""
-        pages, taken, late = len(make_session(self._plan, 0)), set[int](), time.time() - GONE
+        """The first session that no rater has, or that all its raters left or failed. The caller holds the lock."""
+        pages, numbers, late = len(make_session(self._plan, 0)), set[int](), time.time() - GONE
         counts = """SELECT r.rater, r.number, r.participant, r.at, count(DISTINCT a.trial), max(a.at)
             FROM raters AS r LEFT JOIN answers AS a ON a.rater = r.rater WHERE r.source = 'server' GROUP BY r.rater"""
-        for name, number, participant, came, done, last in self._base.execute(counts).fetchall():
-            if done == pages:
-                if name not in self._failed:
+        for name, number, participant, came, page_count, last in self._base.execute(counts).fetchall():
+            if page_count == pages:
+                if name not in self._failures:
                     session = next(self._read_sessions([(name, number, participant, "server", came)]))
-                    self._failed[name] = not passes_checks(self._plan, session)
-                if not self._failed[name]:
-                    taken.add(number)
+                    self._failures[name] = not passes_checks(self._plan, session)
+                if not self._failures[name]:
+                    numbers.add(number)
             elif max(came, last or 0.0) > late:
-                taken.add(number)
-        return next(number for number in count() if number not in taken)
+                numbers.add(number)
+        return next(number for number in count() if number not in numbers)
 
     def find_rater(self, rater: str) -> Rater | None:
-        """By the secret name."""
+        """Find a rater by the secret name."""
         with self._lock:
             row = self._base.execute("SELECT rater, number, participant FROM raters WHERE rater = ?", (rater,)).fetchone()
         return None if row is None else Rater(*row)
 
     def add(self, rater: Rater, trial: int, answers: Mapping[tuple[str, int], int], seconds: float) -> None:
-        """Keep the answers to a trial; later answers to the same trial take their place."""
-        now, took = time.time(), min(max(seconds, 0.0), MOST_SECONDS)
-        rows = [(rater.rater, trial, name, place, value, took, now) for (name, place), value in answers.items()]
+        """Store the answers to a trial; later answers to the same trial replace them."""
+        now, time_spent = time.time(), min(max(seconds, 0.0), MOST_SECONDS)
+        rows = [(rater.rater, trial, name, place, value, time_spent, now) for (name, place), value in answers.items()]
         with self._change():
             self._base.executemany("INSERT OR REPLACE INTO answers VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
 
     def add_session(
         self, rater: Rater, trials: Mapping[int, tuple[dict[tuple[str, int], int], float]]
     ) -> Literal["added", "known", "twice"]:
-        """A whole session that was answered elsewhere, at once or not at all.
+        """Add a whole session that was answered elsewhere, in one transaction.
 
         Returns:
-            ``known``: it is there already; ``twice``: another one of the same participant is there. Both are not taken.
+            ``added``; ``known``: it is there already; ``twice``: another one of the same participant is there. The last two
+            are not added.
         """
         now = time.time()
         rows = [
@@ -251,21 +252,21 @@ class Answers:
             return [row[0] for row in rows]
 
     def sessions(self) -> Iterator[RaterSession]:
-        """Of every rater, in the order in which they came."""
+        """Yield the session of every rater, in the order in which they came."""
         with self._lock:
-            listed = "SELECT rater, number, participant, source, at FROM raters ORDER BY at, rater"
-            raters = self._base.execute(listed).fetchall()
-            found = list(self._read_sessions(raters))
-        yield from found
+            query = "SELECT rater, number, participant, source, at FROM raters ORDER BY at, rater"
+            raters = self._base.execute(query).fetchall()
+            result = list(self._read_sessions(raters))
+        yield from result
 
     def _read_sessions(self, raters: Sequence[tuple[str, int, str, str, float]]) -> Iterator[RaterSession]:
-        """Of rows of the table of raters; the lock is held."""
+        """Read the sessions for rows of the table of raters. The caller holds the lock."""
         for name, number, participant, source, at in raters:
-            given: dict[int, dict[tuple[str, int], int]] = {}
+            answers: dict[int, dict[tuple[str, int], int]] = {}
             seconds: dict[int, float] = {}
             rows = "SELECT trial, question, place, value, seconds FROM answers WHERE rater = ? ORDER BY trial"
-            for trial, question, place, value, took in self._base.execute(rows, (name,)):
-                given.setdefault(trial, {})[question, place] = value
-                seconds[trial] = took
+            for trial, question, place, value, time_spent in self._base.execute(rows, (name,)):
+                answers.setdefault(trial, {})[question, place] = value
+                seconds[trial] = time_spent
             trials = make_session(self._plan, number)
-            yield RaterSession(Rater(name, number, participant), trials, given, seconds, source, at)
+            yield RaterSession(Rater(name, number, participant), trials, answers, seconds, source, at)

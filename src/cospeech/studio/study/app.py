@@ -1,4 +1,4 @@
-"""The web application of a study: the page, its clips by opaque names, and four calls."""
+"""The web application of a study: the page, its clips under opaque names, and four calls."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ def page_file(name: str) -> bytes:
 
 
 def make_app(study: Path, plan: StudyPlan, answers: Answers, *, token: str | None = None) -> Any:
-    """The application, behind its guard.
+    """Make the application, behind its guard.
 
     Args:
-        study: the folder; nothing of it is served but the clips of the plan.
-        token: what clients must bring; None: only this machine is served.
+        study: the folder; only the clips of the plan are served from it.
+        token: secret that clients must send; None: only this machine is served.
 
     Raises:
         InputError: the extra ``studio`` is not installed.
@@ -53,7 +53,7 @@ def make_app(study: Path, plan: StudyPlan, answers: Answers, *, token: str | Non
     responses, calls = load_web("starlette.responses"), _Calls(plan, answers)
     route = load_web("starlette.routing").Route
     files = {clip.file: study / CLIPS / clip.file for clip in plan.clips}
-    told = responses.JSONResponse(describe_study(plan))
+    study_response = responses.JSONResponse(describe_study(plan))
 
     def give_page(name: str) -> Any:
         response = responses.Response(page_file(name), headers={"content-type": PAGE_FILES[name]})
@@ -69,7 +69,7 @@ def make_app(study: Path, plan: StudyPlan, answers: Answers, *, token: str | Non
         route("/", give_page("index.html"), methods=["GET"]),
         *(route(f"/{name}", give_page(name), methods=["GET"]) for name in ("study.js", "study.css")),
         route("/clips/{name}", give_clip, methods=["GET"]),
-        route("/api/study", lambda request: told, methods=["GET"]),
+        route("/api/study", lambda request: study_response, methods=["GET"]),
         route("/api/raters", _endpoint(calls.join), methods=["POST"]),
         route("/api/session", _endpoint(calls.resume), methods=["GET"]),
         route("/api/answers", _endpoint(calls.answer), methods=["POST"]),
@@ -78,36 +78,36 @@ def make_app(study: Path, plan: StudyPlan, answers: Answers, *, token: str | Non
 
 
 class _Calls:
-    """What the page asks for; JSON values in, JSON values out."""
+    """The calls of the page, with JSON values as arguments and results."""
 
     def __init__(self, plan: StudyPlan, answers: Answers) -> None:
         self._plan, self._answers = plan, answers
         self._trials = lru_cache(1000)(partial(make_session, plan))
 
-    def join(self, given: dict[str, Any], name: str) -> dict[str, Any]:
-        """A new rater, who has agreed to take part."""
-        if given.get("consent") is not True:
+    def join(self, message: dict[str, Any], name: str) -> dict[str, Any]:
+        """Add a rater, who has agreed to take part."""
+        if message.get("consent") is not True:
             raise InputError("nobody takes part without consent", "tick the box")
-        code = given.get("participant", "")
+        code = message.get("participant", "")
         if not is_code(code):
             raise InputError("the code of the invitation is not valid", f"at most {MOST_CODE} characters that can be printed")
         return self._session(self._answers.add_rater(code))
 
-    def resume(self, given: dict[str, Any], name: str) -> dict[str, Any]:
+    def resume(self, message: dict[str, Any], name: str) -> dict[str, Any]:
         """The session of a rater who comes back."""
         return self._session(self._find(name))
 
-    def answer(self, given: dict[str, Any], name: str) -> dict[str, Any]:
-        """Keep the answers to a trial."""
+    def answer(self, message: dict[str, Any], name: str) -> dict[str, Any]:
+        """Store the answers to a trial."""
         rater = self._find(name)
-        trials, number, seconds = self._trials(rater.number), given.get("trial"), given.get("seconds", 0.0)
+        trials, number, seconds = self._trials(rater.number), message.get("trial"), message.get("seconds", 0.0)
         if type(number) is not int or not 0 <= number < len(trials):
             raise InputError("there is no such trial", f"0 … {len(trials) - 1}")
         if type(seconds) not in (int, float) or not 0 <= seconds < 1e9:
             raise InputError("the seconds are no time")
-        self._answers.add(rater, number, check_answers(self._plan, trials[number], given.get("answers")), seconds)
-        done = len(self._answers.list_trials(rater))
-        return {"done": done, "of": len(trials), "completion": self._completion(done, len(trials))}
+        self._answers.add(rater, number, check_answers(self._plan, trials[number], message.get("answers")), seconds)
+        count = len(self._answers.list_trials(rater))
+        return {"done": count, "of": len(trials), "completion": self._completion(count, len(trials))}
 
     def _find(self, name: str) -> Rater:
         rater = self._answers.find_rater(name)
@@ -117,17 +117,17 @@ class _Calls:
 
     def _session(self, rater: Rater) -> dict[str, Any]:
         trials = [describe_trial(self._plan, trial) for trial in self._trials(rater.number)]
-        done = self._answers.list_trials(rater)
-        completion = self._completion(len(done), len(trials))
-        return {"rater": rater.rater, "trials": trials, "done": done, "completion": completion}
+        numbers = self._answers.list_trials(rater)
+        completion = self._completion(len(numbers), len(trials))
+        return {"rater": rater.rater, "trials": trials, "done": numbers, "completion": completion}
 
-    def _completion(self, done: int, pages: int) -> str:
-        """Where a rater goes on at the end; before, nobody is told."""
-        return self._plan.completion if done == pages else ""
+    def _completion(self, count: int, pages: int) -> str:
+        """Address to which a rater goes after the last page; empty before."""
+        return self._plan.completion if count == pages else ""
 
 
 def _endpoint(call: Call) -> Callable[[Any], Awaitable[Any]]:
-    """A call as what a route wants."""
+    """Wrap a call as the endpoint of a route."""
 
     async def handle(request: Any) -> Any:
         run_sync = import_module("anyio.to_thread").run_sync
@@ -137,15 +137,15 @@ def _endpoint(call: Call) -> Callable[[Any], Awaitable[Any]]:
 
 
 def _handle(call: Call, body: bytes, name: str) -> Any:
-    """One call: bytes in, an answer out."""
+    """Do one call: parse the bytes of the request, and return an answer."""
     try:
-        given = json.loads(body) if body else {}
+        message = json.loads(body) if body else {}
     except (ValueError, RecursionError):
         return _refuse(400, "the message is not JSON")
-    if not isinstance(given, dict):
+    if not isinstance(message, dict):
         return _refuse(400, "the message is no table")
     try:
-        return load_web("starlette.responses").JSONResponse(call(given, name))
+        return load_web("starlette.responses").JSONResponse(call(message, name))
     except LookupError:
         return _refuse(404, "the study does not know this rater")
     except InputError as error:

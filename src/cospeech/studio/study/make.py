@@ -1,4 +1,4 @@
-"""A study made from folders of clips: blind names, no sound where none is wanted, motion files rendered as videos."""
+"""Make a study from folders of clips: it gives blind names, removes sound if wanted, and renders motion files as videos."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = ["VARIANTS", "make_study"]
 VARIANTS = ("full", "mute", "hands")
 _VIEWS = {"full": "body", "mute": "body", "hands": "hands"}
 OTHER_SPEECH = ", other speech"
-"""After the name of a system: the same system with the motion of another speech."""
+"""Suffix of the name of a system: the same system with the motion of another speech."""
 
 
 class _Source(NamedTuple):
@@ -57,25 +57,24 @@ def make_study(
     """Make the folder of a study from clips of systems on the same speech.
 
     Args:
-        folders: one of each system; its name is the system's. Clips with the same file name belong to the same speech. They
+        folders: one for each system, with the name of the system. Clips with the same file name belong to the same speech. They
             are videos (.mp4, .webm), or motion files, which are rendered (`cospeech.studio.study.stimuli`).
         study: the folder to make; it must not exist yet.
         template: a name of `TEMPLATES`.
         variant: ``full``; ``mute``: without sound; ``hands``: motion files are rendered with the camera on the hands.
-        reference: the system with which each other one is paired.
+        reference: the system with which each other system is paired.
         transfer: systems whose style should differ from the reference's.
         speech: folder with a sound file for each clip, for motion files.
-        stimuli_each: how many speeches a rater sees; the template says where not given.
+        stimuli_each: number of speeches that a rater sees; the default is that of the template.
         checks: attention checks in a session.
-        seed: of the orders and of the blind names; drawn where not given, so that nobody can work out the names.
-        completion: address to which raters go on at the end.
-        faces: of motion files: ``show``, ``hide``, or ``auto``, which hides all faces where a clip has none.
+        seed: of the orders and of the blind names. The default is a random one, so that nobody can work out the names.
+        completion: address to which raters go at the end.
+        faces: of motion files: ``show``, ``hide``, or ``auto``, which hides all faces if a clip has none.
         fps: pictures per second of motion files.
-        allow_differences: take videos that differ in kind, size, rate, sound or length, and tell it.
+        allow_differences: accept videos that differ in kind, size, rate, sound or length, with a warning.
 
     Raises:
-        InputError: clips are missing, cannot be read, do not suit the template, or can be told apart by something else than
-            their motion.
+        InputError: clips are missing, cannot be read, do not suit the template, or differ in something other than motion.
     """
     _check_names(template=(template, TEMPLATES), variant=(variant, VARIANTS), faces=(faces, FACES))
     check_range("fps", fps, FPS_RANGE)
@@ -103,20 +102,20 @@ def make_study(
             "clips": [source.clip for source in sources],
         })  # fmt: skip
     except ValueError as error:
-        told = error.errors()[0]["msg"] if hasattr(error, "errors") else str(error)
-        raise InputError(f"this makes no study: {told}") from None
+        text = error.errors()[0]["msg"] if hasattr(error, "errors") else str(error)
+        raise InputError(f"this makes no study: {text}") from None
     videos = [source for source in sources if _is_video(source.path)]
     if videos:
         _check_videos(videos, variant, allow_differences)
     study.parent.mkdir(parents=True, exist_ok=True)
     with workplace(study.parent) as place:
-        made = place / "study"
-        (made / CLIPS).mkdir(parents=True)
-        _write_clips(sources, made / CLIPS, voices, variant, faces=faces, fps=fps, progress=progress)
+        new_study = place / "study"
+        (new_study / CLIPS).mkdir(parents=True)
+        _write_clips(sources, new_study / CLIPS, voices, variant, faces=faces, fps=fps, progress=progress)
         if videos and len(videos) < len(sources):
-            _check_videos(sources, variant, allow_differences, made / CLIPS)
-        save_plan(plan, made)
-        made.rename(study)
+            _check_videos(sources, variant, allow_differences, new_study / CLIPS)
+        save_plan(plan, new_study)
+        new_study.rename(study)
     return plan
 
 
@@ -131,31 +130,31 @@ def _write_clips(
     progress: Callable[[float], None] | None,
 ) -> None:
     """Render motion files, and copy videos."""
-    done = _count(progress, len(sources))
+    tick = _count(progress, len(sources))
     scenes = [StudyScene(path, clip.stimulus, folder / clip.file) for clip, path in sources if not _is_video(path)]
     if scenes:
-        render_scenes(scenes, voices, camera=_VIEWS[variant], faces=faces, fps=fps, progress=done)
+        render_scenes(scenes, voices, camera=_VIEWS[variant], faces=faces, fps=fps, progress=tick)
     for clip, path in sources:
         if _is_video(path):
             copy_video(path, folder / clip.file, sound=variant != "mute")
-            done()
+            tick()
 
 
-def _check_names(**given: tuple[str, Sequence[str] | Mapping[str, object]]) -> None:
-    for what, (name, known) in given.items():
-        if name not in known:
-            raise InputError(f"unknown {what} {name!r}", nearest(name, [*known]))
+def _check_names(**choices: tuple[str, Sequence[str] | Mapping[str, object]]) -> None:
+    for what, (name, names) in choices.items():
+        if name not in names:
+            raise InputError(f"unknown {what} {name!r}", nearest(name, [*names]))
 
 
 def _count(progress: Callable[[float], None] | None, total: int) -> Callable[[], None]:
-    """What is called after each clip."""
-    done = 0
+    """A function to call after each clip; it reports progress."""
+    count = 0
 
     def tell() -> None:
-        nonlocal done
-        done += 1
+        nonlocal count
+        count += 1
         if progress is not None:
-            progress(done / total)
+            progress(count / total)
 
     return tell
 
@@ -165,15 +164,17 @@ def _is_video(path: Path) -> bool:
 
 
 def _find_voices(systems: Mapping[str, Mapping[str, Path]], folder: Path | None) -> dict[str, Path]:
-    """Speech → sound file, of those that a motion file plays; all are found before the first clip is rendered."""
-    found: dict[str, Path] = {}
+    """Speech → sound file, for all speeches of motion files; they are found before the first clip is rendered."""
+    voices: dict[str, Path] = {}
     for clips in systems.values():
-        found |= {name: find_speech(path, folder) for name, path in clips.items() if not _is_video(path) and name not in found}
-    return found
+        voices |= {
+            name: find_speech(path, folder) for name, path in clips.items() if not _is_video(path) and name not in voices
+        }
+    return voices
 
 
 def _mismatch(systems: Mapping[str, Mapping[str, Path]], voices: Mapping[str, Path]) -> dict[str, str]:
-    """Speech → another speech, whose motion is played to it: of nearly the same length, and each one once.
+    """Speech → another speech of nearly the same length, whose motion is played to it; each one is used once.
 
     Raises:
         InputError: a clip is a video, or there is only one speech.
@@ -189,68 +190,68 @@ def _mismatch(systems: Mapping[str, Mapping[str, Path]], voices: Mapping[str, Pa
         with open_speech(path) as source:
             seconds[name] = float(source.seconds or 0)
     order = sorted(voices, key=lambda name: (seconds[name], name))
-    found: dict[str, str] = {}
-    for k in range(0, len(order), 2):  # neighbours change places; of an odd number, the last three go round
+    others: dict[str, str] = {}
+    for k in range(0, len(order), 2):  # neighbours are exchanged; if the number is odd, the last three are rotated
         group = order[k:] if len(order) - k == 3 else order[k : k + 2]
         if k > len(order) - 2:
             break
-        found |= dict(zip(group, np.roll(group, -1).tolist(), strict=True))
-    return found
+        others |= dict(zip(group, np.roll(group, -1).tolist(), strict=True))
+    return others
 
 
 def _name_clips(seed: int, systems: Mapping[str, Mapping[str, Path]], others: Mapping[str, str]) -> list[_Source]:
-    """All clips, those of the motion of another speech after the others of a system."""
-    found = []
+    """All clips; for each system, those with the motion of another speech come last."""
+    sources = []
     for system, clips in systems.items():
-        found += [_Source(_name_clip(seed, system, name, clips[name]), clips[name]) for name in sorted(clips)]
+        sources += [_Source(_name_clip(seed, system, name, clips[name]), clips[name]) for name in sorted(clips)]
         other = f"{system}{OTHER_SPEECH}"
-        found += [_Source(_name_clip(seed, other, name, clips[others[name]]), clips[others[name]]) for name in sorted(others)]
-    return found
+        sources += [_Source(_name_clip(seed, other, name, clips[others[name]]), clips[others[name]]) for name in sorted(others)]
+    return sources
 
 
-def _check_videos(sources: Sequence[_Source], variant: str, allow: bool, made: Path | None = None) -> None:
-    """The videos can be shown, and are alike; of clips in the folder ``made``, those that were rendered, too."""
+def _check_videos(sources: Sequence[_Source], variant: str, allow: bool, folder: Path | None = None) -> None:
+    """Check that the videos can be shown, and are alike; with ``folder``, the videos of the new study in it."""
     if variant == "hands":
         problem = f"{str(sources[0].path)!r} is a video: the camera cannot be moved to the hands"
         raise InputError(problem, "give motion files")
     facts = {}
     for clip, path in sources:
-        seen = path if made is None else made / clip.file
-        facts[path] = clip.stimulus, look_at_video(seen, muted=variant == "mute")
+        video = path if folder is None else folder / clip.file
+        facts[path] = clip.stimulus, look_at_video(video, muted=variant == "mute")
     check_alike(facts, allow=allow)
 
 
 def _find_clips(folders: Sequence[Path]) -> dict[str, dict[str, Path]]:
-    """System → speech → file; all systems have the same speeches."""
-    motions, found = suffixes(lambda entry: entry.readable), {}
+    """Find system → speech → file; all systems must have the same speeches."""
+    motions, systems = suffixes(lambda entry: entry.readable), {}
     for folder in folders:
         name = folder.resolve().name
         if not folder.is_dir():
             raise InputError(f"there is no folder {str(folder)!r}", "one folder of clips for each system")
-        if name in found:
+        if name in systems:
             raise InputError(f"two folders are named {name!r}", "the name of a folder is that of its system")
-        shown = [path for path in folder.iterdir() if not path.name.startswith(".")]  # macOS' shadow files: ._talk.mp4
-        files = sorted(path for path in shown if path.suffix.lower() in {*VIDEOS, *motions} and path.is_file())
+        visible = [path for path in folder.iterdir() if not path.name.startswith(".")]  # macOS' shadow files: ._talk.mp4
+        files = sorted(path for path in visible if path.suffix.lower() in {*VIDEOS, *motions} and path.is_file())
         videos = {path.stem for path in files if path.suffix.lower() in VIDEOS}
-        chosen = [path for path in files if path.suffix.lower() in VIDEOS or path.stem not in videos]
-        clips = {path.stem: path for path in chosen}
+        clip_files = [path for path in files if path.suffix.lower() in VIDEOS or path.stem not in videos]
+        clips = {path.stem: path for path in clip_files}
         if not clips:
             raise InputError(f"no clips in {str(folder)!r}", f"known: {' '.join([*VIDEOS, *sorted(motions)])}")
-        if len(clips) < len(chosen):
-            twice = next(path for path in chosen if clips[path.stem] != path)
-            raise InputError(f"{str(folder)!r} has several files for {twice.stem!r}", "keep one of them")
-        found[name] = clips
-    first = next(iter(found), None)
+        if len(clips) < len(clip_files):
+            duplicate = next(path for path in clip_files if clips[path.stem] != path)
+            raise InputError(f"{str(folder)!r} has several files for {duplicate.stem!r}", "keep one of them")
+        systems[name] = clips
+    first = next(iter(systems), None)
     if first is None:
         raise InputError("no folder of clips", "one folder for each system")
-    for name, clips in found.items():
-        if odd := sorted({*clips} ^ {*found[first]}):
+    for name, clips in systems.items():
+        if odd := sorted({*clips} ^ {*systems[first]}):
             raise InputError(f"{first!r} and {name!r} have different clips: {odd[0]!r}", "same file names for the same speech")
-    return found
+    return systems
 
 
 def _name_clip(seed: int, system: str, stimulus: str, source: Path) -> StudyClip:
-    """A clip under a name that says nothing to those who do not know the seed."""
+    """A clip with a name that means nothing without the seed."""
     text = "\0".join((str(seed), system, stimulus)).encode()
     name = hashlib.blake2b(text, digest_size=8).hexdigest()
     suffix = source.suffix.lower() if source.suffix.lower() in VIDEOS else ".mp4"

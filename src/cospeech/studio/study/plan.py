@@ -1,4 +1,4 @@
-"""What a study asks of whom: the file ``plan.json`` in its folder, which a researcher may edit before the first rater comes."""
+"""The plan of a study: the file ``plan.json`` in its folder, which a researcher may edit before the first rater comes."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ __all__ = ["StudyClip", "StudyPlan", "Question", "is_clip", "load_plan", "save_p
 
 PLAN, CLIPS = "plan.json", "clips"
 PLAN_BYTES = 1 << 24
-"""Of plan.json; ours: some ten thousand clips."""
+"""Bytes of plan.json [ours: some ten thousand clips]."""
 PLAN_VALUES = 500_000
 """Commas, lists and objects of plan.json."""
 VERSION: Literal[2] = 2
-"""Of plan.json; another one would put answers in another order."""
+"""Version of plan.json; another version would put answers in another order."""
 
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 Words = Annotated[str, Field(max_length=20_000)]
@@ -31,11 +31,11 @@ class _Strict(BaseModel):
 
 
 class Question(_Strict):
-    """One question that is asked of every comparison, or of every clip of it.
+    """A question about every comparison, or about every clip of it.
 
     Args:
-        name: one word for tables.
-        text: what raters read.
+        name: one word, for tables.
+        text: the question, for raters.
         kind: ``scale``: 1 … ``points`` for each clip; ``prefer``: which of two clips, and how clearly; ``same``: whether two
             clips are alike; ``favourite``: one of the clips shown.
         points: of a scale, 2 … 11. Of a preference: 2 (A, B), 3 (with a tie) or 5 (clearly, slightly, tie, …).
@@ -55,15 +55,15 @@ class Question(_Strict):
             raise ValueError("a preference has 2, 3 or 5 points")
         return self
 
-    def options(self, shown: int) -> list[tuple[int, str]]:
-        """Values and words of all answers, where ``shown`` clips are seen. Above 0 the second clip is preferred."""
+    def options(self, count: int) -> list[tuple[int, str]]:
+        """Values and words of all answers, for ``count`` clips. Values above 0 prefer the second clip."""
         if self.kind == "scale":
             ends = {1: self.low, self.points: self.high}
             return [(k, f"{k} – {ends[k]}" if k in ends else str(k)) for k in range(1, self.points + 1)]
         if self.kind == "same":
             return [(1, "the same"), (0, "different")]
         if self.kind == "favourite":
-            return [(k, f"video {chr(65 + k)}") for k in range(shown)]
+            return [(k, f"video {chr(65 + k)}") for k in range(count)]
         if self.points == 2:
             return [(-1, "video A"), (1, "video B")]
         if self.points == 3:
@@ -76,8 +76,8 @@ class StudyClip(_Strict):
     """A video of a study.
 
     Args:
-        id: what the page calls it; it tells nothing about the system.
-        system: folder that it came from.
+        id: its name on the page, which tells nothing about the system.
+        system: name of its folder.
         stimulus: name of the speech.
         file: name in the folder ``clips``.
     """
@@ -89,20 +89,20 @@ class StudyClip(_Strict):
 
 
 class StudyPlan(_Strict):
-    """The whole of a study.
+    """The plan of a study.
 
     Args:
-        template: which study of a paper it follows.
-        shows: ``single``: a clip at a time; ``pair``: two; ``group``: one of every system.
+        template: the study of a paper that it follows.
+        shows: ``single``: one clip at a time; ``pair``: two; ``group``: one of every system.
         variant: ``full``, ``mute`` (without sound) or ``hands`` (rendered with the camera on the hands).
-        reference: a system, often the recordings, with which each other one is paired; None: all pairs are made.
+        reference: a system, often the recordings, with which each other system is paired; None: all pairs are made.
         transfer: systems whose style should differ from the reference's, for questions of the kind ``same``.
         mismatched: systems that play the motion of another speech → the system whose motion it is. They are compared with that
             system alone.
-        stimuli_each: how many speeches a rater sees; all systems of each.
+        stimuli_each: number of speeches that a rater sees, each with all systems.
         checks: attention checks in a session.
-        fewest_checks: how many of them a rater must pass to be counted.
-        completion: address to which raters go on at the end, such as that of a recruiting platform; "" for none.
+        fewest_checks: number of checks that a rater must pass to be counted.
+        completion: address to which raters go at the end, such as that of a recruiting platform; "" for none.
         seed: of the orders.
     """
 
@@ -129,22 +129,22 @@ class StudyPlan(_Strict):
     @model_validator(mode="after")
     def _check(self) -> StudyPlan:
         cells = {(clip.system, clip.stimulus) for clip in self.clips}
-        known = {*self.systems}
-        if len(known) != len(self.systems) or len({q.name for q in self.questions}) != len(self.questions):
+        systems = {*self.systems}
+        if len(systems) != len(self.systems) or len({q.name for q in self.questions}) != len(self.questions):
             raise ValueError("a name of a system or a question stands twice")
-        if cells != {(system, stimulus) for system in known for stimulus in self.stimuli} or len(cells) != len(self.clips):
+        if cells != {(system, stimulus) for system in systems for stimulus in self.stimuli} or len(cells) != len(self.clips):
             raise ValueError("clips: one of each system on each speech is needed")
         if len({clip.id for clip in self.clips}) != len(self.clips):
             raise ValueError("clips: an id stands twice")
-        if not {*self.transfer, *([self.reference] if self.reference else [])} <= known or self.reference in self.transfer:
+        if not {*self.transfer, *([self.reference] if self.reference else [])} <= systems or self.reference in self.transfer:
             raise ValueError("reference and transfer: unknown systems, or the same one in both")
-        if self.mismatched and (self.shows != "pair" or {*self.mismatched, *self.mismatched.values()} != known):
+        if self.mismatched and (self.shows != "pair" or {*self.mismatched, *self.mismatched.values()} != systems):
             raise ValueError("mismatched: each system and its counterpart, in pairs")
-        if self.shows != "single" and len(known) < 2:
+        if self.shows != "single" and len(systems) < 2:
             raise ValueError(f"shows {self.shows!r} needs two systems")
         wrong = {"single": {"prefer", "same", "favourite"}, "pair": {"favourite"}, "group": {"prefer", "same"}}[self.shows]
-        if found := wrong & {q.kind for q in self.questions}:
-            raise ValueError(f"questions of the kind {sorted(found)[0]!r} do not go with shows {self.shows!r}")
+        if clash := wrong & {q.kind for q in self.questions}:
+            raise ValueError(f"questions of the kind {sorted(clash)[0]!r} do not go with shows {self.shows!r}")
         if self.fewest_checks > self.checks:
             raise ValueError("fewest_checks is more than checks")
         return self
@@ -156,18 +156,18 @@ class StudyPlan(_Strict):
 
     @property
     def digest(self) -> str:
-        """Of all that decides who sees what and what the answers mean; words may be mended without changing it."""
-        kept = self.model_dump(exclude={"title", "consent", "instructions", "thanks", "completion", "fewest_checks"})
-        for question in kept["questions"]:
+        """Hash of all that decides what raters see and what answers mean; changes of words do not change it."""
+        values = self.model_dump(exclude={"title", "consent", "instructions", "thanks", "completion", "fewest_checks"})
+        for question in values["questions"]:
             del question["text"], question["low"], question["high"]
-        return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()[:16]
+        return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def load_plan(study: Path) -> StudyPlan:
-    """The plan of a study's folder.
+    """Load the plan from the folder of a study.
 
     Raises:
-        InputError: there is none, or it is not as it must be; the first fault is named.
+        InputError: there is none, or it is not valid; the first fault is named.
     """
     path = study / PLAN
     data = parse_json(read_regular(path, "the plan of a study", PLAN_BYTES), str(path), PLAN_VALUES)
@@ -183,7 +183,7 @@ def load_plan(study: Path) -> StudyPlan:
 
 
 def is_clip(path: Path) -> bool:
-    """Whether a clip is there, and is no link: in a study of somebody else's, a link could show any file of the machine."""
+    """Whether a clip exists, and is no link: in somebody else's study, a link could show any file of the machine."""
     return path.is_file() and not path.is_symlink()
 
 

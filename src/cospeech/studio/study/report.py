@@ -1,4 +1,4 @@
-"""What a study found: means, differences between systems with Holm's correction, agreement, and who was left out."""
+"""The report of a study: means, differences between systems with Holm's correction, agreement, and excluded raters."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ class Vote(NamedTuple):
     """An answer with names.
 
     Args:
-        rater, stimulus, question: what was asked whom about which speech.
-        systems: whose clips were shown, from left to right.
-        system: whose clip it is about; "" for all.
+        rater, stimulus, question: the rater, the speech and the question.
+        systems: the systems whose clips were shown, from left to right.
+        system: the system of the clip that the answer is about; "" for all clips.
         value: as the page sent it.
         page: number of the page in the session, from 1.
-        seconds: that the page took.
-        check: of an attention check, what was asked for; "" of others.
+        seconds: time of the page.
+        check: for an attention check, the answer that was asked for; "" for others.
     """
 
     rater: str
@@ -51,13 +51,13 @@ class Vote(NamedTuple):
 
 
 class Counted(NamedTuple):
-    """Raters by what became of them.
+    """Raters by outcome.
 
     Args:
-        kept: whose answers count.
-        failed: left out for their attention checks.
-        incomplete: left out because they stopped early.
-        minutes: median time of those who are kept.
+        kept: raters whose answers count.
+        failed: raters who are left out because they failed attention checks.
+        incomplete: raters who are left out because they stopped early.
+        minutes: median time of the raters who count.
     """
 
     kept: list[str]
@@ -71,18 +71,18 @@ class Findings:
     """The report as data.
 
     Args:
-        counted: the raters.
+        raters: the raters by outcome.
         means: question → system → estimate of its score.
-        differences: question → (system, other) → estimate of the first less the second.
-        chances: the same, corrected over all differences of the study.
+        differences: question → (system, other) → estimate of the first minus the second.
+        chances: (question, system, other) → p value of the difference, corrected over all differences of the study.
         agreement: question → Krippendorff's alpha.
-        answers: question → system → how many answers its score is of.
-        wins: question of preference → (system, other) → comparisons that the first won, that were ties, and that it lost.
-        sides: question of preference → share of comparisons that the clip on the left won, a tie counts half.
-        coverage: the fewest and the most pages that a speech was on, of those who are counted.
+        answers: question → system → number of answers behind its score.
+        wins: question of preference → (system, other) → comparisons that the first won, ties, and those that it lost.
+        sides: question of preference → share of comparisons that the clip on the left won; a tie counts half.
+        coverage: the fewest and the most pages with one speech, of the raters who count.
     """
 
-    counted: Counted
+    raters: Counted
     means: dict[str, dict[str, Estimate]] = field(default_factory=dict)
     differences: dict[str, dict[tuple[str, str], Estimate]] = field(default_factory=dict)
     chances: dict[tuple[str, str, str], float] = field(default_factory=dict)
@@ -94,38 +94,38 @@ class Findings:
 
 
 def name_rater(rater: Rater) -> str:
-    """A name for tables; nobody can go on with the session by it."""
+    """A name of a rater for tables; it gives no access to the session."""
     return f"R_{hashlib.blake2b(rater.rater.encode(), digest_size=6).hexdigest()}"
 
 
 def count_raters(plan: StudyPlan, answers: Answers, *, incomplete: bool = False) -> Counted:
-    """Who is counted: who has answered all pages (or any, with ``incomplete``) and passed enough attention checks."""
-    kept, failed, short, times = [], [], [], []
+    """Raters by outcome. One counts who answered all pages (any, with ``incomplete``) and passed enough attention checks."""
+    valid, failures, short, times = [], [], [], []
     for session in answers.sessions():
         name = name_rater(session.rater)
-        if not session.is_whole and not (incomplete and session.given):
+        if not session.is_whole and not (incomplete and session.answers):
             short.append(name)
         elif not passes_checks(plan, session):
-            failed.append(name)
+            failures.append(name)
         else:
-            kept.append(name)
+            valid.append(name)
             times.append(sum(session.seconds.values()) / 60)
-    return Counted(kept, failed, short, median(times) if times else float("nan"))
+    return Counted(valid, failures, short, median(times) if times else float("nan"))
 
 
 def read_votes(plan: StudyPlan, answers: Answers, raters: Iterable[str] | None = None, *, checks: bool = False) -> list[Vote]:
-    """The answers of some raters, or of all; attention checks are among them only where ``checks``."""
-    chosen, found = None if raters is None else {*raters}, []
+    """The answers of some raters, or of all; with ``checks``, also those to attention checks."""
+    names, votes = None if raters is None else {*raters}, []
     for session in answers.sessions():
         who = name_rater(session.rater)
-        for k, values in session.given.items() if chosen is None or who in chosen else ():
+        for k, values in session.answers.items() if names is None or who in names else ():
             trial = session.trials[k]
             if trial.check is None or checks:
                 for name, place in answer_keys(plan, trial):
                     system = "" if place < 0 else trial.systems[place]
-                    asked = (who, trial.stimulus, name, trial.systems, system, values[name, place])
-                    found.append(Vote(*asked, k + 1, session.seconds[k], trial.check or ""))
-    return found
+                    facts = (who, trial.stimulus, name, trial.systems, system, values[name, place])
+                    votes.append(Vote(*facts, k + 1, session.seconds[k], trial.check or ""))
+    return votes
 
 
 Scores = dict[str, list[tuple[str, str, float]]]
@@ -135,37 +135,37 @@ Scores = dict[str, list[tuple[str, str, float]]]
 def _scores(plan: StudyPlan, question: Question, votes: Iterable[Vote]) -> Scores:
     """The score of each system by one question.
 
-    Of a scale, the rating. Of a favourite, 1 where it was chosen. Of a style, 1 where the answer is right: different for the
-    systems that transfer, the same for others. Of a preference, 1 where it won, ½ for a tie.
+    For a scale, it is the rating. For a favourite, it is 1 if the system was chosen. For a style, it is 1 if the answer is
+    right: different for the systems that transfer, the same for others. For a preference, it is 1 for a win, ½ for a tie.
     """
-    found: Scores = {system: [] for system in plan.systems}
+    result: Scores = {system: [] for system in plan.systems}
     for vote in votes:
         where = (vote.rater, vote.stimulus)
         if question.kind == "scale":
-            found[vote.system].append((*where, vote.value))
+            result[vote.system].append((*where, vote.value))
         elif question.kind == "favourite":
             for place, system in enumerate(vote.systems):
-                found[system].append((*where, float(place == vote.value)))
+                result[system].append((*where, float(place == vote.value)))
         elif question.kind == "same":
             for system in vote.systems:
                 if system != plan.reference:
-                    found[system].append((*where, float(vote.value != (system in plan.transfer))))
+                    result[system].append((*where, float(vote.value != (system in plan.transfer))))
         else:
             left, right = vote.systems
-            found[left].append((*where, 0.5 - 0.5 * np.sign(vote.value)))
-            found[right].append((*where, 0.5 + 0.5 * np.sign(vote.value)))
-    return {system: scores for system, scores in found.items() if scores}
+            result[left].append((*where, 0.5 - 0.5 * np.sign(vote.value)))
+            result[right].append((*where, 0.5 + 0.5 * np.sign(vote.value)))
+    return {system: scores for system, scores in result.items() if scores}
 
 
 def _differences(question: Question, votes: list[Vote], scores: Scores) -> dict[tuple[str, str], Array]:
-    """Of each two systems, the difference in each (rater, speech) that has both."""
-    found = {}
+    """(system, other) → array of differences, for each rater and speech with scores of both."""
+    result = {}
     if question.kind == "prefer":
         direct: defaultdict[tuple[str, str], list[tuple[str, str, float]]] = defaultdict(list)
-        known = [*scores]
+        systems = [*scores]
         for vote in votes:
             left, right = vote.systems
-            order = known.index(left) < known.index(right)
+            order = systems.index(left) < systems.index(right)
             key = (left, right) if order else (right, left)
             direct[key].append((vote.rater, vote.stimulus, float(-vote.value if order else vote.value)))
         return {pair: grid(values) for pair, values in direct.items()}
@@ -173,28 +173,30 @@ def _differences(question: Question, votes: list[Vote], scores: Scores) -> dict[
         one, two = (_cells(scores[system]) for system in pair)
         both = [(*where, one[where] - two[where]) for where in one.keys() & two.keys()]
         if both:
-            found[pair] = grid(both)
-    return found
+            result[pair] = grid(both)
+    return result
 
 
 def _cells(scores: Iterable[tuple[str, str, float]]) -> dict[tuple[str, str], float]:
     """(rater, speech) → mean score."""
-    held: defaultdict[tuple[str, str], list[float]] = defaultdict(list)
+    groups: defaultdict[tuple[str, str], list[float]] = defaultdict(list)
     for rater, stimulus, value in scores:
-        held[rater, stimulus].append(value)
-    return {where: float(np.mean(values)) for where, values in held.items()}
+        groups[rater, stimulus].append(value)
+    return {where: float(np.mean(values)) for where, values in groups.items()}
 
 
 def _agreement(question: Question, votes: list[Vote]) -> float:
-    """Krippendorff's alpha: units are clips or comparisons; answers about a pair do not depend on the sides."""
+    """Krippendorff's alpha. Units are clips or comparisons; answers about a pair are made independent of the sides."""
     units = []
     for vote in votes:
-        value, shown = vote.value, tuple(sorted(vote.systems))
-        if question.kind == "prefer" and vote.systems != shown:
+        value, systems = vote.value, tuple(sorted(vote.systems))
+        if question.kind == "prefer" and vote.systems != systems:
             value = -value
         if question.kind == "favourite":
-            value = shown.index(vote.systems[value])
-        units.append((vote.rater, "\0".join((vote.stimulus, *(shown if vote.system == "" else (vote.system,)))), float(value)))
+            value = systems.index(vote.systems[value])
+        units.append(
+            (vote.rater, "\0".join((vote.stimulus, *(systems if vote.system == "" else (vote.system,)))), float(value))
+        )
     if not units:
         return float("nan")
     nominal = question.kind in ("same", "favourite")
@@ -202,58 +204,58 @@ def _agreement(question: Question, votes: list[Vote]) -> float:
 
 
 def _side(votes: list[Vote]) -> Estimate:
-    """Share of comparisons that the clip on the left won; what is far from ½ is a habit of raters, not a merit of systems."""
+    """Share of comparisons that the clip on the left won. Far from ½, it shows a habit of raters, not a merit of systems."""
     return estimate(
         grid([(v.rater, f"{v.stimulus}\0{sorted(v.systems)}", 0.5 - 0.5 * np.sign(v.value)) for v in votes]), chance=0.5
     )
 
 
 def _wins(votes: list[Vote], pairs: Iterable[tuple[str, str]]) -> dict[tuple[str, str], tuple[int, int, int]]:
-    """(system, other) → comparisons that the first won, ties, and those it lost."""
-    found = {pair: [0, 0, 0] for pair in pairs}
+    """(system, other) → comparisons that the first won, ties, and those that it lost."""
+    counts = {pair: [0, 0, 0] for pair in pairs}
     for vote in votes:
         (left, right), sign = vote.systems, (vote.value > 0) - (vote.value < 0)
-        if (left, right) in found:
-            found[left, right][1 + sign] += 1
+        if (left, right) in counts:
+            counts[left, right][1 + sign] += 1
         else:
-            found[right, left][1 - sign] += 1
-    return {pair: (won, tied, lost) for pair, (won, tied, lost) in found.items()}
+            counts[right, left][1 - sign] += 1
+    return {pair: (wins, ties, losses) for pair, (wins, ties, losses) in counts.items()}
 
 
-def study_findings(plan: StudyPlan, votes: list[Vote], counted: Counted) -> Findings:
-    """All estimates of a study."""
-    seen = Counter(stimulus for stimulus, _, _ in {(vote.stimulus, vote.rater, vote.page) for vote in votes})
-    times = [seen[stimulus] for stimulus in plan.stimuli]
-    found = Findings(counted, coverage=(min(times), max(times)))
+def study_findings(plan: StudyPlan, votes: list[Vote], raters: Counted) -> Findings:
+    """Compute all estimates of a study."""
+    pages = Counter(stimulus for stimulus, _, _ in {(vote.stimulus, vote.rater, vote.page) for vote in votes})
+    times = [pages[stimulus] for stimulus in plan.stimuli]
+    findings = Findings(raters, coverage=(min(times), max(times)))
     for question in plan.questions:
         mine = [vote for vote in votes if vote.question == question.name]
         scores = _scores(plan, question, mine)
         chance = {"prefer": 0.5, "same": 0.5, "favourite": 1 / len(plan.systems)}.get(question.kind)
-        found.means[question.name] = {system: estimate(grid(values), chance=chance) for system, values in scores.items()}
-        found.answers[question.name] = {system: len(values) for system, values in scores.items()}
+        findings.means[question.name] = {system: estimate(grid(values), chance=chance) for system, values in scores.items()}
+        findings.answers[question.name] = {system: len(values) for system, values in scores.items()}
         differences = _differences(question, mine, scores)
-        found.differences[question.name] = {pair: estimate(cells) for pair, cells in differences.items()}
+        findings.differences[question.name] = {pair: estimate(cells) for pair, cells in differences.items()}
         if question.kind == "prefer":
-            found.sides[question.name], found.wins[question.name] = _side(mine), _wins(mine, differences)
-        found.agreement[question.name] = _agreement(question, mine)
-    tests = [(name, *pair) for name, pairs in found.differences.items() for pair in pairs]
-    known = [key for key in tests if np.isfinite(found.differences[key[0]][key[1:]].p)]
-    corrected = correct([found.differences[key[0]][key[1:]].p for key in known])
-    found.chances.update(zip(known, corrected, strict=True))
-    return found
+            findings.sides[question.name], findings.wins[question.name] = _side(mine), _wins(mine, differences)
+        findings.agreement[question.name] = _agreement(question, mine)
+    tests = [(name, *pair) for name, pairs in findings.differences.items() for pair in pairs]
+    keys = [key for key in tests if np.isfinite(findings.differences[key[0]][key[1:]].p)]
+    p_values = correct([findings.differences[key[0]][key[1:]].p for key in keys])
+    findings.chances.update(zip(keys, p_values, strict=True))
+    return findings
 
 
 def report_study(study: Path, *, incomplete: bool = False) -> tuple[str, Findings]:
-    """The report of a study's folder as text, and as data.
+    """Report the study of a folder, as text and as data.
 
     Raises:
         InputError: no study is there, or scipy is not installed.
     """
     plan = load_plan(study)
     with Answers(study, plan) as answers:
-        counted = count_raters(plan, answers, incomplete=incomplete)
-        votes = read_votes(plan, answers, counted.kept)
-    findings = study_findings(plan, votes, counted)
+        raters = count_raters(plan, answers, incomplete=incomplete)
+        votes = read_votes(plan, answers, raters.kept)
+    findings = study_findings(plan, votes, raters)
     return report_text(plan, findings), findings
 
 
@@ -263,17 +265,17 @@ def _chance(p: float) -> str:
 
 def report_text(plan: StudyPlan, findings: Findings) -> str:
     """The report, in Markdown."""
-    counted = findings.counted
-    shown = f"{say_count(len(plan.systems), 'system')}, {say_count(len(plan.stimuli), 'speech', 'speeches')}"
-    minutes = f"; median time {counted.minutes:.1f} minutes" if counted.kept else ""
+    raters = findings.raters
+    sizes = f"{say_count(len(plan.systems), 'system')}, {say_count(len(plan.stimuli), 'speech', 'speeches')}"
+    minutes = f"; median time {raters.minutes:.1f} minutes" if raters.kept else ""
     lines = [
         f"# {plan.title}",
         "",
-        f"{shown}, template {plan.template}, variant {plan.variant}.",
-        f"{say_count(len(counted.kept), 'rater counts', 'raters count')}; {len(counted.failed)} failed attention checks; "
-        f"{len(counted.incomplete)} did not finish{minutes}.",
+        f"{sizes}, template {plan.template}, variant {plan.variant}.",
+        f"{say_count(len(raters.kept), 'rater counts', 'raters count')}; {len(raters.failed)} failed attention checks; "
+        f"{len(raters.incomplete)} did not finish{minutes}.",
     ]
-    if not counted.kept:
+    if not raters.kept:
         return "\n".join([*lines, "There is nothing to report yet.", ""])
     fewest, most = findings.coverage
     lines.append(f"Each speech was on {fewest if fewest == most else f'{fewest} to {most}'} of their pages.")
@@ -286,11 +288,11 @@ def _question_text(question: Question, findings: Findings) -> list[str]:
     """The part of the report about a question."""
     name, pairs = question.name, findings.differences[question.name]
     lines = ["", f"## {name}", "", question.text, "", f"Score: {_WORDS[question.kind]}.", ""]
-    tested = question.kind != "scale"
-    head = ["system", "mean", "95 % interval", *(["p (chance)"] if tested else []), "answers"]
+    has_test = question.kind != "scale"
+    head = ["system", "mean", "95 % interval", *(["p (chance)"] if has_test else []), "answers"]
     rows = [
         [
-            system, f"{e.mean:.3f}", f"{e.low:.3f} … {e.high:.3f}", *([_chance(e.p)] if tested else []),
+            system, f"{e.mean:.3f}", f"{e.low:.3f} … {e.high:.3f}", *([_chance(e.p)] if has_test else []),
             str(findings.answers[name][system]),
         ]
         for system, e in findings.means[name].items()
@@ -336,7 +338,7 @@ def findings_json(findings: Findings) -> dict[str, Any]:
     """The report for programs."""
     return _without_nan(
         {
-            "raters": findings.counted._asdict() | {"minutes": round(findings.counted.minutes, 3)},
+            "raters": findings.raters._asdict() | {"minutes": round(findings.raters.minutes, 3)},
             "coverage": dict(zip(("fewest", "most"), findings.coverage, strict=True)),
             "means": {
                 name: {s: e._asdict() | {"answers": findings.answers[name][s]} for s, e in means.items()}
@@ -361,7 +363,7 @@ def findings_json(findings: Findings) -> dict[str, Any]:
 
 
 def _without_nan(value: Any) -> Any:
-    """A copy in which None stands for numbers that are not finite, which JSON does not have."""
+    """A copy with None in place of numbers that are not finite, which JSON does not have."""
     if isinstance(value, dict):
         return {key: _without_nan(one) for key, one in value.items()}
     if isinstance(value, list | tuple):

@@ -1,10 +1,10 @@
-"""What one rater sees, in which order: counterbalanced over raters, the same for the same seed and number.
+"""The session of a rater: its pages and their order. They are counterbalanced over raters, and depend on seed and number alone.
 
-Speeches are dealt out in turn, so that each is seen equally often. A session has a round for every comparison: in a round each
-speech comes once. Which comparison of a speech comes in which round follows a cyclic Latin square. The order of clips on the
-page follows a square in which each clip also stands beside each other one equally often (Williams 1949, Australian Journal of
-Scientific Research A 2). So each pair is seen as often with one clip on the left as with the other: on every speech, and, over
-as many raters as there are comparisons and speeches, in every round.
+Speeches are assigned to raters in turn, so that each is seen equally often. A session has a round for every comparison. In a
+round, each speech comes once. A cyclic Latin square decides which comparison of a speech comes in which round. The order of
+clips on a page follows a square in which each clip also stands beside each other clip equally often (Williams 1949, Australian
+Journal of Scientific Research A 2). So each pair is seen as often with one clip on the left as with the other: on every speech,
+and, over as many raters as there are comparisons and speeches, in every round.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Trial(NamedTuple):
 
     Args:
         stimulus: the speech.
-        systems: whose clips are shown, from left to right.
+        systems: the systems whose clips are shown, from left to right.
         check: ``first`` or ``last``: the rater is told to choose this answer everywhere; ``same``: the same clip stands there
             twice, and the answer must be that the styles are the same; None: no check.
     """
@@ -34,7 +34,7 @@ class Trial(NamedTuple):
 
 
 def comparisons(plan: StudyPlan) -> list[tuple[str, ...]]:
-    """Which systems are shown together."""
+    """The groups of systems that are shown together."""
     if plan.shows == "single":
         return [(system,) for system in plan.systems]
     if plan.shows == "group":
@@ -47,7 +47,7 @@ def comparisons(plan: StudyPlan) -> list[tuple[str, ...]]:
 
 
 def order_clips(unit: tuple[str, ...], row: int) -> tuple[str, ...]:
-    """The clips of a page from left to right, by a row of Williams' square."""
+    """Order the clips of a page from left to right, by a row of Williams' square."""
     size, first = len(unit), [0]
     for k in range(1, len(unit)):  # 0, 1, n − 1, 2, n − 2, …: all differences of neighbours occur once
         first.append((k + 1) // 2 if k % 2 else size - k // 2)
@@ -56,7 +56,7 @@ def order_clips(unit: tuple[str, ...], row: int) -> tuple[str, ...]:
 
 
 def make_session(plan: StudyPlan, number: int) -> list[Trial]:
-    """The trials of a rater.
+    """Make the trials of a rater.
 
     Args:
         number: of the rater, from 0.
@@ -64,11 +64,11 @@ def make_session(plan: StudyPlan, number: int) -> list[Trial]:
     stimuli = Random(f"{plan.seed}/stimuli").sample(plan.stimuli, len(plan.stimuli))
     units, draw = comparisons(plan), Random(f"{plan.seed}/{number}")
     each = min(plan.stimuli_each, len(stimuli))
-    dealt = [divmod(number * each + k, len(stimuli)) for k in range(each)]  # how often it was seen before, and which
+    visits = [divmod(number * each + k, len(stimuli)) for k in range(each)]  # how often a speech was seen before, and its index
     trials: list[Trial] = []
     for turn in range(len(units)):
         batch = []
-        for visit, which in dealt:
+        for visit, which in visits:
             unit = (which + visit + turn) % len(units)
             row = visit + which + unit
             if len(units) % 2 == 0:  # else a comparison would have the same clip on the left whenever it comes in this round
@@ -82,22 +82,22 @@ def make_session(plan: StudyPlan, number: int) -> list[Trial]:
 
 
 def _with_checks(plan: StudyPlan, trials: list[Trial], draw: Random) -> list[Trial]:
-    """Attention checks among the trials, evenly spread."""
-    found, length = list(trials), len(trials)
+    """Insert attention checks among the trials, at equal distances."""
+    result, length = list(trials), len(trials)
     alike = plan.reference is not None and any(question.kind == "same" for question in plan.questions)
     for k in reversed(range(plan.checks)):
         place = 1 + (k + 1) * length // (plan.checks + 1)
-        beside = {trial.stimulus for trial in found[place - 1 : place + 1]}
+        beside = {trial.stimulus for trial in result[place - 1 : place + 1]}
         like = draw.choice([trial for trial in trials if trial.stimulus not in beside] or trials)
         check = Trial(like.stimulus, like.systems, draw.choice(("first", "last")))
         if alike and k % 2 == 0 and plan.reference is not None:
             check = Trial(like.stimulus, (plan.reference,) * len(like.systems), "same")
-        found.insert(place, check)
-    return found
+        result.insert(place, check)
+    return result
 
 
 def answer_keys(plan: StudyPlan, trial: Trial) -> dict[tuple[str, int], list[int]]:
-    """(question, place of the clip, or −1 where it is about all clips) → the values that may be answered."""
+    """(question, place of the clip, or −1 for a question about all clips) → the possible values."""
     keys = {}
     for question in plan.questions:
         values = [value for value, _ in question.options(len(trial.systems))]
@@ -107,7 +107,7 @@ def answer_keys(plan: StudyPlan, trial: Trial) -> dict[tuple[str, int], list[int
 
 
 def passes(plan: StudyPlan, trial: Trial, answers: dict[tuple[str, int], int]) -> bool:
-    """Whether the answers to an attention check are those that were asked for."""
+    """Whether the answers to an attention check are right."""
     if trial.check == "same":
         alike = {question.name for question in plan.questions if question.kind == "same"}
         return all(value == 1 for (name, _), value in answers.items() if name in alike)
@@ -116,7 +116,7 @@ def passes(plan: StudyPlan, trial: Trial, answers: dict[tuple[str, int], int]) -
 
 
 def describe_trial(plan: StudyPlan, trial: Trial) -> dict[str, Any]:
-    """What the page is told of a trial: ids of clips, and the text of a check; never a name."""
+    """The description of a trial for the page: ids of clips, and the text of a check; never a name."""
     ids = {(clip.system, clip.stimulus): clip.file for clip in plan.clips}
     notice = ""
     if trial.check in ("first", "last"):
@@ -125,10 +125,10 @@ def describe_trial(plan: StudyPlan, trial: Trial) -> dict[str, Any]:
 
 
 def describe_study(plan: StudyPlan) -> dict[str, Any]:
-    """What the page is told of the study; nothing about its systems."""
-    shown = len(comparisons(plan)[0])
+    """The description of the study for the page, without its systems."""
+    count = len(comparisons(plan)[0])
     questions = [
-        {"name": q.name, "text": q.text, "each": q.kind == "scale", "options": [[v, w] for v, w in q.options(shown)]}
+        {"name": q.name, "text": q.text, "each": q.kind == "scale", "options": [[v, w] for v, w in q.options(count)]}
         for q in plan.questions
     ]
     words = {key: getattr(plan, key) for key in ("title", "consent", "instructions", "thanks", "shows")}

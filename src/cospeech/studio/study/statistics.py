@@ -1,4 +1,4 @@
-"""Statistics of ratings: raters and clips are both drawn from many, and each rater has rated several clips.
+"""Statistics of ratings. Raters and clips are both samples, and each rater has rated several clips.
 
 A mean over (rater, clip) cells has the variance of Cameron, Gelbach and Miller 2011, clustered by both,
 
@@ -22,7 +22,7 @@ from ...motion.rotations import Array
 
 __all__ = ["Estimate", "alpha", "estimate", "grid"]
 
-DRAWS = 1000  # ours: as of `cospeech.metrics.interval`
+DRAWS = 1000  # ours: as in `cospeech.metrics.interval`
 INTERVAL = (2.5, 97.5)
 
 
@@ -30,13 +30,12 @@ class Estimate(NamedTuple):
     """A mean over raters and clips.
 
     Args:
-        mean: over cells; nan where there is none.
+        mean: over cells; nan if there is none.
         low, high: 95 % interval.
         error: standard error, clustered by rater and by clip.
-        p: two-sided, of the mean that chance gives; nan where fewer than two raters or clips were seen, or where chance gives
-            none.
-        wilcoxon: p value of the signed-rank test over the means of raters, which takes the clips as given.
-        cells, raters, clips: how many.
+        p: two-sided p value against the mean by chance; nan for fewer than two raters or clips, or if there is no such mean.
+        wilcoxon: p value of the signed-rank test over the means of raters; it treats the clips as fixed.
+        cells, raters, clips: their numbers.
     """
 
     mean: float
@@ -51,7 +50,7 @@ class Estimate(NamedTuple):
 
 
 def grid(values: Sequence[tuple[str, str, float]]) -> Array:
-    """(rater, clip, value) as an array (raters, clips); a cell with several values has their mean, one without has nan."""
+    """Make an array (raters, clips) of (rater, clip, value). A cell with several values has their mean, one without has nan."""
     raters = {name: k for k, name in enumerate(sorted({rater for rater, _, _ in values}))}
     clips = {name: k for k, name in enumerate(sorted({clip for _, clip, _ in values}))}
     total, count = np.zeros((len(raters), len(clips))), np.zeros((len(raters), len(clips)))
@@ -62,26 +61,26 @@ def grid(values: Sequence[tuple[str, str, float]]) -> Array:
 
 
 def estimate(cells: Array, *, chance: float | None = 0.0, seed: int = 0) -> Estimate:
-    """Mean, interval and test of an array (raters, clips) with nan where nothing was answered.
+    """Mean, interval and test of an array (raters, clips).
 
     Args:
-        cells: (raters, clips).
-        chance: the mean that is tested against; None: there is no test, as of ratings.
+        cells: (raters, clips); nan where there is no answer.
+        chance: the mean by chance, for the test; None: no test, as for ratings.
         seed: of the bootstrap.
 
     Raises:
         InputError: scipy is not installed.
     """
-    seen = np.isfinite(cells)
-    count = int(seen.sum())
-    raters, clips = int(seen.any(1).sum()), int(seen.any(0).sum())
+    mask = np.isfinite(cells)
+    count = int(mask.sum())
+    raters, clips = int(mask.any(1).sum()), int(mask.any(0).sum())
     if count == 0:
         none = float("nan")
         return Estimate(none, none, none, none, none, none, 0, 0, 0)
-    known = np.where(seen, cells, 0.0)
-    mean = float(known.sum() / count)
-    error = _two_way_error(np.where(seen, cells - mean, 0.0), count, raters, clips)
-    low, high = _interval(known, seen, seed)
+    values = np.where(mask, cells, 0.0)
+    mean = float(values.sum() / count)
+    error = _two_way_error(np.where(mask, cells - mean, 0.0), count, raters, clips)
+    low, high = _interval(values, mask, seed)
     p = wilcoxon = float("nan")
     if chance is not None:
         p, wilcoxon = _chance(mean - chance, error, min(raters, clips)), _wilcoxon(cells - chance)
@@ -89,17 +88,17 @@ def estimate(cells: Array, *, chance: float | None = 0.0, seed: int = 0) -> Esti
 
 
 def _two_way_error(rest: Array, count: int, raters: int, clips: int) -> float:
-    """Standard error; where the sum of the parts is below one of them, which chance can do, the larger part."""
+    """Standard error. If the sum is below one of its parts, which can happen by chance, it is that of the larger part."""
     parts = [float((rest.sum(axis) ** 2).sum()) for axis in (1, 0)]
-    scaled = [part * g / (g - 1) if g > 1 else 0.0 for part, g in zip(parts, (raters, clips), strict=True)]
+    variances = [part * g / (g - 1) if g > 1 else 0.0 for part, g in zip(parts, (raters, clips), strict=True)]
     single = float((rest**2).sum()) * (count / (count - 1) if count > 1 else 0.0)
-    return sqrt(max(sum(scaled) - single, *scaled, 0.0)) / count
+    return sqrt(max(sum(variances) - single, *variances, 0.0)) / count
 
 
 def _chance(mean: float, error: float, clusters: int) -> float:
     if clusters < 2:
         return float("nan")
-    if error == 0:  # all said the same: the test knows no variance, and a few such answers prove little
+    if error == 0:  # all answers are the same: the test has no variance, and a few such answers prove little
         return 1.0 if mean == 0 else float("nan")
     return float(2 * scipy("stats").t.sf(abs(mean) / error, clusters - 1))
 
@@ -114,27 +113,27 @@ def _wilcoxon(cells: Array) -> float:
     return float(scipy("stats").wilcoxon(means, zero_method="pratt", method="asymptotic").pvalue)
 
 
-def _interval(known: Array, seen: Array, seed: int) -> tuple[float, float]:
-    """Ends of the 95 % interval: raters and clips are drawn."""
-    raters, clips = seen.shape
+def _interval(values: Array, mask: Array, seed: int) -> tuple[float, float]:
+    """Ends of the 95 % interval by a bootstrap over raters and clips."""
+    raters, clips = mask.shape
     draw = np.random.default_rng(seed)
     rows = draw.multinomial(raters, np.full(raters, 1 / raters), DRAWS).astype(np.float64)
     columns = draw.multinomial(clips, np.full(clips, 1 / clips), DRAWS).astype(np.float64)
-    counts = ((rows @ seen) * columns).sum(1)
-    sums = ((rows @ known) * columns).sum(1)
+    counts = ((rows @ mask) * columns).sum(1)
+    sums = ((rows @ values) * columns).sum(1)
     low, high = np.percentile(sums[counts > 0] / counts[counts > 0], INTERVAL)
     return float(low), float(high)
 
 
 def alpha(cells: Array, distance: Callable[[Array, Array], Array] | None = None) -> float:
-    """Krippendorff's alpha (Krippendorff 2011): 1 is perfect agreement, 0 what chance gives.
+    """Krippendorff's alpha (Krippendorff 2011): 1 is perfect agreement, 0 is agreement by chance.
 
     Args:
         cells: values (raters, units); nan where a rater has not seen a unit.
-        distance: squared difference of two values; of an interval scale, (a − b)², where not given.
+        distance: squared difference of two values; the default is that of an interval scale, (a − b)².
 
     Returns:
-        nan where no two raters saw the same unit, or all values are the same.
+        Alpha; nan if no two raters saw the same unit, or all values are the same.
     """
     difference = distance or (lambda a, b: (a - b) ** 2)
     values = np.unique(cells[np.isfinite(cells)])

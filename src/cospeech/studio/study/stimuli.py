@@ -1,6 +1,6 @@
-"""Motion files as videos that can be compared: one length, one rate, one camera and one loudness, faces on all or on none.
+"""Render motion files as comparable videos: with one length, rate, camera and loudness, and faces in all or in none.
 
-What differs between clips and is not what a study is about tells raters which system they see.
+Any other difference between clips would tell raters which system they see.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ __all__ = ["FACES", "FPS", "StudyScene", "find_speech", "render_scenes"]
 
 SOUNDS = (".wav", ".flac", ".ogg", ".mp3", ".aiff", ".m4a")
 FPS = 30.0
-"""Pictures per second of a study's videos; ours: what most systems make."""
+"""Pictures per second of a study's videos [ours: the rate of most systems]."""
 FACES = ("auto", "show", "hide")
-"""What is done about faces: ``auto`` hides them where a clip has none."""
+"""How faces are treated: ``auto`` hides them if a clip has none."""
 LEVEL = -16.0
-"""dB of full scale of the loudest .4 s of every speech; ours: that of speech at about −23 LUFS, as broadcasters have it."""
-_PEAK = 0.99  # of full scale, beyond which no speech is made louder; ours
-_RATE = 48_000  # Hz; of the sound in videos
-_SHORT = 0.1  # seconds by which a motion may be shorter than its speech, and nothing is told; ours: files round their ends
+"""Level of the loudest .4 s of every speech, dB of full scale [ours: that of speech at about −23 LUFS, as in broadcasts]."""
+_PEAK = 0.99  # highest peak to which a speech is amplified, of full scale [ours]
+_RATE = 48_000  # Hz of the sound in videos
+_SHORT = 0.1  # seconds by which a motion may be shorter than its speech without a note [ours: files round their ends]
 
 
 class StudyScene(NamedTuple):
-    """A video to be rendered.
+    """A video to render.
 
     Args:
         motion: its motion file.
@@ -54,13 +54,13 @@ class StudyScene(NamedTuple):
 
 
 def find_speech(source: Path, folder: Path | None) -> Path:
-    """The sound file of a motion file: the same name, beside it or in the folder of the speech.
+    """Find the sound file of a motion file: it has the same name, and is beside it or in the folder of the speech.
 
     Raises:
         InputError: there is none.
     """
-    found = [(folder or source.parent) / f"{source.stem}{suffix}" for suffix in SOUNDS]
-    if path := next((path for path in found if path.is_file()), None):
+    candidates = [(folder or source.parent) / f"{source.stem}{suffix}" for suffix in SOUNDS]
+    if path := next((path for path in candidates if path.is_file()), None):
         return path
     raise InputError(f"no speech for {str(source)!r}", "--speech FOLDER with sound files of the same names, or --variant mute")
 
@@ -78,8 +78,8 @@ def render_scenes(
 
     Args:
         scenes: what to render. All scenes of a speech get the length of the shortest of them, or of the speech.
-        voices: speech → sound file; without a sound where it is not there.
-        camera: name of a view; it stands still, and is the same in all videos.
+        voices: speech → sound file; the videos of other speeches have no sound.
+        camera: name of a view; the camera stands still, and is the same in all videos.
         faces: one of `FACES`.
         fps: pictures per second.
         progress: called after each video.
@@ -94,19 +94,19 @@ def render_scenes(
     cut = {(scene.motion, scene.stimulus): _cut(motions[scene.motion], lengths[scene.stimulus]) for scene in scenes}
     view = _fit_camera(find_view(camera), list(cut.values()))
     with ExitStack() as stack:
-        spoken = {
+        sound_files = {
             name: stack.enter_context(as_sound_file(_level(speech.window(0.0, lengths[name]))))
             for name, speech in sounds.items()
         }
         for scene in scenes:
-            options = {"audio": spoken[scene.stimulus]} if scene.stimulus in spoken else {}
+            options = {"audio": sound_files[scene.stimulus]} if scene.stimulus in sound_files else {}
             cut[scene.motion, scene.stimulus].save(scene.target, camera=view, **options)
             if progress is not None:
                 progress()
 
 
 def _treat_faces(motions: Mapping[Path, Motion], faces: str) -> dict[Path, Motion]:
-    """The motions with their faces, or without; told where they are hidden because some have none."""
+    """The motions with or without their faces; a note tells if faces are hidden because some have none."""
     without = [path for path, motion in motions.items() if motion.face is None]
     if faces == "show" or len(without) == len(motions) or (faces == "auto" and not without):
         return dict(motions)
@@ -119,29 +119,31 @@ def _treat_faces(motions: Mapping[Path, Motion], faces: str) -> dict[Path, Motio
 def _find_lengths(
     scenes: Sequence[StudyScene], motions: Mapping[Path, Motion], sounds: Mapping[str, Speech]
 ) -> dict[str, float]:
-    """Speech → seconds of all its videos."""
-    found: dict[str, float] = {}
+    """Speech → length of all its videos in seconds."""
+    lengths: dict[str, float] = {}
     for name in dict.fromkeys(scene.stimulus for scene in scenes):
         own = [scene.motion for scene in scenes if scene.stimulus == name]
-        found[name] = float(min(motions[path].duration for path in own))
+        lengths[name] = float(min(motions[path].duration for path in own))
         if name in sounds:
-            spoken = float(sounds[name].duration)
+            seconds = float(sounds[name].duration)
             for path in own:  # motion of another speech may be shorter, and nothing is wrong
-                if path.stem == name and motions[path].duration == found[name] < spoken - _SHORT:
-                    problem = f"clips of {name!r} end at {found[name]:.4g} s, with {str(path)!r}; its speech has {spoken:.4g} s"
+                if path.stem == name and motions[path].duration == lengths[name] < seconds - _SHORT:
+                    problem = (
+                        f"clips of {name!r} end at {lengths[name]:.4g} s, with {str(path)!r}; its speech has {seconds:.4g} s"
+                    )
                     warnings.warn(problem, CospeechWarning, stacklevel=3)
                     break
-            found[name] = min(found[name], spoken)
-    return found
+            lengths[name] = min(lengths[name], seconds)
+    return lengths
 
 
 def _cut(motion: Motion, seconds: float) -> Motion:
-    """The beginning of a motion, to the nearest frame."""
+    """Cut the beginning of a motion, to the nearest frame."""
     return edit.cut(motion, None, seconds) if round(seconds * motion.fps) < len(motion) else motion
 
 
 def _fit_camera(view: View, motions: Sequence[Motion]) -> View:
-    """The view with room for everything that its joints do in all of the motions, so that the camera need not move."""
+    """The view with room for its joints in all of the motions, so that the camera does not have to move."""
     if view.follows:
         return view
     boxes = []
@@ -153,7 +155,7 @@ def _fit_camera(view: View, motions: Sequence[Motion]) -> View:
 
 
 def _level(speech: Speech) -> Speech:
-    """The speech at `LEVEL`, or as near to it as its peaks allow."""
+    """Amplify a speech to `LEVEL`, or as near to it as its peaks allow."""
     level, peak = loudest_level(speech), float(np.abs(speech.samples).max(initial=0.0))
     if not np.isfinite(level) or peak == 0:
         return speech

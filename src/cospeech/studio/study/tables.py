@@ -1,9 +1,10 @@
-"""The answers as CSV files: all of them, the raters, and votes in the layout of the GENEA leaderboard.
+"""Write CSV files of a study: all answers, the raters, and votes in the layout of the GENEA leaderboard.
 
-GENEA's votes are one file for each question, a row for each comparison, with the columns ``user, input_code, model_a, model_b,
-winner, is_strong, juiceOptions, juiceOtherReason`` (public votes of systems on the leaderboard, 2025): ``model_a`` stood on the
-left, ``winner`` is ``model_a``, ``model_b`` or ``tie``, ``is_strong`` tells a clear preference. We ask for no reasons, so the
-last two are empty. Ratings have no layout there; ours has the columns ``user, input_code, model, question, rating``.
+GENEA has a file of votes for each question, and in it a row for each comparison, with the columns ``user, input_code, model_a,
+model_b, winner, is_strong, juiceOptions, juiceOtherReason`` (public votes of systems on the leaderboard, 2025). ``model_a`` was
+on the left. ``winner`` is ``model_a``, ``model_b`` or ``tie``. ``is_strong`` marks a clear preference. We do not ask for
+reasons, so the last two are empty. GENEA has no layout for ratings; ours has the columns ``user, input_code, model, question,
+rating``.
 """
 
 from __future__ import annotations
@@ -40,11 +41,11 @@ def _plain(value: object) -> str:
 
 
 def _csv(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    held = io.StringIO()
-    writer = csv.writer(held, lineterminator="\n")
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(head)
     writer.writerows([_plain(value) for value in row] for row in rows)
-    return held.getvalue()
+    return buffer.getvalue()
 
 
 def _vote(vote: Vote) -> tuple[object, ...]:
@@ -55,12 +56,12 @@ def _vote(vote: Vote) -> tuple[object, ...]:
 def write_tables(study: Path, folder: Path, *, incomplete: bool = False) -> list[Path]:
     """Write ``answers.csv``, ``raters.csv``, a file of votes for each question of preference, and ``ratings.csv`` for scales.
 
-    ``answers.csv`` and ``raters.csv`` have all raters, with what became of them; the others have those who count. Only
+    ``answers.csv`` and ``raters.csv`` have all raters, with their outcome; the other files have those who count. Only
     ``raters.csv`` has the codes of invitations.
 
     Args:
         study: its folder.
-        folder: where to write.
+        folder: folder for the files.
         incomplete: whether raters who stopped early count, too.
 
     Raises:
@@ -68,13 +69,13 @@ def write_tables(study: Path, folder: Path, *, incomplete: bool = False) -> list
     """
     plan = load_plan(study)
     with Answers(study, plan) as answers:
-        counted, sessions = count_raters(plan, answers, incomplete=incomplete), list(answers.sessions())
+        raters, sessions = count_raters(plan, answers, incomplete=incomplete), list(answers.sessions())
         every = read_votes(plan, answers, checks=True)
-    outcomes = dict.fromkeys(counted.kept, "counts") | dict.fromkeys(counted.failed, "failed checks")
-    kept, by_rater = {*counted.kept}, defaultdict[str, list[Vote]](list)
+    outcomes = dict.fromkeys(raters.kept, "counts") | dict.fromkeys(raters.failed, "failed checks")
+    valid, by_rater = {*raters.kept}, defaultdict[str, list[Vote]](list)
     for vote in every:
         by_rater[vote.rater].append(vote)
-    votes = [vote for vote in every if vote.rater in kept and not vote.check]
+    votes = [vote for vote in every if vote.rater in valid and not vote.check]
     texts = {
         "answers.csv": _csv(_ANSWERS, [_answer(vote, outcomes.get(vote.rater, "stopped")) for vote in every]),
         "raters.csv": _csv(
@@ -100,20 +101,20 @@ def write_tables(study: Path, folder: Path, *, incomplete: bool = False) -> list
 
 
 def _answer(vote: Vote, outcome: str) -> tuple[object, ...]:
-    shown = "|".join(vote.systems)
-    about = (vote.rater, vote.page, vote.stimulus, vote.question, shown, vote.system, vote.value)
+    systems = "|".join(vote.systems)
+    about = (vote.rater, vote.page, vote.stimulus, vote.question, systems, vote.system, vote.value)
     return (*about, f"{vote.seconds:.2f}", vote.check, outcome)
 
 
 def _rater(plan: StudyPlan, session: RaterSession, outcomes: Mapping[str, str], votes: Sequence[Vote]) -> tuple[object, ...]:
-    """A rater's row; of preferences, the share of the left side, a tie counts half."""
+    """The row of a rater. Its last column is the share of the left side in preferences; a tie counts half."""
     name, prefers = name_rater(session.rater), {question.name for question in plan.questions if question.kind == "prefer"}
     sides = [v.value for v in votes if v.question in prefers and not v.check]
-    left = f"{sum((value < 0) + (value == 0) / 2 for value in sides) / len(sides):.3f}" if sides else ""
+    left_share = f"{sum((value < 0) + (value == 0) / 2 for value in sides) / len(sides):.3f}" if sides else ""
     began = datetime.fromtimestamp(session.at, UTC).isoformat(timespec="seconds")
     seconds = session.seconds.values()
     return (
         name, session.rater.participant, outcomes.get(name, "stopped"), session.source, session.rater.number, began,
-        len(session.given), len(session.trials), *count_checks(plan, session), f"{sum(seconds) / 60:.2f}",
-        f"{min(seconds):.2f}" if seconds else "", left,
+        len(session.answers), len(session.trials), *count_checks(plan, session), f"{sum(seconds) / 60:.2f}",
+        f"{min(seconds):.2f}" if seconds else "", left_share,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The studies of the three papers, as templates: what is shown, and what is asked.
+"""The studies of the three papers, as templates: what raters see, and the questions.
 
 The scales and the questions are those of the papers; their words on the page are ours. Consent is a text of ours, which a
 researcher replaces by that of the own ethics board.

@@ -1,4 +1,4 @@
-"""Videos that somebody brings to a study: copied without a word about the system, and compared with each other."""
+"""Videos of users for a study: they are checked, compared, and copied without text that could name the system."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ __all__ = ["VIDEOS", "check_alike", "copy_video", "look_at_video"]
 
 VIDEOS = (".mp4", ".webm")
 CODECS = ("h264", "vp8", "vp9", "av1")
-"""That the common browsers play."""
-_LENGTH = 0.5  # seconds by which clips of one speech may differ; ours: less than a rater sees in the player's clock
+"""Codecs that the common browsers play."""
+_LENGTH = 0.5  # seconds by which clips of one speech may differ [ours: less than a rater sees in the player's clock]
 
 
 class VideoFacts(NamedTuple):
-    """What of a video could tell which system it is of.
+    """Facts of a video by which raters could recognise its system.
 
     Args:
         kind: suffix of the file.
         size: pixels.
         rate: pictures per second.
         sound: whether there is any.
-        seconds: how long it is.
+        seconds: its length.
     """
 
     kind: str
@@ -37,7 +37,7 @@ class VideoFacts(NamedTuple):
 
 
 def look_at_video(path: Path, *, muted: bool = False) -> VideoFacts:
-    """The facts of a video.
+    """Read the facts of a video.
 
     Args:
         path: of the video.
@@ -48,13 +48,13 @@ def look_at_video(path: Path, *, muted: bool = False) -> VideoFacts:
     """
     av = import_pyav()
     try:
-        with av.open(str(path)) as read:
-            if not read.streams.video:
+        with av.open(str(path)) as container:
+            if not container.streams.video:
                 raise InputError(f"{str(path)!r} shows nothing", "a video is needed")
-            video = read.streams.video[0]
+            video = container.streams.video[0]
             codec, rate = video.codec_context.name, float(video.average_rate or 0)
-            seconds = float(read.duration or 0) / av.time_base
-            size, sound = f"{video.width} × {video.height} pixels", bool(read.streams.audio) and not muted
+            seconds = float(container.duration or 0) / av.time_base
+            size, sound = f"{video.width} × {video.height} pixels", bool(container.streams.audio) and not muted
     except (av.FFmpegError, ValueError, OSError) as error:
         if isinstance(error, InputError):
             raise
@@ -66,11 +66,11 @@ def look_at_video(path: Path, *, muted: bool = False) -> VideoFacts:
 
 
 def check_alike(clips: Mapping[Path, tuple[str, VideoFacts]], *, allow: bool = False) -> None:
-    """All clips look alike but for their motion.
+    """Check that clips differ in motion alone.
 
     Args:
         clips: file → its speech, and its facts.
-        allow: whether a difference is only told.
+        allow: whether a difference is only a warning.
 
     Raises:
         InputError: two of them differ in kind, size, rate or sound, or two of one speech in length.
@@ -83,8 +83,8 @@ def check_alike(clips: Mapping[Path, tuple[str, VideoFacts]], *, allow: bool = F
     by_speech: dict[str, list[tuple[float, Path]]] = {}
     for path, (stimulus, facts) in clips.items():
         by_speech.setdefault(stimulus, []).append((facts.seconds, path))
-    for found in by_speech.values():
-        (least, short), (most, long) = min(found), max(found)
+    for group in by_speech.values():
+        (least, short), (most, long) = min(group), max(group)
         if most - least > _LENGTH:
             problems.append(f"{str(long)!r} has {most:.4g} s, and {str(short)!r} {least:.4g} s")
     if not problems:
@@ -99,22 +99,22 @@ def check_alike(clips: Mapping[Path, tuple[str, VideoFacts]], *, allow: bool = F
 
 
 def copy_video(source: Path, target: Path, *, sound: bool) -> None:
-    """A video without its title and other words, which could name the system, and without sound if none is wanted.
+    """Copy a video without its title and other text, which could name the system, and without sound if ``sound`` is False.
 
     Raises:
         InputError: PyAV is not installed, or the video cannot be read.
     """
     av = import_pyav()
     try:
-        with av.open(str(source)) as read, av.open(str(target), "w", format=target.suffix[1:]) as written:
-            streams = [*read.streams.video[:1], *(read.streams.audio[:1] if sound else ())]
-            made = {stream.index: written.add_stream_from_template(stream) for stream in streams}
-            for stream in made.values():
+        with av.open(str(source)) as reader, av.open(str(target), "w", format=target.suffix[1:]) as writer:
+            streams = [*reader.streams.video[:1], *(reader.streams.audio[:1] if sound else ())]
+            out_streams = {stream.index: writer.add_stream_from_template(stream) for stream in streams}
+            for stream in out_streams.values():
                 stream.metadata.clear()
-            for packet in read.demux(streams):
+            for packet in reader.demux(streams):
                 if packet.dts is not None:
-                    packet.stream = made[packet.stream.index]
-                    written.mux(packet)
+                    packet.stream = out_streams[packet.stream.index]
+                    writer.mux(packet)
     except (av.FFmpegError, ValueError, OSError) as error:
         why = str(error).replace(str(target), target.name)
         raise InputError(f"cannot copy the video {str(source)!r}: {why}", _PLAYED) from None

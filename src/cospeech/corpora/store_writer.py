@@ -92,9 +92,9 @@ def write_store(
                 arrays, pieces, speakers, words, {n: RowMoments(1 + len(speakers), len(names[n])) for n in with_moments}
             )
             arrays.clear()  # unmaps them, so that they can be moved everywhere
-            for name, moment in moments.items():
+            for array, moment in moments.items():
                 for what, values in zip(STATISTICS, moment.results(), strict=True):
-                    np.save(paths[f"{name}_{what}"], values, allow_pickle=False)
+                    np.save(paths[f"{array}_{what}"], values, allow_pickle=False)
             index = {
                 "format": FORMAT, "corpus": corpus, "pose": pose, "fps": fps, "speakers": speakers, "words": words,
                 "names": {name: names[name] for name in present if name in names}, "arrays": shapes,

@@ -119,7 +119,7 @@ def test_it_forgets_what_is_past(system):
         until = max(int(mouth.certain_until * 30), at)
         mouth.at(np.arange(at, until) / 30)
         at = until
-        kept.append(len(mouth._kept) + len(mouth._sampled._made[0]) + len(mouth._decoder._windows._rows))
+        kept.append(len(mouth._weights) + len(mouth._resampler._poses[0]) + len(mouth._decoder._windows._rows))
     assert at > 58 * 30
     assert max(kept[20:]) == max(kept[60:]) < 200
 

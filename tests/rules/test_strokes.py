@@ -28,7 +28,7 @@ def perform(style: str, seconds: float, seed: int = 0) -> tuple[list[tuple], lis
         heard = [accent for accent in accents if accent.time < now + 1.2]
         made = planner.decide(now, accents=heard, phrases=[Phrase(0.2, seconds)], words=(), modifier=EmotionModifier())
         gestures += [(round(g.stroke, 3), g.form, g.hands) for g in made]
-        seen += [(now, hand.place, hand.track.target[:3].copy(), hand.raised) for hand in planner.hands]
+        seen += [(now, hand.place, hand.track.target[:3].copy(), hand.gesture_end) for hand in planner.hands]
     return seen, gestures
 
 

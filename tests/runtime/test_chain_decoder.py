@@ -230,7 +230,7 @@ def test_what_is_kept_does_not_grow(kind):
         who.push(rows[at : at + 100])
         who.restyle(BEN if at % 200 else ADA, at + 100)
         assert len(who._style._tracker._course) < 10 * FPS + 150
-        assert len(who._style._asked.layers) < 8
+        assert len(who._style._mixture.layers) < 8
 
 
 def test_who_knows_no_emotion_says_so():

@@ -326,10 +326,10 @@ def test_a_seam_is_gone_after_half_a_second_and_leaves_out_what_is_not_generated
     before = model("rules").generate(said(2.0), seed=2)
     rest = np.zeros((60, len(humanoid()), 4), np.float32)
     rest[..., 3] = 1
-    seam, still = Seam(before, 30.0, still=[3, 4], placed=False), np.zeros((60, 3), np.float32)
+    seam, still = Seam(before, 30.0, still=[3, 4], has_place=False), np.zeros((60, 3), np.float32)
     pieces = [seam.blend(rest[a:b], still[a:b], a) for a, b in ((0, 7), (7, 8), (8, 60))]
     turned, root = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
-    once, _ = Seam(before, 30.0, still=[3, 4], placed=False).blend(rest, still, 0)
+    once, _ = Seam(before, 30.0, still=[3, 4], has_place=False).blend(rest, still, 0)
     assert turned.tobytes() == once.tobytes()
     assert not root.any()
     assert np.array_equal(turned[:, [3, 4]], rest[:, [3, 4]])

@@ -31,7 +31,7 @@ def speak(session: LiveSession, pieces: list[Speech]) -> list[Motion]:
 
 def words_that_call(session: LiveSession) -> list[tuple[str, float]]:
     """Each word of the last utterance that has a gesture, and when that strokes, in tenths of a second from its beginning."""
-    return [(gesture.word, round(gesture.stroke, 1)) for gesture in session._heard.gestures if gesture.word]
+    return [(gesture.word, round(gesture.stroke, 1)) for gesture in session._last_session.gestures if gesture.word]
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""A process of its own that reads HDF5 and LMDB files: both libraries crash on damaged ones, and it is this process that dies.
+"""A separate process that reads HDF5 and LMDB files: both libraries can crash on a damaged file, and then only it ends.
 
 `cospeech.audio.worker` starts it for `cospeech.corpora.hdf5_lmdb`; nothing else of the package is imported. A request is JSON:
 {"path", "want"}. Messages that answer it:
@@ -66,31 +66,31 @@ def load(data):  # type: ignore[no-untyped-def]
 def read_hdf5(path: str, want: list[str] | None, most_bytes: int, most_objects: int) -> None:
     import h5py
 
-    found: list = []
+    datasets: list = []
     groups: dict = {}
 
     def is_wanted(name: str) -> bool:
         return want is None or any(name == w or name.startswith(w + "/") or w.startswith(name + "/") for w in want)
 
     def visit(name: str, item) -> None:  # type: ignore[no-untyped-def]
-        if len(found) + len(groups) > most_objects:
+        if len(datasets) + len(groups) > most_objects:
             raise FileRefused(f"it holds more than {most_objects} data sets", "is it of this corpus?")
         if not is_wanted(name):
             return
         if isinstance(item, h5py.Dataset):
             if item.shape is not None:
-                found.append(item)
+                datasets.append(item)
         else:
             groups[name] = {k: as_text(v) for k, v in item.attrs.items()}
 
     with h5py.File(path, "r") as file:
         file.visititems(visit)
-        total = sum(int(item.size) * max(item.dtype.itemsize, 1) for item in found)
+        total = sum(int(item.size) * max(item.dtype.itemsize, 1) for item in datasets)
         if total > most_bytes:
             raise FileRefused(f"it unpacks to {total >> 20} MiB", f"at most {most_bytes >> 20} MiB are read")
-        loaded = [load(item) for item in found]
-    send_json(b"J", datasets=[about for about, _ in loaded], groups=groups)
-    for _, data in loaded:
+        contents = [load(item) for item in datasets]
+    send_json(b"J", datasets=[about for about, _ in contents], groups=groups)
+    for _, data in contents:
         for at in range(0, len(data), PIECE):
             send(b"B", memoryview(data)[at : at + PIECE])
 
@@ -123,8 +123,8 @@ def read_lmdb(path: str) -> None:
 def serve(kind: str, most_bytes: str, most_objects: str) -> None:
     """Read the files that are asked for; ``kind`` is hdf5 or lmdb."""
     os.environ["HDF5_PLUGIN_PRELOAD"] = "::"  # HDF5's own word for: load no plug-ins
-    for _, asked in requests():
-        request = json.loads(asked)
+    for _, payload in requests():
+        request = json.loads(payload)
         try:
             if kind == "hdf5":
                 read_hdf5(request["path"], request["want"], int(most_bytes), int(most_objects))
@@ -133,12 +133,12 @@ def serve(kind: str, most_bytes: str, most_objects: str) -> None:
             send_json(b"E")
         except BrokenPipeError:
             raise
-        except Exception as error:  # whatever a damaged file brings a library to raise
+        except Exception as error:  # any error that a library raises for a damaged file
             send_json(b"X", **refusal(error, request["path"]).message)
 
 
 def refusal(error: Exception, path: str) -> FileRefused:
-    """What to tell the user of any error."""
+    """The message to the user about an error."""
     if isinstance(error, FileRefused):
         return error
     if isinstance(error, ImportError):

@@ -1,9 +1,9 @@
-"""Attributes of a gesturing style, measured: how often, how large, with which arm, turned where, sitting or standing.
+"""Measures of a gesturing style: how often, how large, with which arm, where the body is turned, sitting or standing.
 
-Those that Ahuja et al. 2020 transfer between speakers (supplement, table 3), whom they chose by eye; all definitions are ours.
+Ahuja et al. 2020 transfer these between speakers, whom they chose by eye (supplement, table 3); all definitions are ours.
 Positions are taken from the neck, in widths of the shoulders (their median distance), in 3-D in the axes of the torso, so that
-an arm that stands still does not move when the body does. A *stroke* begins where the faster wrist is above `RISE` and at
-twice its least speed since the last stroke, which ended where it fell below half of its peak.
+an arm that stands still does not move when the body does. A *stroke* begins where the speed of the faster wrist is above `RISE`
+and twice its lowest since the last stroke. It ends where the speed falls below half of its peak.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from .store import Store
 __all__ = ["Attributes", "attributes_of", "body_of", "speaker_attributes"]
 
 RISE = 1.4  # widths per second: half a metre per second, as movement statistics count strokes, with shoulders of .36 m
-SPAN = 1 / 15  # seconds to either side between which speed is taken: PATS' frame, so that no frame rate hears more than another
-REACH = 0.59  # widths that hands are before the neck on average: of the synthetic speakers in 3-D (docs/corpora/synthetic.md)
-SEATED = 0.75  # of the legs' length; who sits has hips at about half of it, the shins', who stands nearly at all of it
+SPAN = 1 / 15  # seconds before and after, between which speed is measured: PATS' frame, so that frame rates are comparable
+REACH = 0.59  # widths; mean distance of the hands before the neck, of the synthetic speakers in 3-D (docs/corpora/synthetic.md)
+SEATED = 0.75  # of the legs' length; sitting, the hips are at about half of it (the shins'), standing at nearly all of it
 MOST = 1800.0  # seconds of each speaker that `speaker_attributes` looks at: half an hour settles all five
-_SIDED = {
+_SIDE_JOINTS = {
     "shoulder": ("*UpperArm", "@Shoulder", "^Arm", "*_shoulder", "upperarm_#", "*Shoulder"),
     "collar": ("*Shoulder", "^Shoulder", "*_collar", "clavicle_#"),
     "wrist": ("*Hand", "@Wrist", "^Hand", "*_wrist", "hand_#", "*Wrist"),
@@ -40,7 +40,7 @@ _SIDED = {
 _MARKS = {"left": {"*": "left", "@": "L", "^": "Left", "#": "l"}, "right": {"*": "right", "@": "R", "^": "Right", "#": "r"}}
 _NECKS = ("neck", "Neck", "neck_01")
 _CHESTS = ("upperChest", "Spine3", "spine3", "spine_05", "Spine2", "chest", "spine")  # TED's: the last
-_LEG = re.compile("(?i)leg|knee|calf")  # of a representation that knows legs; the others decode to a body that stands
+_LEG = re.compile("(?i)leg|knee|calf")  # channels of representations with legs; the others decode to a body that stands
 
 
 @dataclass(frozen=True)
@@ -50,10 +50,10 @@ class Attributes:
     Args:
         rate: strokes per minute.
         amplitude: root of the mean square of the wrists' distance from where they are on average, shoulder widths.
-        right_share: share of the right wrist in the way that both go, 0 … 1; .5 where neither moves.
-        orientation: degrees that the body is turned to its own left. In 2-D an estimate, by how far the middle between the
-            hands, `REACH` before the body, is to the left: using one hand more moves it by some degrees, too.
-        seated: share of time that the hips are lower than `SEATED` of the legs; None where there are no legs.
+        right_share: the right wrist's share of the distance that both wrists travel, 0 … 1; .5 where neither moves.
+        orientation: degrees that the body is turned to its own left. In 2-D it is estimated from how far left the middle
+            between the hands is, `REACH` before the body; using one hand more than the other moves it by some degrees.
+        seated: share of time in which the hips are lower than `SEATED` of the legs; None where there are no legs.
     """
 
     rate: float
@@ -74,24 +74,24 @@ def attributes_of(clips: Array | Iterable[Array], names: Sequence[str], fps: flo
     Raises:
         InputError: no neck, shoulders or wrists among the names, another shape, a value that is not finite, or no frame.
     """
-    seen = []
+    looks = []
     for clip in (clips,) if isinstance(clips, np.ndarray) else clips:
         if clip.ndim != 3 or clip.shape[1:] not in ((len(names), 2), (len(names), 3)) or not np.isfinite(clip).all():
             raise InputError(f"positions of shape {clip.shape} for {len(names)} joints", "(T, J, 2 or 3), all finite")
-        seen += [_look(np.asarray(clip, np.float64), names)] if len(clip) else []
-    if not seen or not fps > 0:
+        looks += [_look(np.asarray(clip, np.float64), names)] if len(clip) else []
+    if not looks or not fps > 0:
         raise InputError("no positions to measure", "name at least one frame")
-    width = float(np.median(np.concatenate([one.widths for one in seen])))
+    width = float(np.median(np.concatenate([one.widths for one in looks])))
     if not width > 0:
         raise InputError("shoulders without width", "did the detection fail?")
-    wrists = [one.wrists / width for one in seen]
+    wrists = [one.wrists / width for one in looks]
     speeds = [_speeds(places, fps) for places in wrists]
     ways = np.concatenate(speeds).sum(0)
     frames = sum(len(places) for places in wrists)
     everywhere = np.concatenate(wrists)
     away = everywhere - everywhere.mean(0)
-    lines = np.concatenate([one.facing / np.array([width, 1.0]) if one.flat else one.facing for one in seen]).mean(0)
-    hips = [one.hips for one in seen if one.hips is not None]
+    lines = np.concatenate([one.facing / np.array([width, 1.0]) if one.flat else one.facing for one in looks]).mean(0)
+    hips = [one.hips for one in looks if one.hips is not None]
     return Attributes(
         rate=sum(_strokes(speed.max(1)) for speed in speeds) / (frames / fps / 60),
         amplitude=float(np.sqrt(np.square(away).sum(-1).mean())),
@@ -120,9 +120,9 @@ def speaker_attributes(store: Store, decode: Callable[[Array, float], Motion | P
                 seconds += entry.frames / store.fps
 
     names = body_of(decode(np.asarray(store.arrays["pose"][:1], np.float64), store.fps))[1]
-    found = {speaker: attributes_of(bodies(speaker), names, store.fps) for speaker in store.speakers}
+    attributes = {speaker: attributes_of(bodies(speaker), names, store.fps) for speaker in store.speakers}
     legs = any(_LEG.search(name) for name in store.names.get("pose", ()))
-    return found if legs else {speaker: replace(one, seated=None) for speaker, one in found.items()}
+    return attributes if legs else {speaker: replace(one, seated=None) for speaker, one in attributes.items()}
 
 
 def body_of(body: Motion | Points) -> tuple[Array, tuple[str, ...]]:
@@ -134,8 +134,8 @@ def body_of(body: Motion | Points) -> tuple[Array, tuple[str, ...]]:
 
 @dataclass(frozen=True)
 class _Look:
-    """Of one clip: wrists (T, 2, D) from the neck, widths (T,) of the shoulders, facing (T, 2): to the left, to the front;
-    height of the hips (T,) by the legs' length."""
+    """Measures of one clip: wrists (T, 2, D) from the neck, widths (T,) of the shoulders, facing (T, 2): to the left, to the
+    front; height of the hips (T,) by the legs' length."""
 
     wrists: Array
     widths: Array
@@ -150,8 +150,8 @@ def _look(places: Array, names: Sequence[str]) -> _Look:
     line = places[:, pairs["shoulder"][0]] - places[:, pairs["shoulder"][1]]
     widths = np.linalg.norm(line, axis=-1)
     if places.shape[2] == 2:
-        left = arms[..., 0].mean(1)
-        return _Look(arms, widths, np.stack([left, np.full_like(left, REACH)], -1), None, True)
+        leftward = arms[..., 0].mean(1)
+        return _Look(arms, widths, np.stack([leftward, np.full_like(leftward, REACH)], -1), None, True)
     trunk = _torso(places[:, neck], places[:, chest], places[:, pairs.get("collar", pairs["shoulder"])])
     wrists = np.einsum("twk,tak->twa", arms, trunk)
     facing = np.stack([-line[:, 2], line[:, 0]], -1) / np.maximum(np.hypot(line[:, 0], line[:, 2]), 1e-9)[:, None]
@@ -179,10 +179,10 @@ def _hips(places: Array, pairs: dict[str, list[int]]) -> Array | None:
 
 
 def _find(names: Sequence[str]) -> tuple[int, int, dict[str, list[int]]]:
-    """Numbers of the neck, of the chest (PATS: of the neck), and left and right of each of `_SIDED` that there is."""
+    """Numbers of the neck, of the chest (PATS: of the neck), and left and right of each of `_SIDE_JOINTS` that there is."""
     plain = {name.rpartition(":")[2]: k for k, name in reversed(list(enumerate(names)))}
     pairs: dict[str, list[int]] = {}
-    for part, patterns in _SIDED.items():
+    for part, patterns in _SIDE_JOINTS.items():
         for pattern in reversed(patterns):
             both = [plain.get("".join(marks.get(c, c) for c in pattern)) for marks in _MARKS.values()]
             if None not in both:
@@ -200,7 +200,7 @@ def _speeds(places: Array, fps: float) -> Array:
 
 
 def _strokes(speed: Array) -> int:
-    """How often the speed rises above `RISE` and to twice its low, having fallen to half of its peak before."""
+    """The number of strokes: the speed rises above `RISE` and to twice its low, after it fell to half of its last peak."""
     count, up, high, low = 0, False, 0.0, 0.0
     for value in speed.tolist():
         if up:

@@ -139,15 +139,15 @@ def _resample(samples: Array, rate: float, to: int) -> Array:
 def _stretch(samples: Array, factor: float) -> Array:
     """``factor`` times as long at the same pitch: a phase vocoder (Flanagan & Golden 1966), Hann windows at a quarter's hop."""
     hop = _WINDOW // 4
-    padded = np.pad(samples, (_WINDOW, 2 * _WINDOW))
+    signal = np.pad(samples, (_WINDOW, 2 * _WINDOW))
     window = np.hanning(_WINDOW + 1)[:-1]
     bins = 2 * np.pi * np.arange(_WINDOW // 2 + 1) / _WINDOW
     count = int((len(samples) + _WINDOW) * factor) // hop
     out, weight = np.zeros(count * hop + _WINDOW), np.full(count * hop + _WINDOW, 1e-9)
     phase = np.zeros(len(bins))
     for k in range(count):
-        at = min(int(k * hop / factor), len(padded) - _WINDOW - hop)
-        now, after = (np.fft.rfft(padded[at + d : at + d + _WINDOW] * window) for d in (0, hop))
+        at = min(int(k * hop / factor), len(signal) - _WINDOW - hop)
+        now, after = (np.fft.rfft(signal[at + d : at + d + _WINDOW] * window) for d in (0, hop))
         phase = np.angle(now) if k == 0 else phase
         out[k * hop : k * hop + _WINDOW] += np.fft.irfft(np.abs(now) * np.exp(1j * phase)) * window
         weight[k * hop : k * hop + _WINDOW] += window**2

@@ -36,8 +36,8 @@ def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
 
     Returns:
         Clips on skeleton ``smplx`` (the face is an opening jaw, see `cospeech.export.npz`). ``extra`` has ``betas (300,)`` and
-        ``expressions (T, 100)`` where the file has them, and ``"additional": True`` for takes of the list's type of that name,
-        which are for training.
+        ``expressions (T, 100)`` where the file has them, and ``"additional": True`` for takes whose type in the list is
+        ``additional``; they are for training.
 
     Raises:
         InputError: no such folder, no ``smplxflame_30`` in it, or a damaged ``train_test_split.csv``.
@@ -67,14 +67,14 @@ def read_split(path: Path) -> dict[str, str]:
     if not {"id", "type"} <= set(header):
         raise InputError(f"{path.name!r} has no columns 'id' and 'type'", f"its first line: {','.join(header)[:60]}")
     name, kind = header.index("id"), header.index("type")
-    found = {}
+    types = {}
     for line, row in enumerate(rows[1:], 2):
         if not row:
             continue
         if len(row) <= max(name, kind) or row[kind].strip() not in _SPLITS:
             raise InputError(f"{path.name!r}, line {line}: {','.join(row)[:60]!r}", f"types: {', '.join(_SPLITS)}")
-        found[row[name].strip()] = row[kind].strip()
-    return found
+        types[row[name].strip()] = row[kind].strip()
+    return types
 
 
 def _read(place: Path, split: dict[str, str]) -> Iterator[Clip | Dropped]:
@@ -85,7 +85,7 @@ def _read(place: Path, split: dict[str, str]) -> Iterator[Clip | Dropped]:
         if name not in motions:
             raise InputError(f"'{name}.npz' is not there", "a take needs motion")
         take = take_of(name)
-        annotated = read_semantics(semantics[name]) if name in semantics else None
+        scores = read_semantics(semantics[name]) if name in semantics else None
         motion = load_motion(motions[name], fps=FPS)
         extra = _shape_and_expressions(motions[name], len(motion))
         alone = words_alone(sounds.get(name), words.get(name), motion)
@@ -100,7 +100,7 @@ def _read(place: Path, split: dict[str, str]) -> Iterator[Clip | Dropped]:
             speech=speech,
             motion=motion,
             emotion=take.emotion,
-            semantics=annotated,
+            semantics=scores,
             split=own,
             extra={"speaker_number": take.number, **extra, **alone, **({"additional": True} if kind == "additional" else {})},
         )
@@ -109,8 +109,8 @@ def _read(place: Path, split: dict[str, str]) -> Iterator[Clip | Dropped]:
 
 
 def _shape_and_expressions(path: Path, frames: int) -> dict[str, Array]:
-    """FLAME's coefficients, which `cospeech.export.npz` leaves to their owners; it has checked the file before."""
-    found: dict[str, Array] = {}
+    """FLAME's coefficients, which `cospeech.export.npz` does not read; it has checked the file before."""
+    coefficients: dict[str, Array] = {}
     with open_file(path) as file, open_arrays(file, repr(path.name)) as arrays:
         for key, shape in (("betas", (300,)), ("expressions", (frames, 100))):
             if key not in arrays:
@@ -122,5 +122,5 @@ def _shape_and_expressions(path: Path, frames: int) -> dict[str, Array]:
             values = arrays.read(key)
             if values.dtype.kind != "f" or not np.isfinite(values).all():
                 raise InputError(f"{key!r} of {path.name!r} is {values.dtype}, or not finite", "is it damaged?")
-            found[key] = values.astype(np.float32)
-    return found
+            coefficients[key] = values.astype(np.float32)
+    return coefficients

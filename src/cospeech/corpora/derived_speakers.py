@@ -3,9 +3,9 @@
 ``"cleo|leftarm"`` is cleo gesturing with the left arm alone: the right one stands still at cleo's mean. ``"dan|mirror"`` is dan
 with left and right exchanged. A derived speaker says what its original says, so their clips differ in one attribute only.
 
-The mean is the speaker's, as the authors' is, over training clips: a clip's own would differ from clip to clip, and give away
-which one it is. PATS' transform of the same name holds the arm that it names (`cospeech.corpora.pats.read.hold_arm`); here, as
-in the paper's table, the name says which arm is used.
+The mean is taken over the speaker's training clips, as the authors take it. A mean of each clip would differ from clip to clip
+and reveal which one it is. PATS' transform of the same name holds the arm that it names; see
+`cospeech.corpora.pats.read.hold_arm`. Here, as in the paper's table, the name says which arm is used.
 """
 
 from __future__ import annotations
@@ -118,23 +118,23 @@ def arm_joints(skeleton: Skeleton, side: str) -> tuple[int, ...]:
     Raises:
         InputError: no joint of that side is a hand.
     """
-    sided = _LEFT if side == "left" else _RIGHT
-    hand = next((k for k, name in enumerate(skeleton.names) if _HAND.search(name) and sided.search(name)), -1)
+    pattern = _LEFT if side == "left" else _RIGHT
+    hand = next((k for k, name in enumerate(skeleton.names) if _HAND.search(name) and pattern.search(name)), -1)
     if hand < 0:
         raise InputError(f"a skeleton without a {side} hand: {', '.join(skeleton.names[:6])}, …", "leave derived speakers out")
-    while sided.search(skeleton.names[skeleton.parents[hand]]):
+    while pattern.search(skeleton.names[skeleton.parents[hand]]):
         hand = skeleton.parents[hand]
-    found = {hand}
+    joints = {hand}
     for k, parent in enumerate(skeleton.parents):
-        found |= {k} if parent in found else set()
-    return tuple(sorted(found))
+        joints |= {k} if parent in joints else set()
+    return tuple(sorted(joints))
 
 
 def mean_poses(clips: Iterable[tuple[Clip, bool]]) -> dict[str, MeanPose]:
     """Speaker → mean pose, in one pass.
 
     Args:
-        clips: each with whether it counts; of a speaker none of whose clips does, all do.
+        clips: each clip, and whether it counts. If no clip of a speaker counts, all of them do.
     """
     sums: dict[tuple[str, tuple[str, ...], bool], tuple[Array, int]] = {}
     for clip, counts in clips:
@@ -142,29 +142,29 @@ def mean_poses(clips: Iterable[tuple[Clip, bool]]) -> dict[str, MeanPose]:
             for key in {(clip.speaker, layout, counts), (clip.speaker, layout, False)}:
                 total, number = sums.get(key, (np.zeros(()), 0))
                 sums[key] = total + array, number + frames
-    found: dict[str, dict[tuple[str, ...], Array]] = {}
-    for (speaker, layout, counted), (total, number) in sorted(sums.items(), key=lambda item: item[0][2]):
-        if number or not counted:
-            found.setdefault(speaker, {})[layout] = _mean(total, number)
-    return {speaker: MeanPose(of) for speaker, of in found.items()}
+    means: dict[str, dict[tuple[str, ...], Array]] = {}
+    for (speaker, layout, is_counted), (total, number) in sorted(sums.items(), key=lambda item: item[0][2]):
+        if number or not is_counted:
+            means.setdefault(speaker, {})[layout] = _mean(total, number)
+    return {speaker: MeanPose(of) for speaker, of in means.items()}
 
 
 def _sums(clip: Clip) -> list[tuple[tuple[str, ...], Array, int]]:
     """Layout, sum over the frames and their number: of key points, and of the outer products of rotations (J, 4, 4)."""
-    found: list[tuple[tuple[str, ...], Array, int]] = []
+    sums: list[tuple[tuple[str, ...], Array, int]] = []
     if clip.points is not None:
         neck, unit = _neck_and_unit(clip.points)
         good = unit[:, 0, 0] > 1e-6  # a detection that failed
         values = (clip.points.values - neck)[good] / unit[good]
-        found.append(((clip.points.layout,), values.sum(0), int(good.sum())))
+        sums.append(((clip.points.layout,), values.sum(0), int(good.sum())))
     if clip.motion is not None:
         q = np.asarray(clip.motion.rotations, np.float64)
-        found.append((clip.motion.skeleton.names, np.einsum("tja,tjb->jab", q, q), len(q)))
-    return found
+        sums.append((clip.motion.skeleton.names, np.einsum("tja,tjb->jab", q, q), len(q)))
+    return sums
 
 
 def _mean(total: Array, number: int) -> Array:
-    """Of key points the mean, of rotations the mean of quaternions by Markley et al. 2007: no matter which sign each has."""
+    """The mean of key points; of rotations the mean quaternion of Markley et al. 2007, which does not depend on their signs."""
     if total.ndim == 3:
         return np.linalg.eigh(total)[1][..., -1]
     return total / max(number, 1)

@@ -1,9 +1,9 @@
 """Tracked faces of talking people: a folder per speaker with ``face.npz`` and ``audio/CLIP.flac``; and words, where there are.
 
 ``face.npz`` holds ``clip_ids`` (n,), ``lengths`` (n,) frames of each, ``blendshapes`` (Σ lengths, K), ``names`` (K,), ``fps``,
-and may hold ``face_ok`` (frames,) and ``head_matrix`` (frames, 4, 4). Two sets of names are known: MediaPipe's 52, ARKit's but
-for a ``_neutral`` that is nothing, and the 116 of FACEGOOD. What comes out is ARKit on our humanoid: the lower face and the
-turn of the head; eyes and brows, which do not follow from speech, and what the trackers leave at rest, are 0.
+and may hold ``face_ok`` (frames,) and ``head_matrix`` (frames, 4, 4). Two sets of names are known: MediaPipe's 52 (ARKit's, and
+a ``_neutral`` without meaning), and the 116 of FACEGOOD. Clips have ARKit's weights on our humanoid: the lower face and the
+turn of the head. Eyes and brows do not follow from speech; they are 0, as are channels that the trackers leave at rest.
 
     GRID (Cooke et al. 2006), with blendshapes by MediaPipe: `words/CLIP.align` (start, end, word; 25,000 a second)
     FACEGOOD-Audio2Face: long takes, cut here into clips of ten seconds; a take lies in one split as a whole
@@ -48,7 +48,7 @@ LOWER = tuple(name for name in ARKIT if name.startswith(("jaw", "mouth", "cheek"
 """Channels of the lower face: those that are kept."""
 _LEFT_OVER = {"cheekPuff", "cheekSquintLeft", "cheekSquintRight", "jawForward", "jawLeft", "jawRight", "mouthLeft",
               "mouthRight", "noseSneerLeft", "noseSneerRight"}  # fmt: skip
-"""Of MediaPipe's: constant or all but constant on the speakers at hand (deviation below .01), or a lasting turn of the face."""
+"""Channels of MediaPipe that are not used: (nearly) constant on our speakers (deviation below .01), or a turn of the face."""
 
 _SIDES = (("Left", "l"), ("Right", "r"))
 _FACEGOOD: dict[str, tuple[tuple[str, float], ...]] = {
@@ -66,7 +66,7 @@ _FACEGOOD: dict[str, tuple[tuple[str, float], ...]] = {
     **{f"mouthUpperUp{side}": ((f"mouth_upperLipRaise_{s}", 1.0),) for side, s in _SIDES},
     **{f"mouthPress{side}": ((f"mouth_press_{s}", 1.0),) for side, s in _SIDES},
 }  # fmt: skip
-"""ARKit's channel → what of FACEGOOD's is added up for it; ours: by the names, and "oh" is half a pucker."""
+"""ARKit's channel → the channels of FACEGOOD that are added up for it; ours: by the names, and "oh" is half a pucker."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +81,8 @@ class _Tracks:
     """(frames, 52) as tracked."""
     head: Array | None
     """(frames, 4) turn of the head."""
-    tracked: bool
-    """By MediaPipe, whose faces have a neutral one of their own to be taken off."""
+    is_mediapipe: bool
+    """Whether MediaPipe tracked them: its faces have a neutral face of their own, which is subtracted."""
 
     def rows(self, clip: str) -> slice:
         """Where a clip lies."""
@@ -112,7 +112,7 @@ def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
 
 def _read(folder: Path, tracks: _Tracks) -> Iterator[Clip | Dropped]:
     sounds, words = files_of(folder / "audio", ".flac"), files_of(folder / "words", ".align")
-    silent = [_silent(sounds, words, tracks, name) for name in tracks.clips] if tracks.tracked else []
+    silent = [_silent(sounds, words, tracks, name) for name in tracks.clips] if tracks.is_mediapipe else []
     neutral = _neutral(tracks, silent)
     head = None if tracks.head is None else _level(tracks.head)
     for name in tracks.clips:
@@ -125,9 +125,9 @@ def _read(folder: Path, tracks: _Tracks) -> Iterator[Clip | Dropped]:
 
 def _load(folder: Path) -> _Tracks:
     path = folder / "face.npz"
-    with open_file(path) as opened, open_arrays(opened, repr(str(path))) as file:
+    with open_file(path) as stream, open_arrays(stream, repr(str(path))) as file:
         frames = (file.shape("blendshapes") if "blendshapes" in file else ()) or (0,)
-        check_frames(repr(str(path)), frames[0], len(humanoid()), size_of(opened))
+        check_frames(repr(str(path)), frames[0], len(humanoid()), size_of(stream))
         arrays: dict[str, Any] = {name: file.read(name) for name in file}
     try:
         names, lengths = [str(name) for name in arrays["names"]], arrays["lengths"].astype(int)
@@ -139,14 +139,14 @@ def _load(folder: Path) -> _Tracks:
     fits = weights.shape == (starts[-1], len(names)) and len(clips) == len(lengths) and lengths.min(initial=1) > 0
     if not (fits and np.isfinite(weights).all() and 1 <= fps <= 240 and len({*clips}) == len(clips)):
         raise InputError(f"{str(path)!r}: tracks of shape {weights.shape}, {starts[-1]} frames of {len(clips)} clips are due")
-    tracked = "_neutral" in names
-    face = _of_mediapipe(names, weights) if tracked else _of_facegood(names, weights, path)
+    is_mediapipe = "_neutral" in names
+    face = _of_mediapipe(names, weights) if is_mediapipe else _of_facegood(names, weights, path)
     head = _heads(arrays["head_matrix"], len(face), path) if "head_matrix" in arrays else None
-    seen = np.asarray(arrays.get("face_ok", np.ones(len(face))), bool)
-    if len(seen) != len(face) or not seen.any():
-        raise InputError(f"{str(path)!r}: 'face_ok' of shape {seen.shape}, or no face at all")
-    face, head = _fill_gaps(face, seen), None if head is None else head[_nearest(seen)]
-    return _Tracks(folder.name.removeprefix("face_"), fps, clips, starts, face, head, tracked)
+    has_face = np.asarray(arrays.get("face_ok", np.ones(len(face))), bool)
+    if len(has_face) != len(face) or not has_face.any():
+        raise InputError(f"{str(path)!r}: 'face_ok' of shape {has_face.shape}, or no face at all")
+    face, head = _fill_gaps(face, has_face), None if head is None else head[_nearest(has_face)]
+    return _Tracks(folder.name.removeprefix("face_"), fps, clips, starts, face, head, is_mediapipe)
 
 
 def _of_mediapipe(names: list[str], weights: Array) -> Array:
@@ -173,20 +173,20 @@ def _heads(matrices: Array, frames: int, path: Path) -> Array:
     return quat_normalize(matrix_to_quat(matrices[:, :3, :3].astype(float)))
 
 
-def _nearest(seen: Array) -> Array:
+def _nearest(has_face: Array) -> Array:
     """(frames,) for each frame the one before it, or first after it, in which a face was seen."""
-    last = np.maximum.accumulate(np.where(seen, np.arange(len(seen)), -1))
-    return np.where(last < 0, int(np.argmax(seen)), last)
+    last = np.maximum.accumulate(np.where(has_face, np.arange(len(has_face)), -1))
+    return np.where(last < 0, int(np.argmax(has_face)), last)
 
 
-def _fill_gaps(face: Array, seen: Array) -> Array:
+def _fill_gaps(face: Array, has_face: Array) -> Array:
     """Frames without a face from those around them."""
-    at, known = np.arange(len(face)), np.flatnonzero(seen)
-    return np.stack([np.interp(at, known, column[known]) for column in face.T], 1)
+    at, valid = np.arange(len(face)), np.flatnonzero(has_face)
+    return np.stack([np.interp(at, valid, column[valid]) for column in face.T], 1)
 
 
 def _silent(sounds: dict[str, Path], words: dict[str, Path], tracks: _Tracks, name: str) -> Array:
-    """Of a clip's frames, which are silent by the alignment; none where there is none, or it is damaged."""
+    """Which frames of a clip are silent by its alignment; no frame where the alignment is missing or damaged."""
     rows = tracks.rows(name)
     quiet = np.zeros(rows.stop - rows.start, bool)
     try:
@@ -201,7 +201,7 @@ def _silent(sounds: dict[str, Path], words: dict[str, Path], tracks: _Tracks, na
 
 def _neutral(tracks: _Tracks, silent: list[Array]) -> Array:
     """(52,) the face at rest: per channel the median of silent frames, or a low quantile of all where none is known."""
-    if not tracks.tracked:
+    if not tracks.is_mediapipe:
         return np.zeros(len(ARKIT))
     quiet = np.concatenate(silent)
     if quiet.any():
@@ -211,8 +211,8 @@ def _neutral(tracks: _Tracks, silent: list[Array]) -> Array:
 
 def _level(head: Array) -> Array:
     """Turns relative to the mean one: where the camera stood does not matter."""
-    aligned = head * np.where((head @ head[0])[:, None] < 0, -1.0, 1.0)
-    return quat_multiply(quat_conjugate(quat_normalize(aligned.mean(0))), aligned)
+    turns = head * np.where((head @ head[0])[:, None] < 0, -1.0, 1.0)
+    return quat_multiply(quat_conjugate(quat_normalize(turns.mean(0))), turns)
 
 
 # clips --------------------------------------------------------------------------------------------------------------
@@ -232,7 +232,7 @@ def _pieces(
         if name not in sounds:
             raise InputError(f"'audio/{name}.flac' is not there", "a clip needs sound")
         speech = Speech.load(sounds[name])
-        said = [(a, b, w) for a, b, w in _read_alignment(words[name]) if w not in _QUIET] if name in words else None
+        entries = [(a, b, w) for a, b, w in _read_alignment(words[name]) if w not in _QUIET] if name in words else None
         cut = slice(rows.start + first, rows.start + end)
         motion = _moving(np.clip(tracks.face[cut] - neutral, 0, 1), None if head is None else head[cut], tracks.fps)
         if len(spans) == 1:
@@ -241,8 +241,8 @@ def _pieces(
         samples = speech.samples[round(start * speech.rate) : round(stop * speech.rate)]
         if not len(samples):
             raise InputError(f"'audio/{name}.flac' ends before {start:.1f} s", "is it cut short?")
-        heard = Speech(samples, speech.rate, _words(said, len(samples) / speech.rate), name=piece)
-        return Clip(name=piece, speaker=tracks.speaker, corpus="faces", speech=heard, motion=motion, split=split, start=start)
+        sound = Speech(samples, speech.rate, _words(entries, len(samples) / speech.rate), name=piece)
+        return Clip(name=piece, speaker=tracks.speaker, corpus="faces", speech=sound, motion=motion, split=split, start=start)
 
     whole = len(cuts) == 2
     spans = {name if whole else f"{name}@{k:02d}": (cuts[k], cuts[k + 1]) for k in range(len(cuts) - 1)}
@@ -260,20 +260,20 @@ def _cuts(frames: int, most: int) -> list[int]:
 def _split_of_takes(tracks: _Tracks, most: int) -> dict[str, str]:
     """Split of each take that is cut: neighbouring pieces share a voice's course, so a take is held out as a whole.
 
-    A tenth of a speaker's takes is held out for choosing and another tenth for the figures, one of each at least; the order is
-    that of a hash of the name. Fewer than three takes all train.
+    A tenth of a speaker's takes is for validation and a tenth for the test, one of each at least; the order is that of a hash
+    of the name. Fewer than three takes are all for training.
     """
     lengths = np.diff(tracks.starts)
     takes = [name for name, frames in zip(tracks.clips, lengths, strict=True) if len(_cuts(int(frames), most)) > 2]
     takes.sort(key=lambda name: blake2b(name.encode(), digest_size=4).digest())
-    held = max(1, round(len(takes) / 10)) if len(takes) >= 3 else 0
-    kinds = ["test"] * held + ["validation"] * held
+    count = max(1, round(len(takes) / 10)) if len(takes) >= 3 else 0
+    kinds = ["test"] * count + ["validation"] * count
     return {name: kinds[k] if k < len(kinds) else "train" for k, name in enumerate(takes)}
 
 
 def _read_alignment(path: Path) -> list[tuple[float, float, str]]:
     """Start and end in seconds, word; of GRID's alignments."""
-    found = []
+    entries = []
     for line, text in enumerate(read_text(path).splitlines(), 1):
         parts, place = text.split(), f"{path.name!r}, line {line}"
         if not parts:
@@ -281,15 +281,15 @@ def _read_alignment(path: Path) -> list[tuple[float, float, str]]:
         if len(parts) != 3:
             raise InputError(f"{place}: {text[:40]!r} where start, end and word belong", "is it damaged?")
         start = number(parts[0], 0, 1e9, place)
-        found.append((start / ALIGN, number(parts[1], start, 1e9, place) / ALIGN, parts[2]))
-    return found
+        entries.append((start / ALIGN, number(parts[1], start, 1e9, place) / ALIGN, parts[2]))
+    return entries
 
 
-def _words(said: list[tuple[float, float, str]] | None, seconds: float) -> tuple[Word, ...] | None:
+def _words(entries: list[tuple[float, float, str]] | None, seconds: float) -> tuple[Word, ...] | None:
     """Those that lie within the sound."""
-    if said is None:
+    if entries is None:
         return None
-    return tuple(Word(word, start, min(end, seconds)) for start, end, word in said if start < min(end, seconds))
+    return tuple(Word(word, start, min(end, seconds)) for start, end, word in entries if start < min(end, seconds))
 
 
 def _moving(face: Array, head: Array | None, fps: float) -> Motion:

@@ -23,16 +23,16 @@ from .reading import check_lengths, load_motion, load_sound, read_each, read_row
 __all__ = ["EMOTIONS_FILE", "SOUND", "VIDEO", "WORDS", "group_files", "read", "sounds"]
 
 VIDEO = (".mp4", ".m4v", ".mov", ".webm", ".mkv", ".avi", ".3gp", ".wmv", ".flv", ".ogv")
-"""Those of `SOUND` that may be a video; beside a sound of its name, one is no speech of its own."""
+"""The suffixes of `SOUND` that may be a video; a video beside a sound of the same name is no speech of its own."""
 SOUND = (
     ".wav", ".flac", ".ogg", ".oga", ".opus", ".mp3", ".aiff", ".aif", ".aifc", ".caf", ".w64", ".au", ".m4a", ".m4b", ".aac",
     ".mka", ".amr", ".wma", ".wv", ".ape", *VIDEO,
 )  # fmt: skip
 """[ours: suffixes that recorders, phones and cameras give to what `cospeech.audio._decode` opens]"""
 _OTHER_MEDIA = (".mpg", ".mpeg", ".mts", ".m2ts", ".vob", ".ac3", ".dts")
-"""[ours: what cameras and discs have, and the decoder does not open; they are told of, so that nobody misses them]"""
+"""[ours: suffixes of cameras and discs that the decoder does not open; they are reported, and not passed over silently]"""
 _FACES = {".json": (b'"names"', b'"frames"'), ".csv": (b"Timecode", b"BlendShapeCount")}
-"""Suffix of a face → what stands in its beginning."""
+"""Suffix of a file of faces → texts that are at its beginning."""
 WORDS = (".textgrid", ".tsv", ".srt", ".vtt", ".sbv", ".ttml", ".dfxp", ".lrc", ".json", ".txt")
 EMOTIONS_FILE = "emotions.csv"
 """Beside the folders of the speakers."""
@@ -63,7 +63,7 @@ def _read_emotions(path: Path) -> dict[str, str]:
     Raises:
         InputError: a line is no name and emotion, or there is no such emotion.
     """
-    found: dict[str, str] = {}
+    emotions: dict[str, str] = {}
     for number, row in enumerate(read_rows(path) if path.exists() else (), 1):
         if not any(map(str.strip, row)) or (number == 1 and [cell.strip().lower() for cell in row] == ["name", "emotion"]):
             continue
@@ -72,8 +72,8 @@ def _read_emotions(path: Path) -> dict[str, str]:
         name, emotion = row[0].strip().strip("/"), row[1].strip().lower()
         if emotion not in EMOTIONS:
             raise InputError(f"{path.name}, line {number}: no emotion is called {emotion!r:.40}", nearest(emotion, EMOTIONS))
-        found[name] = emotion
-    return found
+        emotions[name] = emotion
+    return emotions
 
 
 def sounds(root: Path, left_out: list[Dropped] | None = None) -> Iterator[tuple[str, Path]]:
@@ -134,7 +134,7 @@ def group_files(root: Path, left_out: list[Dropped]) -> Iterator[tuple[str, dict
 
 def _read(root: Path, emotions: Mapping[str, str]) -> Iterator[Clip | Dropped]:
     left_out: list[Dropped] = []
-    unused = {*emotions}
+    orphans = {*emotions}
     for name, files in group_files(root, left_out):
         if not (among := _sounds_among(files)):
             yield from _other_media(name, files)
@@ -147,10 +147,10 @@ def _read(root: Path, emotions: Mapping[str, str]) -> Iterator[Clip | Dropped]:
         parts = name.split("/")
         speaker = parts[0] if len(parts) > 1 else root.resolve().name or "speaker"
         places = ["/".join(parts[:k]) for k in range(len(parts), 0, -1)]  # the recording, and the folders around it
-        unused -= {*places}
-        feels = next((emotions[place] for place in places if place in emotions), None)
-        yield from read_each([name], lambda name, f=files, s=speaker, e=feels, at=first: _clip(name, s, at, f, e))  # type: ignore[misc]
-    yield from (Dropped(name, f"{EMOTIONS_FILE} names it, and there is no such recording") for name in sorted(unused))
+        orphans -= {*places}
+        emotion = next((emotions[place] for place in places if place in emotions), None)
+        yield from read_each([name], lambda name, f=files, s=speaker, e=emotion, at=first: _clip(name, s, at, f, e))  # type: ignore[misc]
+    yield from (Dropped(name, f"{EMOTIONS_FILE} names it, and there is no such recording") for name in sorted(orphans))
     yield from left_out
 
 

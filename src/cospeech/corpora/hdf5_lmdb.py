@@ -50,11 +50,11 @@ class Hdf5LmdbReader:
             if start.read(8) != _SIGNATURE:
                 raise InputError(f"{name!r} is not an HDF5 file", "was it downloaded and unpacked whole?")
         about = self._first(file, name, want)
-        found = {}
+        datasets = {}
         for entry in about["datasets"]:
-            found[str(entry["name"])] = Dataset(self._array(entry, name), entry["attrs"])
+            datasets[str(entry["name"])] = Dataset(self._array(entry, name), entry["attrs"])
         self._expect(b"E", name)
-        return found, about["groups"]
+        return datasets, about["groups"]
 
     def lmdb(self, folder: Path) -> Iterator[tuple[str, bytes]]:
         """Keys and values of an LMDB folder, in the order of the keys; read as they are asked for.
@@ -97,11 +97,11 @@ class Hdf5LmdbReader:
             data += self._expect(b"B", name)
         return np.frombuffer(data, dtype).reshape(shape)
 
-    def _expect(self, wanted: bytes, name: str) -> bytes:
+    def _expect(self, expected_kind: bytes, name: str) -> bytes:
         kind, payload = self._message(name)
-        if kind != wanted:
+        if kind != expected_kind:
             self.close()
-            raise InputError(f"the reader sent {kind!r} for {wanted!r} on {name!r}", "the file is damaged")
+            raise InputError(f"the reader sent {kind!r} for {expected_kind!r} on {name!r}", "the file is damaged")
         return payload
 
     def _message(self, name: str) -> tuple[bytes, bytes]:
@@ -111,13 +111,13 @@ class Hdf5LmdbReader:
         except TooLong as error:
             self.close()
             raise InputError(f"{name!r} holds an entry of {error.size >> 20} MiB", "is it damaged?") from None
-        except WorkerEnded as ended:
+        except WorkerEnded as failure:
             self.close()
-            if ended.late:
+            if failure.late:
                 problem = f"the reader hangs on {name!r}: nothing for {HDF5_LMDB_TIMEOUT:g} s"
                 raise InputError(problem, "it is damaged; copy it again") from None
             raise InputError(
-                f"the reader crashed on {name!r} ({ended})", "it is damaged; copy it again from its source"
+                f"the reader crashed on {name!r} ({failure})", "it is damaged; copy it again from its source"
             ) from None
         if kind == b"X":
             values = json.loads(payload)
@@ -137,10 +137,10 @@ class Hdf5LmdbReader:
         self.close()
 
 
-def _dtype(described: Any) -> np.dtype[Any]:
-    if isinstance(described, str):
-        return np.dtype(described)
-    return np.dtype([(name, _dtype(inner), tuple(shape)) for name, inner, shape in described])
+def _dtype(description: Any) -> np.dtype[Any]:
+    if isinstance(description, str):
+        return np.dtype(description)
+    return np.dtype([(name, _dtype(inner), tuple(shape)) for name, inner, shape in description])
 
 
 def read_lmdb(folder: Path) -> Iterator[tuple[str, bytes]]:

@@ -37,7 +37,7 @@ class LazyRows:
         return len(self.index)
 
     def __getitem__(self, rows: Any) -> Array:
-        """Of one row, a slice, or an array of rows."""
+        """One row, or the rows of a slice or of an array of row numbers."""
         return np.asarray(self.table[self.index[rows]])
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> Array:

@@ -15,8 +15,8 @@ from ..motion.motion import Motion
 __all__ = ["SUFFIXES", "RecordingPart", "load_motions"]
 
 SUFFIXES = (".bvh", ".npz")
-"""Of files that are looked for; where both are there for one take of a clip, the first counts."""
-_SHOWN = 3  # names in a message
+"""Suffixes of the files that are looked for; where both are there for one take of a clip, the first counts."""
+_MOST_NAMES = 3  # names in a message
 
 _Takes = dict[int, Path]
 
@@ -58,14 +58,14 @@ def load_motions(
     def match(name: str) -> list[str]:
         return _match(name, by_end[_end(name)], names_by_end[_end(name)])
 
-    found = {name: match(name) for name in names}
-    whole = {name: parts[name] for name in names if name in parts and not found[name]}
-    found |= {name: match(part.recording) for name, part in whole.items()}
-    _check_complete(str(folder), found, files)
+    clip_files = {name: match(name) for name in names}
+    whole = {name: parts[name] for name in names if name in parts and not clip_files[name]}
+    clip_files |= {name: match(part.recording) for name, part in whole.items()}
+    _check_complete(str(folder), clip_files, files)
     at_rate = cache(lambda path: Motion.load(path).resample(fps))  # one recording has many parts
 
     def load(name: str) -> list[Motion]:
-        takes = [path for _, path in sorted(files[found[name][0]].items())]
+        takes = [path for _, path in sorted(files[clip_files[name][0]].items())]
         if name not in whole:
             return [Motion.load(path) for path in takes]
         _, start, frames = whole[name]
@@ -76,8 +76,8 @@ def load_motions(
 
 def _files(place: Path, names: Sequence[str]) -> dict[str, _Takes]:
     """Path below the folder, without suffix and number → its takes; of the folder and those below it, but no hidden ones."""
-    found: dict[str, _Takes] = defaultdict(dict)
-    numbered = [name for name in names if name.rpartition(".")[2].isdecimal()]
+    takes: dict[str, _Takes] = defaultdict(dict)
+    decimal_names = [name for name in names if name.rpartition(".")[2].isdecimal()]
     paths = [path for path in sorted(place.rglob("*")) if path.suffix.lower() in SUFFIXES and path.is_file()]
     for path in sorted(paths, key=lambda path: SUFFIXES.index(path.suffix.lower())):
         below = path.relative_to(place)
@@ -85,9 +85,9 @@ def _files(place: Path, names: Sequence[str]) -> dict[str, _Takes]:
             continue
         name = below.with_suffix("").as_posix()
         stem, _, number = name.rpartition(".")
-        take = number.isdecimal() and bool(stem) and not any(_ends(name, n) or _ends(n, name) for n in numbered)
-        found[stem if take else name].setdefault(int(number) if take else 0, path)
-    return found
+        take = number.isdecimal() and bool(stem) and not any(_ends(name, n) or _ends(n, name) for n in decimal_names)
+        takes[stem if take else name].setdefault(int(number) if take else 0, path)
+    return takes
 
 
 def _end(name: str) -> str:
@@ -97,10 +97,10 @@ def _end(name: str) -> str:
 
 def _by_end(names: Iterable[str]) -> dict[str, list[str]]:
     """Last part → the paths that end so."""
-    found: dict[str, list[str]] = defaultdict(list)
+    groups: dict[str, list[str]] = defaultdict(list)
     for name in names:
-        found[_end(name)].append(name)
-    return found
+        groups[_end(name)].append(name)
+    return groups
 
 
 def _ends(long: str, short: str) -> bool:
@@ -109,8 +109,8 @@ def _ends(long: str, short: str) -> bool:
 
 
 def _match(name: str, files: Sequence[str], names: Sequence[str]) -> list[str]:
-    """The files of a clip, of those that end as it does: by the whole name, else deeper in the folder, else by the end of the
-    name, where no other of the clips could mean the same file.
+    """The files of a clip, among those whose last part is the clip's: first by the whole name, else deeper in the folder, else
+    by the end of the name, if no other clip could mean the same file.
     """
     if name in files:
         return [name]
@@ -119,20 +119,22 @@ def _match(name: str, files: Sequence[str], names: Sequence[str]) -> list[str]:
     return deeper or ends
 
 
-def _check_complete(folder: str, found: dict[str, list[str]], files: dict[str, _Takes]) -> None:
+def _check_complete(folder: str, clip_files: dict[str, list[str]], files: dict[str, _Takes]) -> None:
     """Every clip has one file."""
-    several = {name: matches for name, matches in found.items() if len(matches) > 1}
+    several = {name: matches for name, matches in clip_files.items() if len(matches) > 1}
     for name, matches in several.items():
-        shown = _some([str(files[match][min(files[match])].relative_to(folder)) for match in matches])
-        raise InputError(f"several files in {folder!r} could be clip {name!r}: {shown}", f"call it {name}{SUFFIXES[0]}")
-    missing = [name for name, matches in found.items() if not matches]
+        listing = _some([str(files[match][min(files[match])].relative_to(folder)) for match in matches])
+        raise InputError(f"several files in {folder!r} could be clip {name!r}: {listing}", f"call it {name}{SUFFIXES[0]}")
+    missing = [name for name, matches in clip_files.items() if not matches]
     if missing:
-        problem = f"no motion for {len(missing)} of {len(found)} clips in {folder!r}: {_some([repr(name) for name in missing])}"
+        problem = (
+            f"no motion for {len(missing)} of {len(clip_files)} clips in {folder!r}: {_some([repr(name) for name in missing])}"
+        )
         there = _some([str(next(iter(takes.values())).relative_to(folder)) for takes in files.values()])
         raise InputError(problem, f"{' or '.join(missing[0] + suffix for suffix in SUFFIXES)}; there is {there}")
 
 
 def _some(names: Sequence[str]) -> str:
     """The first names, and how many more there are."""
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return f"{', '.join(names[:_SHOWN])}{more}"
+    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+    return f"{', '.join(names[:_MOST_NAMES])}{more}"

@@ -39,7 +39,7 @@ _DAMAGE = (ArithmeticError, EOFError, LookupError, ValueError, csv.Error, struct
 """What readers of JSON, CSV, NumPy's and other files raise for a damaged one."""
 _APART = 2.0  # ours: motion and speech of one take differ by seconds, never by this factor
 _FAR = 100.0  # metres; ours: farther than any studio for motion capture is wide
-_MARGIN = 5.0  # seconds; ours: of which short takes may differ anyway
+_MARGIN = 5.0  # seconds; ours: by which short takes may differ anyway
 
 
 def usable_folder(raw: str | PathLike[str], what: str) -> Path:
@@ -71,10 +71,10 @@ def files_of(folder: Path, suffix: str) -> dict[str, Path]:
     if not folder.is_dir():
         return {}
     try:
-        found = (path for path in sorted(folder.iterdir()) if path.suffix.lower() == suffix.lower())
+        paths = (path for path in sorted(folder.iterdir()) if path.suffix.lower() == suffix.lower())
     except OSError as error:
         raise InputError(f"cannot list {str(folder)!r}: {describe_os_error(error)}", "may you read it?") from None
-    return {path.stem: path for path in found if not path.name.startswith("._")}
+    return {path.stem: path for path in paths if not path.name.startswith("._")}
 
 
 def read_each(names: Iterable[str], read: Callable[[str], Clip | Dropped]) -> Iterator[Clip | Dropped]:

@@ -1,4 +1,4 @@
-"""What metrics see: samples of clips, and the clips of a prepared store."""
+"""The input of metrics: samples of clips, and the clips of a prepared store."""
 
 from __future__ import annotations
 
@@ -73,10 +73,10 @@ def _normalise_points(values: Array) -> Array:
     """PATS' key points from the neck, every frame scaled so that the right shoulder is 167 px away."""
     values = np.asarray(values - values[:, :1], np.float64)
     length = np.linalg.norm(values[:, RIGHT_SHOULDER], axis=-1)
-    seen = length > 1e-6
-    if not seen.any():
+    valid = length > 1e-6
+    if not valid.any():
         return values
-    return values * (SHOULDER / np.where(seen, length, np.median(length[seen])))[:, None, None]
+    return values * (SHOULDER / np.where(valid, length, np.median(length[valid])))[:, None, None]
 
 
 def _semantics(stretches: Sequence[Semantic] | None, frames: int, fps: float) -> Array | None:
@@ -90,12 +90,12 @@ def _semantics(stretches: Sequence[Semantic] | None, frames: int, fps: float) ->
 
 
 def sample_of(clip: Clip, *, condition: str = "", seed_frames: int = 0, track: bool = True) -> Sample:
-    """What metrics see of a clip: of our humanoid without the legs, which stand; of other bodies all.
+    """The sample of a clip for metrics: our humanoid without its legs, which stand still; other bodies whole.
 
     Args:
         clip: of a reader, of a store, or with generated motion.
         condition: which speech the motion is for; the clip's name else.
-        seed_frames: so many first frames were given.
+        seed_frames: number of first frames that were given and not generated.
         track: whether hips and arms are wanted, for which other skeletons than ours have to be retargeted.
 
     Raises:
@@ -123,10 +123,10 @@ def sample_of(clip: Clip, *, condition: str = "", seed_frames: int = 0, track: b
     if clip.points is not None and len(clip.points):
         points = clip.points
         values = _normalise_points(points.values) if points.layout == "pats" else points.values
-        known = {"positions" if values.shape[2] == 3 else "points": values}
+        coordinates = {"positions" if values.shape[2] == 3 else "points": values}
         arms = track_of(points) if track and points.layout in ARMS else None
         semantics = _semantics(clip.semantics, len(points), points.fps)
-        return Sample(fps=points.fps, track=arms, semantics=semantics, **(common | known))
+        return Sample(fps=points.fps, track=arms, semantics=semantics, **(common | coordinates))
     raise InputError(f"clip {clip.name!r} has no motion", "metrics need joint rotations or key points")
 
 
@@ -189,20 +189,20 @@ def _sounds(store: Store, entries: Sequence[Entry], raw: str | PathLike[str]) ->
     if store.corpus not in CORPORA:
         hint = "import the module of its reader first: docs/add_a_corpus.md says how"
         raise InputError(f"the store is of corpus {store.corpus!r}, which is not known here", hint)
-    wanted: dict[str, list[Entry]] = {}
+    by_name: dict[str, list[Entry]] = {}
     for entry in entries:
         for name in {entry.name, entry.name.partition("@")[0], find_original(entry.name.partition("@")[0])}:
-            wanted.setdefault(name, []).append(entry)
-    found, known = {}, False
+            by_name.setdefault(name, []).append(entry)
+    speeches, has_match = {}, False
     for clip in import_module(CORPORA[store.corpus].module).read(raw):
         if not isinstance(clip, Clip):
             continue
-        known = known or clip.name in wanted
+        has_match = has_match or clip.name in by_name
         if clip.speech is not None:
-            for entry in wanted.get(clip.name, ()):
+            for entry in by_name.get(clip.name, ()):
                 start = clip.speech.start + entry.start - clip.start
-                found[entry.name] = clip.speech.window(start, start + entry.frames / store.fps)
-    if not known:
+                speeches[entry.name] = clip.speech.window(start, start + entry.frames / store.fps)
+    if not has_match:
         problem = f"{str(raw)!r} has none of the recordings of the store {str(store.folder)!r}, such as {entries[0].name!r}"
         raise InputError(problem, f"name the {store.corpus} corpus that the store was prepared from")
-    return found
+    return speeches

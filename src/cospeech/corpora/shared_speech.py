@@ -1,4 +1,4 @@
-"""What of the speech of validation and test is said in training, too: who knows speech by heart looks good there."""
+"""The part of the speech of validation and test that is also in training: a model that learnt it by heart scores well there."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ __all__ = ["describe_shared_speech", "measure_shared_speech"]
 
 _RUN = 8  # words in a row; ours: so many in one order are the same text, and no common phrase
 _MOST_SHARED = 0.15
-"""Share above which figures of a split count for nothing. [ours] Turns of phrase in our sentences make up to .09 where no
-sentence is said twice. Where half of eight speakers were split by chance, it was .6."""
+"""Share above which figures of a split mean nothing. [ours] Where no sentence is said twice, turns of phrase in our sentences
+make up to .09. Where half of eight speakers were split by chance, it was .6."""
 
 _Runs = set[tuple[int, ...]]
 
@@ -28,10 +28,10 @@ def measure_shared_speech(store: Store) -> dict[str, float]:
         if "word" in entry.has:
             runs.setdefault(entry.split, set()).update(_find_runs(store.clip(entry)))
     train = runs.pop("train", set())
-    return {split: len(found & train) / len(found) for split, found in runs.items() if found}
+    return {split: len(own & train) / len(own) for split, own in runs.items() if own}
 
 
-def describe_shared_speech(shared: Mapping[str, float]) -> list[str]:
+def describe_shared_speech(shares: Mapping[str, float]) -> list[str]:
     """A sentence on each split of which too much is also said in training.
 
     >>> describe_shared_speech({"validation": 0.09, "test": 0.841})
@@ -39,7 +39,7 @@ def describe_shared_speech(shared: Mapping[str, float]) -> list[str]:
     """
     return [
         f"{100 * share:.0f} % of the speech of the {split} split is also said in training"
-        for split, share in shared.items()
+        for split, share in shares.items()
         if share > _MOST_SHARED
     ]
 
@@ -48,5 +48,5 @@ def _find_runs(arrays: Mapping[str, np.ndarray]) -> _Runs:
     """The runs of words of a clip, each as numbers of the store's words."""
     numbers = np.asarray(arrays["word"])
     starts = np.flatnonzero(np.diff(numbers, prepend=0))
-    said = [int(number) for number in numbers[starts] if number > 0]
-    return {tuple(said[k : k + _RUN]) for k in range(len(said) - _RUN + 1)}
+    words = [int(number) for number in numbers[starts] if number > 0]
+    return {tuple(words[k : k + _RUN]) for k in range(len(words) - _RUN + 1)}

@@ -4,7 +4,7 @@ All clips lie end to end along the first axis of every array, N frames at one ra
 
 ``pose.npy`` (N, D) float32; ``audio.npy`` (N, A) float32, at the same rate; ``face.npy`` (N, 52) float32; ``semantic.npy`` (N,)
 float32; ``emotion.npy`` (N,) int8, index in `EMOTIONS`; ``word.npy`` (N,) int32, index in the index's ``words``, 0: silence;
-``wav2vec.npy`` (N, 512) float16, what wav2vec 2.0's CNN hears (`cospeech.models.nn.speech_encoder`);
+``wav2vec.npy`` (N, 512) float16, features of wav2vec 2.0's CNN (`cospeech.models.nn.speech_encoder`);
 ``waveform.npy`` (N, 1080) float16, the samples of each frame (`cospeech.audio.features.waveform`);
 ``pose_mean.npy``, ``pose_std.npy``, ``audio_mean.npy``, ``audio_std.npy`` (1 + S, …) float32: all speakers, then each, over the
 train split. What a clip lacks is NaN, or −1. ``index.json`` has the clips and all names.
@@ -27,7 +27,7 @@ from .store_files import ARRAYS, NUMBERED, STATISTICS, Entry, open_array, read_e
 __all__ = ["ARRAYS", "NO_WINDOW", "STATISTICS", "Entry", "Store", "gather"]
 
 NO_WINDOW = "longer clips; for a store without validation clips: data.validation=0.05, or train.validate_every=0"
-"""What helps where no clip of a split is long enough."""
+"""The hint of an error where no clip of a split is long enough."""
 
 
 class Store:
@@ -53,8 +53,8 @@ class Store:
             shapes = {str(name): tuple(map(int, shape)) for name, shape in index["arrays"].items()}
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError(f"the index of the store {str(self.folder)!r} is damaged: {error!r}"[:200]) from None
-        known = (*ARRAYS, *(f"{name}_{what}" for name in NUMBERED for what in STATISTICS))
-        kinds = {name: (ARRAYS.get(name, "<f4"), shape) for name, shape in shapes.items() if name in known}
+        array_names = (*ARRAYS, *(f"{name}_{what}" for name in NUMBERED for what in STATISTICS))
+        kinds = {name: (ARRAYS.get(name, "<f4"), shape) for name, shape in shapes.items() if name in array_names}
         self.arrays = {name: open_array(self.folder / f"{name}.npy", *kind) for name, kind in kinds.items()}
         self._check()
 
@@ -81,10 +81,10 @@ class Store:
     def clip(self, which: Entry | int | str) -> dict[str, Array]:
         """Views of one clip's rows of all arrays that it has; by entry, number or name."""
         if isinstance(which, str):
-            found = next((entry for entry in self.clips if entry.name == which), None)
-            if found is None:
+            match = next((entry for entry in self.clips if entry.name == which), None)
+            if match is None:
                 raise InputError(f"no clip of the store is called {which!r}", f"{self.clips[0].name!r} is one")
-            which = found
+            which = match
         entry = self.clips[which] if isinstance(which, int) else which
         return {name: self.arrays[name][entry.offset : entry.offset + entry.frames] for name in entry.has}
 
@@ -118,13 +118,13 @@ class Store:
         if split is not None and split not in SPLITS:
             raise InputError(f"no split is called {split!r}", nearest(split, SPLITS))
         own = [(k, clip) for k, clip in enumerate(self.clips) if split in (None, clip.split) and {*arrays} <= {*clip.has}]
-        chosen = [(k, clip.offset, clip.frames - frames + 1) for k, clip in own if clip.frames >= frames]
-        if frames < 1 or not chosen:
+        candidates = [(k, clip.offset, clip.frames - frames + 1) for k, clip in own if clip.frames >= frames]
+        if frames < 1 or not candidates:
             longest = max((clip.frames for _, clip in own), default=0)
             has, hint = (f"its longest clip has {longest}", NO_WINDOW) if own else self._find_lacking(split, arrays)
             where = f"{split or 'whole'} split of {str(self.folder)!r}"
             raise InputError(f"no window of {frames} frames in the {where}: {has}", hint)
-        numbers, offsets, counts = np.array(chosen, np.int64).T
+        numbers, offsets, counts = np.array(candidates, np.int64).T
         return numbers, offsets, counts
 
     def _find_lacking(self, split: str | None, arrays: Sequence[str]) -> tuple[str, str]:
@@ -157,9 +157,9 @@ class Store:
         place = {name: k for k, name in enumerate(self.speakers)}
         speaker = np.array([place[self.clips[k].speaker] for k in numbers])
         while True:
-            drawn = rng.integers(0, ends[-1], batch)
-            which = np.searchsorted(ends, drawn, "right")
-            start = offsets[which] + drawn - (ends[which] - counts[which])
+            draws = rng.integers(0, ends[-1], batch)
+            which = np.searchsorted(ends, draws, "right")
+            start = offsets[which] + draws - (ends[which] - counts[which])
             out = {name: gather(self.arrays[name], start, frames) for name in arrays}
             yield out | {"speaker": speaker[which], "clip": numbers[which], "start": start}
 

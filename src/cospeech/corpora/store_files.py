@@ -28,7 +28,7 @@ are in no file: they are worked out of the poses (`cospeech.training.style_contr
 of the words (`cospeech.training.texts`, where ``text`` may be float32 as well)."""
 STATISTICS = ("mean", "std")
 NUMBERED = ("pose", "audio")
-"""Those that have statistics."""
+"""The arrays that have statistics."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +76,10 @@ def open_array(path: Path, dtype: str, shape: tuple[int, ...]) -> Array:
     """
     try:
         with regular_file(path, "an array").open("rb") as file:
-            found, offset = read_array_head(file, repr(str(path))), file.tell()
-        if (found[0].str, found[1]) != (dtype, shape) or (found[2] != "C" and len(shape) > 1):
+            head, offset = read_array_head(file, repr(str(path))), file.tell()
+        if (head[0].str, head[1]) != (dtype, shape) or (head[2] != "C" and len(shape) > 1):
             raise InputError(f"{str(path)!r} is not {shape} of {dtype}, as the index says", "prepare the store again")
-        return np.memmap(path, found[0], "r", offset, shape)
+        return np.memmap(path, head[0], "r", offset, shape)
     except (OSError, ValueError, OverflowError) as error:
         if isinstance(error, InputError):
             raise

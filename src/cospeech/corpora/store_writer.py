@@ -77,8 +77,8 @@ def write_store(
     speakers = sorted({piece.entry.speaker for piece in pieces})
     words = ["", *sorted({word for piece in pieces for word in piece.words})]
     shapes: dict[str, tuple[int, ...]] = {name: (total, len(names[name])) if name in names else (total,) for name in present}
-    counted = [name for name in ("pose", "audio") if name in present]
-    for name in counted:
+    with_moments = [name for name in ("pose", "audio") if name in present]
+    for name in with_moments:
         shapes |= {f"{name}_{what}": (1 + len(speakers), len(names[name])) for what in STATISTICS}
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -89,12 +89,12 @@ def write_store(
                 for name in present
             }
             entries, moments = _fill(
-                arrays, pieces, speakers, words, {n: RowMoments(1 + len(speakers), len(names[n])) for n in counted}
+                arrays, pieces, speakers, words, {n: RowMoments(1 + len(speakers), len(names[n])) for n in with_moments}
             )
             arrays.clear()  # unmaps them, so that they can be moved everywhere
-            for numbered, moment in moments.items():
+            for array, moment in moments.items():
                 for what, values in zip(STATISTICS, moment.results(), strict=True):
-                    np.save(paths[f"{numbered}_{what}"], values, allow_pickle=False)
+                    np.save(paths[f"{array}_{what}"], values, allow_pickle=False)
             index = {
                 "format": FORMAT, "corpus": corpus, "pose": pose, "fps": fps, "speakers": speakers, "words": words,
                 "names": {name: names[name] for name in present if name in names}, "arrays": shapes,
@@ -117,7 +117,7 @@ def _fill(
         entry = replace(piece.entry, offset=at)
         rows = slice(at, at + entry.frames)
         values = piece.load()
-        if "word" in values:  # its own numbers → everybody's
+        if "word" in values:  # numbers of the piece → numbers of the store
             own = np.array([0, *(numbers[word] for word in piece.words)], np.int32)
             values["word"] = np.where(values["word"] < 0, -1, own[values["word"]])
         for name, array in arrays.items():

@@ -86,12 +86,12 @@ def read_info(path: Path) -> dict[str, str]:
             f"{path.name!r} has no columns 'anim_bvh' and 'validation'", f"its first line: {','.join(header)[:60]}"
         )
     name, flag = header.index("anim_bvh"), header.index("validation")
-    found = {}
+    splits = {}
     for line, row in enumerate(rows[1:], 2):
         if not row:
             continue
         value = row[flag].strip().lower() if len(row) > max(name, flag) else ""
         if value not in ("true", "false"):
             raise InputError(f"{path.name!r}, line {line}: {value[:40]!r} where TRUE or FALSE belongs", "is it damaged?")
-        found[row[name].strip().removesuffix(".bvh")] = "validation" if value == "true" else "train"
-    return found
+        splits[row[name].strip().removesuffix(".bvh")] = "validation" if value == "true" else "train"
+    return splits

@@ -51,7 +51,7 @@ class RuleBasedModel:
     (30, (30, 52))
 
     Args:
-        mouth: makes what a face speaks with; where not given, rules make its mouth, from the sound's energy and bands.
+        mouth: makes the mouth of the face; where not given, rules make it from the sound's energy and bands.
     """
 
     look_ahead, latency = LOOK_AHEAD, LATENCY
@@ -72,15 +72,14 @@ class RuleBasedModel:
     def session(
         self, options: GenerationOptions | None = None, /, *, moving: bool = True, aimed: bool = True, **keywords: Any
     ) -> Session:
-        """A performance to push speech into; `stream` and `generate` are this in a loop. For the options see `generate`.
+        """Open a performance, into which speech is pushed; `stream` and `generate` do this in a loop. Options: see `generate`.
 
-        ``moving``: False where nothing is to be made, and its `Session.emotion` alone is wanted. ``aimed``: False where
-        another system turns the head, see `Session.aim`. Options that only some trained
-        systems have (face, continue_from, takes) are refused.
+        ``moving``: False if no motion is needed, but only `Session.emotion`. ``aimed``: False if another system turns the
+        head, see `Session.aim`. Options that only some trained systems have (face, continue_from, takes) are refused.
         """
         options = GenerationOptions.of(options, keywords)
-        for what, given in (("a face", options.face), ("motion to go on from", options.continue_from)):
-            if given is not None:
+        for what, value in (("a face", options.face), ("motion to go on from", options.continue_from)):
+            if value is not None:
                 raise InputError(
                     f"the rule-based model does not take {what}", "chain-of-generation, trained with it, does: docs/runtime.md"
                 )
@@ -106,16 +105,16 @@ class RuleBasedModel:
         """Gestures for a whole speech.
 
         Args:
-            speech: any rate; words, where it has them, call for lexical gestures and better lips.
+            speech: any rate; words, if it has them, give lexical gestures and better lips.
             style: a name in `STYLES`, a mixture (``"calm:0.7,lively:0.3"``) or a `Style` of your own; None: the first one.
-            emotion: one of `EMOTIONS`, an `EmotionTrack`, or "auto": the arousal of the voice, and what is surely heard.
+            emotion: one of `EMOTIONS`, an `EmotionTrack`, or "auto": the arousal of the voice, and a clear emotion of it.
             seed: another seed, another plausible performance; the same one, the same bytes.
             intensity: size of all movement, 0 (idle) … 2.
             temperature: freedom in the choice and place of gestures, 0 … 2.
             fps: frames per second, 1 … 240.
             parts: of face, body, hands.
-            plan: a `Plan`, or the file of one: what is gestured when; style, emotion, seed, intensity and temperature are its
-                own then.
+            plan: a `Plan`, or the file of one: which gestures come when; style, emotion, seed, intensity and temperature are
+                then those of the plan.
             face_gain: how strong the mouth is, 0 … 2; or a number for each channel (``"1.2,jawOpen:0.8,mouthSmile:0.5"``,
                 or a dict), see `cospeech.face.gains.face_gains`.
             look_ahead: seconds of speech after a frame that it depends on, 0.4 … 1.48 (0.2 … of the face alone); less makes a
@@ -134,7 +133,7 @@ class RuleBasedModel:
         return Motion.concatenate(pieces)
 
     def plan(self, speech: Speech, **options: Any) -> Plan:
-        """What `generate` would perform, as a plan with all gestures listed, to be edited and played: ``plan=``.
+        """The plan of what `generate` would perform. It lists all gestures; edit it, and play it with ``plan=``.
 
         Args:
             speech: the speech; its words become a part of the plan.
@@ -145,8 +144,8 @@ class RuleBasedModel:
         """
         from .plan_edits import Plan
 
-        asked = GenerationOptions.from_keywords(options)
-        session = self.session(asked if asked.plan is not None else replace(asked, plan=Plan.of(asked)))
+        request = GenerationOptions.from_keywords(options)
+        session = self.session(request if request.plan is not None else replace(request, plan=Plan.of(request)))
         for _ in stream_motion(session, [speech]):
             pass
         return session.plan

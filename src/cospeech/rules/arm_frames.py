@@ -19,7 +19,7 @@ from .styles import Style
 __all__ = ["ArmFrames", "arm_frames", "lay_on_lap", "offsets"]
 
 _STAYING = 0.7  # share of a seated trunk's lean that raised hands do not take part in (ours)
-_CROSSED = 0.09  # metres by which a leg over the other's knee raises the lap
+_KNEE_RAISE = 0.09  # metres by which a leg over the other's knee raises the lap
 _LEANS = 0.6  # share of the style's lean that a seated trunk has in the middle (ours)
 _OFF_LAP, _LIFTS_OVER = -0.40, 0.32
 """Arm lengths above the shoulder of a hand that has left the lap; and below it, of one that lies there and does not sway with
@@ -45,7 +45,7 @@ class ArmFrames(NamedTuple):
     lap: Array
     """(N, 1) height of the lap where the hips of the T-pose are: it stays level when the pelvis tilts."""
     stay: Array
-    """By which the hands of a seated body stay where they are when the trunk leans."""
+    """Offset with which the hands of a seated body stay in place when the trunk leans."""
 
 
 def _lean(style: Style, share: float) -> Array:
@@ -85,8 +85,8 @@ def arm_frames(places: dict[str, tuple[Array, Array]], neck: Array, b: Array, ro
     if style.seated:
         usual = quat_rotate(_lean(style, 1.0), _over_hips())
         stay = quat_rotate(back, _STAYING * (usual - (chest_at - hips_at)))
-    crossed = smoothstep(b[:, [Body.LEFT_LIFT, Body.RIGHT_LIFT]].max(1, keepdims=True) / 0.18)
-    lap = float(o["t:hips"][1]) - 0.04 + THIGH_TOP + _CROSSED * crossed
+    crossing = smoothstep(b[:, [Body.LEFT_LIFT, Body.RIGHT_LIFT]].max(1, keepdims=True) / 0.18)
+    lap = float(o["t:hips"][1]) - 0.04 + THIGH_TOP + _KNEE_RAISE * crossing
     both_to_hips, to_seat = mirror_arm(to_hips, MIRROR_Q), mirror_arm(chest, MIRROR_Q)
     return ArmFrames(
         TrunkFrames(both_to_hips, quat_conjugate(both_to_hips), mirror_arm(hips_from, MIRROR_V), mirror_arm(head, MIRROR_V)),
@@ -99,7 +99,7 @@ def arm_frames(places: dict[str, tuple[Array, Array]], neck: Array, b: Array, ro
     )
 
 
-def lay_on_lap(target: Array, place: Array, raised: Array, frames: ArmFrames, style: Style) -> Array:
+def lay_on_lap(target: Array, place: Array, height: Array, frames: ArmFrames, style: Style) -> Array:
     """Wrists of a seated body: one near the lap lies there, however the trunk sways.
 
     Args:
@@ -111,6 +111,6 @@ def lay_on_lap(target: Array, place: Array, raised: Array, frames: ArmFrames, st
     """
     shoulder = offsets()["leftShoulder"] + offsets()["leftUpperArm"]
     usual = quat_rotate(_lean(style, 0.5), place) + quat_rotate(_lean(style, 1.0), shoulder + _over_hips())
-    lies = smoothstep((_OFF_LAP - raised) / _LIFTS_OVER)[..., None]
+    lies = smoothstep((_OFF_LAP - height) / _LIFTS_OVER)[..., None]
     result: Array = target + lies * (quat_rotate(frames.from_seat, usual - frames.seat_at) - target)
     return result

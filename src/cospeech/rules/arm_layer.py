@@ -1,4 +1,4 @@
-"""Clavicles that rise with the arm, and fingers that live, under arms that another system moves. See `stance_layer`.
+"""Clavicles that rise with the arm, and fingers that are never still, for arms that another system moves. See `stance_layer`.
 
 Every frame depends on its own row, on its wrists, on its time and on the seed.
 """
@@ -17,11 +17,11 @@ from ..motion.skeleton import humanoid
 
 __all__ = ["move_fingers", "raise_clavicles"]
 
-_LIFTED, _REACHED, _ROLLED, _RAISED = np.radians([5.0, 3.5, 14.0, 2.2])
+_LIFT, _REACH, _ROLL, _BREATH_LIFT = np.radians([5.0, 3.5, 14.0, 2.2])
 """Radians by which a clavicle rises with a raised arm, comes forward with one that reaches, rolls back about itself with a
 raised arm, and rises with a breath. Ours: less than in the rules (`cospeech.rules.realise`), because the other system's
 clavicles move a little too."""
-_HANGS, _ABOVE, _AT_HAND, _AWAY = -1.0, 1.3, 0.05, 0.75  # arm lengths: where these begin, and over which ways they grow
+_HANGS, _ABOVE, _AT_HAND, _AWAY = -1.0, 1.3, 0.05, 0.75  # arm lengths: where these begin, and over which distance they grow
 _USUAL_UP, _USUAL_FORWARD = -0.6, 0.31  # arm lengths at which a clavicle stays as it is ([ours]: medians of people)
 _SHRUGS = np.radians([3.0, 2.3])  # rise and reach of shoulders that are never still ([ours])
 _CURL, _APART = np.radians([14.0, 7.5])  # slow bending of all fingers of a hand, and of each for itself ([ours])
@@ -29,7 +29,7 @@ _OPENS, _FAST = np.radians(20.0), 1.6  # by how much fingers open in a stroke, a
 _JOINT_SHARES = np.array([0.8, 1.1, 0.73])  # of it in knuckle, middle and last joint ([ours]; the last follows the middle one)
 _LEAST, _MOST = np.radians([[-15.0], [2.0], [0.0]]), np.radians([[88.0], [100.0], [68.0]])
 """(3, 1) bend of those joints at which nothing is added any more; inside the active ranges of adults (Hume et al. 1990)."""
-_MOST_TURNED, _FREELY = (
+_MOST_TURN, _FREELY = (
     np.radians(38.0),
     np.radians(18.0),
 )  # of a clavicle; from there, and so far before, less is added ([ours])
@@ -49,16 +49,16 @@ def raise_clavicles(q: Array, wrists: Array, breath: Array, times: Array, seed: 
     joint = humanoid().index
     shrugs = smooth_noise(seed + 24, 4, times, 0.42, octaves=3, gain=0.55)
     for side, name in enumerate(("left", "right")):
-        risen = _rise(wrists[:, side, 1]) - _rise(np.array(_USUAL_UP))
-        lift = _LIFTED * risen + _RAISED * breath
-        ahead = _REACHED * (_reach(wrists[:, side, 2]) - _reach(np.array(_USUAL_FORWARD)))
+        rise = _rise(wrists[:, side, 1]) - _rise(np.array(_USUAL_UP))
+        lift = _LIFT * rise + _BREATH_LIFT * breath
+        ahead = _REACH * (_reach(wrists[:, side, 2]) - _reach(np.array(_USUAL_FORWARD)))
         lift, ahead = lift + _SHRUGS[0] * shrugs[:, 2 * side], ahead + _SHRUGS[1] * shrugs[:, 2 * side + 1]
         shoulder, upper = joint[name + "Shoulder"], joint[name + "UpperArm"]
         before = q[:, shoulder].copy()
-        turned = 2 * np.arccos(np.minimum(np.abs(before[:, 3]), 1.0))
-        share = (1.0 - 2.0 * side) * amount * smoothstep((_MOST_TURNED - turned) / _FREELY)
+        angle = 2 * np.arccos(np.minimum(np.abs(before[:, 3]), 1.0))
+        share = (1.0 - 2.0 * side) * amount * smoothstep((_MOST_TURN - angle) / _FREELY)
         turn = quat_multiply(_about(2, share * lift), _about(1, -share * ahead))
-        roll = _about(0, -np.abs(share) * _ROLLED * risen)
+        roll = _about(0, -np.abs(share) * _ROLL * rise)
         q[:, shoulder] = quat_multiply(quat_multiply(turn, before), roll)
         back = quat_multiply(quat_conjugate(q[:, shoulder]), before)
         q[:, upper] = quat_multiply(back, q[:, upper])
@@ -76,14 +76,14 @@ def move_fingers(q: Array, speeds: Array, times: Array, seed: int, amount: float
     """
     noise = smooth_noise(seed + 25, 10, times, 0.5, octaves=2, gain=0.5)
     for side, joints in enumerate(_fingers()):
-        opened = _OPENS * np.tanh(np.square(speeds[:, side] / _FAST))
-        bend = (_CURL * noise[:, 5 * side] - opened)[:, None] + _APART * noise[:, 5 * side + 1 : 5 * side + 5]
+        opening = _OPENS * np.tanh(np.square(speeds[:, side] / _FAST))
+        bend = (_CURL * noise[:, 5 * side] - opening)[:, None] + _APART * noise[:, 5 * side + 1 : 5 * side + 5]
         mirror = 1.0 - 2.0 * side
         more = amount * bend[:, None] * _JOINT_SHARES[:, None]  # (n, 3, 4)
         local = q[:, joints]
         sign = np.where(local[..., 3] < 0, -1.0, 1.0)
-        bent = -mirror * 2 * np.arctan2(sign * local[..., 2], sign * local[..., 3])
-        room = np.maximum(np.where(more > 0, _MOST - bent, bent - _LEAST), 1e-6)
+        angles = -mirror * 2 * np.arctan2(sign * local[..., 2], sign * local[..., 3])
+        room = np.maximum(np.where(more > 0, _MOST - angles, angles - _LEAST), 1e-6)
         more = room * np.tanh(more / room)
         q[:, joints] = quat_multiply(local, _about(2, -mirror * more))
 

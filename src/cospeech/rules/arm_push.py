@@ -1,6 +1,6 @@
-"""Arms that are going to be pushed out of the body leave their way early and come back late, so that nothing jerks.
+"""Arms that have to be pushed out of the body leave their way early and come back late, so that nothing jerks.
 
-Arms of a network are in the torso for a part of the time. A push out of it, frame by frame, begins and ends within a few
+A network's arms are inside the torso for a part of the time. A push out of it, frame by frame, begins and ends within a few
 frames. Here the push of a frame counts for the frames around it, too: less, the further away they are.
 """
 

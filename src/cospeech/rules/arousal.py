@@ -1,7 +1,7 @@
 """Arousal in the voice, followed over a stream, and what it changes in movement.
 
-Arousal is what a voice tells surely, in actors and languages that were never heard (docs/emotion_from_speech.md). It makes
-movement larger and quicker, and names nothing. `cospeech.audio.voice_emotion` hears it.
+Arousal is heard reliably, also of new actors and in new languages (docs/emotion_from_speech.md). It makes movement larger and
+quicker, and names no emotion. `cospeech.audio.voice_emotion` measures it.
 """
 
 from __future__ import annotations
@@ -17,28 +17,28 @@ from .emotion_modifiers import EmotionModifier
 
 __all__ = ["Arousal", "amplitude", "arouse"]
 
-_TRUST = 12  # looks until half of what is heard is believed [ours: 6 s of speech]
+_TRUST = 12  # looks after which a measured arousal counts half [ours: 6 s of speech]
 _INERTIA = 0.75  # per look: arousal changes over some two seconds [ours]
-_USUALLY, _EXTENT = 0.25, 0.4  # [ours] arousal that is none yet; share by which full arousal enlarges learned poses
+_USUALLY, _EXTENT = 0.25, 0.4  # [ours] arousal up to which poses stay; share by which full arousal enlarges learned poses
 _AMPLITUDE, _RATE, _TEMPO, _BODY = 0.22, 0.15, 0.15, 0.2  # [ours] share by which full arousal changes an `EmotionModifier`
 
 
 class Arousal:
-    """Follows a voice; `level` is what is played."""
+    """Follows a voice; `level` is the arousal that is played."""
 
     def __init__(self) -> None:
         self.level = 0.0
         """−1 … 1; 0: as this voice usually speaks."""
         self._looks = 0
         self._total, self._ticks = 0.0, 0
-        self._levels = array("d")  # of the looks from the first on that somebody may still ask for
+        self._levels = array("d")  # of the looks, from the first one that may still be asked for
         self._first = 0
 
-    def follow(self, heard: float | None) -> None:
-        """Take what one more look heard, twice a second; None: nothing is said, and arousal fades."""
+    def follow(self, arousal: float | None) -> None:
+        """Take the arousal of one more look, twice a second; None: nobody speaks, and arousal fades."""
         goal = 0.0
-        if heard is not None:
-            goal = min(max(heard, -1.0), 1.0) * self._looks / (self._looks + _TRUST)
+        if arousal is not None:
+            goal = min(max(arousal, -1.0), 1.0) * self._looks / (self._looks + _TRUST)
             self._looks += 1
         self.level = _INERTIA * self.level + (1 - _INERTIA) * goal
         self._levels.append(self.level)
@@ -51,11 +51,11 @@ class Arousal:
 
     @property
     def mean(self) -> float:
-        """Over all that was heard."""
+        """Over the speech so far."""
         return self._total / self._ticks if self._ticks else 0.0
 
     def at(self, times: Array) -> Array:
-        """(n,) levels at ``times (n,)`` seconds of the looks, straight from one look to the next; 0 before the first.
+        """(n,) levels at ``times (n,)`` seconds, linear between looks; 0 before the first.
 
         Times go on from call to call: what was before them is forgotten.
         """
@@ -66,7 +66,7 @@ class Arousal:
         return np.interp(times / LOOKS, self._first + np.arange(len(looks)), looks, left=0.0)
 
     def forget(self, before: float) -> None:
-        """Nobody will ask for a time before this one."""
+        """Drop what only times before this one need."""
         over = min(int(before / LOOKS) - self._first, len(self._levels) - 1)
         if over > 0:
             del self._levels[:over]
@@ -74,13 +74,13 @@ class Arousal:
 
 
 def amplitude(level: Array) -> Array:
-    """Factor (n,) on the way of poses from the mean one, at arousal ``level (n,)``; 1 for a voice as it usually is."""
+    """Factor (n,) on the distance of poses from the mean one, at arousal ``level (n,)``; 1 for a voice as it usually is."""
     beyond = np.maximum(np.abs(level) - _USUALLY, 0.0) / (1 - _USUALLY)
     return 1.0 + _EXTENT * np.sign(level) * beyond
 
 
 def arouse(manner: EmotionModifier, level: float) -> EmotionModifier:
-    """A way to move, larger and quicker with arousal −1 … 1, smaller and slower without."""
+    """A modifier at arousal −1 … 1: movement is larger and quicker above 0, smaller and slower below."""
     return replace(
         manner,
         amplitude=manner.amplitude * (1 + _AMPLITUDE * level),

@@ -1,7 +1,7 @@
 """Bouts: gestures of a speaker come in bursts, with stretches between them in which the hands hold still or rest.
 
-Two recorded speakers are still less often than chance would make them, and for longer: with as much movement, their hands stop
-half as often as hands that leave out accents one by one (docs/models/rules.md). So accents are left out by the stretch.
+Two recorded speakers hold their hands still less often than chance, but for longer: with as much movement, their hands stop
+half as often as hands that leave out accents one by one (docs/models/rules.md). So whole stretches of accents are left out.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ __all__ = ["Bouts"]
 _BUSY, _QUIET = (4.0, 9.5), (2.2, 4.4)
 """Seconds of a stretch with gestures, and of one without. [ours: stillness of two recorded speakers]"""
 _AFTER_PAUSE = 0.75  # how often a phrase that follows a pause begins a bout with gestures [ours]
-_RESTED, _LONGER = 1.2, 1.5
+_REST_PAUSE, _LONGER = 1.2, 1.5
 """Seconds of a pause in which hands have rested; and how much longer the bout after it is. [ours]"""
 _SHORTER = -0.4  # power of the style's stillness: bouts of one who is often still are also shorter [ours]
 _EAGER = {True: 1.55, False: 0.04}  # factor on the share of accents with a stroke, in a bout and between bouts [ours]
@@ -43,11 +43,11 @@ class Bouts:
             phrases: that are known.
             stillness: of the style and the mood, as `cospeech.rules.styles.Style.stillness`.
         """
-        begun = next((p for p in phrases if self._phrase < p.start <= now + 0.6), None)
-        if begun is not None:
-            self._phrase = begun.start
-            before = max((p.end for p in phrases if p.end <= begun.start), default=-1.0)
-            if begun.start - before > _RESTED:
+        phrase = next((p for p in phrases if self._phrase < p.start <= now + 0.6), None)
+        if phrase is not None:
+            self._phrase = phrase.start
+            before = max((p.end for p in phrases if p.end <= phrase.start), default=-1.0)
+            if phrase.start - before > _REST_PAUSE:
                 self._begin(now, stillness, busy=True, longer=_LONGER)
             elif not self.busy and self._random.random() < _AFTER_PAUSE:
                 self._begin(now, stillness, busy=True)

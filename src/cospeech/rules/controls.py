@@ -1,4 +1,4 @@
-"""What can be changed while a session of the rules runs: style, size, emotion."""
+"""The controls of a session of the rules while it runs: style, size, emotion."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class SessionControls:
     manners: MannerCourse
     modifier: EmotionModifier
     _ticks: int
-    _played: PlanRecord | None
+    _record: PlanRecord | None
     _feels: object
     """The emotion of the plan that holds now; None without a plan."""
 
@@ -42,20 +42,20 @@ class SessionControls:
         return self._ticks * self.foresight.tick
 
     def restyle(self, style: object) -> None:
-        """Another style, for all frames that are not made yet; it is faded in over half a second.
+        """Set another style for all frames that are not made yet; it fades in over half a second.
 
         Raises:
-            InputError: a style that there is not, or one that sits where the old one stands; the old one goes on.
+            InputError: there is no such style, or it sits and the old one stands, or the reverse; the old one goes on.
         """
-        found = find_style(style)
-        if found.seated != self.manners.last.style.seated:
-            problem = "a style that sits for a session that stands" if found.seated else "a style that stands for one that sits"
+        new = find_style(style)
+        if new.seated != self.manners.last.style.seated:
+            problem = "a style that sits for a session that stands" if new.seated else "a style that stands for one that sits"
             raise InputError(problem, "open a new session with it")
         self._make(self.planned_until)
-        self._perform(found, self.manners.last.intensity)
+        self._perform(new, self.manners.last.intensity)
 
     def set_intensity(self, intensity: float) -> None:
-        """Another size of all movement, 0 … 2, for what is not planned yet.
+        """Set another size of all movement, 0 … 2, for what is not planned yet.
 
         Raises:
             InputError: it is no number, or out of range.
@@ -65,7 +65,7 @@ class SessionControls:
         self._perform(self.manners.last.style, float(intensity))
 
     def set_emotion(self, emotion: str | Moods) -> None:
-        """Another emotion, or "auto", from the first frame on that is not made yet; it is faded in over half a second.
+        """Set another emotion, or "auto", for all frames that are not made yet; it fades in over half a second.
 
         Args:
             emotion: as the option of `RuleBasedModel.generate`; times of a track count from the beginning of the session.
@@ -91,8 +91,8 @@ class SessionControls:
         return make_manner(style, intensity, seed=seed, gains=self.gains, delays=self.foresight.face)
 
     def _follow_plan(self) -> None:
-        """Take over what the plan sets from now on."""
-        for new in [] if self._played is None else self._played.settings_until(self.planned_until):
+        """Take over the values that the plan sets from now on."""
+        for new in [] if self._record is None else self._record.settings_until(self.planned_until):
             style, last = find_style(new.style), self.manners.last
             if (style, new.intensity, new.seed) != (last.style, last.intensity, last.seed):
                 self._perform(style, new.intensity, new.seed)

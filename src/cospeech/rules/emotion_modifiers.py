@@ -1,4 +1,4 @@
-"""What an emotion does to movement, as a small, readable set of factors and offsets. Sizes are ours, set by eye."""
+"""The effect of an emotion on movement, as a small, readable set of factors and offsets. Sizes are ours, set by eye."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["MANNERS", "EmotionModifier", "blend_modifiers"]
 
 @dataclass(frozen=True)
 class EmotionModifier:
-    """What an emotion does to movement: factors (1 = unchanged) and offsets (0 = unchanged).
+    """The effect of an emotion on movement: factors (1 = unchanged) and offsets (0 = unchanged).
 
     After the third paper's observations (Xu et al. 2024, section 4): happiness and surprise expand outward and quicken;
     fear and sadness turn inward with fewer variations; anger is fast, large and abrupt; contempt and disgust are alike,

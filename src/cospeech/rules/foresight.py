@@ -1,7 +1,7 @@
-"""How much of the speech to come a session of the rules hears before it moves: much, or little where nobody can wait.
+"""How much of the coming speech a session of the rules hears before it moves: much, or little where nobody can wait.
 
-A gesture begins before the word that it goes with. Who hears 1.5 s of what comes can plan that. Who hears half a second
-prepares in less time and strokes later. The settings of both are here, and what follows from them.
+A gesture begins before the word that it goes with. A session that hears 1.5 s ahead can plan that. One that hears half a
+second ahead prepares in less time and strokes later. Both settings are here, and what follows from them.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ LEAST_FACE = 0.2
 _FACE_TICK = 0.05  # seconds between two decisions where less is heard ahead (ours: frames wait less for each other)
 _SHORT_PEAK = 0.03  # seconds after a peak of the envelope until it counts as an accent (ours: the flank has begun to fall)
 _WAIT, _SHORT_WAIT = 1 / 30, 1 / 50
-"""Seconds; see `Foresight.wait` (ours: a third of a tick, as of who pushes thirty times a second; usual small pieces)."""
+"""Seconds; see `Foresight.wait` (ours: a third of a tick, for callers that push thirty times a second; usual small pieces)."""
 _MARGIN = 0.02  # seconds: a row of the envelope, and one of the peak's right-hand side
-_PLANNED = 0.6  # seconds from a decision to an accent in which most preparations and half a stroke find room (ours)
+_PREPARATION = 0.6  # seconds from a decision to an accent in which most preparations and half a stroke find room (ours)
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Foresight:
         level_delay, peak_delay: see `cospeech.audio.event_detection`.
         horizon: seconds ahead of a tick up to which accents are taken up.
         late: seconds by which strokes come after the accents that they are made for.
-        face: by how much what the face does comes late.
+        face: delays of what the face does.
     """
 
     look_ahead: float = LOOK_AHEAD
@@ -109,10 +109,10 @@ cut. It is looked at every half second (`cospeech.rules.arousal`), and 0.15 s ar
 
 
 def foresee(seconds: float | None, *, least: float = LEAST_LOOK_AHEAD) -> Foresight:
-    """The setting that looks ahead by at most so many seconds; the usual one where nothing is said.
+    """The setting that looks ahead by at most so many seconds; the usual one where None.
 
     Args:
-        seconds: what `GenerationOptions.look_ahead` says.
+        seconds: as `GenerationOptions.look_ahead`.
         least: the shortest that is possible.
 
     Raises:
@@ -126,7 +126,7 @@ def foresee(seconds: float | None, *, least: float = LEAST_LOOK_AHEAD) -> Foresi
         return USUAL
     tick = TICK if seconds >= LEAST_LOOK_AHEAD else _FACE_TICK
     ahead = round(floor(float(seconds) / tick + 1e-6) * tick, 2)
-    known = ahead - _SHORT_PEAK - ENVELOPE_DELAY - _MARGIN
-    horizon = min(known, HORIZON)
-    face = FaceDelays.for_foresight(accents=known - tick, sound=ahead - tick)
-    return Foresight(ahead, tick, 0.0, _SHORT_PEAK, horizon, max(_PLANNED - horizon, 0.0), face)
+    certain = ahead - _SHORT_PEAK - ENVELOPE_DELAY - _MARGIN
+    horizon = min(certain, HORIZON)
+    face = FaceDelays.for_foresight(accents=certain - tick, sound=ahead - tick)
+    return Foresight(ahead, tick, 0.0, _SHORT_PEAK, horizon, max(_PREPARATION - horizon, 0.0), face)

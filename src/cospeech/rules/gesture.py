@@ -54,11 +54,11 @@ class GestureOverride:
     size: float = 1.0
     place: tuple[float, float, float] | None = None
 
-    def choose_hands(self, drawn: list[int], label: str) -> tuple[list[int], str]:
-        """The hands that perform, leader first, where ``drawn`` are those that the planner would take."""
+    def choose_hands(self, usual: list[int], label: str) -> tuple[list[int], str]:
+        """The hands that perform, leader first; ``usual`` are those that the planner would take."""
         if self.hands is None or self.hands == label:
-            return drawn, label
-        both = [drawn[0], 1 - drawn[0]]
+            return usual, label
+        both = [usual[0], 1 - usual[0]]
         return (both if self.hands == "both" else [RIGHT if self.hands == "right" else LEFT]), self.hands
 
     def shift(self, poses: list[Array]) -> None:

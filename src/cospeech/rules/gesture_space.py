@@ -21,7 +21,7 @@ __all__ = [
     "SHAPES", "GesturePlacement", "keep_beside_face", "reach_time", "shortest_reach_time", "stroke_time", "stroke_times",
 ]  # fmt: skip
 
-_WORDED = 0.5  # semantic score from which the hand shape of a form is part of what it says (ours)
+_WORD_SCORE = 0.5  # semantic score from which the hand shape of a form is part of what it says (ours)
 _LEFT = 0  # row of `RESTS`
 _SPACE = np.array([0.09, 0.055, -0.13])  # arm lengths from the table's places to where speakers gesture most (motion.md §1)
 _ROOM = np.array([0.95, 1.5, 1.1])  # strokes of speakers are higher than those of the table (motion.md: SD of height)
@@ -32,7 +32,7 @@ thighs at -.60, and a beat from there needs room."""
 _BOX = np.array([(-0.30, -0.76, 0.06), (0.62, 0.32, 0.84)])  # arm lengths: where strokes may go at all (ours)
 _BESIDE = np.array([(-0.40, -0.30), (-0.12, 0.22), (0.15, 0.38)])
 """Arm lengths above and outward of the shoulder: how far inward a hand may go at what height. Ours: a hand as high as the
-mouth is beside it, or it hides what is said."""
+mouth is beside it, or it hides the mouth."""
 
 _FASTEST = 2.0  # m/s; no single move peaks above it (ours: 99 % of wrist speeds of people are below 2.8, motion.md §1)
 _HURRY = 2.3  # m/s at which the fastest reach peaks (ours, from the same figure)
@@ -103,15 +103,15 @@ class GesturePlacement:
             pose[2] = max(pose[2], in_front)
             out.append(pose)
         if style.seated:  # strokes end above the thighs, or their peaks of speed would be where the thighs stop them
-            raised = max(_LAP - min(pose[1] for pose in out), 0.0)
+            rise = max(_LAP - min(pose[1] for pose in out), 0.0)
             for pose in out:
-                pose[1] += raised
+                pose[1] += rise
         return out
 
     def _with_hand(self, pose: HandPose, form: Form) -> Array:
         """The values of a pose; where no word asks for its hand shape, often with one that serves as well."""
         values, kin = pose.values(), SHAPE_KIN.get(pose.shape, ())
-        if form.score < _WORDED and kin and self._random.random() < 0.6 * min(self.temperature, 1.0):
+        if form.score < _WORD_SCORE and kin and self._random.random() < 0.6 * min(self.temperature, 1.0):
             values[7:19] = SHAPES[self._random.choice(kin)].values()
         return values
 
@@ -129,13 +129,13 @@ class GesturePlacement:
 
     def _shape(self, shape: Array, tension: float, free: float) -> Array:
         """Finger angles loosened or stiffened, and never twice the same."""
-        relaxed = FORMS["beat"].poses[0].values()[7:19]
+        base = FORMS["beat"].poses[0].values()[7:19]
         loose = 0.15 * (1 - tension)
-        out = shape + (relaxed - shape) * loose
+        out = shape + (base - shape) * loose
         return out + np.array([self._random.gauss(0, 3.0) * free for _ in out])
 
     def follower(self, poses: list[Array], strength: float, *, mirrors: bool) -> list[Array]:
-        """The other hand of a two-handed gesture: smaller, lower, and where the leader does not look.
+        """The other hand of a two-handed gesture: smaller, lower, and not exactly mirrored.
 
         Args:
             poses: of the leader.
@@ -172,15 +172,15 @@ def stroke_time(a: Array, b: Array, tempo: float, modifier: EmotionModifier) -> 
 
 
 def stroke_times(
-    usual: float, poses: list[Array], tempo: float, modifier: EmotionModifier, asked: GestureOverride | None
+    usual: float, poses: list[Array], tempo: float, modifier: EmotionModifier, override: GestureOverride | None
 ) -> list[float]:
-    """Seconds of each stroke; ``usual`` are those of the first, if nothing is asked."""
+    """Seconds of each stroke; ``usual`` are those of the first, if there is no override."""
     lengths = [usual, *(stroke_time(a, b, tempo, modifier) for a, b in pairwise(poses[1:]))]
-    return asked.slow_down(lengths) if asked else lengths
+    return override.slow_down(lengths) if override else lengths
 
 
 def keep_beside_face(pose: Array) -> None:
-    """Move a hand that is high outward, where it is in front of the face."""
+    """Move a high hand outward if it is in front of the face."""
     pose[0] = max(pose[0], float(np.interp(pose[1], *_BESIDE.T)))
 
 

@@ -22,7 +22,7 @@ _SPREAD_LIMITS = (-5.0, 17.0)  # degrees between neighbours: the little finger s
 
 
 def add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: Array) -> None:
-    """Add to the channels of both hands, ``h (N, 2, CHANNELS)``, what is never still; fingers stay in their ranges.
+    """Add noise to the channels of both hands, ``h (N, 2, CHANNELS)``, so that they are never still; fingers stay in range.
 
     Args:
         h: written to.
@@ -37,9 +37,9 @@ def add_hand_noise(h: Array, times: Array, seed: int, size: float, tremor: Array
     still = 0.55 + 0.45 * min(size, 1.0)
     for side in (0, 1):
         k = n[:, side * 7 : side * 7 + 7] * still
-        raised = np.minimum(np.maximum((h[:, side, 1:2] - _HANGS) / _RISE, 0.0), 1.0) * still
+        lift = np.minimum(np.maximum((h[:, side, 1:2] - _HANGS) / _RISE, 0.0), 1.0) * still
         h[:, side, :3] += k[:, :3] * (0.011, 0.010, 0.011)
-        h[:, side, :3] += raised * (_TOGETHER * wander[:, :3] + _ALONE * wander[:, 3 + 3 * side : 6 + 3 * side]) * _WANDER
+        h[:, side, :3] += lift * (_TOGETHER * wander[:, :3] + _ALONE * wander[:, 3 + 3 * side : 6 + 3 * side]) * _WANDER
         h[:, side, 3:7] += k[:, 3:7] * (4.0, 5.0, 5.0, 3.0)
         fingers = bends[:, side * 4 : side * 4 + 4] * still * (8.6, 9.2, 9.2, 9.8)
         h[:, side, Channel.KNUCKLES] += fingers

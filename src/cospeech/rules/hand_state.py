@@ -30,12 +30,12 @@ class HandState:
     """"idle", "rest" or "up"."""
     form: str = ""
     last_stroke: float = -9.0
-    raised: float = -9.0
+    gesture_end: float = -9.0
     """When the last stroke of its last gesture ended, beats left out."""
     pose: Array | None = None
     keeps: bool = False
     """Whether it stays up until then, even if the speaker falls silent."""
-    eased: bool = False
+    has_eased: bool = False
     """Whether it has gone a part of the way back since its last stroke."""
     effort: float = 0.0
     """Of its last gesture, as of `effort_of`."""
@@ -47,7 +47,7 @@ class HandState:
 
         They depend on its last stroke and not on the tick, so a change before that stroke does not change them.
         """
-        return Random(f"{self.chance}/{self.place}/{self.eased}")
+        return Random(f"{self.chance}/{self.place}/{self.has_eased}")
 
     def can_beat(self) -> bool:
         """Whether it is up with a form that beats, and at ease there."""

@@ -20,7 +20,7 @@ _MOST_FACE = 1.3  # [ours] intensity of a face at most: beyond it faces grimace
 
 @dataclass(frozen=True)
 class Manner:
-    """What a session performs with.
+    """Style, size, face and seed with which a session performs.
 
     Args:
         style: the speaker.
@@ -32,7 +32,7 @@ class Manner:
     intensity: float
     face: Face
     seed: int
-    """Of what is never still."""
+    """Of the noise that keeps hands and body from being still."""
 
 
 def make_manner(
@@ -69,13 +69,13 @@ class MannerCourse:
         self._layers.append((time, manner))
 
     def layers(self, times: Array) -> list[tuple[Manner, Array]]:
-        """The manners of ``times (n,)`` seconds, each with its share (n,) over those before it; the first has all of it."""
+        """The manners of ``times (n,)`` seconds, each with its share (n,) over those before it; that of the first is 1."""
         if len(self._layers) == 1:
             return [(self.last, np.ones(len(times)))]
-        begun = [(start, manner) for start, manner in self._layers if start <= times[-1]]
-        shares = [smoothstep((times - start) / FADE) for start, _ in begun]
+        current = [(start, manner) for start, manner in self._layers if start <= times[-1]]
+        shares = [smoothstep((times - start) / FADE) for start, _ in current]
         first = max((k for k, share in enumerate(shares) if share[0] == 1.0), default=0)
-        return [(manner, share) for (_, manner), share in zip(begun[first:], shares[first:], strict=True)]
+        return [(manner, share) for (_, manner), share in zip(current[first:], shares[first:], strict=True)]
 
     def forget(self, before: float) -> None:
         """Drop what only times before this one need."""
@@ -83,18 +83,18 @@ class MannerCourse:
             del self._layers[0]
 
 
-def mix_frames(made: list[tuple[Array, Array]]) -> Array:
+def mix_frames(layers: list[tuple[Array, Array]]) -> Array:
     """(n, …) numbers, or quaternions (n, J, 4) of unit length, of several manners.
 
     Args:
-        made: the numbers of each, and its share (n,) over those before it.
+        layers: the numbers of each, and its share (n,) over those before it.
     """
-    mixed = made[0][0]
-    for values, share in made[1:]:
+    mix = layers[0][0]
+    for values, share in layers[1:]:
         weight = share.reshape(-1, *[1] * (values.ndim - 1))
         if values.ndim == 3:
-            values = np.where((values * mixed).sum(-1, keepdims=True) < 0, -values, values)
-        mixed = mixed + weight * (values - mixed)
-    if mixed.ndim == 3 and len(made) > 1:
-        mixed = mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
-    return mixed
+            values = np.where((values * mix).sum(-1, keepdims=True) < 0, -values, values)
+        mix = mix + weight * (values - mix)
+    if mix.ndim == 3 and len(layers) > 1:
+        mix = mix / np.linalg.norm(mix, axis=-1, keepdims=True)
+    return mix

@@ -1,4 +1,4 @@
-"""Channels moved by overlapping minimum-jerk displacements: the clay that plans are modelled in.
+"""Channels moved by overlapping minimum-jerk displacements: the tracks on which plans set their moves.
 
 A point-to-point reach of the human arm follows the minimum-jerk polynomial (Flash & Hogan 1985), and longer movements
 look like sums of such *submovements* that overlap in time (Flash & Henis 1991). So a track is a base value plus
@@ -19,7 +19,7 @@ from ..motion.rotations import Array
 
 __all__ = ["PEAK", "MinimumJerkTrack", "minimum_jerk", "peak_share", "skew_for"]
 
-_AT_ONCE = 24  # frames; each is added up over all moves that any of them sees [ours, the fastest]
+_AT_ONCE = 24  # frames at once; in each, all moves under way in any of them are added up [ours, the fastest]
 _SURELY = 1e-6  # seconds after its end from which a move is over, whatever the rounding [ours]
 PEAK = 1.875
 """Peak speed of a minimum-jerk reach to its mean speed."""
@@ -114,21 +114,21 @@ class MinimumJerkTrack:
         return out
 
     def _add_moves(self, times: Array, base: Array, over: int) -> Array:
-        """(n, C) at times so near each other that few moves are under way; ``over`` moves are in the base already."""
-        begun = [k for k in range(over, len(self._times)) if self._times[k][0] < times[-1]]
-        if not begun:
+        """(n, C) at times near each other, in which few moves are under way; ``over`` moves are in the base already."""
+        indices = [k for k in range(over, len(self._times)) if self._times[k][0] < times[-1]]
+        if not indices:
             return base
-        onset, length, skew = np.array([self._times[k] for k in begun]).T[..., None]
-        deltas = np.array([self._deltas[k] for k in begun])
+        onset, length, skew = np.array([self._times[k] for k in indices]).T[..., None]
+        deltas = np.array([self._deltas[k] for k in indices])
         u = (times[:, None, None] - onset - (self.lags if self._latest > 0 else 0.0)) / length
         u = np.minimum(np.maximum(u, 0.0), 1.0)
-        terms = np.empty((len(times), 1 + len(begun), len(base)))
+        terms = np.empty((len(times), 1 + len(indices), len(base)))
         terms[:, 0] = base
         np.multiply(minimum_jerk(u, skew), deltas, out=terms[:, 1:])
-        arched = [k for k, index in enumerate(begun) if self._arcs[index] is not self._straight]
-        if arched:
-            hump = u[:, arched] * (1.0 - u[:, arched])
-            terms[:, [k + 1 for k in arched]] += 64.0 * hump * hump * hump * np.array([self._arcs[begun[k]] for k in arched])
+        arcs = [k for k, index in enumerate(indices) if self._arcs[index] is not self._straight]
+        if arcs:
+            hump = u[:, arcs] * (1.0 - u[:, arcs])
+            terms[:, [k + 1 for k in arcs]] += 64.0 * hump * hump * hump * np.array([self._arcs[indices[k]] for k in arcs])
         return np.add.reduce(terms, axis=1)  # one after the other, as `_fold` adds them
 
     def forget(self, before: float) -> None:

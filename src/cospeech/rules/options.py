@@ -1,4 +1,4 @@
-"""What a model is asked for beside the speech: one frozen object, checked when it is made, and passed whole."""
+"""The options of a performance: one frozen object, which is checked when it is made."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ class GenerationOptions:
     """Options of a performance; the keywords of ``session``, ``generate`` and ``stream`` of every model are these.
 
     Raises:
-        InputError: one is out of range, of the wrong kind, or names what there is not. Styles, and motion that is given, are
-            checked by the model, which alone knows what it can do with them.
+        InputError: one is out of range, of the wrong kind, or an unknown name. Styles and given motion are checked by the
+            model, because only the model knows which of them it can use.
     """
 
     style: Any = None
     """A name, a mixture, or for trained models an example; the model's default where None."""
     emotion: str | Moods = "auto"
-    """One of `cospeech.audio.emotions.EMOTIONS`, an `EmotionTrack`, or "auto": what is heard in the voice."""
+    """One of `cospeech.audio.emotions.EMOTIONS`, an `EmotionTrack`, or "auto": the emotion of the voice."""
     seed: int = 0
     """Of the first take; take k has the seed ``seed + k``."""
     intensity: float = 1.0
@@ -77,8 +77,8 @@ class GenerationOptions:
     bend one way. Files of `cospeech generate` and streams have it, at no cost of time. In Python it is there only when it is
     asked for."""
     calibrated: bool = True
-    """Whether a trained model plays what was measured when it was bundled: means and amplitudes of its styles, the size of its
-    noise, and hands that rest in silence. Without it, its network plays alone."""
+    """Whether a trained model uses what was measured when its bundle was made: means and amplitudes of its styles, the size of
+    its noise, and hands that rest in silence. Without it, its network plays alone."""
     face: MotionLike = None
     """A face that moves body and hands, or a file of one; for chains."""
     continue_from: MotionLike = None
@@ -114,10 +114,10 @@ class GenerationOptions:
 
     @classmethod
     def of(cls, options: GenerationOptions | None, keywords: Mapping[str, Any]) -> GenerationOptions:
-        """Options as a session is given them: whole, by keywords, or whole with some changed.
+        """Options of a session: an object, keywords, or an object with some keywords changed.
 
         Raises:
-            InputError: other things than options, or a keyword that there is not.
+            InputError: the object is of another kind, or a keyword is unknown.
         """
         if options is None:
             return cls.from_keywords(keywords)
@@ -131,13 +131,13 @@ class GenerationOptions:
         """Options by keywords.
 
         Raises:
-            InputError: one that there is not; the hint is the name most like it.
+            InputError: a keyword is unknown; the hint is the name most like it.
         """
         check_names(keywords)
         return cls(**keywords)
 
     def _take_plan(self) -> None:
-        """Options that the plan has."""
+        """Take over the options of the plan."""
         from .plan_edits import Plan
 
         plan = self.plan if isinstance(self.plan, Plan) else Plan.load(self.plan)
@@ -148,13 +148,13 @@ class GenerationOptions:
         for name, value in plan.options().items():
             own = getattr(self, name)
             if own != usual[name] and own != value and not (name == "emotion" and isinstance(value, Moods)):
-                held = f"a plan with {_show(value)}" if value is not None else f"a plan that has no {name}, so the default one"
-                raise InputError(f"{name} {_show(own)} beside {held}", f"edit the plan's {name}")
+                other = f"a plan with {_show(value)}" if value is not None else f"a plan that has no {name}, so the default one"
+                raise InputError(f"{name} {_show(own)} beside {other}", f"edit the plan's {name}")
             object.__setattr__(self, name, value)
 
     @property
     def track(self) -> Moods | None:
-        """The emotions over time that are given; None: they are heard."""
+        """The given emotions over time; None: those of the voice."""
         return emotion_track(self.emotion)
 
     @property
@@ -169,19 +169,19 @@ def _show(value: object) -> str:
 
 
 def check_names(keywords: Iterable[str]) -> None:
-    """Keywords that a user gave are names of options.
+    """Check that keywords of a user are names of options.
 
     Raises:
         InputError: one is not.
     """
-    known = [field.name for field in fields(GenerationOptions)]
+    names = [field.name for field in fields(GenerationOptions)]
     for name in keywords:
-        if name not in known:
-            raise InputError(f"no option is called {name[:40]!r}", nearest(name, known))
+        if name not in names:
+            raise InputError(f"no option is called {name[:40]!r}", nearest(name, names))
 
 
 def check_range(name: str, value: object, bounds: tuple[float, float], unit: str = "") -> None:
-    """A number that a user gave.
+    """Check a number of a user.
 
     Args:
         name: of the option.
@@ -197,5 +197,5 @@ def check_range(name: str, value: object, bounds: tuple[float, float], unit: str
     if not isinstance(value, Integral if whole else Real):
         raise InputError(f"{name} {value!r:.60} is no {'whole ' * whole}number", f"{low} … {high}{unit}")
     if not bounds[0] <= value <= bounds[1]:  # type: ignore[operator]  # false for NaN, too
-        shown = str(value) if isinstance(value, Integral) else f"{value:g}"
-        raise InputError(f"{name} {shown} is out of range", f"{low} … {high}{unit}")
+        number = str(value) if isinstance(value, Integral) else f"{value:g}"
+        raise InputError(f"{name} {number} is out of range", f"{low} … {high}{unit}")

@@ -1,4 +1,4 @@
-"""Edits of a plan as text: what the options of ``cospeech generate`` say."""
+"""Edits of a plan as text: the values of options of ``cospeech generate``."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class PlanCommands:
         return any("@word:" in text for text in self.gesture)
 
     def apply(self, plan: Plan, seconds: float | None = None) -> Plan:
-        """The plan with all edits. A note says which gesture that was asked for gives way to a later edit.
+        """The plan with all edits. A note names each gesture of an edit that a later edit takes away.
 
         Args:
             plan: what is edited.
@@ -64,17 +64,17 @@ class PlanCommands:
             InputError: one of them cannot be understood or done; the message names the option.
         """
         seconds = plan.seconds if seconds is None else seconds
-        asked: dict[str, str] = {}
+        requests: dict[str, str] = {}
         for name, edit in _EDITS.items():
             for text in getattr(self, name):
                 option = f"--{name} {text[:40]}"
                 with _name_in_errors(option):
-                    changed, gesture = edit(plan, text, seconds)
-                left = {each.id for each in changed.gestures}
-                for gone in [each for each in asked if each not in left]:
-                    warnings.warn(f"{asked.pop(gone)} is left out: {option} {_WHY[name]}", CospeechWarning, stacklevel=2)
-                asked |= {gesture: option} if gesture else {}
-                plan = changed
+                    new_plan, gesture = edit(plan, text, seconds)
+                ids = {each.id for each in new_plan.gestures}
+                for absent in [each for each in requests if each not in ids]:
+                    warnings.warn(f"{requests.pop(absent)} is left out: {option} {_WHY[name]}", CospeechWarning, stacklevel=2)
+                requests |= {gesture: option} if gesture else {}
+                plan = new_plan
         return plan
 
 
@@ -86,12 +86,12 @@ def with_plan(
     audio: str | PathLike[str], transcript: str | PathLike[str] | None, *, wanted: bool,
     list_gestures: Callable[[GenerationOptions], Plan],
 ) -> GenerationOptions:  # fmt: skip
-    """Options with the plan that is played; as they are where nobody asks for one.
+    """Options with the plan that is played; unchanged if no plan is wanted.
 
     Args:
         options: of the performance.
         plan: a plan, or the file of one.
-        edits: what is changed of it.
+        edits: of the plan.
         audio, transcript: files whose words are read, if an edit names one.
         wanted: whether a plan is wanted, although none is given.
         list_gestures: gives the plan of a performance with all its gestures; used if an edit names one and no plan is given.
@@ -105,16 +105,16 @@ def with_plan(
 
     if plan is None:
         open_plan = Plan.of(options)
-        played = list_gestures(replace(options, plan=open_plan)) if edits.names_gestures else open_plan
+        new_plan = list_gestures(replace(options, plan=open_plan)) if edits.names_gestures else open_plan
     else:
-        played = plan if isinstance(plan, Plan) else Plan.load(plan)
+        new_plan = plan if isinstance(plan, Plan) else Plan.load(plan)
     if edits.any:
-        read, known = transcript if edits.needs_words else None, played.words
+        read, own_words = transcript if edits.needs_words else None, new_plan.words
         with open_speech(audio, transcript=read) as source:
-            played = played if read is None else played.with_words(source.words or ())
-            played = edits.apply(played, source.expected_seconds)
-        played = played.model_copy(update={"words": known}) if known else played  # it is told if the transcript has others
-    return replace(options, plan=played)
+            new_plan = new_plan if read is None else new_plan.with_words(source.words or ())
+            new_plan = edits.apply(new_plan, source.expected_seconds)
+        new_plan = new_plan.model_copy(update={"words": own_words}) if own_words else new_plan  # others bring a note
+    return replace(options, plan=new_plan)
 
 
 def read_stretch(text: str) -> tuple[float, float, str]:
@@ -176,13 +176,13 @@ def _reseed(plan: Plan, text: str, seconds: float | None) -> tuple[Plan, str]:
 def _add(plan: Plan, text: str, seconds: float | None) -> tuple[Plan, str]:
     form, time = _halves(text, "huge@2.4, or point_left@word:there")
     at = {"word": time[5:]} if time.startswith("word:") else {"at": _moment(time, seconds)}
-    added = plan.add(form, **at)  # type: ignore[arg-type]
+    new_plan = plan.add(form, **at)  # type: ignore[arg-type]
     before = {each.id for each in plan.gestures}
-    return added, next(each.id for each in added.gestures if each.id not in before)
+    return new_plan, next(each.id for each in new_plan.gestures if each.id not in before)
 
 
 _EDITS = {"lock": _lock, "remove": _remove, "move": _move, "stretch": _set, "reseed": _reseed, "gesture": _add}
-"""Option → what does it, from a plan, a text and the length of the speech to the next plan, and the gesture that was asked for.
+"""Option → its function: from a plan, a text and the length of the speech to the next plan, and the id of the gesture it names.
 
 They are done in this order."""
 _ANEW = "plans this stretch anew"
@@ -230,17 +230,17 @@ _READ = {"style": str, "emotion": str, "seed": _whole, "intensity": _time}
 
 
 def _values(text: str, whole: str) -> dict[str, Any]:
-    """What a stretch sets: ``style=calm:0.7,lively:0.3,seed=7``; a comma may be a part of a style."""
-    found: dict[str, Any] = {}
+    """The values that a stretch sets: ``style=calm:0.7,lively:0.3,seed=7``; a comma may be a part of a style."""
+    texts: dict[str, Any] = {}
     name = ""
     for part in text.split(","):
         key, sign, value = part.partition("=")
         if sign and key.strip() in _READ:
             name = key.strip()
-            found[name] = value.strip()
+            texts[name] = value.strip()
         elif name == "style" and not sign:
-            found[name] += f",{part}"
+            texts[name] += f",{part}"
         else:
             raise InputError(f"{whole[:40]!r} sets nothing that is known", f"3.2:5:style=lively; {nearest(key[:40], _READ)}")
-    values = {key: _READ[key](value) for key, value in found.items()}  # type: ignore[operator]
+    values = {key: _READ[key](value) for key, value in texts.items()}  # type: ignore[operator]
     return values | ({"open": True} if "seed" in values else {})

@@ -24,13 +24,13 @@ from .repertoire import FORMS, LEXICAL_FORMS
 
 __all__ = ["VALUES", "Plan", "Setting"]
 
-_SHOWN = 40  # ids in a message, at most [ours: some lines of a terminal]
+_MOST_IDS = 40  # ids in a message, at most [ours: some lines of a terminal]
 VALUES = ("style", "emotion", "intensity")
-"""What a stretch may have of its own and `Plan.clear` takes off."""
+"""The values that a stretch may have of its own, and that `Plan.clear` takes away."""
 
 
 class Setting(NamedTuple):
-    """What holds from a time on."""
+    """The values that hold from a time on."""
 
     time: float
     style: str | None
@@ -69,12 +69,12 @@ class Plan(PlanData):
         """
         if not isinstance(path, (str, PathLike)):
             raise InputError(f"{type(path).__name__} where a plan belongs", "give a Plan, or the path of a file of one")
-        shown = repr(os.fsdecode(path)[-80:])
+        name = repr(os.fsdecode(path)[-80:])
         text = read_regular(path, "a plan", PLAN_BYTES)
         try:
-            return parse_plan(cls, parse_json(text, shown, PLAN_VALUES), shown)
+            return parse_plan(cls, parse_json(text, name, PLAN_VALUES), name)
         except RecursionError:
-            raise InputError(f"{shown} is nested too deeply", "is it a plan?") from None
+            raise InputError(f"{name} is nested too deeply", "is it a plan?") from None
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the plan as JSON, with a line for each entry, so that you can edit it in any editor.
@@ -108,8 +108,8 @@ class Plan(PlanData):
         """
         if options.style is not None and not isinstance(options.style, str):
             raise InputError("a style that is no text cannot be a part of a plan", "give it by name: calm:0.7,lively:0.3")
-        given: dict[str, Any] = {"style": options.style, "emotion": _emotion_data(options.emotion), "seed": options.seed}
-        return cls(**given, intensity=options.intensity, temperature=options.temperature)
+        values: dict[str, Any] = {"style": options.style, "emotion": _emotion_data(options.emotion), "seed": options.seed}
+        return cls(**values, intensity=options.intensity, temperature=options.temperature)
 
     def options(self) -> dict[str, Any]:
         """The options of `GenerationOptions` that the plan has."""
@@ -124,14 +124,14 @@ class Plan(PlanData):
     def settings(self) -> list[Setting]:
         """The values from each time on: style, emotion, intensity and seed at each border of a stretch."""
         usual = Setting(0.0, self.style, self.emotion, self.intensity, self.seed)
-        found = list[Setting]()
-        ordered = sorted(self.stretches, key=lambda each: each.start)
-        for k, each in enumerate(ordered):
+        settings = list[Setting]()
+        stretches = sorted(self.stretches, key=lambda each: each.start)
+        for k, each in enumerate(stretches):
             own: dict[str, Any] = {"style": each.style, "feels": each.emotion, "intensity": each.intensity, "seed": each.seed}
-            found.append(usual._replace(time=each.start, **{n: value for n, value in own.items() if value is not None}))
-            if k + 1 == len(ordered) or ordered[k + 1].start > each.end:
-                found.append(usual._replace(time=each.end))
-        return found
+            settings.append(usual._replace(time=each.start, **{n: value for n, value in own.items() if value is not None}))
+            if k + 1 == len(stretches) or stretches[k + 1].start > each.end:
+                settings.append(usual._replace(time=each.end))
+        return settings
 
     # ------------------------------------------------------------------------------------------------ gestures
 
@@ -153,10 +153,10 @@ class Plan(PlanData):
         for each in self.gestures:
             if each.id == gesture:
                 return each
-        known = [each.id for each in self.gestures]
-        hint = nearest(gesture[:40], known) if known else "no gesture is listed: save the plan of a speech first"
-        if len(known) > _SHOWN:  # that of an hour has a thousand
-            hint = f"{guess(gesture[:40], known)}known: {known[0]} … {known[-1]}; @37:10 is the one nearest to this time"
+        ids = [each.id for each in self.gestures]
+        hint = nearest(gesture[:40], ids) if ids else "no gesture is listed: save the plan of a speech first"
+        if len(ids) > _MOST_IDS:  # that of an hour has a thousand
+            hint = f"{guess(gesture[:40], ids)}known: {ids[0]} … {ids[-1]}; @37:10 is the one nearest to this time"
         raise InputError(f"no gesture of the plan is called {gesture[:40]!r}", hint)
 
     def add(
@@ -177,19 +177,19 @@ class Plan(PlanData):
         name, side = find_form(form)
         if (at is None) == (word is None):
             raise InputError("a gesture needs a time or a word", "at=2.4, or word='there'")
-        spoken = "" if word is None else self._word(word)[0]
+        text = "" if word is None else self._word(word)[0]
         stroke = at if at is not None else self._word(word or "")[1]
         ids, number = {each.id for each in self.gestures}, 1
         while f"a{number}" in ids:
             number += 1
-        known = FORMS.get(name) or LEXICAL_FORMS.get(name)
-        score = known.score if known else 0.1
-        entry = {"id": f"a{number}", "form": name, "stroke": stroke, "hands": hands or side, "word": spoken, "score": score}
-        added = start_after_lock(self._with_fields(gestures=[entry | fields]).gestures[0], self.locked)
-        near = [each for each in self.gestures if each.crowds(added)] if name != SUPERIMPOSED else []
-        for each in (added, *near):
-            check_free(each, self.locked, () if each is added else self.gestures)
-        return self._with([*(each for each in self.gestures if each not in near), added])
+        kind = FORMS.get(name) or LEXICAL_FORMS.get(name)
+        score = kind.score if kind else 0.1
+        entry = {"id": f"a{number}", "form": name, "stroke": stroke, "hands": hands or side, "word": text, "score": score}
+        gesture = start_after_lock(self._with_fields(gestures=[entry | fields]).gestures[0], self.locked)
+        near = [each for each in self.gestures if each.crowds(gesture)] if name != SUPERIMPOSED else []
+        for each in (gesture, *near):
+            check_free(each, self.locked, () if each is gesture else self.gestures)
+        return self._with([*(each for each in self.gestures if each not in near), gesture])
 
     def remove(self, gesture: str) -> Plan:
         """This plan without a gesture, and without the beats on it. ``gesture`` is named as for `find`.
@@ -199,8 +199,8 @@ class Plan(PlanData):
         """
         old = self.find(gesture)
         check_free(old, self.locked, self.gestures)
-        gone = [old, *(beats_on(old, self.gestures) if old.form != SUPERIMPOSED else [])]
-        return self._with(each for each in self.gestures if each not in gone)
+        targets = [old, *(beats_on(old, self.gestures) if old.form != SUPERIMPOSED else [])]
+        return self._with(each for each in self.gestures if each not in targets)
 
     def remove_between(self, start: float, end: float) -> Plan:
         """This plan without the gestures whose stroke is from ``start`` to ``end`` seconds, and the beats on them.
@@ -214,9 +214,9 @@ class Plan(PlanData):
             raise InputError("no gesture is listed", "save the plan of a speech first")
         free = self._free_parts(start, end, {})
         there = [each for each in self.gestures if any(low <= each.stroke < high for low, high in free)]
-        gone = [each for each in there if not find_lock(each, self.locked, self.gestures)]
-        gone += [beat for each in gone if each.form != SUPERIMPOSED for beat in beats_on(each, self.gestures)]
-        return self._with(each for each in self.gestures if each not in gone)
+        targets = [each for each in there if not find_lock(each, self.locked, self.gestures)]
+        targets += [beat for each in targets if each.form != SUPERIMPOSED for beat in beats_on(each, self.gestures)]
+        return self._with(each for each in self.gestures if each not in targets)
 
     def move(self, gesture: str, to: float) -> Plan:
         """This plan with the stroke of a gesture at the time ``to``, seconds. The gesture keeps its length.
@@ -227,8 +227,8 @@ class Plan(PlanData):
         old = self.find(gesture)
         by = to - old.stroke
         times = {"start": old.start, "end": old.end}
-        moved = {name: round(max(value + by, -RUN_UP), 4) for name, value in times.items() if value is not None}
-        return self.change(old.id, stroke=to, **moved)
+        new_times = {name: round(max(value + by, -RUN_UP), 4) for name, value in times.items() if value is not None}
+        return self.change(old.id, stroke=to, **new_times)
 
     def change(self, gesture: str, **fields: Any) -> Plan:
         """This plan with other fields of a gesture, see `PlannedGesture`. If the form changes, the place is that of the form.
@@ -243,10 +243,10 @@ class Plan(PlanData):
             usual = {"start": None, "place": None, "end": None, "hold": None} if form != old.form else {}
             fields = {**usual, **fields, "form": form} | ({"hands": side} if side else {})
         data = [each.model_dump() | (fields if each.id == old.id else {}) for each in self.gestures]
-        changed = self._with_fields(gestures=data)
-        new = next(each for each in changed.gestures if each.id == fields.get("id", old.id))
-        check_free(new, self.locked, changed.gestures)
-        return self._with(changed.gestures)
+        plan = self._with_fields(gestures=data)
+        new = next(each for each in plan.gestures if each.id == fields.get("id", old.id))
+        check_free(new, self.locked, plan.gestures)
+        return self._with(plan.gestures)
 
     # ------------------------------------------------------------------------------------------------ stretches
 
@@ -299,19 +299,19 @@ class Plan(PlanData):
         Raises:
             InputError: no stretch of time, all of it is locked, or no such value.
         """
-        asked = tuple(names)
-        for name in asked:
+        keys = tuple(names)
+        for name in keys:
             if name not in (*VALUES, "seed"):
                 raise InputError(f"a stretch has no value {name[:40]!r} to clear", nearest(name[:40], (*VALUES, "seed")))
         free = self._free_parts(start, end, {})
         plan, stretches = self, list(self.stretches)
-        if "seed" in asked:
+        if "seed" in keys:
             own = [(each.start, each.end) for each in stretches if each.seed is not None]
             for low, high in cut_out(free, cut_out([(start, end)], own)):
                 plan = plan.set(low, high, seed=None, open=True)
             stretches = list(plan.stretches)
         for low, high in free:
-            stretches = lay_over(stretches, low, high, dict.fromkeys(asked))
+            stretches = lay_over(stretches, low, high, dict.fromkeys(keys))
         return plan._with_fields(stretches=[each.model_dump() for each in stretches if not each.is_empty])
 
     def lock(self, start: float, end: float) -> Plan:
@@ -348,29 +348,29 @@ class Plan(PlanData):
 
     def _free_parts(self, start: float, end: float, values: dict[str, Any]) -> list[tuple[float, float]]:
         """The parts of a stretch that are not locked; the values are checked, too."""
-        asked = self._with_fields(stretches=[{"from": start, "to": end, **values}]).stretches[0]
-        free = cut_out([(asked.start, asked.end)], ((each.start, each.end) for each in self.locked))
+        stretch = self._with_fields(stretches=[{"from": start, "to": end, **values}]).stretches[0]
+        free = cut_out([(stretch.start, stretch.end)], ((each.start, each.end) for each in self.locked))
         if not free:
             raise InputError(f"{start:g} to {end:g} s is locked", "unlock it, or choose another stretch")
         return free
 
-    def _word(self, asked: str) -> tuple[str, float]:
+    def _word(self, query: str) -> tuple[str, float]:
         """A word and the time of a stroke on it."""
-        text, _, number = asked.partition(":")
-        wanted = text.strip().lower().strip(".,;:!?\"'")
-        found = [each for each in self.words if each.text.lower().strip(".,;:!?\"'") == wanted]
+        text, _, number = query.partition(":")
+        key = text.strip().lower().strip(".,;:!?\"'")
+        matches = [each for each in self.words if each.text.lower().strip(".,;:!?\"'") == key]
         count = 1 if not number else int(_number(number, "which of them"))
         if not self.words:
             raise InputError(f"no words are known, so none is {text[:40]!r}", "give a transcript, with times or without")
-        if not found:
+        if not matches:
             raise InputError(
-                f"the word {text[:40]!r} is not there", nearest(wanted[:40], dict.fromkeys(w.text for w in self.words))
+                f"the word {text[:40]!r} is not there", nearest(key[:40], dict.fromkeys(w.text for w in self.words))
             )
-        if not 1 <= count <= len(found):
-            times = "once" if len(found) == 1 else f"{len(found)} times"
-            hint = text[:40] + (f":1 … {text[:40]}:{len(found)}" if len(found) > 1 else "")
-            raise InputError(f"there is no word {asked[:40]!r}: {text[:40]!r} is said {times}", hint)
-        word = found[count - 1]
+        if not 1 <= count <= len(matches):
+            times = "once" if len(matches) == 1 else f"{len(matches)} times"
+            hint = text[:40] + (f":1 … {text[:40]}:{len(matches)}" if len(matches) > 1 else "")
+            raise InputError(f"there is no word {query[:40]!r}: {text[:40]!r} is said {times}", hint)
+        word = matches[count - 1]
         return word.text, round(word.start + 0.4 * (word.end - word.start), 4)  # as `Planner` strokes on words
 
 

@@ -60,6 +60,6 @@ def _over(gesture: PlannedGesture, gestures: Iterable[PlannedGesture]) -> float:
         for each in around
         if each.stroke > gesture.stroke and each.form != SUPERIMPOSED and each.hands in (gesture.hands, "both")
     ]
-    stroked = gesture.over - (gesture.hold or 0.0)
-    own = max(stroked, min([gesture.over, *takes]))
+    stroke_end = gesture.over - (gesture.hold or 0.0)
+    own = max(stroke_end, min([gesture.over, *takes]))
     return max([own, *(each.over for each in beats_on(gesture, around))])

@@ -263,11 +263,11 @@ class PlanData(_Part):
     @model_validator(mode="after")
     def _check_entries(self) -> PlanData:
         for what, ids in (("gestures", [each.id for each in self.gestures]), ("gaze", [each.id for each in self.gaze])):
-            seen: dict[str, int] = {}
+            places: dict[str, int] = {}
             for k, name in enumerate(ids):
-                if name in seen:
-                    raise ValueError(f"{what}[{k}].id: {name!r} is that of {what}[{seen[name]}]|every id once")
-                seen[name] = k
+                if name in places:
+                    raise ValueError(f"{what}[{k}].id: {name!r} is that of {what}[{places[name]}]|every id once")
+                places[name] = k
         for k, word in enumerate(self.words):
             if word.end < word.start:
                 raise ValueError(f"words[{k}].end: {word.end:g} is before the start at {word.start:g}|seconds")
@@ -322,16 +322,16 @@ def find_form(name: str) -> tuple[str, str | None]:
     Raises:
         InputError: there is no such form.
     """
-    known = all_forms()
+    forms = all_forms()
     stem, _, side = name.strip().lower().rpartition("_")
     hands = side if stem and side in ("left", "right", "both") else None
     word = stem if hands else name.strip().lower()
-    if word in known:
+    if word in forms:
         return word, hands
     if word in LEXICON:
         return LEXICON[word], hands
-    words = [each for each in LEXICON if each not in known]
-    hint = f"{guess(word[:40], [*known, *words])}known: {', '.join(known)}; words that have a form: {' '.join(words)}"
+    words = [each for each in LEXICON if each not in forms]
+    hint = f"{guess(word[:40], [*forms, *words])}known: {', '.join(forms)}; words that have a form: {' '.join(words)}"
     raise InputError(f"no form of gesture is called {name[:40]!r}", hint)
 
 
@@ -347,7 +347,7 @@ _WORDS = {
     "string_too_short": ("is empty", ""),
     "finite_number": ("is not finite", "a number"),
 }
-"""Kind of an error → what is said of it, and the hint."""
+"""Kind of an error → its text, and the hint."""
 _KINDS = {
     "float": "a number",
     "int": "a whole number",
@@ -364,7 +364,7 @@ def parse_plan(kind: type[T], data: Any, name: str) -> T:
     Args:
         kind: the class.
         data: parsed JSON.
-        name: how messages call the file.
+        name: of the file, for messages.
 
     Raises:
         InputError: an entry is wrong; the message names it.
@@ -381,8 +381,8 @@ def parse_plan(kind: type[T], data: Any, name: str) -> T:
 
 def _describe_error(error: ValidationError) -> InputError:
     """The first thing that is wrong, in our words, with a hint."""
-    found = error.errors(include_url=False)
-    first = next((each for each in found if "str" not in each["loc"]), found[0])  # of a track, not that it is no name
+    errors = error.errors(include_url=False)
+    first = next((each for each in errors if "str" not in each["loc"]), errors[0])  # of a track, not that it is no name
     where = ""
     for part in first["loc"]:
         if isinstance(part, int):

@@ -1,4 +1,4 @@
-"""Performing a plan: the planner's own decisions, less what was removed, with what was added.
+"""Performing a plan: the planner's own decisions, without those that were removed, and with those that were added.
 
 A `_Source` plans from a seed, as if there were no plan. It notes each decision, and the state of the random numbers before it.
 The `PlanPlayer` performs those decisions that the plan lists unchanged, with the same random numbers, on its own tracks: so a
@@ -33,11 +33,11 @@ __all__ = ["PlanPlayer"]
 
 _DIGITS = 4  # of times in seconds and of places: a tenth of a millisecond, of a millimetre
 _DUE = SLACK + TICK - 1e-3  # seconds after a tick before which the next one is too late; a source's own may begin right there
-_STRENGTH = 0.6  # of an accent that somebody asks for ([ours]: the middle of those that get a gesture)
+_STRENGTH = 0.6  # of the accent of a gesture that was added ([ours]: the middle of those that get a gesture)
 
 
 class _States(NamedTuple):
-    """Of the random numbers of a planner and of its posture."""
+    """States of the random numbers of a planner and of its posture."""
 
     hands: Any
     posture: Any
@@ -45,7 +45,7 @@ class _States(NamedTuple):
 
 @dataclass
 class _Decision:
-    """What a source decided to do."""
+    """A decision of a source."""
 
     states: _States
     perform: Callable[[PlanPlayer, GestureOverride | None], bool | None]
@@ -55,7 +55,7 @@ class _Decision:
 
 
 class _NotedGaze:
-    """A gaze whose last saccade somebody else can see."""
+    """A gaze that keeps its last saccade for others to see."""
 
     def __init__(self, gaze: Gaze) -> None:
         self._gaze, self.averted, self.away = gaze, gaze.averted, False
@@ -83,19 +83,19 @@ class _Source(Planner):
         self.saccade: GazeShift | None = None
 
     def states(self) -> _States:
-        """Of the random numbers now."""
+        """The states of the random numbers now."""
         return _States(self._random.getstate(), self.posture.random.getstate())
 
-    def decide(self, now: float, **heard: Any) -> list[Gesture]:
+    def decide(self, now: float, **events: Any) -> list[Gesture]:
         self.at_start, self.decisions, self.schedule = self.states(), [], self.posture.schedule()
-        made = super().decide(now, **heard)
+        gestures = super().decide(now, **events)
         last, self.saccade = self.gaze.last, None
         if last is not None:
             shift = {"time": last.time, "yaw": last.yaw, "up": last.up, "length": last.length}
-            rounded = {name: round(value, _DIGITS) for name, value in shift.items()}
-            self.saccade = GazeShift(id=f"e{self._looks}{self._name}", away=self.gaze.away, **rounded)
+            values = {name: round(value, _DIGITS) for name, value in shift.items()}
+            self.saccade = GazeShift(id=f"e{self._looks}{self._name}", away=self.gaze.away, **values)
             self._looks += 1
-        return made
+        return gestures
 
     def _nod(self, now: float, accent: Accent, modifier: EmotionModifier, has_stroke: bool) -> None:
         states = self.states()
@@ -108,23 +108,23 @@ class _Source(Planner):
 
     def _perform(
         self, now: float, at: float, strength: float, name: str, modifier: EmotionModifier, word: Word | None,
-        asked: GestureOverride | None = None,
+        override: GestureOverride | None = None,
     ) -> bool:  # fmt: skip
         states = self.states()
-        done = super()._perform(now, at, strength, name, modifier, word, asked)
-        if done:
+        fits = super()._perform(now, at, strength, name, modifier, word, override)
+        if fits:
 
-            def perform(player: PlanPlayer, asked: GestureOverride | None) -> bool:
-                return Planner._perform(player, now, at, strength, name, player.modifier, word, asked)
+            def perform(player: PlanPlayer, override: GestureOverride | None) -> bool:
+                return Planner._perform(player, now, at, strength, name, player.modifier, word, override)
 
             self._note(states, perform)
-        return done
+        return fits
 
-    def _beat(self, now: float, accent: Accent, held: list[HandState], modifier: EmotionModifier, scale: float) -> bool:
+    def _beat(self, now: float, accent: Accent, beating: list[HandState], modifier: EmotionModifier, scale: float) -> bool:
         states = self.states()
-        hands = [hand for hand, state in enumerate(self.hands) if any(state is each for each in held)]
-        done = super()._beat(now, accent, held, modifier, scale)
-        if done:
+        hands = [hand for hand, state in enumerate(self.hands) if any(state is each for each in beating)]
+        fits = super()._beat(now, accent, beating, modifier, scale)
+        if fits:
 
             def beat(player: PlanPlayer, _: GestureOverride | None) -> bool:
                 return player.beat_in_place(now, accent, hands, scale)
@@ -133,21 +133,21 @@ class _Source(Planner):
             self.decisions[-1].gesture = self.decisions[-1].gesture.model_copy(  # type: ignore[union-attr]
                 update={"form": SUPERIMPOSED, "place": None, "hold": None}
             )
-        return done
+        return fits
 
     def _note(self, states: _States, perform: Callable[[PlanPlayer, GestureOverride | None], bool | None]) -> None:
-        made, (hold, *place) = self._planned[-1], self.placed
-        planned = PlannedGesture.model_construct(
-            id=f"g{self._count}{self._name}", form=made.form, hands=made.hands, word=made.word[:200], score=made.score,
-            start=round(made.start, _DIGITS), stroke=round(made.stroke, _DIGITS), end=round(made.end, _DIGITS),
+        last, (hold, *place) = self._strokes[-1], self.placed
+        entry = PlannedGesture.model_construct(
+            id=f"g{self._count}{self._name}", form=last.form, hands=last.hands, word=last.word[:200], score=last.score,
+            start=round(last.start, _DIGITS), stroke=round(last.stroke, _DIGITS), end=round(last.end, _DIGITS),
             hold=round(max(hold, 0.0), _DIGITS), place=tuple(round(value, _DIGITS) for value in place),
         )  # fmt: skip
         self._count += 1
-        self.decisions.append(_Decision(states, perform, planned.stroke, planned))
+        self.decisions.append(_Decision(states, perform, entry.stroke, entry))
 
 
 class _PlannedGaze:
-    """The gaze of a `PlanPlayer`: that of the source that rules the time, and what the plan lists."""
+    """The gaze of a `PlanPlayer`: that of the source to which the time belongs, and that of the plan's list."""
 
     def __init__(self, player: PlanPlayer, averted: float) -> None:
         self._player, self.averted, self.away = player, averted, False
@@ -165,7 +165,7 @@ class PlanPlayer(Planner):
 
     Args:
         style: the speaker at the beginning.
-        plan: what is done.
+        plan: what is performed.
         intensity, temperature: as of `Planner`.
     """
 
@@ -186,16 +186,16 @@ class PlanPlayer(Planner):
         self._shifts = {each.id: each for each in plan.gaze}
         self._next = deque(sorted(plan.gestures, key=lambda each: each.begins))
         self._next_looks = deque(sorted(plan.gaze, key=lambda each: each.time))
-        self._made, self._looked = list[PlannedGesture](), list[GazeShift]()
+        self._new_gestures, self._new_shifts = list[PlannedGesture](), list[GazeShift]()
         self.modifier = self.base_modifier = EmotionModifier()
 
     def plan(self) -> Plan:
         """The plan with all that was listed or planned so far."""
-        gestures = sorted([*self._plan.gestures, *self._made], key=lambda each: each.stroke)
-        gaze = sorted([*self._plan.gaze, *self._looked], key=lambda each: each.time)
+        gestures = sorted([*self._plan.gestures, *self._new_gestures], key=lambda each: each.stroke)
+        gaze = sorted([*self._plan.gaze, *self._new_shifts], key=lambda each: each.time)
         stretches = [each.model_copy(update={"open": False}) for each in self._plan.stretches]
-        filled = {"gestures": tuple(gestures), "gaze": tuple(gaze), "stretches": tuple(stretches), "open": False}
-        return self._plan.model_copy(update=filled)
+        fields = {"gestures": tuple(gestures), "gaze": tuple(gaze), "stretches": tuple(stretches), "open": False}
+        return self._plan.model_copy(update=fields)
 
     def restyle(self, now: float, style: Style, intensity: float, modifier: EmotionModifier) -> None:
         self._set(self._source_at(now).states())
@@ -211,7 +211,7 @@ class PlanPlayer(Planner):
         modifier: EmotionModifier,
     ) -> list[Gesture]:
         speaking = any(p.start <= now + 0.5 and p.end >= now - 0.1 for p in phrases)
-        self._heard, self.modifier = list(accents), modifier
+        self._accents, self.modifier = list(accents), modifier
         self._base.decide(now, accents=accents, phrases=phrases, words=words, modifier=self.base_modifier)
         for _, other in self._stretches:
             other.decide(now, accents=accents, phrases=phrases, words=words, modifier=modifier)
@@ -227,11 +227,11 @@ class PlanPlayer(Planner):
         self.bouts = source.bouts  # hands that come down draw nothing: their last strokes drew for them
         self._let_go(now, phrases, modifier)
         self._rest_as(source, now, modifier)
-        planned, self._planned = self._planned, []
-        return planned
+        gestures, self._strokes = self._strokes, []
+        return gestures
 
     def _rest_as(self, source: _Source, now: float, modifier: EmotionModifier) -> None:
-        """Hands that rest go where those of the source rest; what an edit did to one would last until its next gesture."""
+        """Hands that rest go where those of the source rest; else the effect of an edit would last until the next gesture."""
         for hand, (state, other) in enumerate(zip(self.hands, source.hands, strict=True)):
             free = now > max(state.busy, other.busy) + _DUE
             if free and {state.place, other.place} == {"rest", "idle"}:
@@ -239,8 +239,8 @@ class PlanPlayer(Planner):
 
     def beat_in_place(self, now: float, accent: Accent, hands: list[int], scale: float) -> bool:
         """A superimposed beat of those of these hands that do not hang."""
-        held = [self.hands[hand] for hand in hands if self.hands[hand].place != "idle"]
-        return bool(held) and self._beat(now, accent, held, self.modifier, scale)
+        beating = [self.hands[hand] for hand in hands if self.hands[hand].place != "idle"]
+        return bool(beating) and self._beat(now, accent, beating, self.modifier, scale)
 
     def next_shift(self, now: float) -> tuple[Saccade, bool] | None:
         """The saccade of this tick, and whether it leaves the listener."""
@@ -251,7 +251,7 @@ class PlanPlayer(Planner):
                 del self._shifts[shift.id]
                 return saccade, shift.away
             if self._is_open(now) and shift.id not in self._shifts:
-                self._looked.append(shift)
+                self._new_shifts.append(shift)
                 return saccade, shift.away
         last: GazeShift | None = None
         while self._next_looks and self._next_looks[0].time < now + _DUE:
@@ -264,7 +264,7 @@ class PlanPlayer(Planner):
         return next((source for stretch, source in self._stretches if stretch.holds(time)), self._base)
 
     def _is_open(self, time: float) -> bool:
-        """Whether what a source plans for this time is not listed."""
+        """Whether the plan leaves this time to a source, and does not list its gestures."""
         stretch = next((each for each, _ in self._stretches if each.holds(time)), None)
         return self._plan.open if stretch is None else stretch.open
 
@@ -273,20 +273,20 @@ class PlanPlayer(Planner):
         lock = None if decision.gesture is None else find_lock(decision.gesture, self._plan.locked)
         return decision.time if lock is None else max(min(decision.time, lock.end - 1e-9), lock.start)
 
-    def _lists(self, planned: PlannedGesture | None) -> bool:
+    def _lists(self, gesture: PlannedGesture | None) -> bool:
         """Whether the plan lists it, unchanged, and it was not performed yet."""
-        listed = None if planned is None else self._waiting.get(planned.id)
-        return planned is not None and listed is not None and listed.same_motion(planned)
+        entry = None if gesture is None else self._waiting.get(gesture.id)
+        return gesture is not None and entry is not None and entry.same_motion(gesture)
 
     def _belongs(self, decision: _Decision, source: _Source) -> bool:
-        """Whether it is this source that decides it."""
+        """Whether this source is the one that takes this decision."""
         return self._lists(decision.gesture) or source is self._source_at(self._time_of(decision))
 
-    def _is_in_the_way(self, planned: PlannedGesture) -> bool:
+    def _is_in_the_way(self, gesture: PlannedGesture) -> bool:
         """Whether it would meet a listed gesture, or, outside of a lock, one that stays because of the lock."""
         locked = self._plan.locked
-        stays = [] if find_lock(planned, locked) else [each for each in self._made if find_lock(each, locked)]
-        return any(_meet(planned, each) for each in (*self._plan.gestures, *stays))
+        stays = [] if find_lock(gesture, locked) else [each for each in self._new_gestures if find_lock(each, locked)]
+        return any(_meet(gesture, each) for each in (*self._plan.gestures, *stays))
 
     def _is_still(self, time: float) -> bool:
         """Whether a stretch without intensity holds then; the sources outside of it do not know of it."""
@@ -298,19 +298,19 @@ class PlanPlayer(Planner):
 
     def _follow(self, decision: _Decision) -> None:
         """Perform what a source decided, if it is a part of the plan."""
-        planned = decision.gesture
-        if planned is not None:
-            listed, still = self._lists(planned), self._is_still(planned.stroke)
-            if listed:
-                del self._waiting[planned.id]
-            if still or not (listed or (self._is_open(self._time_of(decision)) and not self._is_in_the_way(planned))):
+        gesture = decision.gesture
+        if gesture is not None:
+            is_listed, still = self._lists(gesture), self._is_still(gesture.stroke)
+            if is_listed:
+                del self._waiting[gesture.id]
+            if still or not (is_listed or (self._is_open(self._time_of(decision)) and not self._is_in_the_way(gesture))):
                 return
-            if not listed:
-                self._made.append(planned)
+            if not is_listed:
+                self._new_gestures.append(gesture)
         self._set(decision.states)
-        if decision.perform(self, None) is False and planned is not None:  # an edit before it has taken its time
+        if decision.perform(self, None) is False and gesture is not None:  # an edit before it has taken its time
             self._set(decision.states)
-            decision.perform(self, GestureOverride(planned.stroke, planned.begins))
+            decision.perform(self, GestureOverride(gesture.stroke, gesture.begins))
 
     def _perform_due(self, now: float) -> None:
         """Listed gestures that no source plans, each at the last tick before it begins."""
@@ -331,10 +331,10 @@ class PlanPlayer(Planner):
             hands = [0, 1] if entry.hands == "both" else [0 if entry.hands == "left" else 1]
             self.beat_in_place(now, Accent(entry.stroke + LEAD, _STRENGTH), hands, entry.size)
             return True
-        asked = GestureOverride(entry.stroke, entry.begins, entry.end, entry.hold, entry.hands, entry.size, entry.place)
+        override = GestureOverride(entry.stroke, entry.begins, entry.end, entry.hold, entry.hands, entry.size, entry.place)
         word = Word(entry.word, entry.stroke, entry.stroke) if entry.word else None
-        return self._perform(now, entry.stroke + LEAD, _STRENGTH, entry.form, self.modifier, word, asked)
+        return self._perform(now, entry.stroke + LEAD, _STRENGTH, entry.form, self.modifier, word, override)
 
 
-def _meet(planned: PlannedGesture, listed: PlannedGesture) -> bool:
-    return planned.crowds(listed) and listed.form != SUPERIMPOSED
+def _meet(gesture: PlannedGesture, other: PlannedGesture) -> bool:
+    return gesture.crowds(other) and other.form != SUPERIMPOSED

@@ -1,4 +1,4 @@
-"""A plan while it is played: who performs it, and what is noted for the plan that is written."""
+"""A plan while it is played: its player, and notes for the plan that is written."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class PlanRecord:
         intensity, temperature: as of `Planner`.
 
     Raises:
-        InputError: a stretch with a style that there is not, or one that sits where the other stands.
+        InputError: a stretch has an unknown style, or one that sits where the other stands.
     """
 
     def __init__(self, plan: Plan, style: Style, emotion: Moods | None, *, intensity: float, temperature: float) -> None:
@@ -50,11 +50,11 @@ class PlanRecord:
         self._phrases: dict[float, float] = {}
 
     def settings_until(self, now: float) -> list[Setting]:
-        """What begins to hold up to this time in seconds, and was not told yet."""
-        found = []
+        """The settings that begin up to this time in seconds, and were not returned before."""
+        due = []
         while self._settings and self._settings[0].time <= now + 1e-9:
-            found.append(self._settings.popleft())
-        return found
+            due.append(self._settings.popleft())
+        return due
 
     def note(self, now: float, modifier: EmotionModifier, mood: Mood, detector: EventDetector) -> None:
         """One tick, before it is planned."""
@@ -73,18 +73,18 @@ class PlanRecord:
             self._phrases[phrase.start] = phrase.end
 
     def finish(self, seconds: float) -> None:
-        """The speech is over: a note says if the plan is of another one or has other words, and what of it was not played.
+        """End the speech. A note says if the plan is of another speech or has other words, and which gestures were not played.
 
         Args:
             seconds: length of the speech.
         """
-        known = self.player.plan()
-        left = ", ".join(each.id for each in _split_at_end(known.gestures, seconds)[1])
-        told = f"gestures after the end of the speech are left out: {left}" if left else ""
-        other = describe_length(known.seconds, seconds) or self.words.describe_difference(seconds)
-        told = "; ".join(part for part in (other, told) if part)
-        if told:
-            warnings.warn(told, CospeechWarning, stacklevel=2)
+        plan = self.player.plan()
+        late = ", ".join(each.id for each in _split_at_end(plan.gestures, seconds)[1])
+        note = f"gestures after the end of the speech are left out: {late}" if late else ""
+        other = describe_length(plan.seconds, seconds) or self.words.describe_difference(seconds)
+        note = "; ".join(part for part in (other, note) if part)
+        if note:
+            warnings.warn(note, CospeechWarning, stacklevel=2)
 
     def plan(self, seconds: float) -> Plan:
         """The plan as it was played so far; what is after the end of the speech is left out.
@@ -95,22 +95,22 @@ class PlanRecord:
         phrases = [
             HeardPhrase(start=round(max(start, 0.0), _DIGITS), end=round(end, _DIGITS)) for start, end in self._phrases.items()
         ]
-        played = self.player.plan()
-        return played.model_copy(update={
-            "style": played.style or next(iter(STYLES)), "gestures": tuple(_split_at_end(played.gestures, seconds)[0]),
+        plan = self.player.plan()
+        return plan.model_copy(update={
+            "style": plan.style or next(iter(STYLES)), "gestures": tuple(_split_at_end(plan.gestures, seconds)[0]),
             "seconds": round(seconds, _DIGITS), "words": words_of(self.words.heard), "phrases": tuple(phrases),
             "accents": tuple(self._accents.values()),
         })  # fmt: skip
 
 
-def _check_style(where: str, asked: str, usual: Style) -> None:
-    """Whether a stretch may have a style; ``where`` it stands is for the error."""
+def _check_style(where: str, name: str, usual: Style) -> None:
+    """Check that a stretch may have a style; ``where`` is its place, for the error."""
     try:
-        found = find_style(asked)
+        style = find_style(name)
     except InputError as error:
         raise InputError(f"{where}: {error.problem}", error.hint) from None
-    if found.seated != usual.seated:
-        raise InputError(f"{where}: {asked!r} sits where the plan stands, or stands", "another style")
+    if style.seated != usual.seated:
+        raise InputError(f"{where}: {name!r} sits where the plan stands, or stands", "another style")
 
 
 def _split_at_end(gestures: Sequence[PlannedGesture], seconds: float) -> tuple[list[PlannedGesture], list[PlannedGesture]]:

@@ -1,4 +1,4 @@
-"""Stretches of a plan: what is left of one, and values laid over what there is."""
+"""Stretches of a plan: cutting parts out of them, and laying values over them."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from .plan_model import Stretch
 __all__ = ["cut_out", "lay_over"]
 
 
-def cut_out(parts: list[tuple[float, float]], taken: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Stretches without those that are taken."""
-    for low, high in taken:
+def cut_out(parts: list[tuple[float, float]], holes: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
+    """The parts without the holes; each is from and to in seconds."""
+    for low, high in holes:
         parts = [
             piece
             for a, b in parts
@@ -23,14 +23,14 @@ def cut_out(parts: list[tuple[float, float]], taken: Iterable[tuple[float, float
 
 
 def lay_over(stretches: list[Stretch], low: float, high: float, values: dict[str, Any]) -> list[Stretch]:
-    """Values over a stretch, on top of what there is."""
-    laid = list[Stretch]()
+    """Stretches with values from ``low`` to ``high`` seconds, on top of those that they have."""
+    result = list[Stretch]()
     for each in stretches:
         for a, b in cut_out([(each.start, each.end)], [(low, high)]):
-            laid.append(each.model_copy(update={"start": a, "end": b}))
+            result.append(each.model_copy(update={"start": a, "end": b}))
         a, b = max(each.start, low), min(each.end, high)
         if a < b:
-            laid.append(each.model_copy(update={"start": a, "end": b, **values}))
+            result.append(each.model_copy(update={"start": a, "end": b, **values}))
     gaps = cut_out([(low, high)], ((each.start, each.end) for each in stretches))
-    laid += [Stretch.model_validate({"from": a, "to": b, **values}) for a, b in gaps]
-    return sorted(laid, key=lambda each: each.start)
+    result += [Stretch.model_validate({"from": a, "to": b, **values}) for a, b in gaps]
+    return sorted(result, key=lambda each: each.start)

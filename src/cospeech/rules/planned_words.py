@@ -1,4 +1,4 @@
-"""Words of a plan that is played: those of the speech, where the speech has none."""
+"""Words of a plan that is played: they stand in for the words of a speech that has none."""
 
 from __future__ import annotations
 
@@ -21,53 +21,53 @@ class PlannedWords:
     (['so'], ['big'])
 
     Args:
-        planned: words of the plan.
+        words: of the plan.
     """
 
-    def __init__(self, planned: Iterable[Word]) -> None:
-        self._planned = sorted(planned, key=lambda word: word.start)
-        self._waiting = deque(self._planned)
-        self._given = False
+    def __init__(self, words: Iterable[Word]) -> None:
+        self._plan_words = sorted(words, key=lambda word: word.start)
+        self._waiting = deque(self._plan_words)
+        self._has_own_words = False
         self.heard = list[Word]()
         """Words of the speech so far."""
 
-    def hear(self, given: Sequence[Word] | None, until: float) -> Sequence[Word] | None:
-        """Words of the next piece: those that it has, else those of the plan that start in it; None where nobody knows any.
+    def hear(self, own_words: Sequence[Word] | None, until: float) -> Sequence[Word] | None:
+        """Words of the next piece: its own, else those of the plan that start in it; None where there are none.
 
         Args:
-            given: words of the piece itself; None where it has no transcript.
+            own_words: of the piece itself; None where it has no transcript.
             until: seconds from the start of the speech to the end of the piece.
         """
-        planned = list[Word]()
+        plan_words = list[Word]()
         while self._waiting and self._waiting[0].start < until:
-            planned.append(self._waiting.popleft())
-        self._given = self._given or given is not None
-        words = given if given is not None or not self._planned else planned
+            plan_words.append(self._waiting.popleft())
+        self._has_own_words = self._has_own_words or own_words is not None
+        words = own_words if own_words is not None or not self._plan_words else plan_words
         self.heard += words or ()
         return words
 
     def describe_difference(self, seconds: float) -> str:
-        """What to say if the speech brought other words than the plan has; else nothing.
+        """The note if the speech brought other words than the plan has; else "".
 
         Args:
             seconds: length of the speech.
         """
-        known = [word for word in self._planned if word.start < seconds]
-        if not self._given or not known or _same(known, self.heard):
+        plan_words = [word for word in self._plan_words if word.start < seconds]
+        if not self._has_own_words or not plan_words or _same(plan_words, self.heard):
             return ""
         return "the words of the speech are not those of the plan, and are played in their place"
 
 
-def describe_length(planned: float | None, seconds: float) -> str:
-    """What to say if a plan is of a speech of another length; else nothing.
+def describe_length(plan_seconds: float | None, seconds: float) -> str:
+    """The note if a plan is of a speech of another length; else "".
 
     Args:
-        planned: seconds of the speech of the plan; None where nobody knows.
+        plan_seconds: of the speech of the plan; None where not known.
         seconds: of the speech that is there.
     """
-    if planned is None or abs(planned - seconds) <= _SAME_LENGTH:
+    if plan_seconds is None or abs(plan_seconds - seconds) <= _SAME_LENGTH:
         return ""
-    return f"the plan is of a speech of {planned:.4g} s, and this one has {seconds:.4g} s"
+    return f"the plan is of a speech of {plan_seconds:.4g} s, and this one has {seconds:.4g} s"
 
 
 def _same(some: Sequence[Word], others: Sequence[Word]) -> bool:

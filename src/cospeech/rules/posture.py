@@ -1,4 +1,4 @@
-"""Torso, head and gaze over a stance: they carry the hands' rhythm and have a slow life of their own."""
+"""Torso, head and gaze over a stance: they follow the rhythm of the hands, and slowly move by themselves."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .styles import Style
 
 __all__ = ["Posture"]
 
-_REMEMBERED = 16.0  # seconds after which a shift of the gaze moves no face [ours: twelve seconds are made at once, at most]
+_MEMORY = 16.0  # seconds after which a shift of the gaze moves no face [ours: twelve seconds are made at once, at most]
 
 
 _TURNS = np.array([14.0, 0.0, 0.0, 20.0])
@@ -32,8 +32,8 @@ _LEANS = np.array([0.0, -1.0, -8.0, 0.0])
 _ANSWERS = np.array([14.0, 6.0, 0.02])
 """Degrees of pitch, degrees of roll and metres of hips, either way, with which a body answers a stroke of an arm length. [ours:
 mid-shoulder and wrist of people move fast together (r .3 to .5), but a recorded trunk does not go where the hands go]"""
-_SEATED = 1.15  # share of a standing trunk's part in a stroke that a seated one has (ours)
-_ANSWERED = [Body.PITCH, Body.ROLL, Body.HIPS_X, Body.HIPS_Z]
+_SEATED_SHARE = 1.15  # share of a standing trunk's part in a stroke that a seated one has (ours)
+_ANSWER_COLUMNS = [Body.PITCH, Body.ROLL, Body.HIPS_X, Body.HIPS_Z]
 _SPINE_AND_PELVIS = np.array([0.65, 1.5])
 """Shares of a stroke's turn that spine and pelvis of a standing body have. [ours: a recorded pelvis turns nearly as fast as its
 chest]"""
@@ -72,23 +72,23 @@ class Posture:
         self._modifier: EmotionModifier | None = None
 
     def schedule(self) -> dict[str, Any]:
-        """What is to be done when, apart from where the body is."""
+        """Times and states of the plan, without the place of the body."""
         own = {"_seat": self._seat, "_phrase": self._phrase, "_leaned": self._leaned}
         return own | {"_next": dict(self._next), "stance": self.stance.schedule()}
 
     def follow(self, schedule: Mapping[str, Any]) -> None:
-        """Go on as another posture would from there."""
+        """Go on from the schedule of another posture."""
         self._next = dict(schedule["_next"])
         self._seat, self._phrase, self._leaned = (schedule[name] for name in ("_seat", "_phrase", "_leaned"))
         self.stance.follow(schedule["stance"])
 
     @property
     def random(self) -> Random:
-        """What it draws from."""
+        """The random numbers that it draws from."""
         return self._random
 
     def restyle(self, style: Style, intensity: float) -> None:
-        """Another style and size for what is planned from now on; somebody who stands goes on standing."""
+        """Set another style and size for what is planned from now on; a body that stands goes on standing."""
         self.style, self.size = style, max(intensity, 0.25) ** 0.5
         self.stance.amounts = StanceAmounts(style.sway * self.size, style.steps, style.seated)
         self.gaze.averted = style.averted
@@ -130,8 +130,8 @@ class Posture:
 
     def _sit(self, now: float) -> None:
         """Another way to sit for a while: bent forward, upright, or sunk back, and to a side."""
-        kind, bent = self._random.random(), self._random.uniform(6.0, 15.0)
-        pitch = 0.8 * bent if kind < 0.4 else 0.3 * (bent - 10.5) if kind < 0.7 else -0.45 * bent
+        kind, bend = self._random.random(), self._random.uniform(6.0, 15.0)
+        pitch = 0.8 * bend if kind < 0.4 else 0.3 * (bend - 10.5) if kind < 0.7 else -0.45 * bend
         size = self.style.torso * self.size * max(self.style.sway, 0.3) ** 0.5 / 1.4
         self._seat = np.array([pitch, self._gauss(3.0), self._gauss(5.0)]) * size
         self._next["seat"] = now + self._random.uniform(3.5, 9.0)
@@ -158,9 +158,9 @@ class Posture:
         return float(self.track.target[Body.GAZE_YAW])
 
     def look(self, now: float, phrases: Sequence[Phrase], modifier: EmotionModifier) -> None:
-        """One tick of the eyes: they jump where the plan of the gaze wants; the head follows far jumps.
+        """One tick of the eyes: they jump as the gaze plans; the head follows far jumps.
 
-        The gaze depends on nothing else that is planned. Where it is all that is wanted, this is called in place of `decide`.
+        The gaze depends on nothing else that is planned. If only the gaze is wanted, call this in place of `decide`.
         """
         away = self.gaze.away
         saccade = self.gaze.decide(now, phrases, modifier.averted)
@@ -169,7 +169,7 @@ class Posture:
         columns = [Body.GAZE_YAW, Body.GAZE_UP]
         way = float(np.hypot(*(np.array([saccade.yaw, saccade.up]) - self.track.target[columns])))
         self.gaze_shifts.append((saccade.time + 0.03, float(np.radians(way))))
-        while self.gaze_shifts[0][0] < now - _REMEMBERED:
+        while self.gaze_shifts[0][0] < now - _MEMORY:
             self.gaze_shifts.popleft()
         self.track.move(saccade.time, saccade.length, np.array([saccade.yaw, saccade.up]), columns)
         if self.gaze.away != away and (self.gaze.away or self._random.random() < 0.6):
@@ -177,12 +177,14 @@ class Posture:
 
     def on_accent(self, now: float, accent: Accent, modifier: EmotionModifier, has_stroke: bool = False) -> None:
         """Nods and tilts of the head on accents; with a stroke of the hands more often, without one less often."""
-        tied = self.style.emphasis
-        chance = couple((0.45 + 0.5 * accent.strength) * min(tied, 1.0), has_stroke, self.style.coupling * min(tied, 1.0))
+        emphasis = self.style.emphasis
+        chance = couple(
+            (0.45 + 0.5 * accent.strength) * min(emphasis, 1.0), has_stroke, self.style.coupling * min(emphasis, 1.0)
+        )
         if accent.time < now + 0.2 or self._random.random() > chance:
             return
         size = (2.5 + 6.0 * accent.strength) * self.style.head * modifier.head * self.size * self._random.uniform(0.6, 1.25)
-        size *= 0.4 + 0.6 * tied
+        size *= 0.4 + 0.6 * emphasis
         down, up = self._random.uniform(0.20, 0.28), self._random.uniform(0.30, 0.44)
         onset = max(now + 0.02, accent.time + 0.02 - down)
         nod = np.zeros(BODY_CHANNELS)
@@ -213,23 +215,23 @@ class Posture:
         """
         start, onset, stroke = times
         torso = min(self.style.torso * modifier.torso * self.size, 1.8) * (0.6 if self.style.seated else 1.0)
-        prepared, struck = (_place({hand: own[k] for hand, own in poses.items()}) for k in (0, 1))
-        way, both = struck - prepared, len(poses) == 2
+        before, after = (_place({hand: own[k] for hand, own in poses.items()}) for k in (0, 1))
+        way, both = after - before, len(poses) == 2
         self._move_along(now, start, onset + stroke - start, poses)
         far = float(np.hypot(way[1], way[2])) ** 0.5
         part = np.zeros(BODY_CHANNELS)
-        turned = [Body.YAW, Body.PITCH, Body.ROLL]
-        part[Body.YAW] = float((struck if both else way) @ _TURNS) * torso + self._gauss(0.7 * torso)
+        columns = [Body.YAW, Body.PITCH, Body.ROLL]
+        part[Body.YAW] = float((after if both else way) @ _TURNS) * torso + self._gauss(0.7 * torso)
         part[Body.PITCH] = (way @ _LEANS + self._gauss(_ANSWERS[0] * far)) * torso
         part[Body.ROLL] = self._gauss(_ANSWERS[1] * far) * torso
-        part[turned] = np.minimum(np.maximum(part[turned], -_MOST), _MOST)
+        part[columns] = np.minimum(np.maximum(part[columns], -_MOST), _MOST)
         head = self.style.head * modifier.head * self.size
         part[Body.HEAD_YAW] = 0.65 * part[Body.YAW] + self._gauss(4.3 * head)
         part[Body.HEAD_PITCH] = 0.65 * part[Body.PITCH] + self._gauss(4.0 * head)
         part[Body.HEAD_ROLL] = 0.5 * part[Body.ROLL] + self._gauss(3.0 * head)
         part[Body.HIPS_YAW] = part[Body.YAW]
         if self.style.seated:  # on a chair the head goes along, and the trunk hardly
-            part[turned] *= _SEATED
+            part[columns] *= _SEATED_SHARE
         else:
             part[[Body.YAW, Body.HIPS_YAW]] *= _SPINE_AND_PELVIS
             part[Body.HIPS_X] = min(max(-0.01 * way[0] + self._gauss(_ANSWERS[2] * far), -0.007), 0.007) * torso
@@ -238,14 +240,14 @@ class Posture:
         lead = self._random.uniform(0.06, 0.13)
         wind = -self._random.uniform(0.2, 0.5) * part
         if both:  # two hands that are equally before the body turn nobody, others turn it from the preparation on
-            turn = min(max(float(prepared @ _TURNS) * torso, -_MOST), _MOST)
-            spine, pelvis = (_SEATED, _SEATED) if self.style.seated else _SPINE_AND_PELVIS
+            turn = min(max(float(before @ _TURNS) * torso, -_MOST), _MOST)
+            spine, pelvis = (_SEATED_SHARE, _SEATED_SHARE) if self.style.seated else _SPINE_AND_PELVIS
             wind[[Body.YAW, Body.HIPS_YAW, Body.HEAD_YAW]] = spine * turn, pelvis * turn, 0.65 * turn
         ready = onset - lead
         begin = max(start, ready - 0.7)
         self.track.add(begin, max(ready - begin, 0.25) * 1.2, wind)
         self.track.add(ready, stroke + _LONGER, part - wind, skew=0.15)
         back = np.full(BODY_CHANNELS, self._random.uniform(0.2, 0.4))
-        back[_ANSWERED] = self._random.uniform(0.45, 0.8)
+        back[_ANSWER_COLUMNS] = self._random.uniform(0.45, 0.8)
         self.track.add(onset + stroke * 0.9, 0.34, -back * part)
         self.track.add(onset + stroke + self._random.uniform(0.3, 1.1), self._random.uniform(0.7, 1.2), -(1 - back) * part)

@@ -1,4 +1,4 @@
-"""Realising: tracks → rotations of all joints at the asked times.
+"""Realising: tracks → rotations of all joints at given times.
 
 Everything here is a pure function of time, given the moves planned so far: no filter state, no dependence on the size of
 the pieces.
@@ -38,18 +38,18 @@ from .styles import Style
 
 __all__ = ["Pieces", "gaze_only", "realise"]
 
-_ASIDE, _BEFORE, _TURNED = 13.0, 7.0, 10.0
+_ASIDE, _BEFORE, _MOST_TURN = 13.0, 7.0, 10.0
 """Degrees by which the chest turns per arm length that both hands are aside, and that one is before the other, and at most.
 [ours: 32°/m and 65°/m explain .79 of the yaw of a recorded speaker's shoulders; strokes and clavicles make the rest of ours]"""
 _STABLE = 0.65  # share of the torso's motion that the head does not follow (gaze stabilisation)
 _BENDS = (-24.0, 49.0)  # degrees back and forward that a trunk bends, whatever adds up (ours, by the laws of the body)
 _MOST_YAW = 25.0  # degrees that a chest turns from the listener, whatever adds up (ours: hands must not come before the face)
-_RAISED = 2.2  # degrees by which a breath lifts the clavicles (ours: about 1 cm)
-_LIFTED, _REACHED, _DRAWN, _ROLLED = 11.0, 7.0, 3.0, 16.0
+_BREATH_LIFT = 2.2  # degrees by which a breath lifts the clavicles (ours: about 1 cm)
+_LIFT, _REACH, _DRAW_BACK, _ROLL = 11.0, 7.0, 3.0, 16.0
 """Degrees by which a clavicle rises with a raised arm, comes forward with one that reaches, is drawn back with one that hangs,
 and rolls backward about itself as the arm rises. The roll is the largest in people, too (Ludewig et al. 2009). [sizes ours: the
 line of a recorded speaker's shoulders follows the hands by 10°/m]"""
-_ON_CHAIRS = 0.76  # of that on a chair, where shoulders would otherwise move with nothing but the hands (ours)
+_ON_CHAIRS = 0.76  # share of that on a chair, where shoulders would otherwise move only with the hands (ours)
 _PALM, _TIP = 0.080, 0.172  # metres from the wrist to the middle of the palm, to the fingertips
 _MIDDLE_OF_HAND = 0.6  # share of the way from the wrist to the palm, where two hands are kept apart (ours)
 _APART = 0.115  # metres between the palms below which hands make room for each other
@@ -58,7 +58,7 @@ _CLEAR = 0.010  # metres of air kept between hand and body
 
 
 class Pieces(NamedTuple):
-    """What a realised block gives besides the rotations."""
+    """Rotations, root and gaze of a block of frames."""
 
     rotations: Array
     root: Array
@@ -81,9 +81,9 @@ def realise(
     Args:
         times: (N,) seconds.
         body: track of hips, torso, head, gaze, feet.
-        hands: tracks of the left and the right hand; None: the gaze and the hips' place are all that is wanted, at a quarter
-            of the cost.
-        style: whose noise, stance and chair.
+        hands: tracks of the left and the right hand; None: only the gaze and the hips' place are made, at a quarter of the
+            cost.
+        style: of the speaker: size of the noise, stance, whether it sits.
         seed: of the noise.
         size: factor on noise (intensity).
         tremor: (N,) 0 … 1, added fine shaking (fear).
@@ -141,17 +141,17 @@ def _euler(b: Array, columns: tuple[int, int, int]) -> Array:
 
 
 def _add_body_noise(b: Array, times: Array, style: Style, seed: int, size: float) -> None:
-    """Sway that never stops, and what the chest takes over from the pelvis."""
+    """Add sway that never stops, and the chest's share of the turn of the pelvis."""
     n = smooth_noise(seed + 1, 11, times, 0.42, octaves=3, gain=0.55)
     still = 0.6 + 0.4 * min(size, 1.0)
     head, torso, sway = style.head * still, min(style.torso, 1.0) * still * (2.7 if style.seated else 1.0), style.sway * still
-    moved = sway * (0.15 if style.seated else 1.0)
+    hip_sway = sway * (0.15 if style.seated else 1.0)
     scale = np.array(
-        [0.9 * torso, 1.0 * torso, 1.8 * torso, 1.6 * head, 1.5 * head, 2.1 * head, 0.004 * moved, 0.004 * moved]
+        [0.9 * torso, 1.0 * torso, 1.8 * torso, 1.6 * head, 1.5 * head, 2.1 * head, 0.004 * hip_sway, 0.004 * hip_sway]
         + [1.4 * sway, 0.9 * sway, 0.9 * sway]
     )
     b[:, _SWAYING] += n * scale
-    b[:, Body.PLACE] += smooth_noise(seed + 6, 2, times, DRIFT_HZ, octaves=1) * (DRIFT * moved)
+    b[:, Body.PLACE] += smooth_noise(seed + 6, 2, times, DRIFT_HZ, octaves=1) * (DRIFT * hip_sway)
     if not style.seated:
         b[:, Body.PLACE] = balance(b[:, Body.PLACE], b)
         b[:, Body.ROLL] -= CONTRAPPOSTO * weight_shift(b)
@@ -170,8 +170,8 @@ def _head(b: Array, torso: Array, turn: float) -> Array:
     b = b.copy()
     b[:, Body.HEAD_YAW] -= 0.62 * np.degrees(turn)
     head = _euler(b, (Body.HEAD_YAW, Body.HEAD_PITCH, Body.HEAD_ROLL))
-    carried = rotvec_to_quat(quat_to_rotvec(torso) * (1 - _STABLE))
-    return quat_multiply(carried, head)
+    base = rotvec_to_quat(quat_to_rotvec(torso) * (1 - _STABLE))
+    return quat_multiply(base, head)
 
 
 # ---------------------------------------------------------------------------------------------------------- arms
@@ -181,7 +181,7 @@ def _turn_to_hands(h: Array) -> Array:
     """(N,) degrees by which the chest turns to the left, because of where both hands ``h (N, 2, channels)`` are."""
     aside = (h[:, 0, Channel.OUT] - h[:, 1, Channel.OUT]) / 2
     before = h[:, 1, Channel.FORWARD] - h[:, 0, Channel.FORWARD]
-    return soft_clip(_ASIDE * aside + _BEFORE * before, -_TURNED, _TURNED)
+    return soft_clip(_ASIDE * aside + _BEFORE * before, -_MOST_TURN, _MOST_TURN)
 
 
 def _arms(
@@ -195,21 +195,21 @@ def _arms(
     _stay_beside_face(h, b[:, Body.YAW])
     place = _bend_elbows(_pass_before_shoulder(h[..., :3]), _ON_THIGHS if style.seated else _LOW) * length
     target = o["leftShoulder"] + o["leftUpperArm"] + quat_rotate(frames.gesture, place) + frames.stay
-    raised = h[..., Channel.UP]
+    height = h[..., Channel.UP]
     if style.seated:
-        target = lay_on_lap(target, place, raised, frames, style)
+        target = lay_on_lap(target, place, height, frames, style)
     along = _ON_CHAIRS if style.seated else 1.0
-    risen = along * smoothstep((raised + 1.0) / 1.3)
+    rise = along * smoothstep((height + 1.0) / 1.3)
     lift = (
         np.radians(h[..., Channel.SHRUG])
         + np.radians(b[:, Body.SHOULDERS])[:, None]
-        + np.radians(_LIFTED) * risen
-        + np.radians(_RAISED) * breath[:, None]
+        + np.radians(_LIFT) * rise
+        + np.radians(_BREATH_LIFT) * breath[:, None]
     )
-    reach_out = along * np.radians(_REACHED) * smoothstep((h[..., Channel.FORWARD] - 0.05) / 0.75) - np.radians(_DRAWN)
+    reach_out = along * np.radians(_REACH) * smoothstep((h[..., Channel.FORWARD] - 0.05) / 0.75) - np.radians(_DRAW_BACK)
     clavicle = quat_multiply(arms._about(2, lift), arms._about(1, -reach_out))
-    rolled = along * np.radians(_ROLLED) * smoothstep((raised + 1.0) / 0.9)
-    clavicle = quat_multiply(clavicle, arms._about(0, -rolled))
+    roll = along * np.radians(_ROLL) * smoothstep((height + 1.0) / 0.9)
+    clavicle = quat_multiply(clavicle, arms._about(0, -roll))
     shoulder = o["leftShoulder"] + quat_rotate(clavicle, np.broadcast_to(o["leftUpperArm"], target.shape))
     swivel = np.radians(h[..., Channel.SWIVEL]) + _lift_elbows(h)
     rel = arms.reach(target - shoulder)
@@ -229,8 +229,8 @@ _EARLY, _SAFELY = 0.05, 1.2  # sine of the turn over which this sets in; factor 
 
 def _stay_beside_face(h: Array, yaw: Array) -> None:
     """Move high hands ``h (N, 2, channels)`` outward by as much as the chest's ``yaw (N,)``, degrees, carries them inward."""
-    carried = np.sin(np.radians(yaw))[:, None] * (-1.0, 1.0)
-    inward = soft_positive(carried, _EARLY)
+    shift = np.sin(np.radians(yaw))[:, None] * (-1.0, 1.0)
+    inward = soft_positive(shift, _EARLY)
     high = smoothstep((h[..., Channel.UP] - _HIGH) / _HIGHER)
     h[..., Channel.OUT] += _SAFELY * inward * high * np.maximum(h[..., Channel.FORWARD], 0.0)
 
@@ -250,8 +250,8 @@ def _bend_elbows(place: Array, low: float) -> Array:
     """
     far = np.sqrt(np.einsum("nij,nij->ni", place, place))[..., None]
     easy = np.minimum(far, _EASY) + _MORE * np.tanh(np.maximum(far - _EASY, 0.0) / _MORE)
-    raised = smoothstep((place[..., 1:2] - low) / _RAISED_BY)
-    result: Array = place * (1.0 + raised * (easy / np.maximum(far, 1e-6) - 1.0))
+    lift = smoothstep((place[..., 1:2] - low) / _RAISED_BY)
+    result: Array = place * (1.0 + lift * (easy / np.maximum(far, 1e-6) - 1.0))
     return result
 
 
@@ -277,8 +277,8 @@ length inward; `cospeech.motion.kinematics.arms` says where an elbow is by natur
 
 def _lift_elbows(h: Array) -> Array:
     """(N, 2) radians of swivel that follow from where the hands ``h (N, 2, channels)`` are; arms that hang have none."""
-    raised = smoothstep((h[..., Channel.UP] + 1.0) / 0.3)
-    return raised * (_ELBOW + _OUTWARD * np.tanh((_MIDDLE - h[..., Channel.OUT]) / _WIDTH))
+    lift = smoothstep((h[..., Channel.UP] + 1.0) / 0.3)
+    return lift * (_ELBOW + _OUTWARD * np.tanh((_MIDDLE - h[..., Channel.OUT]) / _WIDTH))
 
 
 _WRIST_LIMITS = tuple((np.radians(a), np.radians(z)) for a, z in ((-84.0, 84.0), (-66.0, 62.0), (-20.0, 30.0)))

@@ -19,7 +19,7 @@ from .styles import Style
 __all__ = ["retract", "sink"]
 
 _PACE = 0.80  # of the speaker's tempo: hands come down without hurry (ours)
-_EASED = (0.25, 0.55)  # share of the way to rest that a hand goes which stays ready (ours)
+_EASE = (0.25, 0.55)  # share of the way to rest that a hand goes if it stays ready (ours)
 _INWARD = 0.4  # share of the way inward on top: an arm does not wait stretched out to the side (ours)
 _READY = (0.2, 0.7)  # seconds for which it then stays (ours)
 _DRIFT = (0.04, 0.06, 0.04)  # arm lengths by which a raised hand drifts after a stroke (ours)
@@ -50,7 +50,7 @@ def retract(
     state.track.move(start, length, goal, skew=skew, arc=swing)
     state.busy = start + 0.4 * length
     if place == "up":
-        state.pose, state.eased, state.up_until = goal, True, start + length + draw.uniform(*_READY)
+        state.pose, state.has_eased, state.up_until = goal, True, start + length + draw.uniform(*_READY)
     else:
         state.place, state.home, state.form = place, goal, ""
 
@@ -90,7 +90,7 @@ def _resting_place(goal: Array, style: Style, place: str, modifier: EmotionModif
 def _part_of_the_way(state: HandState, home: Array, draw: Random) -> Array:
     """(CHANNELS,) between where a hand is and where it would rest."""
     goal = state.track.target.copy()
-    share = draw.uniform(*_EASED)
+    share = draw.uniform(*_EASE)
     goal[0] += (home - goal)[0] * (share + _INWARD)
     goal[1:7] += (home - goal)[1:7] * share
     goal[:3] += [draw.gauss(0, 0.03) for _ in range(3)]

@@ -43,8 +43,8 @@ if TYPE_CHECKING:
 
 __all__ = ["KEPT", "Session"]
 
-KEPT = 300.0  # seconds that planned strokes are remembered; ours: who annotates a stream looks more often than that
-_HEARD = 4 * SAMPLE_RATE  # samples that are heard before the next decision, at most (ours)
+KEPT = 300.0  # seconds for which planned strokes are kept; ours: an annotator of a stream reads them more often
+_AT_ONCE = 4 * SAMPLE_RATE  # samples that are heard before the next decision, at most (ours)
 
 
 class Session(SessionControls):
@@ -52,18 +52,18 @@ class Session(SessionControls):
 
     Args:
         style: the speaker.
-        emotion: what is felt over time, or None to follow the voice.
+        emotion: the emotions over time, or None to follow the voice.
         seed: of this take.
         intensity, temperature: see `RuleBasedModel.generate`.
         fps: of the motion.
         parts: of ``("face", "body", "hands")``, what is generated; the rest stays in its neutral pose. Of none: the
             session listens to the mood alone.
-        mouth: what the face speaks with; rules make its mouth where there is none.
+        mouth: makes the mouth of the face; rules make it where there is none.
         gains: (52,) factors of the face's channels; all 1 where not given.
-        aimed: whether the eyes are brought to bear; else they stand as planned, in the world, and the face waits for `aim`,
-            because another system turns the head. Such a session of the face alone plans no gestures.
-        foresight: how much of the speech to come it hears.
-        plan: what is performed; the seed is its own then, and so are the words of pieces of speech that have none.
+        aimed: whether the eyes are turned against the head. Else they stand as planned in the world, and the face waits for
+            `aim`, because another system turns the head. Such a session of the face alone plans no gestures.
+        foresight: how much of the coming speech it hears.
+        plan: what is performed; it has its own seed, and words for pieces of speech that have none.
     """
 
     def __init__(
@@ -90,18 +90,18 @@ class Session(SessionControls):
         )  # fmt: skip
         self._look = round(LOOKS / foresight.tick)  # ticks
         size: Any = {"intensity": intensity, "temperature": temperature}
-        self._played, self._feels = None, None
+        self._record, self._feels = None, None
         if plan is not None:  # plans are pydantic's, which takes 20 MB
             from .plan_record import PlanRecord
 
-            self._played, self._feels = PlanRecord(plan, style, emotion, **size), plan.emotion
-        self.planner = Planner(style, seed=seed, **size) if self._played is None else self._played.player
+            self._record, self._feels = PlanRecord(plan, style, emotion, **size), plan.emotion
+        self.planner = Planner(style, seed=seed, **size) if self._record is None else self._record.player
         self.planner.horizon, self.planner.late = foresight.horizon, foresight.late
         self.mouth, self._aimed = mouth, aimed
         self._eyes_only = parts == ("face",) and not aimed  # nobody asks for hands, trunk or head
         self.gestures: deque[Gesture] = deque()
         """Strokes in the order of planning: those to come, and those that ended in the last five minutes (`KEPT`)."""
-        self._sound, self._held = At16kHz(), HeldSamples()
+        self._sound, self._short_pieces = At16kHz(), HeldSamples()
         self._times = PieceTimes()
         self._words: list[Word] = []
         self._ticks = 0
@@ -112,28 +112,28 @@ class Session(SessionControls):
         self._ready: deque[Motion] = deque()
 
     def share(self, prosody: SharedProsody) -> None:
-        """Hear with what others hear, too; before anything is pushed."""
+        """Share the prosody with other listeners; call it before the first push."""
         self.detector.share(prosody)
         if isinstance(self.mouth, Sharing):
             self.mouth.share(prosody)
 
     @property
     def emotion(self) -> dict[str, float]:
-        """Probability of each emotion, over all that was heard; of a track its mean over the speech."""
+        """Probability of each emotion over the speech so far; of a track, its mean."""
         return self.mood.guess
 
     @property
     def expression(self) -> dict[str, float]:
-        """Weight of each emotion that was played, over the speech: of a track its own, else what was surely heard."""
+        """Mean weight of each emotion that was played: that of the track, else that of the voice where it was clear."""
         return self.mood.expression
 
     @property
     def arousal(self) -> float | None:
-        """Mean arousal that was heard in the voice and played, −1 … 1; None where an emotion is given."""
+        """Mean arousal of the voice that was played, −1 … 1; None where an emotion is given."""
         return self.mood.arousal.mean if self.mood.listens else None
 
     def arousal_at(self, times: Array) -> Array:
-        """(n,) arousal to play at ``times (n,)`` seconds, for who makes the body; 0 where an emotion is given.
+        """(n,) arousal to play at ``times (n,)`` seconds, for a system that makes the body; 0 where an emotion is given.
 
         It is that of `AROUSAL_DELAY` before, so that it is known as soon as the speech of these times was pushed.
         """
@@ -161,45 +161,45 @@ class Session(SessionControls):
 
     @property
     def plan(self) -> Plan:
-        """What was performed, with all gestures so far; of a session that was opened with a plan.
+        """The plan as it was performed, with all gestures so far; of a session that was opened with a plan.
 
         Raises:
             InputError: it was opened without one.
         """
-        if self._played is None:
+        if self._record is None:
             raise InputError("a session without a plan", "open it with one: model.session(plan=cospeech.Plan())")
-        return self._played.plan(float(self._sound.duration))
+        return self._record.plan(float(self._sound.duration))
 
-    def is_quiet(self, heard: int) -> bool:
+    def is_quiet(self, samples: int) -> bool:
         """Whether a push up to this many samples at 16 kHz, in all, would decide nothing and make no frames."""
-        return heard < self.detector.needs and self._frame >= self._end(self.planned_until)
+        return samples < self.detector.needs and self._frame >= self._end(self.planned_until)
 
     def push(self, chunk: Speech) -> Iterator[Motion]:
         """Hear a piece, at once.
 
         Returns:
-            The motion that has become certain, in pieces of some seconds. What is not taken of it is kept, and comes
-            first with the next call: every frame is given once, whether the pieces are taken at once, later, or in part.
+            The motion that has become certain, in pieces of some seconds. Pieces that are not taken are kept, and come
+            first with the next call: every frame is given once, whether pieces are taken at once, later, or in part.
 
         Raises:
             InputError: no speech, or at another rate than before, or after `finish`; it was not heard.
         """
         check_speech(chunk)
-        heard = float(self._sound.duration)
+        before = float(self._sound.duration)
         samples = self._sound.push(chunk)
-        self._make(self.planned_until)  # what the piece before has left; not where this one is refused
-        words: Sequence[Word] | None = self._times.count(chunk, heard).words
-        if self._played is not None:
-            words = self._played.words.hear(words, float(self._sound.duration))
+        self._make(self.planned_until)  # the rest of the piece before; not if this one is refused
+        words: Sequence[Word] | None = self._times.count(chunk, before).words
+        if self._record is not None:
+            words = self._record.words.hear(words, float(self._sound.duration))
         self._words.extend(words or ())
-        if self._held.is_short(samples, self.detector.needs):
+        if self._short_pieces.is_short(samples, self.detector.needs):
             return self._next_frames()
-        samples = self._held.take(samples)
-        for first in range(0, len(samples), _HEARD):  # the listener forgets what is long past
+        samples = self._short_pieces.take(samples)
+        for first in range(0, len(samples), _AT_ONCE):  # the listener forgets what is long past
             if not self.foresight.is_usual:
-                self._follow(samples[first : first + _HEARD])
+                self._follow(samples[first : first + _AT_ONCE])
                 continue
-            self._hear(samples[first : first + _HEARD])
+            self._hear(samples[first : first + _AT_ONCE])
             self.detector.catch_up()
             self._decide_what_is_certain()
             if self.planned_until - self._frame / self.fps >= MOST_AT_ONCE:
@@ -209,7 +209,7 @@ class Session(SessionControls):
         return self._next_frames()
 
     def _follow(self, samples: Array) -> None:
-        """With little foresight, what is known at a tick decides over its frames: they are made before more becomes known."""
+        """With little foresight: make the frames of each tick before more is heard, so that they depend on that tick alone."""
         self._make(self.planned_until)
         self._hear(samples)
         while self.detector.is_ready:
@@ -218,12 +218,12 @@ class Session(SessionControls):
             self._decide_what_is_certain()
 
     def _decide_what_is_certain(self) -> None:
-        heard = self.detector.certain_until + self.foresight.level_delay
-        while self.planned_until + self.foresight.look_ahead <= heard + 1e-9 * (not self.foresight.is_usual):
+        end = self.detector.certain_until + self.foresight.level_delay
+        while self.planned_until + self.foresight.look_ahead <= end + 1e-9 * (not self.foresight.is_usual):
             self._decide()
 
     def finish(self) -> Iterator[Motion]:
-        """The speech is over, from now on.
+        """End the speech.
 
         Returns:
             The rest of the motion, to exactly ceil(duration × fps) frames in all; as of `push`.
@@ -236,12 +236,12 @@ class Session(SessionControls):
             raise InputError("there is no speech to gesture to", "give at least one sample")
         if self._sound.finished:
             return self._next_frames()
-        self._hear(self._held.take(self._sound.finish()))
+        self._hear(self._short_pieces.take(self._sound.finish()))
         self.detector.finish()
         if self.mouth is not None:
             self.mouth.finish()
-        if self._played is not None:
-            self._played.finish(float(self._sound.duration))
+        if self._record is not None:
+            self._record.finish(float(self._sound.duration))
         while self._frame < total:
             end = min((self._ticks + 20) * self.foresight.tick, (total + 0.5) / self.fps)
             while self.planned_until < end:
@@ -258,16 +258,16 @@ class Session(SessionControls):
         return ([piece] for piece in self.finish())
 
     def _next_frames(self) -> Iterator[Motion]:
-        """What is ready: a piece leaves the queue before anybody sees it."""
+        """The pieces that are ready; each leaves the queue before it is yielded."""
         while self._ready:
             yield self._ready.popleft()
 
     def hear_rest(self) -> None:
-        """Hear what waits for more, before who shares the prosody ends it."""
-        self._hear(self._held.take(np.zeros(0, np.float32)))
+        """Hear the samples that wait for more, before the owner of the shared prosody ends it."""
+        self._hear(self._short_pieces.take(np.zeros(0, np.float32)))
 
     def _hear(self, samples: Array) -> None:
-        """Samples at 16 kHz, for all that listens."""
+        """Give samples at 16 kHz to all listeners."""
         self.detector.hear(samples)
         if self.mouth is not None:
             self.mouth.push(samples)
@@ -288,8 +288,8 @@ class Session(SessionControls):
         if self.mood.track is not None or self._ticks % self._look == 0:
             level = self.mood.arousal.level * float(self.mood.voice_share(np.array(now)))
             self.modifier = arouse(blend_modifiers(self.mood.probabilities), level)
-        if self._played is not None:
-            self._played.note(self.planned_until, self.modifier, self.mood, detector)
+        if self._record is not None:
+            self._record.note(self.planned_until, self.modifier, self.mood, detector)
         self._moods.append((now, self.mood.probabilities.copy()))
         if self._eyes_only:
             self.planner.posture.look(now, phrases, self.modifier)
@@ -312,42 +312,42 @@ class Session(SessionControls):
         """The first frame that is not before ``until`` seconds."""
         return ceil(until * self.fps - 1e-9)
 
-    def _forget(self, made: float) -> None:
-        """What no frame after this time in seconds asks for."""
+    def _forget(self, last: float) -> None:
+        """Drop what no frame after ``last`` seconds needs."""
         for track in (self.planner.body, *(s.track for s in self.planner.hands)):
-            track.forget(made - 0.5)
-        self.manners.forget(made)
-        while len(self._moods) > 1 and self._moods[1][0] < made - 1.5:
+            track.forget(last - 0.5)
+        self.manners.forget(last)
+        while len(self._moods) > 1 and self._moods[1][0] < last - 1.5:
             self._moods.popleft()
-        if "body" in self.parts or "hands" in self.parts:  # nobody else makes them, and asks for the arousal
-            self.mood.arousal.forget(made)
+        if "body" in self.parts or "hands" in self.parts:  # no other system makes them, and asks for the arousal
+            self.mood.arousal.forget(last)
         if self._words:  # a long one may begin before a short one that is over
-            self._words = [word for word in self._words if word.end >= made - 3]
-        while self.gestures and self.gestures[0].end < made - KEPT:
+            self._words = [word for word in self._words if word.end >= last - 3]
+        while self.gestures and self.gestures[0].end < last - KEPT:
             self.gestures.popleft()
 
     def _realise(self, times: Array) -> Motion:
         mood, layers = self._mood_at(times), self.manners.layers(times)
-        made = [(self._pose(times, mood, manner), share) for manner, share in layers]
+        poses = [(self._pose(times, mood, manner), share) for manner, share in layers]
         face = None
         if "face" in self.parts:
             faces = self._faces(times, mood, [manner.face for manner, _ in layers])
             face = mix_frames([(each, share) for each, (_, share) in zip(faces, layers, strict=True)]).astype(np.float32)
-        root = mix_frames([(pose.root, share) for pose, share in made]).astype(np.float32)
-        rotations, root = self._turn(made, root)
+        root = mix_frames([(pose.root, share) for pose, share in poses]).astype(np.float32)
+        rotations, root = self._turn(poses, root)
         motion = Motion(self.fps, rotations, root, face, humanoid(), float(times[0]))
         return self.aim(motion) if self._aimed else motion
 
-    def _turn(self, made: list[tuple[Pieces, Array]], root: Array) -> tuple[Array, Array]:
+    def _turn(self, poses: list[tuple[Pieces, Array]], root: Array) -> tuple[Array, Array]:
         """(n, J, 4) float32 and (n, 3): several manners as one, with the parts that are wanted; eyes stand in the world."""
         if self._eyes_only:
-            eyes = toward(mix_frames([(pose.gaze, share) for pose, share in made]))[:, None]
+            eyes = toward(mix_frames([(pose.gaze, share) for pose, share in poses]))[:, None]
             rotations = quat_identity(len(eyes), len(humanoid()), dtype=np.float32)
             rotations[:, eye_joints()] = self._signs.push(eyes.astype(np.float32))
             return rotations, root
-        rotations, root = select_parts(mix_frames([(pose.rotations, share) for pose, share in made]), root, self.parts)
+        rotations, root = select_parts(mix_frames([(pose.rotations, share) for pose, share in poses]), root, self.parts)
         if "face" in self.parts:
-            rotations[:, eye_joints()] = toward(mix_frames([(pose.gaze, share) for pose, share in made]))[:, None]
+            rotations[:, eye_joints()] = toward(mix_frames([(pose.gaze, share) for pose, share in poses]))[:, None]
         return self._signs.push(rotations.astype(np.float32)), root
 
     def _pose(self, times: Array, mood: Array, manner: Manner) -> Pieces:
@@ -359,17 +359,17 @@ class Session(SessionControls):
 
     def _faces(self, times: Array, mood: Array, faces: list[Face]) -> list[Array]:
         """(n, 52) weights of each of these faces."""
-        heard = self.detector.window(times[0] - 0.6, times[-1] + 0.6)
+        features = self.detector.window(times[0] - 0.6, times[-1] + 0.6)
         accents = [a for a in self.detector.accents if times[0] - 1.5 < a.time < times[-1] + 1.0]
         words = [w for w in self._words if w.start < min(times[-1] + 1.0, self.planned_until + self.foresight.mouth_waits)]
         shifts = [shift for shift in self.planner.posture.gaze_shifts if times[0] - 0.6 < shift[0] < times[-1] + 0.6]
-        spoken = None if self.mouth is None else self.mouth.at(times)
+        mouth = None if self.mouth is None else self.mouth.at(times)
         strokes = None if self._eyes_only else list(self.planner.stroke_accents)
-        seen: dict[str, Any] = {"words": words, "emotion": mood, "shifts": shifts, "spoken": spoken, "strokes": strokes}
-        return [face.weights(times, heard, accents=accents, **seen) for face in faces]
+        signals: dict[str, Any] = {"words": words, "emotion": mood, "shifts": shifts, "spoken": mouth, "strokes": strokes}
+        return [face.weights(times, features, accents=accents, **signals) for face in faces]
 
     def aim(self, motion: Motion) -> Motion:
-        """A finished body with the eyes that were planned: turned against its head, whoever moved that; lids and gains follow.
+        """A finished body with the planned eyes, turned against its head, whichever system moved it; lids and gains follow.
 
         Args:
             motion: of our humanoid. Its eyes stand as planned in the world; its face is that of a session that does not aim.

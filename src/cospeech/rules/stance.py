@@ -41,7 +41,7 @@ DRIFT_HZ, DRIFT = 0.25, 0.012
 """How often, and how far in metres, hips drift between shifts of the weight. [ours: a recorded hip never waits: in its
 slowest tenth it has a fifth of its mean speed]"""
 _MOST_TURN = 17.0  # degrees that pelvis and feet turn away from the listener
-_KEPT = 0.5  # share of that turn that a step keeps [ours: without it, somebody stands turned away for minutes]
+_KEEPS = 0.5  # share of that turn that a step keeps [ours: without it, somebody stands turned away for minutes]
 _OVER = 0.175  # metres above the floor of the sole of a leg that lies over the other's knee: thigh over thigh
 _WIDTHS = (1.0, 1.7)  # of a stance, over `STANCE`: ankles .21 to .36 m apart (CMU's takes that stand: .24 to .59)
 _BEFORE = 0.02  # metres by which hips are before the ankles, beside the skeleton's own: weight lies on the middle of the foot
@@ -122,9 +122,9 @@ def _hump(columns: int | slice, height: float | Array) -> Array:
 def _pivot(foot: Array, yaw: float) -> tuple[Array, Array]:
     """Where a foot ``(x, z, yaw)`` is after it has turned about its ball, and by how much its way there leaves the chord."""
     angles = np.radians([foot[2], (foot[2] + yaw) / 2, yaw])
-    turned = BALL * np.stack([np.sin(angles), np.cos(angles)], 1)
-    middle = turned[0] - turned[1] - (turned[0] - turned[2]) / 2
-    return np.array([*(foot[:2] + turned[0] - turned[2]), yaw]), np.array([*middle, 0.0])
+    offsets = BALL * np.stack([np.sin(angles), np.cos(angles)], 1)
+    middle = offsets[0] - offsets[1] - (offsets[0] - offsets[2]) / 2
+    return np.array([*(foot[:2] + offsets[0] - offsets[2]), yaw]), np.array([*middle, 0.0])
 
 
 class Stance:
@@ -150,7 +150,7 @@ class Stance:
             "step": self._step_gap(),
             "legs": random.uniform(1.0, 5.0) if amounts.seated else np.inf,
         }
-        self._crossed = ""  # the leg that lies over the other's knee
+        self._top_leg = ""  # the leg that lies over the other's knee
         self._follow: float | None = None
         self._down = 0.0  # when the foot that steps, or turns about its ball, stands again
         self._settled = False
@@ -176,24 +176,24 @@ class Stance:
             self._move_legs(now)
 
     def schedule(self) -> dict[str, Any]:
-        """What is to be done when, apart from where the body is."""
+        """Times and states of the plan, without the place of the body."""
         own = {name: getattr(self, name) for name in _SCHEDULE}
         return own | {name: dict(getattr(self, name)) for name in _TIMES}
 
     def follow(self, schedule: Mapping[str, Any]) -> None:
-        """Go on as another stance would from there."""
+        """Go on from the schedule of another stance."""
         for name, value in schedule.items():
             setattr(self, name, dict(value) if name in _TIMES else value)
 
     def begin_phrase(self, now: float, start: float) -> None:
-        """Somebody is about to speak, at ``start`` seconds: first comes a quick breath, and often the weight goes elsewhere."""
+        """Speech begins at ``start`` seconds: before it comes a quick breath, and often a shift of the weight."""
         if start - self._breathed > 1.6:
             self._breathe(now, max(now + 0.02, start - 0.5), self._random.uniform(0.42, 0.6), self._random.uniform(2.2, 3.6))
         if self._random.random() < 0.35:
             self._next["shift"] = min(self._next["shift"], now + self._random.uniform(0, 0.5))
 
     def begin_gesture(self, now: float, start: float, length: float, size: float) -> None:
-        """Hands are about to move: often weight and pelvis go elsewhere with them.
+        """Hands begin to move: often weight and pelvis move with them.
 
         Args:
             now: of the tick, seconds.
@@ -291,7 +291,7 @@ class Stance:
     def _move_legs(self, now: float) -> None:
         """A seated body crosses its legs, takes them apart again, stretches one, draws one in, or puts a foot elsewhere."""
         self._next["legs"] = now + self._random.uniform(3.5, 9.0) / max(self.amounts.sway, 0.4) ** 0.5
-        if self._crossed:
+        if self._top_leg:
             self._uncross(now)
             return
         left = self._random.random() < 0.5
@@ -303,7 +303,7 @@ class Stance:
         self._put(now, left, self._random.uniform(0.9, 2.0) * STANCE, reach, self._random.uniform(-6, 10))
 
     def _put(self, now: float, left: bool, aside: float, ahead: float, out: float) -> None:
-        """A seated body's foot to another place on the floor."""
+        """Move a seated body's foot to another place on the floor."""
         side = 1.0 if left else -1.0
         goal = np.array([side * aside, ahead, side * (TOE_OUT + out)])
         self._swing(now + 0.38, Body.LEFT_FOOT if left else Body.RIGHT_FOOT, goal, 0.4, 0.022)
@@ -320,19 +320,19 @@ class Stance:
         self.track.move(begin, 0.8, np.array([self._random.uniform(4.0, 12.0)]), [tip])
         across = np.array([-side * self._random.uniform(0.13, 0.17), self._random.uniform(0.04, 0.08), -side * 17.0])
         self.track.move(begin + 0.35, 0.8, across, foot)
-        self._crossed = "left" if left else "right"
+        self._top_leg = "left" if left else "right"
         self._next["legs"] = begin + self._random.uniform(8.0, 20.0)
         self._next["turn"] = min(self._next["turn"], now)
 
     def _uncross(self, now: float) -> None:
-        left = self._crossed == "left"
+        left = self._top_leg == "left"
         side = 1.0 if left else -1.0
         foot, lift, tip = _leg_columns(left)
         place = np.array([side * STANCE * self._random.uniform(0.9, 1.3), self._random.uniform(-0.06, 0.1), side * TOE_OUT])
         self.track.move(now + 0.1, 0.8, place, foot)
         self.track.move(now + 0.25, 0.95, np.array([0.0]), [lift], arc=_hump(lift, 0.04))
         self.track.move(now + 0.4, 0.7, np.array([0.0]), [tip])
-        self._crossed = ""
+        self._top_leg = ""
 
     def _step_gap(self) -> float:
         per_minute = 0.0 if self.amounts.seated else self.amounts.steps
@@ -342,8 +342,8 @@ class Stance:
         """The unloaded foot steps towards where the pelvis is turned; the weight follows, and often the other foot."""
         self._next["step"] = now + self._step_gap()
         if self._follow is None:
-            turned = _KEPT * self._heading + 0.7 * float(self.track.target[Body.HIPS_YAW]) + self._gauss(5.0)
-            self._heading = float(np.clip(turned, -_MOST_TURN, _MOST_TURN))
+            heading = _KEEPS * self._heading + 0.7 * float(self.track.target[Body.HIPS_YAW]) + self._gauss(5.0)
+            self._heading = float(np.clip(heading, -_MOST_TURN, _MOST_TURN))
             self._follow = self._heading if self._random.random() < 0.6 else None
             if self._follow is not None:
                 self._next["step"] = now + self._random.uniform(1.5, 2.2)

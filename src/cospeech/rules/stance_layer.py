@@ -1,4 +1,4 @@
-"""A stance under somebody else's motion: legs, pelvis, breath and a trunk that follows the hands, for systems that lack them.
+"""A stance under another system's motion: legs, pelvis, breath and a trunk that follows the hands, for systems without them.
 
 Networks that learnt upper bodies stand on planted feet with a stiff trunk. Here a `Stance` of the rules carries them. The
 pelvis goes from leg to leg over feet that step. The chest takes over a part of its turn and breathes. It bends into a stroke
@@ -67,19 +67,19 @@ _SWAY = np.radians([1.2, 1.08, 2.2])  # pitch, roll, yaw of a chest that is neve
 _LOOKS = np.radians([2.6, 3.6, 6.4])
 """Pitch, roll and yaw of a head that is never still ([ours]); eyes are turned against it."""
 _QUICK, _PER, _GAINS = np.radians(19.0), np.radians(5.0), (0.3, 1.8)
-"""Radians per second of an own head that gets just that; the less it moves, the more is added, within these factors ([ours]:
-the heads of people turn by 19 to 27 degrees per second)."""
+"""Radians per second of the motion's own head at which just that is added; more is added to one that moves less, within these
+factors ([ours]: the heads of people turn by 19 to 27 degrees per second)."""
 _REMEMBERS = 10.0  # seconds over which the speed of the own head counts ([ours])
 _HASTY = np.radians([25.0, 33.0])
-"""Radians per second of an own head from which, and at which wholly, it is smoothed over `REACH` to either side ([ours]): the
+"""Radians per second of the motion's own head at which smoothing over `REACH` to either side begins, and is full ([ours]): the
 chain nods at 35 degrees per second, a third faster than people."""
 _STEADY, _LEAST = np.radians(31.0), 0.5
-"""Radians per second of an own head beyond which it also turns less far from where it mostly is, and the least share of its way
-that it keeps ([ours]): smoothing alone took a fifth off the chain's."""
+"""Radians per second of the motion's own head above which it also turns less far from its mean place, and the least share of
+that way that it keeps ([ours]): smoothing alone took a fifth off the chain's."""
 _RESTS, _MOVES = 0.7, 1.0
-"""Share of its way by which a hasty head turns less far while the hands rest; arm lengths per second at which the quicker one
-moves ([ours]: the chain's head went as far while its hands rested)."""
-_MOSTLY = 2.0  # seconds over which a head is where it mostly is ([ours])
+"""Share of its way by which a hasty head turns less far while the hands rest; arm lengths per second of the quicker hand from
+which hands do not rest ([ours]: the chain's head went as far while its hands rested)."""
+_MOSTLY = 2.0  # seconds over which the mean place of a head is taken ([ours])
 _HEAD = 0.5  # share of what the chest does that the head goes along with ([ours]: so the flow's goes with the hands)
 _OWN = 0.3  # share of its own travel that a motion keeps ([ours])
 _FAR = 0.06  # metres at which that bends ([ours]: feet are where they are)
@@ -112,7 +112,7 @@ class StanceLayer:
         self._kernel = kernel / kernel.sum()
         s = humanoid()
         self._q, self._place, self._wrists = np.zeros((0, len(s), 4)), np.zeros((0, 3)), np.zeros((0, 2, 3))
-        self._quick, self._heard = float(_QUICK), 0
+        self._quick, self._count = float(_QUICK), 0
         self._head, self._heads, self._mean = np.zeros((0, 4)), np.zeros((0, 4)), np.zeros(4)
         self._calm = np.cos(np.pi / 2 * np.arange(-self._ahead, self._ahead + 1) / (self._ahead + 1)) ** 2
         self._calm /= self._calm.sum()
@@ -178,8 +178,8 @@ class StanceLayer:
         speeds = (quat_angle(heads[:-1], heads[1:]) * self._fps).tolist()
         gains, shares = np.ones(len(q)), np.zeros((len(q), 2))
         for k, speed in enumerate(speeds, len(q) - len(speeds)):
-            self._heard += 1
-            self._quick += (speed - self._quick) / min(self._heard + self._fps, _REMEMBERS * self._fps)
+            self._count += 1
+            self._quick += (speed - self._quick) / min(self._count + self._fps, _REMEMBERS * self._fps)
             gains[k] = min(max(1.0 + (float(_QUICK) - self._quick) / float(_PER), _GAINS[0]), _GAINS[1])
             shares[k, 0] = min(max((self._quick - float(_HASTY[0])) / float(_HASTY[1] - _HASTY[0]), 0.0), 1.0)
             shares[k, 1] = 1.0 - min(max(float(_STEADY) / max(self._quick, 1e-6), _LEAST), 1.0)
@@ -188,7 +188,7 @@ class StanceLayer:
         self._means = np.concatenate([self._means, means])
 
     def _follow_mean(self, heads: Array) -> Array:
-        """Where a head (n, 4) mostly is, frame by frame; in plain numbers, which is quicker than four at a time in arrays."""
+        """The running mean of a head (n, 4), frame by frame; in plain numbers, which is quicker than arrays of four."""
         (x, y, z, w), many, means = self._mean.tolist(), max(_MOSTLY * self._fps, 1.0), []
         for a, b, c, d in heads.tolist():
             if not (x or y or z or w):
@@ -198,12 +198,12 @@ class StanceLayer:
                     x, y, z, w = -x, -y, -z, -w
                 x, y, z, w = x + (a - x) / many, y + (b - y) / many, z + (c - z) / many, w + (d - w) / many
             means.append((x, y, z, w))
-        found = np.array(means)
-        self._mean = found[-1]
-        return found
+        result = np.array(means)
+        self._mean = result[-1]
+        return result
 
     def _calm_head(self, head: Array, rest: Array) -> Array:
-        """The heads (n, 4) of the next frames, where they are hasty smoothed and nearer to where they mostly are.
+        """The heads (n, 4) of the next frames; hasty ones are smoothed, and nearer to their mean.
 
         ``rest``: (n,) 0 … 1, how little the hands move meanwhile: a hasty head is calmer then.
         """
@@ -213,10 +213,10 @@ class StanceLayer:
             near += weight * _like(self._heads[k : k + count], head)
         smooth, less = (min(self._amount, 1.0) * self._shares[:count]).T
         smooth, less = smooth[:, None], np.minimum(less + smooth * _RESTS * rest, 1.0)[:, None]
-        found = head + smooth * (near - head)
-        found += less * (_like(self._means[:count], head) - found)
+        calm = head + smooth * (near - head)
+        calm += less * (_like(self._means[:count], head) - calm)
         self._heads, self._shares, self._means = self._heads[count:], self._shares[count:], self._means[count:]
-        return quat_normalize(found)
+        return quat_normalize(calm)
 
     def _begin(self, *, seated: bool) -> None:
         random = Random(f"{self._seed}/stance")
@@ -271,8 +271,8 @@ class StanceLayer:
         left, right = near[:, 0], near[:, 1]
         ahead = np.stack([left[:, 2] + right[:, 2], -(left[:, 0] + right[:, 0]), right[:, 2] - left[:, 2]], -1) / 2
         turns = np.tanh((ahead - _USUAL) / _FULL) * _FULL * _FOLLOWS
-        raised = 0.5 * (left[:, 1] + right[:, 1]) - _HEIGHT
-        down = -np.tanh(raised / _FULL) * _FULL * _BENDS
+        height = 0.5 * (left[:, 1] + right[:, 1]) - _HEIGHT
+        down = -np.tanh(height / _FULL) * _FULL * _BENDS
         ways = np.tanh(6 * smooth_noise(self._seed + 26, 3, times, _EITHER_WAY, octaves=1))
         turns[:, 0] = ways[:, 0] * turns[:, 0] + ways[:, 1] * down
         turns[:, 2] -= np.tanh(ahead[:, 1] / _FULL) * _FULL * _ASIDE
@@ -296,25 +296,25 @@ class StanceLayer:
             b[:, Body.HIPS_YAW] += np.degrees(_HIPS * follow[:, 2])
             b[:, [Body.HIPS_Z, Body.HIPS_X]] += _GOES * follow[:, :2]
             b[:, Body.PLACE] = balance(b[:, Body.PLACE], b)
-        pelvis, stood = stand(b, seated, None)
+        pelvis, root = stand(b, seated, None)
         lead = self._lead(follow, b, times)
         hips = quat_multiply(pelvis, old[0])
         q[:, joint["hips"]] = hips
-        turned = quat_multiply(lead, rotvec_to_quat((1 - (1 - _TRUNK) * min(self._amount, 1.0)) * quat_to_rotvec(chest)))
-        bend = quat_to_rotvec(quat_multiply(quat_conjugate(hips), turned))
+        trunk = quat_multiply(lead, rotvec_to_quat((1 - (1 - _TRUNK) * min(self._amount, 1.0)) * quat_to_rotvec(chest)))
+        bend = quat_to_rotvec(quat_multiply(quat_conjugate(hips), trunk))
         for name, share in SPINE:
             q[:, joint[name]] = rotvec_to_quat(bend * share)
         turns = smooth_noise(self._seed + 23, 3, times, 0.7, octaves=3, gain=0.55) * _LOOKS * self._amount
         turns *= self._gains[: len(q), None]
         looks = quat_multiply(rotvec_to_quat(quat_to_rotvec(lead) * _HEAD), quat_multiply(_euler(turns), head))
-        nod = quat_to_rotvec(quat_multiply(quat_conjugate(turned), looks))
+        nod = quat_to_rotvec(quat_multiply(quat_conjugate(trunk), looks))
         q[:, joint["neck"]] = rotvec_to_quat(nod * NECK_SHARE)
         q[:, joint["head"]] = rotvec_to_quat(nod * (1 - NECK_SHARE))
         keep_arms_out(q, min(self._amount, 1.0))
         if seated:
             place[:, [0, 2]] += b[:, [Body.HIPS_X, Body.HIPS_Z]]
             return
-        place[:, [0, 2]] = balance(stood[:, [0, 2]] + np.tanh(_OWN * place[:, [0, 2]] / _FAR) * _FAR, b)
+        place[:, [0, 2]] = balance(root[:, [0, 2]] + np.tanh(_OWN * place[:, [0, 2]] / _FAR) * _FAR, b)
         joints, legs, height = carry(hips, place, b)
         q[:, joints], place[:, 1] = legs, height
 
@@ -352,6 +352,6 @@ def _chain(rotations: list[Array]) -> Array:
 def add_stance(motion: Motion, *, seed: int = 0, amount: float = 1.0) -> Motion:
     """A whole motion on our humanoid with a stance under it; see `StanceLayer`."""
     layer = StanceLayer(seed=seed, fps=motion.fps, amount=amount)
-    pushed, rest = layer.push(motion.rotations, motion.root), layer.finish()
-    rotations, root = (np.concatenate(parts) for parts in zip(pushed, rest, strict=True))
+    first, rest = layer.push(motion.rotations, motion.root), layer.finish()
+    rotations, root = (np.concatenate(parts) for parts in zip(first, rest, strict=True))
     return Motion(motion.fps, rotations, root, motion.face, motion.skeleton, motion.start)

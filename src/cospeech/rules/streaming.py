@@ -1,4 +1,4 @@
-"""Speech that comes in pieces: what is checked of a piece, and the motion of a session to all of them."""
+"""Speech that comes in pieces: a check of each piece, and the motion of a session to all of them."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ __all__ = ["check_speech", "in_short", "stream_motion"]
 
 
 def check_speech(speech: object) -> None:
-    """Say what is wrong where something else than speech is given.
+    """Check that an object is speech.
 
     Raises:
         InputError: it is not a `Speech`.
     """
     if not isinstance(speech, Speech):
         is_path = isinstance(speech, str) or not hasattr(speech, "__len__")
-        made = "cospeech.Speech.load('talk.wav')" if is_path else "cospeech.Speech(samples, 24000)"
-        raise InputError(f"{type(speech).__name__} where speech belongs", f"{made} makes it")
+        call = "cospeech.Speech.load('talk.wav')" if is_path else "cospeech.Speech(samples, 24000)"
+        raise InputError(f"{type(speech).__name__} where speech belongs", f"{call} makes it")
 
 
 def in_short(chunk: Speech) -> Iterable[Speech]:
@@ -31,7 +31,7 @@ def in_short(chunk: Speech) -> Iterable[Speech]:
 
 
 class _Pushed(Protocol):
-    """What `stream_motion` asks of a session."""
+    """The methods of a session that `stream_motion` uses."""
 
     def push(self, chunk: Speech) -> Iterator[Motion]: ...
 
@@ -39,7 +39,7 @@ class _Pushed(Protocol):
 
 
 def stream_motion(session: _Pushed, chunks: Iterable[Speech]) -> Iterator[Motion]:
-    """The motion of a session to speech that comes in pieces of any size; of long ones, eight seconds are worked off at once.
+    """The motion of a session to speech that comes in pieces of any size; long ones are split into pieces of eight seconds.
 
     Raises:
         InputError: one `Speech` in place of several, or something else than speech.

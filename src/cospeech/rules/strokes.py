@@ -1,8 +1,8 @@
 """The form of a single movement: how far its path leaves the chord, where its speed peaks, how the hand drags behind.
 
 The chord of a person's stroke is about nine tenths of its path, and its speed peaks anywhere between the first and the last
-third (measured on two people, see docs/models/rules.md). A straight reach with one ease gives an animation away. All sizes are
-ours, to those figures and by eye.
+third (measured on two people, see docs/models/rules.md). A straight reach with a symmetric speed looks artificial. All sizes
+are ours, to those figures and by eye.
 """
 
 from __future__ import annotations

@@ -323,13 +323,13 @@ def mix_styles(parts: Mapping[str, float]) -> Style:
     total = sum(parts.values())
     share = {name: weight / total for name, weight in parts.items() if weight > 0}
     main = STYLES[max(share, key=lambda name: share[name])]
-    mixed: dict[str, object] = {}
+    values: dict[str, object] = {}
     for name in (f.name for f in fields(Style) if isinstance(getattr(main, f.name), float)):
-        mixed[name] = sum(getattr(STYLES[style], name) * weight for style, weight in share.items())
+        values[name] = sum(getattr(STYLES[style], name) * weight for style, weight in share.items())
     forms = {form for style in share for form in STYLES[style].repertoire}
-    mixed["repertoire"] = {f: sum(STYLES[s].repertoire.get(f, 1.0) * w for s, w in share.items()) for f in sorted(forms)}
-    mixed["exempt"] = tuple(sorted({row for style in share for row in STYLES[style].exempt}))
-    return replace(main, what=", ".join(f"{weight:.0%} {name}" for name, weight in share.items()), **mixed)  # type: ignore[arg-type]
+    values["repertoire"] = {f: sum(STYLES[s].repertoire.get(f, 1.0) * w for s, w in share.items()) for f in sorted(forms)}
+    values["exempt"] = tuple(sorted({row for style in share for row in STYLES[style].exempt}))
+    return replace(main, what=", ".join(f"{weight:.0%} {name}" for name, weight in share.items()), **values)  # type: ignore[arg-type]
 
 
 def find_style(style: object) -> Style:

@@ -43,7 +43,7 @@ _OFF, _BEHIND = (
     math.sin(math.radians(9.5)),
     -math.sin(math.radians(4.5)),
 )  # of the forearm, where it is brought back [ours: inside]
-_FOLDED = math.tan(math.radians(30.0))  # of a forearm that is folded up as far as it goes, 150° [ours: anatomy allows 152°]
+_FOLD = math.tan(math.radians(30.0))  # of a forearm that is folded up as far as it goes, 150° [ours: anatomy allows 152°]
 _LITTLE = np.radians([20.0, 40.0])  # radians by which a forearm is brought back wholly, and from which not at all [ours]
 _QUICK, _BACK = 7.0, 0.4  # radians a second by which a turn goes where it has to, and back [ours: an upper arm turns at 14]
 _SUPINATION = math.radians(
@@ -129,15 +129,15 @@ class _Arm:
         fore = _bring_back(quat_multiply(axis_angle_to_quat(_X, -turns), fore))
         supination = -_angle(quat_twist(fore, _X)) - _angle(quat_twist(hand, _X))
         fore = quat_multiply(fore, axis_angle_to_quat(_X, self._forearm.follow(supination, np.full(len(fore), _SUPINATION))))
-        for joint, made in zip(self._joints, (upper, fore, hand), strict=True):
-            rotations[:, joint] = made * self._mirror
+        for joint, rotation in zip(self._joints, (upper, fore, hand), strict=True):
+            rotations[:, joint] = rotation * self._mirror
 
 
 def _find_bend(bones: Array) -> tuple[Array, Array]:
     """Of directions (n, 3) of the forearm, in the frame of the upper arm: how far the upper arm would have to turn so that the
     elbow bends straight towards +Z, and by how much it may turn less, radians (n,) each."""
-    bent = np.hypot(bones[:, 1], bones[:, 2])
-    room = np.where(bent <= _STRAIGHT, math.pi, np.arcsin(np.minimum(_HINGE / np.maximum(bent, 1e-9), 1.0)))
+    bend = np.hypot(bones[:, 1], bones[:, 2])
+    room = np.where(bend <= _STRAIGHT, math.pi, np.arcsin(np.minimum(_HINGE / np.maximum(bend, 1e-9), 1.0)))
     return -np.arctan2(bones[:, 1], bones[:, 2]), room
 
 
@@ -148,7 +148,7 @@ def _bring_back(fore: Array) -> Array:
         [
             bone[:, 0],
             clip(bone[:, 1], -_OFF, _OFF),
-            np.maximum(bone[:, 2], np.where(bone[:, 0] > 0, _BEHIND, -_FOLDED * bone[:, 0])),
+            np.maximum(bone[:, 2], np.where(bone[:, 0] > 0, _BEHIND, -_FOLD * bone[:, 0])),
         ],
         -1,
     )
@@ -169,5 +169,5 @@ def _limit_wrist(hand: Array) -> Array:
     inside = angles.copy()
     for column, (low, high) in zip((1, 2), _WRIST, strict=True):
         inside[:, column] = clip(angles[:, column], low, high)
-    changed = (inside != angles).any(1)
-    return np.where(changed[:, None], euler_to_quat(inside, "XYZ"), hand)
+    is_outside = (inside != angles).any(1)
+    return np.where(is_outside[:, None], euler_to_quat(inside, "XYZ"), hand)

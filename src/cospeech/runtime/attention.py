@@ -1,7 +1,7 @@
-"""At whom somebody looks in a group: at the one who speaks, and in own speech now at one and now at another one.
+"""Where a person in a group looks: at the person who speaks, and in own speech at one listener after another.
 
-In conversations of four, the person who speaks is looked at in most of the time that somebody listens to (Vertegaal et al.
-2001), and who speaks divides the gaze among the others. Eyes go first, and the head follows.
+In conversations of four, a listener looks at the speaker for most of the time (Vertegaal et al. 2001), and a speaker divides
+the gaze among the others. Eyes go first, and the head follows.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from ..motion.rotations import Array
 
 __all__ = ["Attention", "AttentionShift", "find_row", "find_seats", "plan_attention"]
 
-_NOTED = 0.5  # s; who speaks for less is not looked at [ours: "mhm" takes no turn]
+_SHORTEST_TURN = 0.5  # s; a person who speaks for less is not looked at [ours: "mhm" takes no turn]
 _AFTER = (0.20, 0.50)  # s after the first sound at which the others look [ours: a reaction, and less than a word]
 _HOLDS = 0.9  # s for which somebody is looked at, at least [ours]
-_SHARES = (2.8, 6.0)  # s in which who speaks looks at the same person [ours]
+_SHARES = (2.8, 6.0)  # s for which a speaker looks at the same person [ours]
 _EYES = 0.09  # s of a saccade between persons [ours: 25° take 80 ms, Carpenter 1988]
 _LATE = 0.06  # s by which the head begins later than the eyes [ours]
 _HEAD, _HEAD_PER_DEGREE = 0.42, 0.006  # s of a turn of the head, and more for a large one [ours: below 150° a second]
@@ -31,11 +31,11 @@ _WIDEST = 60.0  # degrees to the next one at a table of many; the body would tur
 _NEIGHBOUR, _FURTHER = (
     40.0,
     8.0,
-)  # degrees to who stands beside in a row, and more to the next one [ours: 90 would hide the face]
+)  # degrees to the neighbour in a row, and more to each further one [ours: 90 would hide the face]
 
 
 class AttentionShift(NamedTuple):
-    """From a moment on, somebody looks elsewhere."""
+    """From a moment on, a person looks in another direction."""
 
     time: float
     """Seconds."""
@@ -44,7 +44,7 @@ class AttentionShift(NamedTuple):
 
 
 class Attention:
-    """The direction in which somebody attends, as a function of time.
+    """The direction of a person's attention, as a function of time.
 
     Args:
         shifts: in the order of their times; before the first one, its angle holds.
@@ -61,12 +61,12 @@ class Attention:
         eyes, head = np.full(len(times), self._first), np.full(len(times), self._first)
         longest = _LATE + (float(self._lasts.max()))
         over = int(np.searchsorted(self._times, times[0] - longest)) if len(times) else 0
-        done = float(self._steps[:over].sum())
+        total = float(self._steps[:over].sum())
         for k in range(over, int(np.searchsorted(self._times, times[-1], "right")) if len(times) else 0):
             since = times - self._times[k]
             eyes += self._steps[k] * smoothstep(since / _EYES)
             head += self._steps[k] * smoothstep((since - _LATE) / self._lasts[k])
-        return eyes + done, head + done
+        return eyes + total, head + total
 
 
 def find_seats(count: int) -> list[list[float]]:
@@ -115,21 +115,21 @@ def plan_attention(
         seed: of the take.
     """
     draw = Random(seed * 2 + 9)
-    wanted = [
+    candidates = [
         (phrase.start + draw.uniform(*_AFTER), k)
         for k, other in enumerate(others)
         for phrase in other.phrases
-        if phrase.end - phrase.start >= _NOTED
+        if phrase.end - phrase.start >= _SHORTEST_TURN
     ]
     for phrase in own.phrases:
         at = phrase.start + draw.uniform(*_SHARES)
         while len(others) > 1 and at < phrase.end - _HOLDS:
-            wanted.append((at, -1))  # somebody else
+            candidates.append((at, -1))  # somebody else
             at += draw.uniform(*_SHARES)
-    wanted.sort()
-    at, shifts = (wanted[0][1] if wanted and wanted[0][1] >= 0 else 0), list[AttentionShift]()
+    candidates.sort()
+    at, shifts = (candidates[0][1] if candidates and candidates[0][1] >= 0 else 0), list[AttentionShift]()
     shifts.append(AttentionShift(0.0, bearings[at]))
-    for time, who in wanted:
+    for time, who in candidates:
         last = bisect_right(own.phrases, time, key=lambda phrase: phrase.start) - 1
         speaks = last >= 0 and time < own.phrases[last].end
         if who == at or (speaks and who >= 0) or time < shifts[-1].time + _HOLDS:

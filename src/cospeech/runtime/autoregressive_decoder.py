@@ -17,7 +17,7 @@ from .system import System
 
 __all__ = ["AutoregressiveDecoder", "Source", "SourceFactory"]
 
-SKIPPED = 1024  # ours: latents that are drawn and thrown away at once
+SKIP = 1024  # ours: latents that are drawn and thrown away at once
 
 
 class Source(Protocol):
@@ -61,8 +61,8 @@ SourceFactory = Callable[[StyleMixture], Sequence[Source]]
 class AutoregressiveDecoder:
     """Takes of one speech on a flow; see `cospeech.runtime.session.Decoder`.
 
-    A style that is changed is a second cast of sources, which play as if they had played from the beginning; latents, codes,
-    mean poses and deviations are faded from the one to the other.
+    A new style brings a second set of sources, which play as if they had played from the beginning; latents, codes, mean poses
+    and deviations fade from the first set to the second.
 
     Args:
         system: the bundle, opened.
@@ -71,8 +71,8 @@ class AutoregressiveDecoder:
         blend: the style to begin with.
         silence: (1, A) row of silence, which is before the speech.
         intensity: how far poses stray from the mean one.
-        ahead: frames of speech after a frame that are waited for, of those that the flow hears; all of them where not given.
-            The others are held at the last that was heard.
+        ahead: how many frames of speech after a frame are waited for, of those that the flow hears; all where not given. The
+            last frame that was heard stands for the others.
     """
 
     moods = None
@@ -96,27 +96,27 @@ class AutoregressiveDecoder:
         self._sources = Crossfade(sources, system.fps)
         self._takes = flow.begin(np.stack([s.history for s in sources]), np.stack([s.style for s in sources]))
         usual = flow.sizes.speech_frames - 1 - flow.sizes.history
-        self._held = 0 if ahead is None else max(usual - ahead, 0)
+        self._hold = 0 if ahead is None else max(usual - ahead, 0)
         self._rows = np.repeat(silence, flow.sizes.history, 0)
-        self._made = 0
+        self._frame = 0
         self.takes, self.width = len(sources), flow.sizes.pose
 
     @property
     def latency(self) -> float:
         """See `Decoder`."""
         sizes = self._flow.sizes
-        return (sizes.speech_frames - sizes.history - self._held) / self._system.fps
+        return (sizes.speech_frames - sizes.history - self._hold) / self._system.fps
 
     def push(self, rows: Array) -> Array:
         """See `Decoder`."""
-        self._sources.forget(self._made - MOST_LAG)
+        self._sources.forget(self._frame - MOST_LAG)
         self._rows = np.concatenate([self._rows, rows])
         windows = self._windows()
         self._rows = self._rows[len(windows) :].copy()
         if not len(windows):
             return np.zeros((self.takes, 0, self.width), np.float32)
-        first, end = self._made, self._made + len(windows)
-        self._made = end
+        first, end = self._frame, self._frame + len(windows)
+        self._frame = end
         z = self._latents(first, end)
         if self._sources.steady(first, end):
             return self._make_frames(first, windows, z)
@@ -126,15 +126,15 @@ class AutoregressiveDecoder:
     def finish(self, silence: Array) -> Array:
         """See `Decoder`."""
         sizes = self._flow.sizes
-        return self.push(np.repeat(silence, sizes.speech_frames - 1 - sizes.history - self._held, 0))
+        return self.push(np.repeat(silence, sizes.speech_frames - 1 - sizes.history - self._hold, 0))
 
     def _windows(self) -> Array:
         """(F, heard, A) of the frames that can be made; what is not waited for is held."""
-        if not self._held:
+        if not self._hold:
             return self._flow.windows(self._rows)
-        heard = self._flow.sizes.speech_frames - self._held
-        count = max(len(self._rows) - heard + 1, 0)
-        index = np.arange(count)[:, None] + np.minimum(np.arange(self._flow.sizes.speech_frames), heard - 1)
+        length = self._flow.sizes.speech_frames - self._hold
+        count = max(len(self._rows) - length + 1, 0)
+        index = np.arange(count)[:, None] + np.minimum(np.arange(self._flow.sizes.speech_frames), length - 1)
         return np.asarray(self._rows, np.float32)[index]
 
     def denormalise(self, poses: Array, at: Array, amplitude: Array | float = 1.0) -> Array:
@@ -149,17 +149,17 @@ class AutoregressiveDecoder:
         """See `Decoder`."""
         sources = self._make_sources(blend)
         for source in sources:
-            for start in range(0, frame, SKIPPED):
-                source.draw(min(SKIPPED, frame - start))
+            for start in range(0, frame, SKIP):
+                source.draw(min(SKIP, frame - start))
         self._sources.change(sources, frame)
 
     def _latents(self, first: int, end: int) -> Array:
         """(N, end − first, D)."""
-        drawn: dict[int, Array] = {}
+        latents: dict[int, Array] = {}
         for start, sources in self._sources.layers:
             z = np.stack([source.draw(max(0, end - max(first, start))) for source in sources])
-            drawn[id(sources)] = np.pad(z, ((0, 0), (end - first - z.shape[1], 0), (0, 0)))
-        return self._sources.mix(lambda sources: drawn[id(sources)], np.arange(first, end))
+            latents[id(sources)] = np.pad(z, ((0, 0), (end - first - z.shape[1], 0), (0, 0)))
+        return self._sources.mix(lambda sources: latents[id(sources)], np.arange(first, end))
 
     def _make_frames(self, frame: int, windows: Array, z: Array) -> Array:
         """Poses of frames that have one style."""

@@ -83,13 +83,13 @@ class AccentTrack:
         """The accents from one time to another, both included; in seconds, and in their order."""
         return self._accents[bisect_left(self._times, start) : bisect_right(self._times, end)]
 
-    def _note(self, known: float) -> None:
+    def _note(self, until: float) -> None:
         """Keep the new accents: the detector forgets them, and a network that hears the whole speech plays at its end."""
         latest = self._times[-1] if self._times else -np.inf
         new = [accent for accent in self._detector.accents if accent.time > latest]
         self._accents += new
         self._times += [accent.time for accent in new]
-        self.known = known
+        self.known = until
 
 
 class BeatAlignment:
@@ -113,7 +113,7 @@ class BeatAlignment:
         self._rotations, self._root = np.zeros((0, len(humanoid()), 4), np.float32), np.zeros((0, 3), np.float32)
         self._first = 0  # index of the first frame that is kept
         self._speeds = np.zeros(0)  # of both wrists together, from `_first` on, as far as they are known
-        self._given, self._frames, self._over = 0, 0, False
+        self._end, self._frames, self._over = 0, 0, False
         self._knots = [Knot(0.0, 0.0)]
 
     @property
@@ -152,22 +152,22 @@ class BeatAlignment:
         while self._knots[-1].time * self._fps < self._frames and self._is_ready():
             self._knots.append(self._next_knot(self._knots[-1]))
         end = min(int(np.ceil(self._knots[-1].time * self._fps)), self._frames)
-        if end <= self._given:
+        if end <= self._end:
             return self._rotations[:0], self._root[:0]
-        times = np.arange(self._given, end) / self._fps
+        times = np.arange(self._end, end) / self._fps
         places = np.minimum(bend_times(self._knots, times) * self._fps, self._frames - 1.0)
-        made = self._sample(places)
-        self._given = end
+        frames = self._sample(places)
+        self._end = end
         later = [k for k, knot in enumerate(self._knots) if knot.time <= end / self._fps]
         self._knots = self._knots[later[-1] :]
         self._forget(min(int(self._knots[0].source * self._fps), int(places[-1]), end) - 2)
-        return made
+        return frames
 
     def _is_ready(self) -> bool:
-        """Whether all is known that the next knot may depend on."""
+        """Whether everything is known on which the next knot may depend."""
         end = self._knots[-1].time + _NEXT[1]
-        seen = (self._first + len(self._speeds)) / self._fps
-        return self._over or (self._track.known >= end + LEAD and seen >= end + _FAR + (self._wide + 1) / self._fps)
+        speeds_end = (self._first + len(self._speeds)) / self._fps
+        return self._over or (self._track.known >= end + LEAD and speeds_end >= end + _FAR + (self._wide + 1) / self._fps)
 
     def _next_knot(self, last: Knot) -> Knot:
         """A stroke on an accent; an accent at which the hands hurry; or time that comes back to the body's."""
@@ -175,31 +175,31 @@ class BeatAlignment:
         accents, peaks = self._track.between(start + LEAD, end + LEAD), self._peaks(start - _FAR, end + _FAR)
         pairs = [(a, peak, speed) for a in accents for peak, speed in peaks if abs(a.time - LEAD - peak) <= _FAR]
         worth = [speed * (0.5 + a.strength) * (1 - _NEARER * abs(a.time - LEAD - peak) / _FAR) for a, peak, speed in pairs]
-        found = None
+        best = None
         for k in sorted(range(len(pairs)), key=lambda k: -worth[k]):  # the best, and then what still fits before it
             knot = Knot(pairs[k][0].time - LEAD, pairs[k][1], _PEAK)
-            if _fits(last, knot) and (found is None or _fits(knot, found)):
-                found = knot
-        found = found or Knot(last.time + _BACK, last.time + _BACK + (last.source - last.time) / 2)
+            if _fits(last, knot) and (best is None or _fits(knot, best)):
+                best = knot
+        best = best or Knot(last.time + _BACK, last.time + _BACK + (last.source - last.time) / 2)
         for time in (a.time - LEAD for a in accents):
-            if start <= time <= found.time - _NEXT[0]:
-                return Knot(time, float(np.interp(time, [last.time, found.time], [last.source, found.source])), _PEAK)
-        return found
+            if start <= time <= best.time - _NEXT[0]:
+                return Knot(time, float(np.interp(time, [last.time, best.time], [last.source, best.source])), _PEAK)
+        return best
 
     def _peaks(self, start: float, end: float) -> list[tuple[float, float]]:
         """Seconds and speeds of the strokes between two times."""
         a = max(int(np.ceil(start * self._fps)) - self._first, self._wide)
         z = min(int(end * self._fps) - self._first, len(self._speeds) - self._wide - 1)
-        found = []
+        peaks = []
         for k in range(a, z + 1):
             here = self._speeds[k]
             if here >= _LEAST and here >= self._speeds[k - self._wide : k + self._wide + 1].max():
-                found.append(((self._first + k) / self._fps, float(here)))
-        return found
+                peaks.append(((self._first + k) / self._fps, float(here)))
+        return peaks
 
     def _sample(self, places: Array) -> tuple[Array, Array]:
         """The next frames, with the arms of these places, between the two frames that are next to them."""
-        now = slice(self._given - self._first, self._given - self._first + len(places))
+        now = slice(self._end - self._first, self._end - self._first + len(places))
         rotations, root, arms = self._rotations[now].copy(), self._root[now], arm_joints()
         before = places.astype(int) - self._first
         a, b = (self._rotations[k][:, arms] for k in (before, np.minimum(before + 1, len(self._rotations) - 1)))
@@ -208,10 +208,10 @@ class BeatAlignment:
         return rotations, root
 
     def _forget(self, first: int) -> None:
-        """Frames before this one are wanted no more."""
-        gone = max(min(first - self._wide, self._first + len(self._speeds)) - self._first, 0)
-        self._first += gone
-        self._rotations, self._root, self._speeds = self._rotations[gone:], self._root[gone:], self._speeds[gone:]
+        """Drop the frames before this one."""
+        count = max(min(first - self._wide, self._first + len(self._speeds)) - self._first, 0)
+        self._first += count
+        self._rotations, self._root, self._speeds = self._rotations[count:], self._root[count:], self._speeds[count:]
 
 
 def bend_times(knots: Sequence[Knot], times: Array) -> Array:

@@ -29,7 +29,7 @@ __all__ = [
 
 FADE = 0.5  # s; ours: as styles are faded
 OFFLINE = "play it offline: look_ahead=inf, as `cospeech generate` does"
-"""What is to be done where speech is not heard as a whole."""
+"""The hint of an error where speech is not heard as a whole."""
 
 
 _TRAIN = (
@@ -56,7 +56,7 @@ class ConditioningFace:
         self._weights = np.clip(motion.face, 0, 1).astype(np.float32)
 
     def at(self, times: Array) -> tuple[Array, Array]:
-        """(T,) seconds → (T, 52) weights, and (T, 1) how far they are given, 0 … 1; before the beginning as there."""
+        """(T,) seconds → (T, 52) weights, and (T, 1) how far they are given, 0 … 1; before it begins, its first ones."""
         last = len(self._weights) - 1
         place = np.clip(times * self._fps, 0, last)
         low = np.minimum(place.astype(int), max(last - 1, 0))
@@ -72,7 +72,7 @@ class Conditioning:
 
     face: ConditioningFace | None = None
     before: Motion | None = None
-    """At the end of which poses begin."""
+    """Motion at whose end the new poses begin."""
 
     @property
     def anything(self) -> bool:
@@ -89,10 +89,10 @@ def read_conditioning(face: object, before: object) -> Conditioning:
     Raises:
         InputError: neither a Motion nor a file, or a file that cannot be read.
     """
-    shown, past = _motion(face, "a face"), _motion(before, "motion to continue from")
+    face_motion, past = _motion(face, "a face"), _motion(before, "motion to continue from")
     if past is not None and not len(past):
         raise InputError("the motion to continue from has no frames", "name another")
-    return Conditioning(None if shown is None else ConditioningFace(shown), past)
+    return Conditioning(None if face_motion is None else ConditioningFace(face_motion), past)
 
 
 def _motion(conditioning: object, what: str) -> Motion | None:
@@ -142,15 +142,15 @@ class Seam:
 
     Args:
         before: the motion, of any skeleton that is recognised; one frame at least.
-        fps: of what goes on.
+        fps: of the motion that continues it.
         still: joints that are not generated, and stay as they are.
-        placed: whether the hips' place is generated.
+        has_place: whether the hips' place is generated.
     """
 
-    def __init__(self, before: Motion, fps: float, *, still: Sequence[int] = (), placed: bool = True) -> None:
+    def __init__(self, before: Motion, fps: float, *, still: Sequence[int] = (), has_place: bool = True) -> None:
         last = before[len(before) - 1 :].retarget("humanoid")
         self._rotations, self._root = np.asarray(last.rotations[0], float), np.asarray(last.root[0], float)
-        self._fps, self._still, self._placed = fps, list(still), placed
+        self._fps, self._still, self._has_place = fps, list(still), has_place
         self._gap: OffsetFade | None = None
 
     def blend(self, rotations: Array, root: Array, first: int) -> tuple[Array, Array]:
@@ -158,5 +158,5 @@ class Seam:
         if self._gap is None:
             self._gap = OffsetFade(self._rotations, self._root, rotations[0], root[0])
             self._gap.turns[self._still] = 0.0
-            self._gap.way *= self._placed
+            self._gap.way *= self._has_place
         return self._gap.apply(rotations, root, decay(len(rotations), self._fps, FADE, first))

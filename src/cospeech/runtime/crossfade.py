@@ -12,7 +12,7 @@ from ..motion.rotations import Array
 
 __all__ = ["FADE", "Crossfade"]
 
-FADE = 0.5  # s; ours: about a stroke, so that a hand on its way does not jump, and whoever turns a knob sees that it turned
+FADE = 0.5  # s; ours: about a stroke, so that a moving hand does not jump, and a user soon sees the change
 T = TypeVar("T")
 
 
@@ -25,7 +25,7 @@ class Crossfade(Generic[T]):
 
     >>> track = Crossfade(np.zeros((1, 1)), fps=4)
     >>> track.change(np.ones((1, 1)), 2)
-    >>> track.mixed(lambda value: value, np.arange(6)).ravel().tolist()
+    >>> track.mix(lambda value: value, np.arange(6)).ravel().tolist()
     [0.0, 0.0, 0.0, 0.5, 1.0, 1.0]
     """
 

@@ -1,4 +1,4 @@
-"""What a session asks of a decoder: a network of any kind under way."""
+"""The interface of a decoder: a network of any kind under way."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Decoder(Protocol):
         ...
 
     def denormalise(self, poses: Array, at: Array, amplitude: Array | float = 1.0) -> Array:
-        """Poses (N, n, D) that are standardised no more, as far from the style's mean ones as was asked for.
+        """Poses (N, n, D) in their own units, as far from the style's mean pose as the intensity says.
 
         Args:
             at: (n,) where they lie, in frames of the model.

@@ -39,8 +39,8 @@ __all__ = ["is_mouth", "needs_stance", "options_for_files", "start_decoder"]
 
 
 def options_for_files(system: System) -> Mapping[str, Any]:
-    """Options of a session over a file: windows that hear both ways, where a system has them, as nobody waits; a stance; hands
-    that hold still and rest; and strokes on the accents."""
+    """Options of a session over a file: windows that hear both ways, where a system has them, since nobody waits; a stance;
+    hands that hold still and rest; and strokes on the accents."""
     ahead = {"look_ahead": inf} if {"make", "live"} <= set(system.networks) else {}
     return ahead | dict.fromkeys(LAYERS, system.pose != POSE) | {"stance": needs_stance(system)}
 
@@ -62,7 +62,7 @@ def start_decoder(
     mixture: StyleMixture,
     silence: Array,
     options: GenerationOptions,
-    given: Conditioning,
+    conditioning: Conditioning,
     transfer: Transfer | None = None,
 ) -> Decoder:
     """A decoder that begins with this style.
@@ -73,22 +73,24 @@ def start_decoder(
         mixture: the style to begin with.
         silence: (1, A) the row of silence, which is before the speech.
         options: of the session.
-        given: what there is beside the speech.
+        conditioning: what is given beside the speech.
         transfer: how styles become a flow's motion; the best one for it where not given.
 
     Raises:
         InputError: a look-ahead that is no number of seconds from 0 on, or what is given cannot be.
     """
     if system.flow is not None:
-        return _flow(system, system.flow, mixture, silence, options, given, transfer)
+        return _flow(system, system.flow, mixture, silence, options, conditioning, transfer)
     check_look_ahead(options.look_ahead)
     network = _network(system, options.look_ahead)
-    check_conditioning(given, network)
+    check_conditioning(conditioning, network)
     live = network.signature.window is None
     style: StyleTrack | SpokenStyleTrack
     if system.has_emotions:
-        heard = silence[0, : len(system.statistics.audio_mean)]
-        tracker = SpeakerEmotionTracker(system.networks.get("classify"), len(system.speakers), system.fps, heard, options.track)
+        silent_row = silence[0, : len(system.statistics.audio_mean)]
+        tracker = SpeakerEmotionTracker(
+            system.networks.get("classify"), len(system.speakers), system.fps, silent_row, options.track
+        )
         style = SpokenStyleTrack(system, space, mixture, tracker, live=live)
     else:
         style = StyleTrack(system, space, mixture, options.seeds, live=live, temperature=options.temperature)
@@ -102,12 +104,12 @@ def start_decoder(
         return SampledWindowDecoder(*common, **scales)
     if network.signature.hop is None:
         return SlidingWindowDecoder(*common, looking(network.signature, system.fps, options.look_ahead), **scales)
-    before = None if given.before is None else poses_before(system, given.before, network.signature.seeds)
-    return OverlapAddDecoder(*common, sections(network.signature), face=given.face, before=before, **scales)
+    before = None if conditioning.before is None else poses_before(system, conditioning.before, network.signature.seeds)
+    return OverlapAddDecoder(*common, sections(network.signature), face=conditioning.face, before=before, **scales)
 
 
 def _network(system: System, seconds: float | None) -> Network:
-    """The one that plays: that of frames, where there is one, unless the other's windows lie within the look-ahead."""
+    """The network that plays: that of frames where there is one, unless the windows of the other fit into the look-ahead."""
     make, live = system.networks.get("make"), system.networks.get("live")
     if live is None or (make is not None and seconds is not None and seconds * system.fps >= _waits(make)):
         return system.main_network
@@ -121,11 +123,11 @@ def _waits(network: Network) -> int:
 
 
 def _flow(
-    system: System, flow: FlowEngine, mixture: StyleMixture, silence: Array, options: GenerationOptions, given: Conditioning,
-    transfer: Transfer | None,
+    system: System, flow: FlowEngine, mixture: StyleMixture, silence: Array, options: GenerationOptions,
+    conditioning: Conditioning, transfer: Transfer | None,
 ) -> AutoregressiveDecoder:  # fmt: skip
-    if given.anything:
-        what = "a face" if given.face is not None else "motion to continue from"
+    if conditioning.anything:
+        what = "a face" if conditioning.face is not None else "motion to continue from"
         raise InputError(f"this model does not take {what}", "chain-of-generation, trained with it, does: docs/runtime.md")
     check_look_ahead(options.look_ahead)
     transfer = transfer or best_transfer(system)

@@ -1,4 +1,4 @@
-"""A face that is given, shown in the place of the rules'."""
+"""A given face, shown in place of the face of the rules."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ __all__ = ["FaceOverride"]
 
 
 class FaceOverride:
-    """As the rule-based session whose gaze and moods it has; its weights are those given, as far as they are.
+    """A rule-based session whose weights of the face give way to given ones; gaze and moods are the session's.
 
     Args:
         session: makes a face of its own.
-        face: that which is given.
+        face: the given one.
     """
 
     def __init__(self, session: Session, face: ConditioningFace) -> None:
@@ -58,9 +58,9 @@ class FaceOverride:
         """See `cospeech.rules.Session`."""
         return self._session.look_ahead
 
-    def is_quiet(self, heard: int) -> bool:
+    def is_quiet(self, samples: int) -> bool:
         """See `cospeech.rules.Session`."""
-        return self._session.is_quiet(heard)
+        return self._session.is_quiet(samples)
 
     def share(self, prosody: SharedProsody) -> None:
         """See `cospeech.rules.Session`."""
@@ -90,5 +90,5 @@ class FaceOverride:
         """See `cospeech.rules.Session`; the next frames."""
         weights, share = self._face.at((self._frame + np.arange(len(motion))) / motion.fps)
         self._frame += len(motion)
-        aimed = self._session.aim(motion)
-        return aimed if aimed.face is None else replace(aimed, face=(1 - share) * aimed.face + share * weights)
+        result = self._session.aim(motion)
+        return result if result.face is None else replace(result, face=(1 - share) * result.face + share * weights)

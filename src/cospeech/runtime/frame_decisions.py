@@ -1,4 +1,4 @@
-"""Decisions at a rate of their own, for frames of another rate that are asked for once each, in order."""
+"""Decisions at a rate of their own, for frames of another rate; each frame is asked for once, in order."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ class FrameDecisions:
         index = [self._index(self._frames + k) for k in range(frames)]
         places = np.array([self._places[k - self._first] for k in index if k < self.count], float)
         self._frames += len(places)
-        gone = max(min(self._index(self._frames) - self._first, len(self._places)), 0)
-        del self._places[:gone]
-        self._first += gone
+        count = max(min(self._index(self._frames) - self._first, len(self._places)), 0)
+        del self._places[:count]
+        self._first += count
         return places
 
     def _index(self, frame: int) -> int:

@@ -88,7 +88,7 @@ class HandHolds:
         self._rotations, self._root = np.zeros((0, len(humanoid()), 4), np.float32), np.zeros((0, 3), np.float32)
         self._wrists, self._speed = np.zeros((0, 2, 3)), np.zeros((0, 2))
         self._first = 0  # index of the first frame that is kept
-        self._given, self._frames, self._over = 0, 0, False
+        self._end, self._frames, self._over = 0, 0, False
 
     @property
     def look_ahead(self) -> float:
@@ -115,12 +115,12 @@ class HandHolds:
         for side, hand in enumerate(self._hands):
             self._find(side, hand)
         end = self._frames if self._over else min(max(hand.free, hand.next - self._half) for hand in self._hands)
-        end = max(end, self._given)
-        rows = slice(self._given - self._first, end - self._first)
+        end = max(end, self._end)
+        rows = slice(self._end - self._first, end - self._first)
         rotations, root = self._rotations[rows].copy(), self._root[rows]
         for hand in self._hands:
-            hand.still(rotations, self._given, _RAMP * self._fps)
-        self._given = end
+            hand.still(rotations, self._end, _RAMP * self._fps)
+        self._end = end
         self._forget(min(end, *(hand.next - self._half - self._speeds.wide for hand in self._hands)))
         return rotations, root
 
@@ -158,11 +158,11 @@ class HandHolds:
         return _Hold(low + first, low + last, self._rotations[centre - self._first, self._hands[side].joints])
 
     def _forget(self, first: int) -> None:
-        """Frames before this one are wanted no more."""
-        gone = max(first - self._first, 0)
-        self._first += gone
-        self._rotations, self._root = self._rotations[gone:], self._root[gone:]
-        self._wrists, self._speed = self._wrists[gone:], self._speed[gone:]
+        """Drop the frames before this one."""
+        count = max(first - self._first, 0)
+        self._first += count
+        self._rotations, self._root = self._rotations[count:], self._root[count:]
+        self._wrists, self._speed = self._wrists[count:], self._speed[count:]
 
 
 def _distance(points: Array, place: Array) -> Array:

@@ -54,8 +54,8 @@ class HandRests:
 
     look_ahead = 0.0
     """Seconds of motion after a frame that it waits for."""
-    _foreseen = max(_CLEAR, _COMES + 1 / DECISION_RATE)
-    sound_ahead = _foreseen + AccentTrack.delay
+    _foresight = max(_CLEAR, _COMES + 1 / DECISION_RATE)
+    sound_ahead = _foresight + AccentTrack.delay
     """Seconds of 16 kHz sound after a frame that must have been heard."""
 
     def __init__(self, fps: float, track: AccentTrack, seed: int) -> None:
@@ -65,7 +65,7 @@ class HandRests:
         self._joints = arm_joints()
         self._side = np.array([humanoid().names[joint].startswith("right") for joint in self._joints], int)
         self._resting, self._until = [False, False], self._random.uniform(*_BUSY)  # which hands; until when, seconds
-        self._places, self._heard = [0.0, 0.0], 0.0  # of the hands on their way; of the last accent, seconds
+        self._places, self._last_accent = [0.0, 0.0], 0.0  # of the hands on their way; of the last accent, seconds
         self._rotations, self._root = np.zeros((0, len(humanoid()), 4), np.float32), np.zeros((0, 3), np.float32)
 
     def push(self, rotations: Array, root: Array) -> tuple[Array, Array]:
@@ -82,31 +82,31 @@ class HandRests:
         left = self._decisions[0]
         while left.lack(len(self._rotations)):
             now = left.count / DECISION_RATE
-            if self._track.known < now + self._foreseen:
+            if self._track.known < now + self._foresight:
                 break
             self._decide(now)
             for decisions, place in zip(self._decisions, self._places, strict=True):
                 decisions.add(place)
         places = np.stack([decisions.take(len(self._rotations)) for decisions in self._decisions], 1)
         share = _MOST * minimum_jerk(places)[:, self._side]  # (n, joints)
-        made, root = self._rotations[: len(share)], self._root[: len(share)]
+        rotations, root = self._rotations[: len(share)], self._root[: len(share)]
         if share.any():
-            made = made.copy()
-            rest = np.broadcast_to(resting_pose()[self._joints], (len(made), len(self._joints), 4)).astype(float)
-            own = made[:, self._joints]
-            led = quat_slerp(own.astype(float), rest, share)
-            made[:, self._joints] = np.where(share[..., None] > 0, led, own)  # the bits of frames without a rest stay
+            rotations = rotations.copy()
+            rest = np.broadcast_to(resting_pose()[self._joints], (len(rotations), len(self._joints), 4)).astype(float)
+            own = rotations[:, self._joints]
+            blend = quat_slerp(own.astype(float), rest, share)
+            rotations[:, self._joints] = np.where(share[..., None] > 0, blend, own)  # the bits of frames without a rest stay
         self._rotations, self._root = self._rotations[len(share) :], self._root[len(share) :]
-        return made, root
+        return rotations, root
 
     def _decide(self, now: float) -> None:
         """Move each hand on its way to rest, 0 … 1, to where it is at this time."""
-        seen = now + _COMES
-        coming = self._track.between(seen - 1 / DECISION_RATE, seen)
+        horizon = now + _COMES
+        coming = self._track.between(horizon - 1 / DECISION_RATE, horizon)
         if coming:
-            if seen - self._heard > _PAUSE:
+            if horizon - self._last_accent > _PAUSE:
                 self._resting, self._until = [False, False], now + self._random.uniform(*_BUSY)
-            self._heard = seen
+            self._last_accent = horizon
         if now >= self._until and self._is_time(now, coming):
             ends = any(self._resting)
             self._until = now + self._random.uniform(*(_BUSY if ends else _QUIET))

@@ -53,7 +53,7 @@ class IdleSource:
         style = replace(find_style(options.style), blinks=_BLINKS)
         self._session: Session = RuleBasedModel().session(options, style=style, aimed=False)
         self._nods = "body" in options.parts
-        self._kept: list[Motion] = []
+        self._pieces: list[Motion] = []
         self._frame = 0
 
     @property
@@ -63,19 +63,19 @@ class IdleSource:
 
     def take(self, frames: int) -> Motion:
         """The next frames; there are always some."""
-        while sum(map(len, self._kept)) < frames:
-            self._kept += self._session.push(Speech(np.zeros(round(_PIECE * RATE), np.float32), RATE))
-        whole = self._kept[0] if len(self._kept) == 1 else Motion.concatenate(self._kept)
-        taken, rest = whole[:frames], whole[frames:]
-        self._kept = [rest] if len(rest) else []
+        while sum(map(len, self._pieces)) < frames:
+            self._pieces += self._session.push(Speech(np.zeros(round(_PIECE * RATE), np.float32), RATE))
+        whole = self._pieces[0] if len(self._pieces) == 1 else Motion.concatenate(self._pieces)
+        motion, rest = whole[:frames], whole[frames:]
+        self._pieces = [rest] if len(rest) else []
         if self._nods:
             angles = nod_angles(self._seed, (self._frame + np.arange(frames)) / self._fps)
-            rotations, head = taken.rotations.copy(), humanoid().index["head"]
+            rotations, head = motion.rotations.copy(), humanoid().index["head"]
             nods = axis_angle_to_quat(np.array([1.0, 0.0, 0.0]), angles)
             rotations[:, head] = quat_multiply(rotations[:, head].astype(float), nods)
-            taken = replace(taken, rotations=rotations)
+            motion = replace(motion, rotations=rotations)
         self._frame += frames
-        return self._session.aim(taken)
+        return self._session.aim(motion)
 
 
 def append_idle(motion: Motion, seconds: float, *, seed: int = 0, intensity: float = 1.0) -> Motion:
@@ -105,8 +105,8 @@ def find_seated_style(motion: Motion) -> Style | None:
 def nod_angles(seed: int, times: Array) -> Array:
     """(n,) radians by which a listener's head is lowered at ``times (n,)`` seconds; a function of time alone."""
     slot = np.floor(times / _SLOT).astype(np.int64)
-    drawn = hash_uniform(seed, _STREAM + np.arange(4)[:, None], slot)
-    begin = (slot + 0.05 + 0.6 * drawn[0]) * _SLOT
-    count = 1 + np.floor(3 * drawn[1])
-    size = np.radians(_SIZE[0] + (_SIZE[1] - _SIZE[0]) * drawn[2]) * (drawn[3] < _CHANCE)
+    draws = hash_uniform(seed, _STREAM + np.arange(4)[:, None], slot)
+    begin = (slot + 0.05 + 0.6 * draws[0]) * _SLOT
+    count = 1 + np.floor(3 * draws[1])
+    size = np.radians(_SIZE[0] + (_SIZE[1] - _SIZE[0]) * draws[2]) * (draws[3] < _CHANCE)
     return nod_curve(times, begin, count, size, _NOD)

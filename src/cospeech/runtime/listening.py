@@ -36,7 +36,7 @@ __all__ = [
     "AHEAD", "ANGLE_RANGE", "DialogueRole", "ListeningLayer", "Response", "ResponsePlanner", "find_listening", "plan_responses",
 ]  # fmt: skip
 
-ANGLE_RANGE = (-60.0, 60.0)  # degrees [ours: beyond, a person turns the body, and so should who places the characters]
+ANGLE_RANGE = (-60.0, 60.0)  # degrees [ours: beyond, people turn the body, and the user should turn the character]
 AHEAD = AttentionShift(0.0, 0.0)
 """All the time, the other person is straight ahead."""
 _CHANCES = {"pause": 0.62, "low": 0.30}  # [ours: so that there are some 10 responses in a minute of the other one's speech]
@@ -55,11 +55,11 @@ _RISE = 0.3  # s in which a smile or a brow comes, and goes twice as slowly [our
 _JOINS = 1.2  # s of silence of the other one in which a listener goes on listening [ours: a longer pause offers the turn]
 _TURNS = 0.9  # s in which a listener's posture comes and goes [ours]
 _ASLANT, _SLOW = np.radians([3.0, 1.2, 1.5]), 0.10  # sd of roll, yaw and pitch while listening; points a second [ours]
-_ATTENDS = 0.05  # browInnerUp while listening [ours: just seen]
+_ATTENDS = 0.05  # browInnerUp while listening [ours: just visible]
 _NECK, _HEAD = 0.35, 0.40  # share of the angle to the other person; the eyes do the rest [ours: the head goes most
 # of the way to a target that is looked at for long]
 _MOST_YAW, _EASES = np.radians([66.0, 4.0])  # of neck and head together, at most, and where it slows down [ours: necks turn 70]
-_KEPT = 40.0  # s for which a live session can take frames back, and the length of what a response shows [ours]
+_MEMORY = 40.0  # s for which a live session can take frames back, and the length of what a response shows [ours]
 _STREAM = 4211  # of the noise
 _ROLL, _YAW, _PITCH = range(3)
 _SMILE_COLUMNS = [ARKIT_INDEX["mouthSmileLeft"], ARKIT_INDEX["mouthSmileRight"]]
@@ -103,11 +103,11 @@ class ResponsePlanner:
             cue: the next one.
             earliest: seconds before which nothing can begin any more.
         """
-        late, chosen = self._random.uniform(*_AFTER[cue.kind]), self._random.random() < _CHANCES[cue.kind]
-        return self._respond(max(cue.time + late, earliest)) if chosen else None
+        late, answers = self._random.uniform(*_AFTER[cue.kind]), self._random.random() < _CHANCES[cue.kind]
+        return self._respond(max(cue.time + late, earliest)) if answers else None
 
     def go_back(self, time: float) -> None:
-        """What was to come from this moment on, in seconds, does not come."""
+        """Drop what was to come from this moment on, in seconds."""
         self._last = min(self._last, time)
 
     def accompany(self, time: float) -> Response | None:
@@ -116,7 +116,7 @@ class ResponsePlanner:
 
     def _respond(self, time: float) -> Response | None:
         draw = self._random
-        found = Response(
+        response = Response(
             time, draw.choice(_COUNTS), float(np.radians(draw.uniform(*_SIZE))), draw.uniform(*_PACE),
             draw.uniform(*_SMILE) * (draw.random() < _SMILES), draw.uniform(*_SMILE_LASTS),
             draw.uniform(*_BROW) * (draw.random() < _BROWS), draw.uniform(*_BROW_LASTS),
@@ -124,7 +124,7 @@ class ResponsePlanner:
         if time < self._last + _APART:
             return None
         self._last = time
-        return found
+        return response
 
 
 def plan_responses(listener: HeardSpeaker, speaker: HeardSpeaker, seed: int) -> list[Response]:
@@ -134,17 +134,17 @@ def plan_responses(listener: HeardSpeaker, speaker: HeardSpeaker, seed: int) -> 
     """
     planner, own = ResponsePlanner(seed), listener.phrases
     busy = [phrase for phrase in own if not _is_response(phrase, speaker.phrases)]
-    voiced = [phrase for phrase in own if _is_response(phrase, speaker.phrases)]
+    vocal = [phrase for phrase in own if _is_response(phrase, speaker.phrases)]
     moments: list[tuple[float, BackchannelCue | None]] = [(cue.time, cue) for cue in speaker.cues]
-    moments += [(phrase.start, None) for phrase in voiced]
-    found = list[Response]()
+    moments += [(phrase.start, None) for phrase in vocal]
+    responses = list[Response]()
     for time, cue in sorted(moments, key=lambda moment: moment[0]):
         response = planner.accompany(time) if cue is None else planner.answer(cue)
         if response is not None:
             lasts = max(_BEFORE_OWN, response.nods * response.pace)
             if not _overlaps(busy, response.time, response.time + lasts):
-                found.append(response)
-    return sorted(found)
+                responses.append(response)
+    return sorted(responses)
 
 
 def _is_response(phrase: Phrase, other: Sequence[Phrase]) -> bool:
@@ -163,24 +163,24 @@ def _overlaps(phrases: Sequence[Phrase], start: float, end: float) -> bool:
 
 def find_listening(listener: HeardSpeaker, speaker: HeardSpeaker) -> list[tuple[float, float]]:
     """Stretches, in seconds, in which one person listens to the other: that one speaks, and pauses for a moment at most."""
-    joined = list[tuple[float, float]]()
+    turns = list[tuple[float, float]]()
     for phrase in speaker.phrases:
-        if joined and phrase.start < joined[-1][1] + _JOINS:
-            joined[-1] = (joined[-1][0], max(joined[-1][1], phrase.end))
+        if turns and phrase.start < turns[-1][1] + _JOINS:
+            turns[-1] = (turns[-1][0], max(turns[-1][1], phrase.end))
         else:
-            joined.append((phrase.start, phrase.end))
-    found = list[tuple[float, float]]()
+            turns.append((phrase.start, phrase.end))
+    stretches = list[tuple[float, float]]()
     own = [phrase for phrase in listener.phrases if not _is_response(phrase, speaker.phrases)]
-    for low, high in joined:
+    for low, high in turns:
         for phrase in own[bisect_right(own, low, key=lambda each: each.end) :]:
             if phrase.start >= high:
                 break
             if phrase.start > low:
-                found.append((low, phrase.start))
+                stretches.append((low, phrase.start))
             low = max(low, phrase.end)
         if low < high:
-            found.append((low, high))
-    return found
+            stretches.append((low, high))
+    return stretches
 
 
 class ListeningLayer:
@@ -234,14 +234,14 @@ class ListeningLayer:
         self._intensity = (before, intensity, time)
 
     def go_back(self, time: float) -> None:
-        """What was to come from this moment on, in seconds, does not come."""
+        """Drop what was to come from this moment on, in seconds."""
         self._responses = [each for each in self._responses if each.time < time]
         self._listening = [(low, min(high, time)) for low, high in self._listening if low < time]
 
     def forget(self, time: float) -> None:
-        """No more frames are asked for that are far before this moment, in seconds."""
-        self._responses = [each for each in self._responses if each.time > time - _KEPT]
-        self._listening = [each for each in self._listening if each[1] > time - _KEPT]
+        """Drop what only frames far before this moment, in seconds, need."""
+        self._responses = [each for each in self._responses if each.time > time - _MEMORY]
+        self._listening = [each for each in self._listening if each[1] > time - _MEMORY]
 
     def apply(self, motion: Motion) -> Motion:
         """The same frames of our humanoid, of somebody who listens."""
@@ -262,8 +262,8 @@ class ListeningLayer:
 
     def _find_intensity(self, times: Array) -> Array:
         """(n,) size of all that is shown."""
-        before, after, changed = self._intensity
-        return before + (after - before) * smoothstep((times - changed) / FADE)
+        before, after, start = self._intensity
+        return before + (after - before) * smoothstep((times - start) / FADE)
 
     def _near(self, times: Array) -> list[Response]:
         """Responses that may show in these frames."""
@@ -286,8 +286,8 @@ class ListeningLayer:
         aside = _limit_turn(rotations, towards)
         for name, own, share in (("neck", 0.3, _NECK), ("head", 0.7, _HEAD)):
             angles = np.stack([turns[:, _YAW] * own + aside * share, turns[:, _PITCH] * own, turns[:, _ROLL] * own], -1)
-            turned = quat_multiply(rotations[:, joint[name]].astype(float), euler_to_quat(angles, "YXZ"))
-            out[:, joint[name]] = turned
+            rotation = quat_multiply(rotations[:, joint[name]].astype(float), euler_to_quat(angles, "YXZ"))
+            out[:, joint[name]] = rotation
         return out
 
     def _show(self, face: Array, times: Array, share: Array, intensity: Array, near: Sequence[Response]) -> Array:
@@ -314,7 +314,7 @@ class DialogueRole:
         own: this person.
         others: those whom this person talks and listens to.
         bearings: degrees to the left at which each of them is, -60 … 60; all are straight ahead where not given.
-        mixed: whether a transcript has the words of all, of which those in own stretches are taken.
+        mixed: whether a transcript has the words of all persons; those in own stretches are then taken.
     """
 
     own: HeardSpeaker
@@ -374,21 +374,21 @@ def _limit_turn(rotations: Array, towards: Array) -> Array:
         return towards
     joint, share = humanoid().index, _NECK + _HEAD
     head = quat_multiply(rotations[:, joint["neck"]].astype(float), rotations[:, joint["head"]].astype(float))
-    wanted = share * np.abs(towards)
-    room = (_MOST_YAW - np.sign(towards) * direction_of(head)[:, 0] - wanted) / _EASES
+    turn = share * np.abs(towards)
+    room = (_MOST_YAW - np.sign(towards) * direction_of(head)[:, 0] - turn) / _EASES
     less = _EASES * np.logaddexp(0.0, -room)  # 0 where there is room; else what is missing
-    return np.asarray(np.sign(towards) * np.maximum(wanted - less, 0.0) / share)
+    return np.asarray(np.sign(towards) * np.maximum(turn - less, 0.0) / share)
 
 
 def _check_angle(angle: object) -> None:
-    """See that a head can look there.
+    """Check that a head can look there.
 
     Raises:
         InputError: it cannot.
     """
     if not isinstance(angle, Real) or not ANGLE_RANGE[0] <= float(angle) <= ANGLE_RANGE[1]:
-        shown = f"{angle:g}" if isinstance(angle, Real) else f"{angle!r:.40}"
-        raise InputError(f"an angle of {shown} degrees", "-60 … 60; for more, turn the character itself")
+        number = f"{angle:g}" if isinstance(angle, Real) else f"{angle!r:.40}"
+        raise InputError(f"an angle of {number} degrees", "-60 … 60; for more, turn the character itself")
 
 
 def _course(times: Array, start: float, end: float, rise: float, fall: float) -> Array:

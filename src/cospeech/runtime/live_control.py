@@ -44,18 +44,18 @@ def apply_control(session: LiveSession, text: str | bytes, *, put_words: Callabl
         InputError: it is no message of this kind; what comes before the wrong value is done.
     """
     text = text if isinstance(text, str) else text.decode("utf-8", "replace")
-    known = [*CONTROLS] if put_words is None else [*CONTROLS, "words"]
+    keys = [*CONTROLS] if put_words is None else [*CONTROLS, "words"]
     try:
         message = json.loads(text) if len(text) <= _LONGEST else None
     except (ValueError, RecursionError):
         message = None
     if not isinstance(message, dict) or not message:
-        raise InputError(f"{text.strip()[:60]!r} is no control message", f"a JSON object with some of {', '.join(known)}")
+        raise InputError(f"{text.strip()[:60]!r} is no control message", f"a JSON object with some of {', '.join(keys)}")
     for key in message:
         if key == "words" and put_words is None:
             raise InputError("words are not taken here", "words come with raw samples; a sound file has its --transcript")
-        if key not in known:
-            raise InputError(f"no control is called {key[:40]!r}", f"known: {', '.join(known)}")
+        if key not in keys:
+            raise InputError(f"no control is called {key[:40]!r}", f"known: {', '.join(keys)}")
     _check(message)
     for key, control in CONTROLS.items():
         if key in message:

@@ -25,7 +25,7 @@ class LiveControls:
 
     Args:
         sound: what waits to be heard; an interruption drops it.
-        tell: told the error of a message that says nothing sensible.
+        tell: is called with the error of a message that makes no sense.
         words: where words wait; None where they do not come with the sound.
     """
 
@@ -39,7 +39,7 @@ class LiveControls:
         return _INTERRUPTS.search(message if isinstance(message, str) else message.decode("utf-8", "replace")) is not None
 
     def steer(self, session: LiveSession, piece: Speech) -> Speech:
-        """Do what the messages say that have come; the stream goes on after one that says nothing sensible.
+        """Do what the messages say that have come; the stream goes on after one that makes no sense.
 
         Returns:
             The piece that is heard now, silent where an interruption dropped it, with the words that start in it.
@@ -49,17 +49,17 @@ class LiveControls:
         while not self._messages.empty():
             message, place = self._messages.get()
             try:
-                done = apply_control(session, message, put_words=self._word_putter(place))
+                keys = apply_control(session, message, put_words=self._word_putter(place))
             except InputError as error:
                 self._tell(error)
                 continue
-            if "interrupt" in done:
+            if "interrupt" in keys:
                 self._sound.drop(place)
                 piece = self._sound.mute_piece(piece)
         return piece if self._words is None else self._words.join(piece)
 
     def _word_putter(self, place: int) -> Callable[[object], None] | None:
-        """What takes the words of a message; their times count from this place in the sound."""
+        """A function that takes the words of a message; their times count from this place in the sound."""
         from ..audio.transcripts import settle
         from ..audio.word_json import read_documents
 

@@ -21,7 +21,7 @@ __all__ = ["LiveListener"]
 
 _ECHO = 0.3  # s after own speech in which its echo may be heard [ours: a large room]
 _TALKS = 1.2  # s of silence in which somebody still has the turn, as in `cospeech.runtime.listening`
-_GONE = 3.0  # s of frames without any piece of sound, silent or not, after which nobody is there [ours: longer than pieces]
+_ABSENT = 3.0  # s of frames without any piece of sound, silent or not, after which nobody is there [ours: longer than pieces]
 _LATE = 2.0  # s after a cue in which it can be answered [ours: .7 s until it is known, and pieces of a second]
 
 
@@ -59,11 +59,11 @@ class LiveListener:
         )
         self._planner, self._detector, self._sound = ResponsePlanner(seed), CueDetector(), At16kHz()
         self._lock = Lock()
-        self._shown = 0.0  # s: end of the frames that were given
-        self._told = 0.0  # the same, when something was heard last
+        self._end = 0.0  # s: end of the frames that were given
+        self._last_sound = 0.0  # the same, when something was heard last
         self._speaks, self._listens = speaks, False
         self._own = -np.inf  # s: until then the character spoke; what is heard may be its own voice
-        self._used = angle != 0.0  # without sound of anybody, frames stay as they are, bit for bit
+        self._has_sound = angle != 0.0  # without sound of anybody, frames stay as they are, bit for bit
 
     @classmethod
     def of(cls, options: GenerationOptions, angle: float, speaks: Callable[[], bool]) -> LiveListener:
@@ -72,7 +72,7 @@ class LiveListener:
         return cls(seed=options.seed, intensity=options.intensity, angle=angle, turns_head=turns_head, speaks=speaks)
 
     def hear(self, sound: Speech | Array, rate: int | None = None) -> None:
-        """What the person says next, as it comes, silence too.
+        """Hear what the person says next, as it comes, silence too.
 
         Args:
             sound: a `Speech`, or (n,) samples: floats in −1 … 1, or 16-bit integers.
@@ -87,20 +87,20 @@ class LiveListener:
             sound = Speech(np.asarray(sound), rate)
         cues = self._detector.push(self._sound.push(sound))
         self._detector.forget()
-        self._used = True
+        self._has_sound = True
         with self._lock:
-            heard, self._told = float(self._sound.duration), self._shown
+            now, self._last_sound = float(self._sound.duration), self._end
             if self._speaks():
-                self._own = heard
+                self._own = now
             for cue in cues:
-                if cue.time > max(self._own + _ECHO, heard - _LATE):
-                    self._answer(cue._replace(time=self._shown + cue.time - heard))
+                if cue.time > max(self._own + _ECHO, now - _LATE):
+                    self._answer(cue._replace(time=self._end + cue.time - now))
             last = self._detector.phrases[-1].end if self._detector.phrases else -np.inf
-            self._note_turn(last > self._own + _ECHO and heard - last < _TALKS)
+            self._note_turn(last > self._own + _ECHO and now - last < _TALKS)
 
     def _answer(self, cue: BackchannelCue) -> None:
-        """A cue, on the clock of the frames; the next frame that is made is the soonest that anybody can see."""
-        response = self._planner.answer(cue, earliest=self._shown)
+        """Answer a cue, on the clock of the frames; the response begins at the next frame that is made, at the earliest."""
+        response = self._planner.answer(cue, earliest=self._end)
         if response is not None:
             self._layer.add(response)
 
@@ -112,13 +112,13 @@ class LiveListener:
         """
         check_range("intensity", intensity, INTENSITY_RANGE)
         with self._lock:
-            self._layer.set_intensity(intensity, self._shown)
+            self._layer.set_intensity(intensity, self._end)
 
     def go_back(self, time: float) -> None:
-        """The frames from this moment on, in seconds, are void, and so is what was to be shown from there on."""
+        """Drop the frames from this moment on, in seconds, and what was to be shown in them."""
         with self._lock:
-            if time < self._shown:
-                self._shown = self._told = time
+            if time < self._end:
+                self._end = self._last_sound = time
                 self._layer.go_back(time)
                 self._planner.go_back(time)
                 if self._listens:
@@ -127,16 +127,16 @@ class LiveListener:
     def apply(self, motion: Motion) -> Motion:
         """The next frames of a live session, with what is shown of listening."""
         with self._lock:
-            self._shown = motion.start + motion.duration
-            if not self._used:
+            self._end = motion.start + motion.duration
+            if not self._has_sound:
                 return motion
-            if self._listens and self._shown > self._told + _GONE:
+            if self._listens and self._end > self._last_sound + _ABSENT:
                 self._listens = False
-                self._layer.end(max(self._told + _GONE, motion.start))
+                self._layer.end(max(self._last_sound + _ABSENT, motion.start))
             self._layer.forget(motion.start)
             return self._layer.apply(motion)
 
     def _note_turn(self, listens: bool) -> None:
         if listens != self._listens:
             self._listens = listens
-            (self._layer.begin if listens else self._layer.end)(self._shown)
+            (self._layer.begin if listens else self._layer.end)(self._end)

@@ -41,12 +41,12 @@ __all__ = ["LiveSession"]
 
 _QUIET = 0.004  # peak of a piece that counts as silence: −48 dB of full scale [ours: speech peaks above −30 dB]
 _BEFORE = Fraction(1, 2)  # s of quiet sound that an utterance begins with: soft onsets, and time to raise the hands [ours]
-_KEPT = 30.0  # s of frames that were given and can be taken back [ours: longer than a sentence that is pushed at once]
+_MEMORY = 30.0  # s of frames that were given and can be taken back [ours: longer than a sentence that is pushed at once]
 _GRID = 192_000  # [ours] seconds are told apart as finely as samples at the highest rate: 1/60 is a sixtieth
 
 
 class LiveModel(Protocol):
-    """What is asked of a model."""
+    """What a live session needs of a model."""
 
     @property
     def makes(self) -> tuple[str, ...]: ...
@@ -62,7 +62,7 @@ class LiveSession:
         options: of `GenerationOptions`; one take. An emotion that is a track begins anew with every utterance.
         idle_after: seconds of silent sound after which the rules idle in the place of the model; None: the model plays
             silence, too.
-        angle: of who speaks to the character, see `LiveListener`.
+        angle: of the person who speaks to the character, see `LiveListener`.
 
     Raises:
         InputError: an option is out of range or a name unknown.
@@ -74,31 +74,31 @@ class LiveSession:
         self.lock = RLock()  # of `one_at_a_time`
         self._model: LiveModel = model
         self._options = options
-        self._prepared: Session | TrainedSession | None = model.session(options)  # the session of the next utterance
-        self.latency: float = self._prepared.latency
+        self._next_session: Session | TrainedSession | None = model.session(options)  # the session of the next utterance
+        self.latency: float = self._next_session.latency
         """Seconds of sound at 16 kHz after a frame's time that must have been pushed, at most, until the frame is given."""
-        self.look_ahead: float = self._prepared.look_ahead
+        self.look_ahead: float = self._next_session.look_ahead
         """Seconds of sound after a frame's time on which the frame depends, at most."""
         if idle_after is not None and not (isinstance(idle_after, Real) and idle_after >= self.latency):
             raise InputError(f"idle_after is {idle_after!r:.40}", f"seconds, the latency of {self.latency:g} s or more")
         self._idle_after = idle_after
-        self._heard: Session | TrainedSession = self._prepared  # spoke last, and tells of the voice
+        self._last_session: Session | TrainedSession = self._next_session  # spoke last; has emotion and arousal
         self._speaking: Session | TrainedSession | None = None
         self._utterances, self._origin, self._skip = 0, 0, Fraction(0)
-        """How many there were; the first frame of this one; seconds until that frame, which are not heard."""
+        """Number of utterances; the first frame of this one; seconds until that frame, which are not heard."""
         self._idle: IdleSource | None = None
         self._waits, self._before = False, deque[Speech]()  # for sound that is not silent; the silence until then
-        self._fed = False  # whether this utterance has sound
+        self._has_sound = False  # whether this utterance has sound
         self._times = PieceTimes()  # on the clock
         self._time = self._quiet = Fraction(0)
-        self._made = self._given = 0  # frames
+        self._frames = self._out = 0  # frames made, and given
         self._ready, self._past = deque[Motion](), deque[Motion]()
         self._source: object = None  # of the frame that was made last
         self._last: Motion | None = None  # one or two frames
         self._transition: PoseTransition | None = None
-        self._steered = False
+        self._is_steered = False
         self.listener = LiveListener.of(options, angle, lambda: self.speaks)
-        """Hears who speaks to the character: ``session.listener.hear(samples, 16000)``, from any thread."""
+        """Hears the person who speaks to the character: ``session.listener.hear(samples, 16000)``, from any thread."""
         self._fades = PartFades(tuple(part for part in options.parts if part in model.makes), options.fps)
 
     @property
@@ -108,18 +108,18 @@ class LiveSession:
 
     @property
     def speaks(self) -> bool:
-        """Whether there is sound, or was until its last frame was given, half a second ago: who watches hears it until then."""
+        """Whether there is sound, or its last frame was given half a second ago or less: viewers hear it until then."""
         return self._speaking is not None and float(self._quiet) <= self.latency + float(_BEFORE)
 
     @property
     def emotion(self) -> dict[str, float]:
         """Probability of each emotion, over the last utterance."""
-        return self._heard.emotion
+        return self._last_session.emotion
 
     @property
     def arousal(self) -> float | None:
         """Mean arousal of the voice, over the last utterance, −1 … 1; None where an emotion is given."""
-        return self._heard.arousal
+        return self._last_session.arousal
 
     @one_at_a_time
     def push(self, sound: Speech | Array, rate: int | None = None) -> Iterator[Motion]:
@@ -130,7 +130,7 @@ class LiveSession:
             rate: samples per second of an array.
 
         Returns:
-            The frames that are certain now. What is not taken of them comes first with the next call.
+            The frames that are certain now. Those that are not taken come first with the next call.
 
         Raises:
             InputError: no sound, no rate, or another rate within an utterance; it was not heard.
@@ -147,7 +147,7 @@ class LiveSession:
 
     @one_at_a_time
     def idle(self, seconds: float) -> Iterator[Motion]:
-        """No sound for so long: an utterance ends, and the character listens and idles.
+        """Push no sound for so long: an utterance ends, and the character listens and idles.
 
         Returns:
             All frames up to the end of these seconds: as nothing is to be heard, nothing is waited for.
@@ -183,14 +183,14 @@ class LiveSession:
         The next sound that is not silent begins a new utterance.
 
         Args:
-            at: for who pushes ahead of what is shown: the time of the first frame that is not shown yet. The frames from
+            at: if you push ahead of what is shown: the time of the first frame that is not shown yet. The frames from
                 there on are void, and the clock goes back to this time: what comes next belongs there. Without it, the
                 first frame that changes is the first that was not given, and the clock stays.
 
         Raises:
             InputError: a time after the last frame that was given, or more than 30 s before it.
         """
-        first = self._given if at is None else self._frame_at(at)
+        first = self._out if at is None else self._frame_at(at)
         self._ready.clear()
         self._before.clear()
         self._speaking, self._waits, self._source = None, True, None
@@ -198,14 +198,14 @@ class LiveSession:
             piece = self._past.pop()
             if start < first:
                 self._past.append(piece[: first - start])
-        self._made = self._given = first
+        self._frames = self._out = first
         self._last = Motion.concatenate(list(self._past)[-2:])[-2:] if self._past else None
         if at is not None:
             self._time = Fraction(first) / Fraction(self._options.fps).limit_denominator(_GRID)
             self.listener.go_back(first / self._options.fps)
 
     def warm_up(self) -> None:
-        """Do once what is slow the first time, so that no push has to: two seconds are played to another session."""
+        """Do in advance what is slow the first time, so that no push is slow: two seconds are played to another session."""
         times = np.arange(round(0.02 * RATE)) / RATE
         session = LiveSession(self._model, self._options)
         for k in range(125):
@@ -260,10 +260,10 @@ class LiveSession:
         if self._speaking is not None:
             getattr(self._speaking, control)(*change.values())
         else:
-            self._prepared = self._heard = self._open(options)
+            self._next_session = self._last_session = self._open(options)
         self._options = options
         if control == "restyle":
-            self._idle = None if isinstance(self._heard, Session) else self._idle  # the next one idles in this style
+            self._idle = None if isinstance(self._last_session, Session) else self._idle  # the next one idles in this style
         elif self._idle is not None:
             getattr(self._idle.session, control)(*change.values())
 
@@ -286,11 +286,11 @@ class LiveSession:
 
     def _begin_utterance(self, now: Fraction) -> None:
         """A session for what comes from ``now`` seconds on, and for the silence just before."""
-        self._speaking = self._heard = self._prepared or self._open(self._options)
-        self._prepared, self._utterances, self._fed = None, self._utterances + 1, False
+        self._speaking = self._last_session = self._next_session or self._open(self._options)
+        self._next_session, self._utterances, self._has_sound = None, self._utterances + 1, False
         before, self._before = list(self._before), deque()
         first = now - sum((piece.duration for piece in before), Fraction(0))
-        self._origin = max(count_frames(first, self._options.fps), self._made)
+        self._origin = max(count_frames(first, self._options.fps), self._frames)
         self._skip = Fraction(self._origin) / Fraction(self._options.fps).limit_denominator(_GRID) - first
         for piece in before:
             self._feed(piece)
@@ -308,7 +308,7 @@ class LiveSession:
                 return
             self._skip = Fraction(0)
             piece = piece.window(piece.start + cut / piece.rate, np.inf) if cut else piece
-        self._fed = self._fed or len(piece) > 0
+        self._has_sound = self._has_sound or len(piece) > 0
         self._take(self._speaking.push(piece))
 
     def _take(self, motions: Iterable[Motion]) -> None:
@@ -318,7 +318,7 @@ class LiveSession:
             self._queue(motion, self._speaking)
 
     def _end_utterance(self) -> None:
-        if self._speaking is not None and self._fed:
+        if self._speaking is not None and self._has_sound:
             self._take(self._speaking.finish())
         self._speaking, self._waits = None, True
         self._before.clear()
@@ -329,17 +329,17 @@ class LiveSession:
 
     def _fill(self, end: int) -> None:
         """Idle up to this frame."""
-        if end <= self._made:
+        if end <= self._frames:
             return
         self._idle = self._idle or self._open_idle()
         if self._source is not self._idle and self._last is not None:  # two frames before tell how fast it moves
             before = self._idle.take(2)
             self._transition = PoseTransition(self._last, before)
-        self._steered, self._source = True, self._idle
-        self._queue(self._idle.take(end - self._made), self._idle)
+        self._is_steered, self._source = True, self._idle
+        self._queue(self._idle.take(end - self._frames), self._idle)
 
     def _open_idle(self) -> IdleSource:
-        style = self._options.style if isinstance(self._heard, Session) else None
+        style = self._options.style if isinstance(self._last_session, Session) else None
         if style is None and self._last is not None:
             style = find_seated_style(self._last)
         parts = tuple(part for part in self._options.parts if part in self._model.makes)
@@ -349,18 +349,18 @@ class LiveSession:
     def _queue(self, motion: Motion, source: object) -> None:
         """The next frames, of a session or of the idle source."""
         if source is not self._source and self._last is not None:
-            self._transition, self._steered = PoseTransition(self._last, motion[:1]), True
+            self._transition, self._is_steered = PoseTransition(self._last, motion[:1]), True
         self._source = source
-        if self._steered:
+        if self._is_steered:
             motion = self._lead_over(motion)
-        self._made += len(motion)
+        self._frames += len(motion)
         self._ready.append(motion)
         tail = motion[-2:]
         self._last = tail if len(tail) > 1 or self._last is None else Motion.concatenate([self._last[-1:], tail])
 
     def _lead_over(self, motion: Motion) -> Motion:
-        """The same frames at their places on the clock, as what was shown before goes on."""
-        motion = replace(motion, start=self._made / self._options.fps)
+        """The same frames at their places on the clock, led over from what was shown before."""
+        motion = replace(motion, start=self._frames / self._options.fps)
         if self._transition is not None:
             motion = self._transition.apply(motion)
             if self._transition.is_over(motion.fps):
@@ -371,7 +371,7 @@ class LiveSession:
         return motion
 
     def _next_frames(self) -> Iterator[Motion]:
-        """What is ready: a piece leaves the queue before anybody sees it."""
+        """The pieces that are ready; each leaves the queue before it is yielded."""
         while (motion := self._take_next()) is not None:
             yield motion
 
@@ -380,9 +380,9 @@ class LiveSession:
         if not self._ready:
             return None
         motion = self._ready.popleft()
-        self._given += len(motion)
+        self._out += len(motion)
         self._past.append(motion)
-        while len(self._past) > 1 and self._start_of(self._past[1]) < self._given - _KEPT * motion.fps:
+        while len(self._past) > 1 and self._start_of(self._past[1]) < self._out - _MEMORY * motion.fps:
             self._past.popleft()
         return self._fades.apply(self.listener.apply(motion))
 
@@ -391,10 +391,10 @@ class LiveSession:
 
     def _frame_at(self, at: float) -> int:
         """The first frame that is not before this time."""
-        kept = self._start_of(self._past[0]) if self._past else 0
-        oldest = kept + 1 if kept else 0  # one frame has to be left of those before, unless there were none
-        if not isinstance(at, Real) or not isfinite(at) or not oldest <= (k := round(at * self._options.fps)) <= self._given:
+        first = self._start_of(self._past[0]) if self._past else 0
+        oldest = first + 1 if first else 0  # one frame has to be left of those before, unless there were none
+        if not isinstance(at, Real) or not isfinite(at) or not oldest <= (k := round(at * self._options.fps)) <= self._out:
             fps = self._options.fps
-            given = f"the frames that can be taken back are those of {oldest / fps:.2f} … {self._given / fps:.2f} s"
-            raise InputError(f"interrupted at {at!r:.40}", given)
+            hint = f"the frames that can be taken back are those of {oldest / fps:.2f} … {self._out / fps:.2f} s"
+            raise InputError(f"interrupted at {at!r:.40}", hint)
         return k

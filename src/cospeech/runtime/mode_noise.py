@@ -34,9 +34,9 @@ class SmoothGumbel:
         rate, step = 2 / SECONDS, 1 / fps
         decay = exp(-rate * step)
         self._go = decay * np.array([[1 + rate * step, step], [-rate * rate * step, 1 - rate * step]])
-        settled = np.diag([1.0, rate * rate])  # variances of the process and of its slope, at any time
-        self._stir = np.linalg.cholesky(settled - self._go @ settled @ self._go.T)
-        self._state = np.sqrt(np.diag(settled))[:, None] * self._rng.standard_normal((2, width))
+        variances = np.diag([1.0, rate * rate])  # variances of the process and of its slope, at any time
+        self._stir = np.linalg.cholesky(variances - self._go @ variances @ self._go.T)
+        self._state = np.sqrt(np.diag(variances))[:, None] * self._rng.standard_normal((2, width))
         self._waiting = np.zeros((0, width), np.float32)
 
     def draw(self, frames: int) -> Array:
@@ -45,8 +45,8 @@ class SmoothGumbel:
             return np.zeros((frames, 0), np.float32)
         if (missing := frames - len(self._waiting)) > 0:
             self._waiting = np.concatenate([self._waiting, self._block(max(missing, BLOCK))])
-        drawn, self._waiting = self._waiting[:frames], self._waiting[frames:]
-        return drawn
+        noise, self._waiting = self._waiting[:frames], self._waiting[frames:]
+        return noise
 
     def _block(self, frames: int) -> Array:
         """The next frames at once: many hardly take longer than one."""

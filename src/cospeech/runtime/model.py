@@ -55,7 +55,7 @@ class TrainedModel:
     Args:
         system: an opened bundle; `TrainedModel.open` takes a path.
         transfer: how styles become a flow's motion, see `cospeech.runtime.flow.latent_sources`; the best one where not given.
-        mouth: makes what faces speak with; the one that ships where not given. A system of faces speaks with its own.
+        mouth: makes the mouths of faces; the default one where not given. A system of faces makes its own.
 
     Raises:
         InputError: a transfer for a system that is no flow.
@@ -112,8 +112,8 @@ class TrainedModel:
         if options.plan is not None:
             from .stretched_session import StretchedSession
 
-            named = options.plan.model_copy(update={"style": options.plan.style or self.default_style or None})
-            return StretchedSession(self.session, replace(options, plan=named))  # type: ignore[return-value]  # it does all that this one does
+            plan = options.plan.model_copy(update={"style": options.plan.style or self.default_style or None})
+            return StretchedSession(self.session, replace(options, plan=plan))  # type: ignore[return-value]  # it does all that this one does
         if not options.calibrated:
             return self._bare.session(replace(options, calibrated=True))
         if options.takes > _MOST_TAKES:
@@ -124,7 +124,7 @@ class TrainedModel:
         )
         frontend, decoder = self._start(resolved_style, options, conditioning)
         system = self.system if _has_time(options) else replace(self.system, smooth=min(self.system.smooth, _LEAST_SMOOTH))
-        shown = "face" in options.parts  # without a face, moods alone are listened to
+        has_face = "face" in options.parts  # without a face, only moods are followed
         rules = self._speaking(options.style)
         of_face: dict[str, Any] = {"parts": ("face",), "emotion": decoder.moods or options.emotion, "fps": options.fps}
         of_face |= {"intensity": options.intensity, "temperature": options.temperature, "face_gain": options.face_gain}
@@ -136,15 +136,15 @@ class TrainedModel:
         if options.look_ahead is not None:  # the face looks as far ahead as the body, and no further
             body = latency_of_body(system, frontend, decoder, layers)
             of_face["look_ahead"] = options.look_ahead if is_mouth(self.system) else max(body - DELAY, LEAST_FACE)
-        heads = [rules.session(seed=seed, moving=shown, aimed=False, **of_face) for seed in options.seeds]
+        heads = [rules.session(seed=seed, moving=has_face, aimed=False, **of_face) for seed in options.seeds]
         faces = heads if conditioning.face is None else [FaceOverride(head, conditioning.face) for head in heads]
-        shared, listeners = SharedProsody(), [listener for listener in (rest, accents) if listener is not None]
+        prosody, listeners = SharedProsody(), [listener for listener in (rest, accents) if listener is not None]
         for each in (frontend, *listeners, *faces):
-            each.share(shared)
+            each.share(prosody)
         return TrainedSession(
             system, frontend, decoder, faces, fps=options.fps, parts=options.parts, resolved_style=resolved_style,
             direct=self._resolve_style, intensity=options.intensity, before=conditioning.before, layers=layers,
-            rest=rest, listeners=listeners, prosody=shared,
+            rest=rest, listeners=listeners, prosody=prosody,
         )  # fmt: skip
 
     def _layers(self, options: GenerationOptions, accents: AccentTrack | None) -> list[LayerStack]:
@@ -271,18 +271,18 @@ class TrainedModel:
         options = GenerationOptions(seed=seed, intensity=intensity, temperature=temperature, look_ahead=look_ahead)
         frontend, decoder = self._start(self._resolve_style(style), options)
         check_speech(speech)
-        made = [decoder.push(frontend.push(chunk)) for chunk in shift_times(speech, speech.start).chunks(MOST_AT_ONCE)]
-        made += [decoder.push(frontend.finish()), decoder.finish(frontend.silence)]
-        sampled = PoseResampler(1, decoder.width, smooth=self.system.smooth, step=1.0)
-        poses, at = sampled.push(np.concatenate(made, 1), frontend.frames, frontend.frames - 1)
-        found: Points = pose.decode(decoder.denormalise(poses, at)[0], self.system.fps)
-        return found
+        pieces = [decoder.push(frontend.push(chunk)) for chunk in shift_times(speech, speech.start).chunks(MOST_AT_ONCE)]
+        pieces += [decoder.push(frontend.finish()), decoder.finish(frontend.silence)]
+        resampler = PoseResampler(1, decoder.width, smooth=self.system.smooth, step=1.0)
+        poses, at = resampler.push(np.concatenate(pieces, 1), frontend.frames, frontend.frames - 1)
+        points: Points = pose.decode(decoder.denormalise(poses, at)[0], self.system.fps)
+        return points
 
     def generate_takes(self, speech: Speech, *, takes: int, **options: Any) -> list[Motion]:
         """Several takes in one pass, which costs little more than one: those of ``seed``, ``seed + 1``, …"""
         session = self.session(takes=takes, **options)
         check_speech(speech)
-        pieces = [made for chunk in speech.chunks(MOST_AT_ONCE) for made in session.push_takes(chunk)]
+        pieces = [piece for chunk in speech.chunks(MOST_AT_ONCE) for piece in session.push_takes(chunk)]
         pieces += session.finish_takes()
         return [Motion.concatenate(take) for take in zip(*pieces, strict=True)]
 
@@ -296,28 +296,28 @@ class TrainedModel:
 
 
 _MOST_TAKES = 64  # ours, of one pass
-_UNHURRIED = 0.4  # seconds of look-ahead below which a stance does not wait for the hands, and poses are smoothed less [ours]
+_NO_WAIT = 0.4  # seconds of look-ahead below which a stance does not wait for the hands, and poses are smoothed less [ours]
 _LEAST_SMOOTH = 1  # frames to either side over which they are averaged then, at most [ours]
 
 
 def _has_time(options: GenerationOptions) -> bool:
-    """Whether nobody asks for less look-ahead than that."""
-    return options.look_ahead is None or options.look_ahead >= _UNHURRIED
+    """Whether the look-ahead is long enough to wait."""
+    return options.look_ahead is None or options.look_ahead >= _NO_WAIT
 
 
 def _parse_style(style: object, system: System) -> tuple[object, Array]:
-    """What a style says of speakers, None if nothing; and (C,) standardised style controls, medians where it says nothing."""
+    """The part of a style that names speakers, or None; and (C,) standardised style controls, medians where it names none."""
     parts = (
         read_named_numbers(style, number="quantile", of="style control", hint="0 … 1", is_name=system.controls.__contains__)
         if isinstance(style, str) and system.controls
         else []
     )
-    known = system.statistics.control_quantiles
-    quantiles = known if known.size else np.zeros((QUANTILES, 0), np.float32)
-    said = [part.text for part in parts if part.name in system.controls]
-    row = control_row(read_controls(",".join(said)) if said else {}, quantiles, system.controls)
+    own = system.statistics.control_quantiles
+    quantiles = own if own.size else np.zeros((QUANTILES, 0), np.float32)
+    texts = [part.text for part in parts if part.name in system.controls]
+    row = control_row(read_controls(",".join(texts)) if texts else {}, quantiles, system.controls)
     speakers = ",".join(part.text for part in parts if part.name not in system.controls) or None
-    return (speakers if said else style), row
+    return (speakers if texts else style), row
 
 
 BundleGesturer = TrainedModel  # as the first documentation called it

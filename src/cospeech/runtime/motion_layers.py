@@ -1,4 +1,4 @@
-"""What comes after a network, one layer after the other: each takes frames as they come, and gives those that are certain."""
+"""Layers after a network, one after the other: each takes frames as they come, and gives those that are certain."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class LayerStack:
 
     def finish(self) -> list[tuple[Array, Array]]:
         """The frames that are left, in pieces: what each layer kept goes through those after it."""
-        left = []
+        rest = []
         for k, layer in enumerate(self._layers):
-            left.append(LayerStack(self._layers[k + 1 :]).push(*layer.finish()))
-        return left
+            rest.append(LayerStack(self._layers[k + 1 :]).push(*layer.finish()))
+        return rest

@@ -31,7 +31,7 @@ class MotionSwitch:
 
     def __init__(self, exact: int | None = None) -> None:
         self._exact = exact
-        self._shown: Motion | None = None
+        self._last: Motion | None = None
         self._active = -1
         self._transition: PoseTransition | None = None
         self._signs = QuatStream()
@@ -54,21 +54,21 @@ class MotionSwitch:
         return Motion.concatenate(parts)
 
     def _lead(self, motion: Motion, source: int) -> Motion:
-        if source != self._active and self._shown is not None:
-            self._transition = None if source == self._exact else PoseTransition(self._shown, motion[:1])
+        if source != self._active and self._last is not None:
+            self._transition = None if source == self._exact else PoseTransition(self._last, motion[:1])
         self._active = source
         if self._transition is not None:
             count = self._transition.remaining_frames(motion.fps)
-            led = self._transition.apply(motion[:count])
-            motion = led if count >= len(motion) else Motion.concatenate([led, motion[count:]])
+            lead = self._transition.apply(motion[:count])
+            motion = lead if count >= len(motion) else Motion.concatenate([lead, motion[count:]])
             if self._transition.is_over(motion.fps):
                 self._transition = None
         return motion
 
     def _show(self, motion: Motion) -> Motion:
         motion = replace(motion, rotations=self._signs.push(motion.rotations))
-        before = motion if self._shown is None else Motion.concatenate([self._shown, motion])
-        self._shown = before[-2:]
+        before = motion if self._last is None else Motion.concatenate([self._last, motion])
+        self._last = before[-2:]
         return motion
 
 
@@ -117,19 +117,19 @@ class KeptStretches:
     def _push(self, motion: Motion, switch: MotionSwitch) -> Motion:
         times = motion.times
         share = np.zeros(len(motion))
-        kept = np.zeros(len(motion), int)
+        active = np.zeros(len(motion), int)
         for low, high in self._stretches:
             inside = (times >= low - 1e-9) & (times < high - 1e-9)
-            kept[inside] = 1
+            active[inside] = 1
             before = (times < low) & (times > low - _LEAD)
             share[before] = np.maximum(share[before], smoothstep(1 - (low - times[before]) / _LEAD))
         rows = np.minimum(np.round(times * self._fps).astype(int), len(self._old) - 1)
         old = _rows(self._old, rows, motion)
-        return switch.push([motion, old], kept, share)
+        return switch.push([motion, old], active, share)
 
 
 def keep_stretches(keep: str, old: MotionLike, fps: float) -> KeptStretches | None:
-    """What is kept of an old motion; None where nothing is.
+    """The stretches of an old motion that are kept; None where nothing is kept.
 
     Args:
         keep: stretches as text: ``0:3.2,5:7``, seconds.

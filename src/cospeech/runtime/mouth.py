@@ -40,7 +40,7 @@ SHIPPED_FACE = Path(__file__).parents[1] / "assets" / "bundles" / "speech-to-fac
 _HOP = 0.5  # s made at once, and heard ahead at most; ours: half of what the face waits for anyway, and windows overlap little
 _LONG_HOP = 1.0  # s made at once where a window gives the very frames of the whole speech: windows overlap even less (ours)
 _SHORT_HOP = 2  # frames made at once where little may be waited for (ours)
-_HELD = 8  # frames ahead of a network that normalises over its window (ours)
+_FRAMES_AHEAD = 8  # frames ahead of a network that normalises over its window (ours)
 _LONGER = "a longer look_ahead"
 _FADE = 0.1  # s of one window fading into the next, where the network hears further than that; ours
 
@@ -82,7 +82,7 @@ def _choose_usual_layout(signature: Signature, fps: float) -> WindowLayout:
 
 def _choose_short_layout(signature: Signature, frames: int) -> WindowLayout:
     """Windows of which a frame waits for so many frames; what is not heard yet is held at what was heard last."""
-    step, far = signature.multiple, signature.reach if signature.reach is not None else _HELD
+    step, far = signature.multiple, signature.reach if signature.reach is not None else _FRAMES_AHEAD
     hop = -(-_SHORT_HOP // step) * step
     if frames < hop:
         raise InputError(f"the mouth's network needs {hop} frames of speech ahead, and {max(frames, 0)} are heard", _LONGER)
@@ -97,7 +97,7 @@ class BundleMouth:
 
     Args:
         system: a bundle of poses "face", opened.
-        style: whose mouth, as `Styles.blend` understands it; the bundle's own choice where not given.
+        style: of the mouth, as `Styles.blend` understands it; the bundle's own choice where not given.
 
     Raises:
         InputError: a bundle of other poses, or one that waits longer for the speech than a face can.
@@ -121,15 +121,15 @@ class BundleMouth:
         if not needs <= MOUTH_WAITS:
             raise InputError(f"the mouth's network needs {needs:.2f} s of speech ahead", f"at most {MOUTH_WAITS:.2f} s")
         self._open(choose_layout(network.signature, system.fps, MOUTH_WAITS - self._waits))
-        self._first, self._kept = 0, np.zeros((0, len(ARKIT)), np.float32)  # index of the first frame kept; the frames
-        self._finished = False
+        self._first, self._weights = 0, np.zeros((0, len(ARKIT)), np.float32)  # index of the first frame kept; the frames
+        self._is_over = False
 
     def _open(self, layout: WindowLayout) -> None:
         system = self._system
         self._decoder = SlidingWindowDecoder(
             system, self._network, self._track, [0], self._frontend.silence, layout, temperature=0.0
         )  # fmt: skip
-        self._sampled = PoseResampler(1, self._decoder.width, smooth=system.smooth, step=1.0)
+        self._resampler = PoseResampler(1, self._decoder.width, smooth=system.smooth, step=1.0)
         self.latency = self._decoder.latency + self._waits
         """Seconds of speech after a time that have been heard, at most, when it is known."""
 
@@ -150,7 +150,7 @@ class BundleMouth:
     @property
     def certain_until(self) -> float:
         """See `Mouth`."""
-        return np.inf if self._finished else (self._first + len(self._kept) - 1) / self._fps
+        return np.inf if self._is_over else (self._first + len(self._weights) - 1) / self._fps
 
     def push(self, samples: Array) -> None:
         """See `Mouth`."""
@@ -162,7 +162,7 @@ class BundleMouth:
         rest = self._decoder.push(self._frontend.finish())
         rest = np.concatenate([rest, self._decoder.finish(self._frontend.silence)], 1)
         self._keep(rest, self._frontend.frames, self._frontend.frames - 1)
-        self._finished = True
+        self._is_over = True
 
     def at(self, times: Array) -> Array:
         """See `Mouth`.
@@ -171,24 +171,24 @@ class BundleMouth:
             RuntimeError: some are not known yet.
         """
         places = np.asarray(times, float) * self._fps
-        if not len(places) or (self._finished and not len(self._kept)):
+        if not len(places) or (self._is_over and not len(self._weights)):
             return np.zeros((len(places), len(ARKIT)))
         if not places[-1] <= self.certain_until * self._fps + 1e-6:
             raise RuntimeError(f"the mouth is known until {self.certain_until:.3f} s, not at {times[-1]:.3f} s")
         low = np.floor(places + 1e-6).astype(int)
         share = np.maximum(places - low, 0.0)[:, None]
-        here, there = (self._kept[clip(low + n - self._first, 0, len(self._kept) - 1)].astype(float) for n in (0, 1))
-        gone = min(int(low[0]) - self._first, len(self._kept) - 1)
-        if gone > 0:
-            self._first, self._kept = self._first + gone, self._kept[gone:].copy()
+        here, there = (self._weights[clip(low + n - self._first, 0, len(self._weights) - 1)].astype(float) for n in (0, 1))
+        count = min(int(low[0]) - self._first, len(self._weights) - 1)
+        if count > 0:
+            self._first, self._weights = self._first + count, self._weights[count:].copy()
         return here + share * (there - here)
 
-    def _keep(self, made: Array, total: int | None = None, last: int | None = None) -> None:
+    def _keep(self, rows: Array, total: int | None = None, last: int | None = None) -> None:
         """Weights of what further frames of the network make certain."""
-        poses, at = self._sampled.push(made, total, last)
+        poses, at = self._resampler.push(rows, total, last)
         if len(at):
             weights = clip(self._decoder.denormalise(poses, at)[0, :, : len(ARKIT)], 0.0, 1.0)
-            self._kept = np.concatenate([self._kept, weights.astype(np.float32)])
+            self._weights = np.concatenate([self._weights, weights.astype(np.float32)])
 
 
 def open_mouth(path: Path) -> System:

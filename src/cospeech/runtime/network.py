@@ -1,7 +1,7 @@
 """Runs one network of a bundle: NumPy and onnxruntime, on one core.
 
 The signature is checked against the graph once, when the network is opened, and every array against the signature whenever it
-runs. What is finite and sane goes in, what is finite and bounded comes out, whoever made the network.
+runs. Inputs are finite and within limits, outputs are finite and bounded, whoever made the network.
 """
 
 from __future__ import annotations
@@ -44,81 +44,81 @@ class Network:
         bounds: Mapping[str, tuple[Array, Array]] | None = None,
     ) -> None:
         self.signature, self._session = signature, open_session(graph, weights)
-        self._given: dict[str, Port] = {**signature.inputs, **signature.state}
+        self._inputs: dict[str, Port] = {**signature.inputs, **signature.state}
         after = {f"next.{name}": port for name, port in signature.state.items()}
-        self._made: dict[str, Port] = {**signature.outputs, **after}
+        self._outputs: dict[str, Port] = {**signature.outputs, **after}
         ends = {name: (bounds or {}).get(name, (-LIMIT, LIMIT)) for name in signature.outputs}
         self._bounds = {name: (np.asarray(low, np.float32), np.asarray(high, np.float32)) for name, (low, high) in ends.items()}
-        _check_ends(self._session.get_inputs(), self._given)
-        _check_ends(self._session.get_outputs(), self._made)
-        self._free = len({size for port in self._given.values() for size in port if isinstance(size, str)})
+        _check_ends(self._session.get_inputs(), self._inputs)
+        _check_ends(self._session.get_outputs(), self._outputs)
+        self._free = len({size for port in self._inputs.values() for size in port if isinstance(size, str)})
         self._last: Any = (0, 0), ({}, {})
         self._names = [end.name for end in self._session.get_outputs()]
         sizes = {"N": 2, "T": signature.probe, "S": signature.probe // signature.multiple}
-        self.run(**{name: np.zeros(_shape(port, sizes), np.float32) for name, port in self._given.items()})
+        self.run(**{name: np.zeros(_shape(port, sizes), np.float32) for name, port in self._inputs.items()})
 
     def begin(self, takes: int) -> dict[str, Array]:
         """The state before the first frame of so many takes."""
         return {name: np.zeros(_shape(port, {"N": takes}), np.float32) for name, port in self.signature.state.items()}
 
-    def run(self, **given: Array) -> dict[str, Array]:
+    def run(self, **arrays: Array) -> dict[str, Array]:
         """Outputs, and the next state, by name.
 
         Args:
-            given: inputs and state by name; one that is left out is zeros.
+            arrays: inputs and state by name; one that is left out is zeros.
 
         Raises:
             InputError: another name or shape, or frames that are no multiple of the network's.
         """
-        sizes = self._sizes(given)
+        sizes = self._sizes(arrays)
         frames = sizes.get("T", sizes.get("S", 1) * self.signature.multiple)
         inputs, outputs = self._shapes(sizes.get("N", 1), frames)
-        if not (all(np.shape(array) == inputs.get(name) for name, array in given.items()) and sizes.get("N", 1) and frames):
-            shapes = {name: np.shape(array) for name, array in given.items()}
-            raise InputError(f"a network was given {shapes}"[:200], f"it takes {self._given}"[:200])
+        if not (all(np.shape(array) == inputs.get(name) for name, array in arrays.items()) and sizes.get("N", 1) and frames):
+            shapes = {name: np.shape(array) for name, array in arrays.items()}
+            raise InputError(f"a network was given {shapes}"[:200], f"it takes {self._inputs}"[:200])
         if frames % self.signature.multiple and "T" in sizes:
             raise InputError(f"a network was given {frames} frames", f"a multiple of {self.signature.multiple}")
-        sane = {name: array if name in self.signature.state else _sane(array) for name, array in given.items()}
-        for name in self._given.keys() - given.keys():
+        sane = {name: array if name in self.signature.state else _sane(array) for name, array in arrays.items()}
+        for name in self._inputs.keys() - arrays.keys():
             sane[name] = np.zeros(inputs[name], np.float32)
-        made = dict(zip(self._names, run_session(self._session, sane), strict=True))
-        for name, array in made.items():
+        results = dict(zip(self._names, run_session(self._session, sane), strict=True))
+        for name, array in results.items():
             if array.shape != outputs[name]:
                 raise InputError(f"a graph gave {name!r} the shape {array.shape}"[:200], _HINT)
-        return made | {name: _clip_output(made[name], *ends) for name, ends in self._bounds.items()}
+        return results | {name: _clip_output(results[name], *ends) for name, ends in self._bounds.items()}
 
-    def _sizes(self, given: Mapping[str, Array]) -> dict[str, int]:
-        """N, and T or S, of what is given, as the first input says that has them."""
+    def _sizes(self, arrays: Mapping[str, Array]) -> dict[str, int]:
+        """N, and T or S, of the first of these arrays that has them."""
         sizes: dict[str, int] = {}
-        for name, array in given.items():
-            for size, found in zip(self._given.get(name, ()), np.shape(array), strict=False):
+        for name, array in arrays.items():
+            for size, length in zip(self._inputs.get(name, ()), np.shape(array), strict=False):
                 if isinstance(size, str):
-                    sizes.setdefault(size, found)
+                    sizes.setdefault(size, length)
             if len(sizes) == self._free:
                 break
         return sizes
 
     def _shapes(self, takes: int, frames: int) -> tuple[dict[str, tuple[int, ...]], dict[str, tuple[int, ...]]]:
-        """Of inputs and outputs; those of the call before are kept."""
+        """Shapes of inputs and outputs; those of the last call are kept."""
         last = self._last  # sessions of several threads may share a network
         if last[0] != (takes, frames):
             sizes = {"N": takes, "T": frames, "S": frames // self.signature.multiple}
-            found = [{name: _shape(port, sizes) for name, port in ports.items()} for ports in (self._given, self._made)]
-            last = self._last = (takes, frames), (found[0], found[1])
+            shapes = [{name: _shape(port, sizes) for name, port in ports.items()} for ports in (self._inputs, self._outputs)]
+            last = self._last = (takes, frames), (shapes[0], shapes[1])
         return last[1]  # type: ignore[no-any-return]
 
 
-def _check_ends(found: Any, due: Mapping[str, Port]) -> None:
+def _check_ends(ends: Any, due: Mapping[str, Port]) -> None:
     """Inputs or outputs of a graph have the names, types and shapes that are due."""
-    for end in found:
+    for end in ends:
         port = due.get(end.name, ())
         fits = len(end.shape) == len(port) and all(
-            isinstance(size, str) or size == wanted for size, wanted in zip(port, end.shape, strict=False)
+            isinstance(size, str) or size == actual for size, actual in zip(port, end.shape, strict=False)
         )
         if not fits or end.type != "tensor(float)":
             raise InputError(f"{end.name!r} of a graph is {end.type} of shape {end.shape}"[:200], _HINT)
-    if len(found) != len(due):
-        raise InputError(f"a graph has {len(found)} inputs or outputs, expected {len(due)}", _HINT)
+    if len(ends) != len(due):
+        raise InputError(f"a graph has {len(ends)} inputs or outputs, expected {len(due)}", _HINT)
 
 
 def _shape(port: Port, sizes: Mapping[str, int]) -> tuple[int, ...]:
@@ -132,10 +132,10 @@ def _sane(values: Array) -> Array:
 
 def _clip_output(values: Array, low: Any, high: Any) -> Array:
     """Bound the outputs of any network: infinities become the bounds, NaN becomes 0."""
-    bounded: Array = np.minimum(np.maximum(values, low), high)
-    if np.isnan(bounded).any():
-        bounded = np.minimum(np.maximum(np.where(np.isnan(bounded), np.float32(0), bounded), low), high)
-    return bounded
+    result: Array = np.minimum(np.maximum(values, low), high)
+    if np.isnan(result).any():
+        result = np.minimum(np.maximum(np.where(np.isnan(result), np.float32(0), result), low), high)
+    return result
 
 
 def open_session(graph: bytes, weights: Mapping[str, Array]) -> Any:
@@ -147,15 +147,15 @@ def open_session(graph: bytes, weights: Mapping[str, Array]) -> Any:
     import onnxruntime as ort
 
     ort.disable_telemetry_events()  # for a program that has imported onnxruntime before cospeech and its NO_TELEMETRY
-    wanted = check_onnx(graph)
-    for name, (kind, shape) in wanted.items():
+    externals = check_onnx(graph)
+    for name, (kind, shape) in externals.items():
         if name not in weights or weights[name].dtype != kind or weights[name].shape != shape:
             raise InputError(f"a graph needs weights {name!r}, {kind} of shape {shape}"[:200], _HINT)
     options = ort.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4  # what goes wrong is told by the error
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    options.add_external_initializers(list(wanted), [ort.OrtValue.ortvalue_from_numpy(weights[name]) for name in wanted])
+    options.add_external_initializers(list(externals), [ort.OrtValue.ortvalue_from_numpy(weights[name]) for name in externals])
     try:  # without its fallback, which prints, and without options that a graph names
         session = ort.InferenceSession(
             graph, options, providers=["CPUExecutionProvider"], enable_fallback=0, read_config_from_model=0
@@ -169,19 +169,19 @@ def open_session(graph: bytes, weights: Mapping[str, Array]) -> Any:
     return session
 
 
-def run_session(session: Any, given: Mapping[str, Array]) -> list[Array]:
+def run_session(session: Any, inputs: Mapping[str, Array]) -> list[Array]:
     """Outputs for inputs.
 
     Raises:
         InputError: it fails; our own graphs do not.
     """
     try:
-        made: list[Array] = session.run(None, given)
+        outputs: list[Array] = session.run(None, inputs)
     except Exception as error:  # as where a session is opened
         raise explain_failure() from error
-    return made
+    return outputs
 
 
 def explain_failure() -> InputError:
-    """What to raise from an error of onnxruntime; its own words are for ``--debug``."""
+    """The error to raise from one of onnxruntime, whose own text is for ``--debug``."""
     return InputError("onnxruntime cannot run a graph", _HINT)

@@ -69,23 +69,23 @@ class NetworkDecoder:
 
     def denormalise(self, poses: Array, at: Array, amplitude: Array | float = 1.0) -> Array:
         """See `Decoder`."""
-        s, (centre, made, gain) = self._system.statistics, self._style.scales(at)
-        return (centre + self._intensity * gain * amplitude * (poses - made)) * s.pose_std + s.pose_mean
+        s, (centre, model_mean, gain) = self._system.statistics, self._style.scales(at)
+        return (centre + self._intensity * gain * amplitude * (poses - model_mean)) * s.pose_std + s.pose_mean
 
     def _draw_noise(self, frames: int) -> Array:
         """(N, frames, Z) the next noise."""
         return self._temperature * np.stack([noise.draw(frames) for noise in self._noise])
 
     def _hear(self, rows: Array) -> None:
-        """What rows say of the style: their features of speech alone."""
+        """Give the style rows of speech: only their features, without style controls and words."""
         self._style.hear(rows[:, : len(self._system.statistics.audio_mean)])
 
     def _run(self, ports: dict[str, Array]) -> dict[str, Array]:
         """The network, given those of the ports that it has; poses are (N, …) of every take."""
         has = self._network.signature
-        made = self._network.run(**{name: x for name, x in ports.items() if name in has.inputs or name in has.state})
-        poses = made["poses"]
-        return made | {"poses": np.broadcast_to(poses, (self.takes, *poses.shape[1:]))}
+        outputs = self._network.run(**{name: x for name, x in ports.items() if name in has.inputs or name in has.state})
+        poses = outputs["poses"]
+        return outputs | {"poses": np.broadcast_to(poses, (self.takes, *poses.shape[1:]))}
 
     def _none(self) -> Array:
         """(N, 0, D)."""

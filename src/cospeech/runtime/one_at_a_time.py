@@ -11,7 +11,7 @@ __all__ = ["one_at_a_time"]
 
 
 class Locked(Protocol):
-    """What has a lock of its own."""
+    """An object with a lock."""
 
     lock: RLock
 

@@ -40,13 +40,13 @@ class PartFades:
         """
         if not isinstance(parts, Iterable):
             raise InputError(f"parts {parts!r:.60}", f"some of {','.join(PARTS)}")
-        wanted = tuple(parts.split(",") if isinstance(parts, str) else parts)
-        for part in wanted:
+        names = tuple(parts.split(",") if isinstance(parts, str) else parts)
+        for part in names:
             if part not in PARTS:
                 raise InputError(f"no part is called {part!r}", f"some of {','.join(PARTS)}")
             if part not in self._parts:
                 raise InputError(f"this session does not make the part {part!r}", "open it with all parts that are ever on")
-        self._goals = {part: float(part in wanted) for part in self._parts}
+        self._goals = {part: float(part in names) for part in self._parts}
 
     def apply(self, motion: Motion) -> Motion:
         """The next frames, with the parts that are on."""

@@ -15,7 +15,7 @@ __all__ = ["PoseDecoder"]
 
 
 class PoseDecoder:
-    """Motion of one take. Of a body that walks it remembers where the walk has come to: its vectors hold steps, which add up.
+    """Motion of one take. For a body that walks it keeps the place of the walk: its vectors hold steps, which add up.
 
     Args:
         pose: the representation.
@@ -25,18 +25,18 @@ class PoseDecoder:
 
     def __init__(self, pose: Pose, fps: float, step: float) -> None:
         self._pose, self._fps, self._step = pose, fps, step
-        self._walked = (0.0, 0.0, 0.0)
+        self._walk = (0.0, 0.0, 0.0)
 
     def push(self, vectors: Array) -> tuple[Array, Array]:
         """(n, D) that come next → (n, J, 4) rotations and (n, 3) root, in float32; pieces make what the whole makes."""
         if isinstance(self._pose, ExpMap):
             vectors = self._pose.at_rate(np.asarray(vectors, float), self._step)
-            made = self._pose.decode(vectors, self._fps, start=self._walked)
-            self._walked = self._pose.end_of_walk(vectors, self._walked)
+            motion = self._pose.decode(vectors, self._fps, start=self._walk)
+            self._walk = self._pose.end_of_walk(vectors, self._walk)
         else:
-            made = self._pose.decode(vectors, self._fps)
-        if isinstance(made, Points):
-            made = lift(made)
-        if made.skeleton != humanoid():
-            made = made.retarget("humanoid")
-        return made.rotations.astype(np.float32, copy=False), made.root.astype(np.float32, copy=False)
+            motion = self._pose.decode(vectors, self._fps)
+        if isinstance(motion, Points):
+            motion = lift(motion)
+        if motion.skeleton != humanoid():
+            motion = motion.retarget("humanoid")
+        return motion.rotations.astype(np.float32, copy=False), motion.root.astype(np.float32, copy=False)

@@ -15,7 +15,7 @@ MOST_LAG = 16.0  # ours: frames of the model that a pose of the motion is behind
 
 
 class PoseResampler:
-    """Binomial smoothing, and cubics (Catmull-Rom) through what is left; every number follows from its frame's index alone.
+    """Binomial smoothing, and cubics (Catmull-Rom) through the smooth poses; every number follows from its frame's index alone.
 
     Args:
         takes: N.
@@ -28,35 +28,35 @@ class PoseResampler:
         self._smooth, self._step = smooth, step
         taps = 2 * smooth
         self._taps = [np.float32(comb(taps, n) / 2**taps) for n in range(taps + 1)]
-        self._made = np.zeros((takes, 0, width), np.float32)
+        self._poses = np.zeros((takes, 0, width), np.float32)
         self._first = 0  # index of the first pose of the model that is kept
-        self._given = 0  # frames of the motion handed out
+        self._end = 0  # frames of the motion handed out
 
-    def push(self, made: Array, total: int | None = None, last: int | None = None) -> tuple[Array, Array]:
-        """What further poses of the model make certain.
+    def push(self, rows: Array, total: int | None = None, last: int | None = None) -> tuple[Array, Array]:
+        """The poses that further poses of the model make certain.
 
         Args:
-            made: (N, k, D).
+            rows: (N, k, D).
             total: frames of the motion in all, once they are known.
             last: index of the model's last pose, once it is known.
 
         Returns:
             (N, n, D) the next poses, and (n,) where in the model's frames they lie.
         """
-        self._made = np.concatenate([self._made, made], 1)
-        known = self._first + self._made.shape[1]
-        end = self._given
+        self._poses = np.concatenate([self._poses, rows], 1)
+        limit = self._first + self._poses.shape[1]
+        end = self._end
         if total is not None:
             end = total
         else:  # frame j lies between poses m and m + 1; the cubic takes m − 1 … m + 2, each smoothed
-            while int(end * self._step) + 2 + self._smooth < known:
+            while int(end * self._step) + 2 + self._smooth < limit:
                 end += 1
-        at = np.arange(self._given, end) * self._step
-        poses = self._at(at, known - 1 if last is None else last) if len(at) else self._made[:, :0]
-        self._given = end
+        at = np.arange(self._end, end) * self._step
+        poses = self._at(at, limit - 1 if last is None else last) if len(at) else self._poses[:, :0]
+        self._end = end
         keep = int(end * self._step) - 1 - self._smooth
         if keep > self._first and last is None:
-            self._made, self._first = self._made[:, keep - self._first :].copy(), keep
+            self._poses, self._first = self._poses[:, keep - self._first :].copy(), keep
         return poses, at
 
     def _at(self, at: Array, last: int) -> Array:
@@ -69,8 +69,8 @@ class PoseResampler:
 
     def _smooth_poses(self, poses: Array, last: int) -> Array:
         """(N, n, D) of these indices."""
-        total = np.zeros((len(self._made), len(poses), self._made.shape[2]), np.float32)
+        total = np.zeros((len(self._poses), len(poses), self._poses.shape[2]), np.float32)
         for n, tap in enumerate(self._taps):
             index = clip(poses + n - self._smooth, 0, last)
-            total += tap * self._made[:, np.maximum(index - self._first, 0)]
+            total += tap * self._poses[:, np.maximum(index - self._first, 0)]
         return total

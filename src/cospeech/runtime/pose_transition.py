@@ -1,7 +1,7 @@
 """One source of motion takes over from another, without a jump: the difference between the two fades out.
 
 This is inertialisation (Bollo, "Inertialization: High-Performance Animation Transitions in Gears of War", GDC 2018). The new
-source is played at once. On top of it lies what is missing to the pose that was shown last. The offset dies away along a
+source is played at once. On top of it lies the offset to the pose that was shown last. The offset dies away along a
 polynomial of degree five. A joint brakes from the speed that it had, so that place and speed go on as they were. Feet step
 from stance to stance.
 """
@@ -55,66 +55,66 @@ def _face_seconds() -> Array:
 
 
 class PoseTransition:
-    """What is missing to the pose that was shown, laid over the frames that come next.
+    """The offset to the pose that was shown last, laid over the frames that come next.
 
     Args:
-        shown: the last two frames that were shown, or the last one.
+        last: the last two frames that were shown, or the last one.
         new: the frames of the new source at the same times; or its first frame alone, where it begins there: how fast it
             moves is then known at its second frame, and the first one goes on as what was shown.
     """
 
-    def __init__(self, shown: Motion, new: Motion) -> None:
-        self._shown: Motion | None = shown[-1:] if len(new) == 1 else None  # until it is known how fast the new source moves
+    def __init__(self, last: Motion, new: Motion) -> None:
+        self._last: Motion | None = last[-1:] if len(new) == 1 else None  # until it is known how fast the new source moves
         self._first: tuple[Motion, Motion] | None = None  # the first frame of such a source, and what was made of it
-        self._start(shown, new)
+        self._start(last, new)
 
-    def _start(self, shown: Motion, new: Motion) -> None:
+    def _start(self, last: Motion, new: Motion) -> None:
         self._frame = 0  # frames since then
-        old_q, new_q = shown.rotations.astype(float), new.rotations.astype(float)
+        old_q, new_q = last.rotations.astype(float), new.rotations.astype(float)
         self._turns: Array = quat_to_rotvec(quat_multiply(old_q[-1], quat_conjugate(new_q[-1])))
-        self._turning: Array = _speed(old_q, shown.fps) - _speed(new_q, new.fps)
+        self._turning: Array = _speed(old_q, last.fps) - _speed(new_q, new.fps)
         fast = np.linalg.norm(self._turning, axis=-1, keepdims=True)
         self._running: Array = np.clip(4 * fast / _TURN, _SOONEST, _LENGTH)
         far = np.linalg.norm(self._turns, axis=-1, keepdims=True)
         self._seconds: Array = np.maximum(_seconds(), np.sqrt(_PEAK / _EASE * far))
-        self._way: Array = shown.root[-1].astype(float) - new.root[-1]
-        moving = [(m.root[-1].astype(float) - m.root[-2]) * m.fps if len(m) > 1 else np.zeros(3) for m in (shown, new)]
+        self._way: Array = last.root[-1].astype(float) - new.root[-1]
+        moving = [(m.root[-1].astype(float) - m.root[-2]) * m.fps if len(m) > 1 else np.zeros(3) for m in (last, new)]
         self._moving: Array = moving[0] - moving[1]
-        faces = shown.face is not None and new.face is not None
-        self._face: Array | None = shown.face[-1].astype(float) - new.face[-1] if faces else None  # type: ignore[index]
-        self._steps = StepOver(shown)
+        faces = last.face is not None and new.face is not None
+        self._face: Array | None = last.face[-1].astype(float) - new.face[-1] if faces else None  # type: ignore[index]
+        self._steps = StepOver(last)
 
     def apply(self, motion: Motion) -> Motion:
         """The next frames of the new source, with what is left of the offset."""
-        if self._shown is None or not len(motion):
+        if self._last is None or not len(motion):
             return self._apply(motion)
         if self._first is None:
-            made = self._apply(motion[:1])
-            self._first, self._frame = (motion[:1], made), 0
-            return made if len(motion) == 1 else Motion.concatenate([made, self.apply(motion[1:])])
-        first, made = self._first
-        self._start(Motion.concatenate([self._shown, made]), Motion.concatenate([_extrapolate_back(first, motion), first]))
-        self._shown = None
+            output = self._apply(motion[:1])
+            self._first, self._frame = (motion[:1], output), 0
+            return output if len(motion) == 1 else Motion.concatenate([output, self.apply(motion[1:])])
+        first, output = self._first
+        self._start(Motion.concatenate([self._last, output]), Motion.concatenate([_extrapolate_back(first, motion), first]))
+        self._last = None
         return self._apply(motion)
 
     def _apply(self, motion: Motion) -> Motion:
         times = (self._frame + 1 + np.arange(len(motion)))[:, None, None] / motion.fps
         self._frame += len(motion)
-        left = decay(times / self._seconds)
-        runs = rotvec_to_quat(_turn_back(times, self._running) * self._turning)  # first it goes on as it went
-        turned = quat_multiply(runs, quat_multiply(rotvec_to_quat(left * self._turns), motion.rotations.astype(float)))
+        rest = decay(times / self._seconds)
+        runs = rotvec_to_quat(_turn_back(times, self._running) * self._turning)  # a joint first keeps its speed
+        pose = quat_multiply(runs, quat_multiply(rotvec_to_quat(rest * self._turns), motion.rotations.astype(float)))
         root = motion.root + decay(times[:, 0] / _HIPS) * self._way + run_out(times[:, 0]) * self._moving
-        root = self._steps.apply(times[:, 0, 0], motion, turned, root)
+        root = self._steps.apply(times[:, 0, 0], motion, pose, root)
         face = motion.face
         if face is not None and self._face is not None:
             share = smoothstep(1 - times[:, 0] / _face_seconds())
             face = np.clip(face + share * self._face, 0, 1).astype(face.dtype)
-        rotations = turned.astype(motion.rotations.dtype)
+        rotations = pose.astype(motion.rotations.dtype)
         return replace(motion, rotations=rotations, root=root.astype(motion.root.dtype), face=face)
 
     def remaining_frames(self, fps: float) -> int:
         """How many frames it still changes, at most."""
-        more = self._shown is not None and self._first is None
+        more = self._last is not None and self._first is None
         return max(ceil(_LENGTH * fps) + more - self._frame, 0)
 
     def is_over(self, fps: float) -> bool:

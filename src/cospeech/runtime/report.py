@@ -18,17 +18,17 @@ class _Language(TypedDict):
     language_source: Literal["given", "found", "assumed"] | None
 
 
-def describe_language(words: Sequence[Word] | None, given: str = "") -> _Language:
+def describe_language(words: Sequence[Word] | None, user_language: str = "") -> _Language:
     """What a report says about the language of words.
 
     Args:
         words: of the speech; None or none: there is nothing to say.
-        given: the language that somebody gave for them.
+        user_language: the language that the user gave for them.
     """
     if not words:
         return {"language": None, "language_source": None}
     own = words[0].language
-    return {"language": own or "en", "language_source": "given" if given else "found" if own else "assumed"}
+    return {"language": own or "en", "language_source": "given" if user_language else "found" if own else "assumed"}
 
 
 class _Facts:
@@ -61,15 +61,15 @@ class Report(_Facts):
     emotion: dict[str, float]
     """Probability of each emotion that was given or heard, over the whole speech."""
     played: dict[str, float]
-    """Weight of each emotion that was played: given, or surely heard."""
+    """Weight of each emotion that was played: given, or clear in the voice."""
     language: str | None = None
     """Language of the words, see `cospeech.audio.languages.LANGUAGES`; none without words."""
     language_source: Literal["given", "found", "assumed"] | None = None
-    """Whether somebody gave it, or the words told, or neither."""
+    """Where it is from: given by the user, found in the words, or assumed."""
     arousal: float | None = None
     """Mean arousal that was heard in the voice and played, -1 … 1; none where an emotion was given."""
     style: str
-    """Style in which was gestured."""
+    """Style of the gestures."""
     style_mixture: dict[str, float] | None = None
     """Speaker → weight, where a model plays a mixture of speakers; of an example the nearest one."""
     speaker: dict[str, float] | None = None

@@ -30,9 +30,9 @@ __all__ = ["RestInSilence", "resting_pose"]
 
 _SILENCE = 0.6  # s without a voice after which hands rest [ours: pauses inside a sentence are shorter; `motion.md` §1]
 _PAUSE = round(_SILENCE * DECISION_RATE)  # decisions
-_FORESEEN = 0.5  # s that are looked ahead at most [ours: so long does it take to raise the hands]
+_FORESIGHT = 0.5  # s that are looked ahead at most [ours: so long does it take to raise the hands]
 _DOWN, _UP = 0.7, 0.5  # s in which hands come to rest, and from there [ours: an unhurried retraction takes .5 to .8 s]
-_VOICED = 0.5  # voicing above which there is a voice (`cospeech.audio.features.prosody`)
+_VOICE = 0.5  # voicing above which there is a voice (`cospeech.audio.features.prosody`)
 _LOUD = 20.0  # dB below the loudest lately, above which there is speech without a voice: a whisper, an s [ours]
 _FLOOR = -50.0  # dB; [ours] what is quieter is no speech unless it has a voice
 _RELEASE = 3.0  # dB a second by which the loudest falls, as of `prosody.RELEASE`
@@ -55,7 +55,7 @@ class RestInSilence:
 
     def __init__(self, fps: float, waits: float, parts: tuple[str, ...]) -> None:
         self._features, self._decisions = FrameFeatures(DECISION_RATE), FrameDecisions(fps)
-        self._ahead = min(max(floor((waits - self._features.delay) * DECISION_RATE) - 1, 0), round(_FORESEEN * DECISION_RATE))
+        self._ahead = min(max(floor((waits - self._features.delay) * DECISION_RATE) - 1, 0), round(_FORESIGHT * DECISION_RATE))
         self._joints = arm_joints(parts)
         self._trunk = [humanoid().index[name] for name in _TRUNK] if "body" in parts else []
         self._loudest = -inf
@@ -99,19 +99,19 @@ class RestInSilence:
         """Rotations (n, J, 4) of the frames that `split` gave the shares of, led to rest."""
         if not self._joints or not share.any():
             return rotations
-        led = rotations.copy()
+        result = rotations.copy()
         for joints, most in ((self._joints, 1.0), (self._trunk, _CALM)):
             own = rotations[:, joints]
             rest = np.broadcast_to(resting_pose()[joints].astype(rotations.dtype), own.shape)
-            mixed = mix_frames([(own, share), (rest, most * share)])
-            led[:, joints] = np.where(share[:, None, None] > 0, mixed, own)
-        return led
+            blend = mix_frames([(own, share), (rest, most * share)])
+            result[:, joints] = np.where(share[:, None, None] > 0, blend, own)
+        return result
 
     def _hear(self, rows: Array) -> None:
         for energy, voicing in rows[:, [_ENERGY, _VOICING]].tolist():
             self._loudest = max(energy, self._loudest - _RELEASE / DECISION_RATE)
             loud = energy > max(self._loudest - _LOUD, _FLOOR)
-            self._raw.append(loud or (voicing > _VOICED and energy > self._loudest - 1.5 * _LOUD))
+            self._raw.append(loud or (voicing > _VOICE and energy > self._loudest - 1.5 * _LOUD))
             self._decide(sum(self._raw) >= _BLIP)
 
     def _decide(self, speech: bool) -> None:
@@ -130,7 +130,7 @@ class RestInSilence:
 
 @cache
 def resting_pose() -> Array:
-    """(J, 4) rotations of somebody of the rules' default style who rests."""
+    """(J, 4) rotations of a body at rest in the rules' default style."""
     silence = Speech(np.zeros(8000, np.float32))
     still: Array = RuleBasedModel().generate(silence, emotion="neutral", fps=10.0, parts=("body", "hands")).rotations[-1]
     return still

@@ -25,20 +25,20 @@ _BEFORE = 1 << 20  # steps before the speech that can be numbered
 
 
 class Sampler(Protocol):
-    """What draws the latents of a window."""
+    """Draws the latents of a window."""
 
     def draw_noise(self, seeds: Sequence[int], steps: Array) -> Array:
         """(N, S, ·) random numbers of takes at steps (S,), which are numbered from the first frame of the speech on."""
         ...
 
-    def draw(self, heard: Array, style: Array, noise: Array, known: Array | None, temperature: float) -> Array:
+    def draw(self, speech: Array, style: Array, noise: Array, prefix: Array | None, temperature: float) -> Array:
         """Latents of a window.
 
         Args:
-            heard: (1, S, F) what is heard of the speech.
+            speech: (1, S, F) features of the speech.
             style: (N, S, C).
             noise: (N, S, ·) of `draw_noise`.
-            known: (N, k, L) latents of its first steps; None: none.
+            prefix: (N, k, L) latents of its first steps; None: none.
             temperature: how far from the most likely motion takes stray; at 0 they do not.
 
         Returns:
@@ -72,23 +72,23 @@ class CodeSampler:
         """See `Sampler`: a number of [0, 1) for each code."""
         return np.array([[each.random(self._groups) for each in take] for take in _generators(seeds, steps)], np.float32)
 
-    def draw(self, heard: Array, style: Array, noise: Array, known: Array | None, temperature: float) -> Array:
+    def draw(self, speech: Array, style: Array, noise: Array, prefix: Array | None, temperature: float) -> Array:
         """See `Sampler`."""
         takes, steps, _ = noise.shape
-        state, begun = self._network.begin(takes), 0 if known is None else known.shape[1]
-        drawn = np.zeros((takes, steps + 1, self._groups, self._codes), np.float32)  # the first: before the first step
-        if known is not None:
-            drawn[:, 1 : begun + 1] = known.reshape(takes, begun, self._groups, self._codes)
+        state, count = self._network.begin(takes), 0 if prefix is None else prefix.shape[1]
+        latents = np.zeros((takes, steps + 1, self._groups, self._codes), np.float32)  # the first: before the first step
+        if prefix is not None:
+            latents[:, 1 : count + 1] = prefix.reshape(takes, count, self._groups, self._codes)
         for s in range(steps):
-            codes = drawn[:, s + 1]
-            for k in range(1 if s < begun else self._groups):
-                known_codes = {"before": drawn[:, s].reshape(takes, -1), "codes": codes.reshape(takes, -1)}
-                made = self._network.run(heard=heard[:, s], style=style[:, s], **known_codes, **state)
-                if s >= begun:
-                    logits = made["logits"].reshape(takes, self._groups, -1)[:, k]
+            codes = latents[:, s + 1]
+            for k in range(1 if s < count else self._groups):
+                inputs = {"before": latents[:, s].reshape(takes, -1), "codes": codes.reshape(takes, -1)}
+                outputs = self._network.run(heard=speech[:, s], style=style[:, s], **inputs, **state)
+                if s >= count:
+                    logits = outputs["logits"].reshape(takes, self._groups, -1)[:, k]
                     codes[np.arange(takes), k, _pick(logits, noise[:, s, k], temperature)] = 1
-            state = {name: made[f"next.{name}"] for name in state}
-        return drawn[:, 1:].reshape(takes, steps, -1)
+            state = {name: outputs[f"next.{name}"] for name in state}
+        return latents[:, 1:].reshape(takes, steps, -1)
 
 
 def _pick(logits: Array, uniform: Array, temperature: float) -> Array:
@@ -113,33 +113,33 @@ class DiffusionSampler:
 
     def draw_noise(self, seeds: Sequence[int], steps: Array) -> Array:
         """See `Sampler`: normal numbers."""
-        found = [[each.standard_normal(self._width) for each in take] for take in _generators(seeds, steps)]
-        return np.array(found, np.float32)
+        noise = [[each.standard_normal(self._width) for each in take] for take in _generators(seeds, steps)]
+        return np.array(noise, np.float32)
 
-    def draw(self, heard: Array, style: Array, noise: Array, known: Array | None, temperature: float) -> Array:
+    def draw(self, speech: Array, style: Array, noise: Array, prefix: Array | None, temperature: float) -> Array:
         """See `Sampler`; each take by itself: products of matrices round otherwise for one take than for several."""
-        parts = [None if known is None else known[k : k + 1] for k in range(len(noise))]
+        parts = [None if prefix is None else prefix[k : k + 1] for k in range(len(noise))]
         noise = np.float32(temperature) * noise
-        each = [self._draw_take(heard, style[k : k + 1], noise[k : k + 1], part) for k, part in enumerate(parts)]
+        each = [self._draw_take(speech, style[k : k + 1], noise[k : k + 1], part) for k, part in enumerate(parts)]
         return np.concatenate(each)
 
-    def _draw_take(self, heard: Array, style: Array, noise: Array, known: Array | None) -> Array:
+    def _draw_take(self, speech: Array, style: Array, noise: Array, prefix: Array | None) -> Array:
         x = noise
         turns = np.pi / 2 * (1 - np.arange(self._steps + 1) / self._steps)
         for now, after in pairwise(turns):
-            x = _hold(x, known, noise, now)
+            x = _hold(x, prefix, noise, now)
             multiples = now * np.arange(1, self._levels + 1)
             level = np.concatenate([np.cos(multiples), np.sin(multiples)]).astype(np.float32)
             level = np.broadcast_to(level, (1, x.shape[1], len(level)))
-            velocity = self._network.run(heard=heard, style=style, latent=x, level=level)["velocity"]
+            velocity = self._network.run(heard=speech, style=style, latent=x, level=level)["velocity"]
             x = np.float32(np.cos(now - after)) * x - np.float32(np.sin(now - after)) * velocity
-        return _hold(x, known, noise, 0.0)
+        return _hold(x, prefix, noise, 0.0)
 
 
-def _hold(x: Array, known: Array | None, noise: Array, angle: float) -> Array:
-    """Latents with those that are known at the level of the noise."""
-    if known is None:
+def _hold(x: Array, prefix: Array | None, noise: Array, angle: float) -> Array:
+    """Latents whose first steps are the prefix at the level of the noise."""
+    if prefix is None:
         return x
-    begun = known.shape[1]
-    held = np.float32(np.cos(angle)) * known + np.float32(np.sin(angle)) * noise[:, :begun]
-    return np.concatenate([held, x[:, begun:]], 1)
+    count = prefix.shape[1]
+    start = np.float32(np.cos(angle)) * prefix + np.float32(np.sin(angle)) * noise[:, :count]
+    return np.concatenate([start, x[:, count:]], 1)

@@ -53,13 +53,13 @@ _LATEST = 0.15  # seconds for which pieces wait at most, while the face is busy 
 
 @dataclass(frozen=True)
 class ResolvedStyle:
-    """A style, understood."""
+    """A style in the form that the decoder needs."""
 
     blend: StyleMixture
     controls: Array
     """(C,) standardised style controls."""
     mixture: Mapping[str, float] | None = None
-    """Of which speakers the network plays a mixture, where it plays one."""
+    """Speaker → weight, where the network plays a mixture of speakers."""
 
 
 def latency_of_body(
@@ -85,9 +85,9 @@ class TrainedSession:
         direct: understands a style, as `TrainedModel.generate` describes them.
         before: motion that it goes on from, where some is given.
         layers: what comes after the network, of each take.
-        rest: what lets the hands rest in silence, if anything does.
-        listeners: who hears the speech beside the network, ``rest`` among them.
-        prosody: with which all of them hear.
+        rest: lets the hands rest in silence; None where nothing does.
+        listeners: of the speech beside the network, ``rest`` among them.
+        prosody: that all of them share.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class TrainedSession:
         self._layers, self._rest, self._listeners, self._prosody = layers, rest, listeners, prosody
         self._poses = [PoseDecoder(find_pose(system.pose), fps, system.fps / fps) for _ in faces]
         self._frontend, self._decoder, self._rate_of_poses = frontend, decoder, system.fps
-        self._sampled = PoseResampler(decoder.takes, decoder.width, smooth=system.smooth, step=system.fps / fps)
+        self._resampler = PoseResampler(decoder.takes, decoder.width, smooth=system.smooth, step=system.fps / fps)
         self._faces, self._fps, self._parts = faces, fps, parts
         self._resolved_style, self._direct, self._intensity = resolved_style, direct, intensity
         self._sizes = Crossfade(np.ones((1, 1, 1)), system.fps)  # over the intensity of the decoder
@@ -119,14 +119,14 @@ class TrainedSession:
         if "face" in parts:
             self._latency = max(self._latency, *(face.latency for face in faces))
             self._look_ahead = max(self._look_ahead, *(face.look_ahead for face in faces))
-        self._held, self._slack = WaitingSpeech(), self._latency - body  # seconds by which the body may be late at no cost
+        self._waiting, self._slack = WaitingSpeech(), self._latency - body  # seconds by which the body may be late at no cost
         self._rows: list[Array] = []  # (N, n, D) poses that are not decoded yet
         self._bodies = [WaitingFrames() for _ in faces]
         self._heads = [WaitingFrames() for _ in faces]
         self._signs = [QuatStream() for _ in faces]
         still = [joint for joint in resting_joints(parts) if "face" not in parts or joint not in eye_joints()]
-        placed = "body" in parts
-        self._seams = [] if before is None else [Seam(before, fps, still=still, placed=placed) for _ in faces]
+        has_place = "body" in parts
+        self._seams = [] if before is None else [Seam(before, fps, still=still, has_place=has_place) for _ in faces]
         self._ready: deque[list[Motion]] = deque()
         self._duration, self._frame = Fraction(0), 0
         self._rate: int | None = None
@@ -172,7 +172,7 @@ class TrainedSession:
         return None if self._resolved_style.mixture is None else dict(self._resolved_style.mixture)
 
     def restyle(self, style: object) -> None:
-        """Another style from here on: it is faded in over half a second from where the speech that was pushed has come to.
+        """Set another style: it fades in over half a second, from the end of the speech that was pushed.
 
         The same speech and the same changes at the same samples give the same motion, however the speech is cut. Motion that
         was not made yet may foresee the change: by as much as the network looks ahead, smoothing and the cubic included
@@ -233,7 +233,7 @@ class TrainedSession:
         return (takes[0] for takes in self.push_takes(chunk))
 
     def finish(self) -> Iterator[Motion]:
-        """The speech is over, from now on; the rest, to exactly ceil(duration × fps) frames.
+        """End the speech; gives the rest, to exactly ceil(duration × fps) frames.
 
         Raises:
             InputError: there was no speech at all.
@@ -263,8 +263,8 @@ class TrainedSession:
             listener.finish()
         rest = self._decoder.push(self._frontend.finish())
         rest = np.concatenate([rest, self._decoder.finish(self._frontend.silence)], 1)
-        for face, kept in zip(self._faces, self._heads, strict=True):
-            self._see(kept, face.finish())
+        for face, frames in zip(self._faces, self._heads, strict=True):
+            self._see(frames, face.finish())
         self._keep(rest, total, self._frontend.frames - 1)
         self._decode()
         for stack, body in zip(self._layers, self._bodies, strict=True):
@@ -275,29 +275,29 @@ class TrainedSession:
         return self._next_frames()
 
     def _hear(self, piece: Speech) -> None:
-        """A piece. At 16 kHz the body hears small pieces together, and decodes its poses, while the face is quiet, where that
-        makes no frame late; what a resampler keeps of other rates is not known here. It hears what the face has heard, whose
-        prosody is worked out already."""
-        self._held.hold(piece)
-        quiet = all(face.is_quiet(self._held.heard) for face in self._faces)
+        """Hear a piece. At 16 kHz the body hears small pieces together, and decodes its poses while the face is quiet, if that
+        makes no frame late; of other rates it is not known here what a resampler keeps. The body hears what the face has heard,
+        because the prosody of that is known already."""
+        self._waiting.hold(piece)
+        quiet = all(face.is_quiet(self._waiting.heard) for face in self._faces)
         late = min(self._slack, _LATEST) - float(piece.duration) if piece.rate == SAMPLE_RATE else -inf
-        waits = self._held.seconds <= late
-        hears = not waits or (quiet and self._held.seconds >= TICK)
+        waits = self._waiting.seconds <= late
+        hears = not waits or (quiet and self._waiting.seconds >= TICK)
         ready = self._prosody.samples
-        shares = ready > self._held.begin and (self._held.heard - ready) / SAMPLE_RATE <= late
-        made = self._push_body(ready if shares else inf) if hears else None
-        for face, kept in zip(self._faces, self._heads, strict=True):  # after the player, in whose mood they may be
-            self._see(kept, face.push(piece))
-        if made is not None:
-            self._keep(made)
+        shares = ready > self._waiting.begin and (self._waiting.heard - ready) / SAMPLE_RATE <= late
+        poses = self._push_body(ready if shares else inf) if hears else None
+        for face, frames in zip(self._faces, self._heads, strict=True):  # after the player, in whose mood they may be
+            self._see(frames, face.push(piece))
+        if poses is not None:
+            self._keep(poses)
         if (count := self._count(decodes=not (waits and hears))) > 0:
             self._ready.append(self._make_motions(count))
-        elif (made is None or not made.shape[1]) and self._count_bodies() < TICK * self._fps:
+        elif (poses is None or not poses.shape[1]) and self._count_bodies() < TICK * self._fps:
             self._decode()  # a quiet moment: what is decoded now, no busy one has to decode
 
     def _push_body(self, until: float = inf) -> Array | None:
         """What the body's network makes of what is held up to a place in samples; None where nothing is."""
-        piece = self._held.take(until)
+        piece = self._waiting.take(until)
         if piece is None:
             return None
         for listener in self._listeners:
@@ -306,11 +306,11 @@ class TrainedSession:
 
     def _catch_up(self) -> None:
         """The body hears all that was pushed, before something changes."""
-        if (made := self._push_body()) is not None:
-            self._keep(made)
+        if (poses := self._push_body()) is not None:
+            self._keep(poses)
 
     def _check(self, chunk: Speech) -> None:
-        """Before any of those who listen has heard it: that all of them can."""
+        """Check a piece before any listener hears it."""
         check_speech(chunk)
         if self._over or self._rate not in (None, chunk.rate):
             was = "the speech is over" if self._over else f"the speech began at {self._rate} Hz"
@@ -319,21 +319,21 @@ class TrainedSession:
             self._rate = chunk.rate
 
     def _next_frames(self) -> Iterator[list[Motion]]:
-        """What is ready: a piece leaves the queue before anybody sees it."""
+        """The pieces that are ready; each leaves the queue before it is yielded."""
         while self._ready:
             yield self._ready.popleft()
 
-    def _keep(self, made: Array, total: int | None = None, last: int | None = None) -> None:
+    def _keep(self, rows: Array, total: int | None = None, last: int | None = None) -> None:
         """Further poses of the model, and what they make certain."""
-        poses, at = self._sampled.push(made, total, last)
+        poses, at = self._resampler.push(rows, total, last)
         if len(at):
-            aroused = amplitude(self._faces[0].arousal_at(at / self._rate_of_poses))[:, None]
-            size = aroused * self._sizes.mix(lambda factor: factor, at)[0]
+            scale = amplitude(self._faces[0].arousal_at(at / self._rate_of_poses))[:, None]
+            size = scale * self._sizes.mix(lambda factor: factor, at)[0]
             self._sizes.forget(at[0])
             self._rows.append(self._decoder.denormalise(poses, at, size.astype(np.float32)))
 
     def _decode(self) -> None:
-        """All that waits for it; many frames at once take hardly longer than few."""
+        """Decode all poses that wait; many frames at once take hardly longer than few."""
         if not self._rows:
             return
         rows, self._rows = np.concatenate(self._rows, 1), []
@@ -341,17 +341,17 @@ class TrainedSession:
         if self._rest is not None:
             rows, later, shares = self._rest.split(rows)
             self._rows = [later] if later.shape[1] else []
-        for take, (vectors, kept, signs) in enumerate(zip(rows, self._bodies, self._signs, strict=True)):
+        for take, (vectors, frames, signs) in enumerate(zip(rows, self._bodies, self._signs, strict=True)):
             rotations, root = self._poses[take].push(vectors)
             rotations = rotations if self._rest is None else self._rest.lead(rotations, shares)
             rotations, root = select_parts(rotations, root, self._parts)
-            kept.push(self._layers[take].push(signs.push(rotations), root))
+            frames.push(self._layers[take].push(signs.push(rotations), root))
 
-    def _see(self, kept: WaitingFrames, made: Iterator[Motion]) -> None:
-        """Of the motion of a face: the rotations (n, 2, 4) of its eyes, and its weights, where they are wanted."""
-        for head in made:
+    def _see(self, frames: WaitingFrames, motions: Iterator[Motion]) -> None:
+        """Keep of the motion of a face the rotations (n, 2, 4) of its eyes, and its weights, where they are wanted."""
+        for head in motions:
             if "face" in self._parts and head.face is not None:
-                kept.push((head.rotations[:, eye_joints()], head.face))
+                frames.push((head.rotations[:, eye_joints()], head.face))
 
     def _count(self, decodes: bool = True) -> int:
         """Frames that body and face have both come to; poses that wait are decoded where the face has come further."""
@@ -369,7 +369,7 @@ class TrainedSession:
         """The next frames of every take, as one."""
         start = self._frame / self._fps
         self._frame += count
-        made = []
+        motions = []
         for take, (body, head) in enumerate(zip(self._bodies, self._heads, strict=True)):
             rotations, root = body.take(count)
             face = None
@@ -383,5 +383,5 @@ class TrainedSession:
             if self._seams:
                 rotations, root = self._seams[take].blend(motion.rotations, root, self._frame - count)
                 motion = replace(motion, rotations=rotations, root=root)
-            made.append(motion)
-        return made
+            motions.append(motion)
+        return motions

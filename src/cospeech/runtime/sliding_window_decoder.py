@@ -80,7 +80,7 @@ def _up(frames: int, multiple: int) -> int:
 
 
 def sections(signature: Signature) -> WindowLayout:
-    """Of a network that fixes its new frames (`Signature.hop`): as it says, each faded into the next over half of what it hears
+    """The windows of a network that fixes its new frames (`Signature.hop`), each faded into the next over half of what it hears
     ahead; ours."""
     hop = signature.hop or 1
     return WindowLayout(signature.probe, hop, signature.look_ahead, min(signature.look_ahead, hop) // 2)
@@ -134,7 +134,7 @@ class OverlapAddDecoder(SlidingWindowDecoder):
     """Windows that are faded from one to the next, and that may be given a face, and poses to begin with.
 
     Args:
-        given, options: see `SlidingWindowDecoder`.
+        args, options: see `SlidingWindowDecoder`.
         face: in the place of the network's own.
         before: (seeds, D) standardised poses, of the frames before the first, with which the first window begins; what is
             missing from the last of them to the first pose that is made is faded out within half a second.
@@ -143,8 +143,8 @@ class OverlapAddDecoder(SlidingWindowDecoder):
         InputError: windows too short for these.
     """
 
-    def __init__(self, *given: Any, face: ConditioningFace | None = None, before: Array | None = None, **options: Any) -> None:
-        super().__init__(*given, **options)
+    def __init__(self, *args: Any, face: ConditioningFace | None = None, before: Array | None = None, **options: Any) -> None:
+        super().__init__(*args, **options)
         self._face, self._before = face, before
         self._gap: Array | None = None
         if before is not None and len(before) > self.setting.past:
@@ -155,14 +155,14 @@ class OverlapAddDecoder(SlidingWindowDecoder):
 
     def denormalise(self, poses: Array, at: Array, amplitude: Array | float = 1.0) -> Array:
         """See `Decoder`; the first call has the first pose."""
-        found = super().denormalise(poses, at, amplitude)
+        result = super().denormalise(poses, at, amplitude)
         if self._before is None or not len(at):
-            return found
+            return result
         if self._gap is None:
             s = self._system.statistics
-            self._gap = self._before[-1] * s.pose_std + s.pose_mean - found[:, :1]
-        left = 1 - (at + 1) / (_JOIN * self._system.fps)  # all of it a frame before the first
-        return found + smoothstep(left).astype(np.float32)[:, None] * self._gap
+            self._gap = self._before[-1] * s.pose_std + s.pose_mean - result[:, :1]
+        rest = 1 - (at + 1) / (_JOIN * self._system.fps)  # all of it a frame before the first
+        return result + smoothstep(rest).astype(np.float32)[:, None] * self._gap
 
     def _window(self, rows: Array, first: int, noise: Array) -> Array:
         """See `SlidingWindowDecoder`; the first window begins with the poses before, the others with those of the last window
@@ -172,22 +172,22 @@ class OverlapAddDecoder(SlidingWindowDecoder):
             frames = np.arange(self.setting.window) + (first - self.setting.past)
             weights, share = self._face.at(frames / self._system.fps)
             ports["face"] = np.concatenate([weights * (share > 0), share], 1)[None]
-        began, signature = 0, self._network.signature
+        start, signature = 0, self._network.signature
         if first == 0 and self._before is not None:
-            began, seeds = self.setting.past - len(self._before), self._seeds()[None]
+            start, seeds = self.setting.past - len(self._before), self._seeds()[None]
             ports["seed"] = np.repeat(seeds, self.takes, 0) if signature.feeds_back else seeds
         elif signature.feeds_back and self._windows.last is not None:
             ports["seed"] = self._place_seeds(self._windows.last[:, -signature.seeds :])
-        made = self._run({name: x[:, began:] for name, x in ports.items()})["poses"]
-        return np.concatenate([np.repeat(made[:, :1], began, 1), made], 1)
+        poses = self._run({name: x[:, start:] for name, x in ports.items()})["poses"]
+        return np.concatenate([np.repeat(poses[:, :1], start, 1), poses], 1)
 
     def _seeds(self) -> Array:
         """(window, D + 1) poses before the first as the network would have made them, and a flag."""
         assert self._before is not None
-        centre, made, gain = self._style.scales(np.zeros(1, int))
+        centre, model_mean, gain = self._style.scales(np.zeros(1, int))
         s = self._system.statistics
         gain = np.maximum(self._intensity * gain, _LEAST_GAIN)
-        poses = np.clip((self._before - centre) / gain + made, *s.bounds).reshape(-1, self.width)
+        poses = np.clip((self._before - centre) / gain + model_mean, *s.bounds).reshape(-1, self.width)
         return self._place_seeds(poses[None])[0]
 
     def _place_seeds(self, poses: Array) -> Array:
@@ -212,7 +212,7 @@ class SampledWindowDecoder(SlidingWindowDecoder):
         layout = sections(network.signature)
         super().__init__(system, network, style, seeds, silence, layout, temperature=temperature, intensity=intensity)
         self._seeds, self._sampler = seeds, open_sampler(system.networks)
-        self._drawn: Array | None = None
+        self._latents: Array | None = None
 
     def _window(self, rows: Array, first: int, noise: Array) -> Array:
         """See `SlidingWindowDecoder`."""
@@ -220,9 +220,9 @@ class SampledWindowDecoder(SlidingWindowDecoder):
         steps = np.arange(layout.window // stride) + (first - layout.past) // stride
         latent = self._sampler.draw(
             self._system.networks["hear"].run(rows=ports["rows"])["heard"], ports["style"][:, ::stride],
-            self._sampler.draw_noise(self._seeds, steps), self._drawn, float(self._temperature),
+            self._sampler.draw_noise(self._seeds, steps), self._latents, float(self._temperature),
         )  # fmt: skip
-        self._drawn = latent[:, layout.hop // stride : (layout.hop + layout.past) // stride]
+        self._latents = latent[:, layout.hop // stride : (layout.hop + layout.past) // stride]
         return self._run({"latent": latent})["poses"]
 
 

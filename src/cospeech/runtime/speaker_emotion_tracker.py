@@ -1,10 +1,10 @@
 """Who speaks, and in which mood: what a classifier hears in a voice, followed over a speech that comes in pieces.
 
-The mood that is heard is reported and never played: somebody's neutral voice is another's contempt, and nothing in the logits
-tells (docs/emotion_from_speech.md). What is played is the emotion that is given, or neutral.
+The mood that is heard is reported and never played: one person's neutral voice sounds like another's contempt, and the logits
+do not show the difference (docs/emotion_from_speech.md). The emotion that is given is played, or neutral.
 
 A frame's logits are averaged with those before: of the speaker over all that was heard, of the emotion over the last seconds
-(`SPAN`); silence says nothing. Frames are judged in blocks, and what is said of a frame is that of some frames before it
+(`SPAN`); silence does not count. Frames are judged in blocks, and a frame has the result of some frames before it
 (`SpeakerEmotionTracker.lag`): everything follows from a frame's index alone.
 """
 
@@ -20,9 +20,9 @@ from .network import Network
 
 __all__ = ["SpeakerEmotionTracker"]
 
-DOUBT = 1.0  # s; ours: of evidence that it may be anybody in any mood, before anything is heard
+DOUBT = 1.0  # s; ours: weight of the prior, before anything is heard: any speaker in any mood
 VOICE = 0.5  # ours: how far, in deviations of the training data, a row is from silence that counts as voice
-BLOCK = 4  # ours: frames that are judged in one call, always the same ones; the mood of seconds is not in such a hurry
+BLOCK = 4  # ours: frames that are judged in one call, always the same ones; a mood over seconds can wait for them
 
 
 _NEUTRAL = np.array([float(name == "neutral") for name in EMOTIONS])
@@ -32,10 +32,10 @@ class SpeakerEmotionTracker:
     """The course of speakers' and emotions' probabilities.
 
     Args:
-        classifier: speech → logits of speakers and emotions; None: nobody knows who speaks, and how.
+        classifier: speech → logits of speakers and emotions; None: speaker and emotion are not known.
         speakers: how many there are.
         fps: of the frames.
-        silence: (A,) what silence sounds like.
+        silence: (A,) the row of silence.
         emotions: the emotion, where it is not to be heard.
     """
 
@@ -51,7 +51,7 @@ class SpeakerEmotionTracker:
         self._fade[speakers:] = np.exp(-1 / (SPAN * fps))
         self._sum = np.zeros(width)
         self._count = np.full(width, DOUBT * fps)
-        self._felt = np.zeros(len(EMOTIONS))
+        self._emotion_sum = np.zeros(len(EMOTIONS))
         before = self._judge((self._sum / self._count)[None])[0]
         self._first, self._course = 0, [before]  # of the frame before the first that is kept, then of those
         self.frames = 0
@@ -81,12 +81,12 @@ class SpeakerEmotionTracker:
             means[k] = self._sum / self._count
         for shares in self._judge(means):
             self._course.append(shares)
-            self._felt += shares[self._speakers :]
+            self._emotion_sum += shares[self._speakers :]
         self.frames += BLOCK
 
     @property
     def lag(self) -> int:
-        """Frames that what is said of a frame is behind it, so that it is known once the frame was heard, however it came."""
+        """Frames by which a frame's result is late, so that it is known once the frame was heard, in pieces of any size."""
         return self._reach + BLOCK
 
     def shares(self, frames: Array) -> Array:
@@ -95,17 +95,17 @@ class SpeakerEmotionTracker:
         Args:
             frames: (…,) whole or not.
         """
-        wanted = np.asarray(frames, float)
-        known = clip(wanted - self.lag, self._first - 1, self.frames - 1)
-        low = np.floor(known).astype(int)
+        places = np.asarray(frames, float)
+        index = clip(places - self.lag, self._first - 1, self.frames - 1)
+        low = np.floor(index).astype(int)
         first, last = int(low.min(initial=self.frames - 1)), int(low.max(initial=self._first - 1)) + 1
         course = np.array(self._course[first - self._first + 1 : last - self._first + 2])
         place = low - first
         now, after = course[place], course[np.minimum(place + 1, len(course) - 1)]
-        heard: Array = now + (known - low)[..., None] * (after - now)
-        moods = heard[..., self._speakers :]
-        moods[...] = _NEUTRAL if self._emotions is None else self._emotions.at(wanted / self._fps)
-        return heard
+        weights: Array = now + (index - low)[..., None] * (after - now)
+        moods = weights[..., self._speakers :]
+        moods[...] = _NEUTRAL if self._emotions is None else self._emotions.at(places / self._fps)
+        return weights
 
     def at(self, times: Array) -> Array:
         """(…, 8) weights of the emotions that are played at these times in seconds."""
@@ -121,10 +121,10 @@ class SpeakerEmotionTracker:
 
     def forget(self, before: int) -> None:
         """Drop what only frames before this one need."""
-        gone = min(before - self.lag, self.frames - 1) - self._first
-        if gone > 0:
-            del self._course[:gone]
-            self._first += gone
+        count = min(before - self.lag, self.frames - 1) - self._first
+        if count > 0:
+            del self._course[:count]
+            self._first += count
 
     @property
     def judges(self) -> bool:
@@ -149,7 +149,7 @@ class SpeakerEmotionTracker:
     @property
     def emotion(self) -> Array:
         """(8,) mean probabilities over all that was heard."""
-        return self._felt / self.frames if self.frames else self._course[-1][self._speakers :]
+        return self._emotion_sum / self.frames if self.frames else self._course[-1][self._speakers :]
 
     def _judge(self, logits: Array) -> Array:
         """(n, S + 8) two distributions each."""
@@ -158,5 +158,5 @@ class SpeakerEmotionTracker:
 
 def _softmax(logits: Array) -> Array:
     weights = np.exp(logits - logits.max(1, keepdims=True))
-    scaled: Array = weights / weights.sum(1, keepdims=True)
-    return scaled
+    shares: Array = weights / weights.sum(1, keepdims=True)
+    return shares

@@ -22,7 +22,7 @@ class SpeechFrontend:
     """Speech in pieces → standardised rows, style controls behind each.
 
     Args:
-        system: whose.
+        system: the bundle, opened.
         controls: (C,) standardised style controls.
     """
 
@@ -33,11 +33,11 @@ class SpeechFrontend:
         self._level: LevelControl | None = None
         if has_levels(system.audio):
             names = audio_columns(system.audio)
-            self._level, self._heard_by = LevelControl(system.fps), [names.index("energy"), names.index("voicing")]
+            self._level, self._level_columns = LevelControl(system.fps), [names.index("energy"), names.index("voicing")]
             self._per_decibel = np.array(louder(system.audio)) / 10
-        self._unheard = reduce_audio(_hear_silence(system.audio, system.fps), system.audio)
-        self._silence = self._standard(self._unheard)
-        self._given = 0
+        self._silent_row = reduce_audio(_hear_silence(system.audio, system.fps), system.audio)
+        self._silence = self._standard(self._silent_row)
+        self._frame = 0
         self._nothing = self.silence[:0]
 
     def share(self, prosody: SharedProsody) -> None:
@@ -56,7 +56,7 @@ class SpeechFrontend:
 
     @property
     def silence(self) -> Array:
-        """(1, A) what silence sounds like where rows have come to."""
+        """(1, A) the row of silence, with the style controls of the next frame."""
         return self._append_controls(self._silence)
 
     def control(self, controls: Array) -> None:
@@ -75,8 +75,8 @@ class SpeechFrontend:
         if not len(columns):
             return self._nothing
         rows = self._append_controls(self._standard(self._raise(columns)))
-        self._given += len(rows)
-        self._controls.forget(self._given)
+        self._frame += len(rows)
+        self._controls.forget(self._frame)
         return rows
 
     def _raise(self, columns: Array) -> Array:
@@ -84,13 +84,13 @@ class SpeechFrontend:
         rows = reduce_audio(columns, self._system.audio)
         if self._level is None:
             return rows
-        gains = self._level.follow(*columns[:, self._heard_by].T)
+        gains = self._level.follow(*columns[:, self._level_columns].T)
         if not gains.any():
             return rows
-        return rows + np.minimum(gains[:, None] * self._per_decibel, np.maximum(rows - self._unheard, 0)).astype(np.float32)
+        return rows + np.minimum(gains[:, None] * self._per_decibel, np.maximum(rows - self._silent_row, 0)).astype(np.float32)
 
     def _standard(self, rows: Array) -> Array:
-        """(T, A) rows as the network hears them; sounds louder or softer than any it has heard are as those."""
+        """(T, A) rows as the network hears them; values beyond those of its training data are clipped."""
         s = self._system.statistics
         rows = (rows - s.audio_mean) / s.audio_std
         return np.minimum(np.maximum(rows, s.audio_low), s.audio_high).astype(np.float32)
@@ -98,25 +98,25 @@ class SpeechFrontend:
     def _append_controls(self, rows: Array) -> Array:
         if not self._system.controls:
             return rows
-        controls = self._controls.mix(lambda row: row, self._given + np.arange(len(rows)))[0]
+        controls = self._controls.mix(lambda row: row, self._frame + np.arange(len(rows)))[0]
         return np.concatenate([rows, np.broadcast_to(controls, (len(rows), controls.shape[1]))], 1)
 
 
 class SpeechTextFrontend:
-    """Speech in pieces → standardised rows, what stands for the word of each behind it; zeros where nobody knows the words.
+    """Speech in pieces → standardised rows, the vector of the word of each behind it; zeros where the words are not known.
 
-    What it offers is as of `SpeechFrontend`.
+    It has the methods of `SpeechFrontend`.
 
     Args:
-        system: whose.
+        system: the bundle, opened.
         controls: (C,) standardised style controls.
     """
 
     def __init__(self, system: System, controls: Array) -> None:
         self._system, self._frontend, self._words = system, SpeechFrontend(system, controls), WordStream(system.fps)
-        self._heard = self._frontend.silence[:0]
-        self._unsaid = system.word_rows([None])
-        self._read = self._unsaid[:0]
+        self._sound_rows = self._frontend.silence[:0]
+        self._no_word = system.word_rows([None])
+        self._word_rows = self._no_word[:0]
 
     def share(self, prosody: SharedProsody) -> None:
         """See `SpeechFrontend`."""
@@ -135,7 +135,7 @@ class SpeechTextFrontend:
     @property
     def silence(self) -> Array:
         """(1, A + W) a row of silence."""
-        return np.concatenate([self._frontend.silence, np.zeros((1, self._read.shape[1]), np.float32)], 1)
+        return np.concatenate([self._frontend.silence, np.zeros((1, self._word_rows.shape[1]), np.float32)], 1)
 
     def control(self, controls: Array) -> None:
         """See `SpeechFrontend`."""
@@ -143,21 +143,21 @@ class SpeechTextFrontend:
 
     def push(self, chunk: Speech) -> Array:
         """(n, A + W) rows that have become certain."""
-        self._heard = np.concatenate([self._heard, self._frontend.push(chunk)])
+        self._sound_rows = np.concatenate([self._sound_rows, self._frontend.push(chunk)])
         return self._join(self._words.push(chunk))
 
     def finish(self) -> Array:
         """The rest."""
-        self._heard = np.concatenate([self._heard, self._frontend.finish()])
+        self._sound_rows = np.concatenate([self._sound_rows, self._frontend.finish()])
         return self._join(self._words.finish(self.frames))
 
     def _join(self, words: list[str | None]) -> Array:
         """Rows of which both the sound and the word are known."""
-        read = self._system.word_rows(words) if any(words) else np.repeat(self._unsaid, len(words), 0)
-        self._read = np.concatenate([self._read, read])
-        known = min(len(self._heard), len(self._read))
-        rows = np.concatenate([self._heard[:known], self._read[:known]], 1)
-        self._heard, self._read = self._heard[known:].copy(), self._read[known:].copy()
+        read = self._system.word_rows(words) if any(words) else np.repeat(self._no_word, len(words), 0)
+        self._word_rows = np.concatenate([self._word_rows, read])
+        count = min(len(self._sound_rows), len(self._word_rows))
+        rows = np.concatenate([self._sound_rows[:count], self._word_rows[:count]], 1)
+        self._sound_rows, self._word_rows = self._sound_rows[count:].copy(), self._word_rows[count:].copy()
         return rows
 
 
@@ -166,9 +166,9 @@ def _hear_silence(audio: str, fps: float) -> Array:
     """(1, C) columns of silence; to be read only."""
     features = open_features(audio, fps)
     rows = features.push(Speech(np.zeros(16_000, np.float32)))
-    found = np.concatenate([rows, features.finish(1)])[:1]
-    found.setflags(write=False)
-    return found
+    row = np.concatenate([rows, features.finish(1)])[:1]
+    row.setflags(write=False)
+    return row
 
 
 def _row(controls: Array) -> Array:

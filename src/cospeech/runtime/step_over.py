@@ -29,14 +29,14 @@ class StepOver:
     """Steps from the feet that were shown to those of the frames that come next.
 
     Args:
-        shown: the last two frames that were shown, or the last one.
+        last: the last two frames that were shown, or the last one.
     """
 
-    def __init__(self, shown: Motion) -> None:
-        feet = read_feet(shown.rotations.astype(float), shown.root.astype(float))
+    def __init__(self, last: Motion) -> None:
+        feet = read_feet(last.rotations.astype(float), last.root.astype(float))
         self._feet = feet[-1]
-        self._moving = (feet[-1] - feet[-2]) * shown.fps if len(feet) > 1 else np.zeros_like(feet[-1])
-        hips = shown.root[-1, [0, 2]]
+        self._moving = (feet[-1] - feet[-2]) * last.fps if len(feet) > 1 else np.zeros_like(feet[-1])
+        hips = last.root[-1, [0, 2]]
         far = np.linalg.norm(self._feet[:, :2] - hips, axis=-1)  # the foot that carries less goes first
         self._begin = np.array(_SWINGS if far[0] >= far[1] else _SWINGS[::-1])
         self._height: Array | None = None
@@ -63,9 +63,9 @@ class StepOver:
         feet[..., 3] += self._height * _hump(u)  # gently off the floor: a straight knee bends at once
         sink = _SINK * _hump(np.clip(times / _OVER[0], 0, 1))
         joints, legs, place = place_feet(rotations[:, 0], root, feet, 1 - decay(times / _LAND), sink)
-        left = smoothstep(np.clip((times - _OVER[0]) / (_OVER[1] - _OVER[0]), 0, 1))[:, None]
-        rotations[:, joints] = quat_slerp(legs, motion.rotations[:, joints].astype(float), left)
-        return place + left * (root - place)
+        blend = smoothstep(np.clip((times - _OVER[0]) / (_OVER[1] - _OVER[0]), 0, 1))[:, None]
+        rotations[:, joints] = quat_slerp(legs, motion.rotations[:, joints].astype(float), blend)
+        return place + blend * (root - place)
 
     def _land(self, times: Array) -> Array:
         """(n, 2, 2) lift and tip of feet that were in the air: they come down where they were, and never below the floor."""

@@ -62,7 +62,7 @@ class StretchedSession:
             if style in (None, plan.style, *styles[:k]):
                 continue
             try:
-                start(replace(own, style=style))  # it complains now, not in the middle of the speech
+                start(replace(own, style=style))  # an error comes now, and not in the middle of the speech
             except InputError as error:
                 where = f"stretches[{k}].style, {plan.stretches[k].start:g} to {plan.stretches[k].end:g} s"
                 raise InputError(f"{where}: {error.problem}", error.hint) from None
@@ -164,7 +164,7 @@ class StretchedSession:
         self._faces_hold = new
 
     def _give(self) -> Iterator[list[Motion]]:
-        """What all sessions have come to."""
+        """The frames that all sessions have made."""
         if not all(self._waiting):
             return iter(())
         whole = [Motion.concatenate(waiting) for waiting in self._waiting]
@@ -175,5 +175,5 @@ class StretchedSession:
 
     def _active(self, motion: Motion) -> Array:
         starts = np.array([start for start, _ in self._courses])
-        found = np.searchsorted(starts, motion.times + 1e-9, side="right") - 1
-        return np.array([self._courses[k][1] for k in found])
+        indices = np.searchsorted(starts, motion.times + 1e-9, side="right") - 1
+        return np.array([self._courses[k][1] for k in indices])

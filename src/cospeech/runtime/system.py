@@ -69,7 +69,7 @@ def open_system(spec: BundleSpec) -> System:
     Raises:
         InputError: a graph is not what its signature says, or fails.
     """
-    known = {f.name: getattr(spec, f.name) for f in fields(BundleFacts)}
+    facts = {f.name: getattr(spec, f.name) for f in fields(BundleFacts)}
     bounds = spec.statistics.bounds
     try:
         flow = None if spec.flow is None else FlowEngine(spec.flow, spec.weights, spec.graphs, *bounds)
@@ -79,11 +79,11 @@ def open_system(spec: BundleSpec) -> System:
         }
     except InputError as error:
         raise InputError(f"{spec.name!r}: {error.problem}", error.hint) from error
-    return System(**known, networks=networks, flow=flow)
+    return System(**facts, networks=networks, flow=flow)
 
 
 def without_calibration(system: System) -> System:
-    """The system with nothing of what was measured when it was bundled: its networks' own poses, noise of size 1, no rest.
+    """The system without what was measured when its bundle was made: its networks' own poses, noise of size 1, no rest.
 
     A flow keeps the means and deviations of its speakers, without which it has no poses, and the factor on fed-back poses.
     """
@@ -129,8 +129,8 @@ def write_networks(
     Raises:
         InputError: these do not fit together, or the file cannot be written.
     """
-    known = {**facts, "networks": {name: signature.to_dict() for name, signature in signatures.items()}}
-    _write(path, known, graphs, weights, statistics, card)
+    manifest = {**facts, "networks": {name: signature.to_dict() for name, signature in signatures.items()}}
+    _write(path, manifest, graphs, weights, statistics, card)
 
 
 def write_flow(
@@ -154,8 +154,8 @@ def write_flow(
         InputError: as of `write_networks`.
     """
     weights = pack_weights(arrays, sizes)
-    known = {**facts, "flow": vars(sizes), "style_space": "code" if sizes.style else "none"}
-    _write(path, known, build_graphs(weights, sizes), weights, statistics, card)
+    manifest = {**facts, "flow": vars(sizes), "style_space": "code" if sizes.style else "none"}
+    _write(path, manifest, build_graphs(weights, sizes), weights, statistics, card)
 
 
 def _write(

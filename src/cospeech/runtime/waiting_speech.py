@@ -1,4 +1,4 @@
-"""Small pieces of speech that are held until there is enough to be worth a look."""
+"""Small pieces of speech that wait until they are long enough to be heard together."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ class WaitingSpeech:
         pieces, self._pieces, self._count = self._pieces[:count], self._pieces[count:], self.heard - end
         if len(pieces) < 2:
             return pieces[0] if pieces else None
-        said = [piece.words for piece in pieces if piece.words is not None]
-        words = tuple(word for each in said for word in each) if said else None
+        word_lists = [piece.words for piece in pieces if piece.words is not None]
+        words = tuple(word for each in word_lists for word in each) if word_lists else None
         samples = np.concatenate([piece.samples for piece in pieces])
         length = sum((piece.duration for piece in pieces), Fraction(0))
         return Speech(samples, pieces[0].rate, words, start=pieces[0].start, duration=length)

@@ -1,8 +1,8 @@
 """Windows that slide over the rows of a speech, with silence before and after.
 
-Each makes the next ``hop`` frames, hears ``ahead`` frames after them, and as many before as it has left; what it makes of the
-frames ahead, the next window takes over step by step in ``fade`` frames. Windows lie where the frame's index puts them: pieces
-of any size give the same bits.
+Each makes the next ``hop`` frames, hears ``ahead`` frames after them, and fills the rest of its length with frames before. The
+next window fades in over ``fade`` frames, from what this one made of the frames ahead. The place of a window follows from the
+frame's index: pieces of any size give the same bits.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class WindowLayout:
     fade: int
     """Of the new ones, blended with what the window before made of them."""
     held: int = 0
-    """In the place of speech that is not waited for, after what is heard ahead: the last row heard, again and again."""
+    """Frames after those heard ahead whose speech is not waited for: the last row heard is repeated there."""
 
     def __post_init__(self) -> None:
         if not (self.hop > 0 and 0 <= self.fade <= min(self.ahead, self.hop) and self.past >= 0 <= self.held):
@@ -74,7 +74,7 @@ class Sliding:
         setting: how windows lie.
         silence: (1, A) row of silence, which is before the speech.
         draw: n → (N, n, Z) the next noise; before the speech it stands still.
-        make: (window, A) rows, the frame that the first of the new ones is, (N, window, Z) noise → (N, window, D) poses.
+        make: (window, A) rows, index of the first new frame, (N, window, Z) noise → (N, window, D) poses.
     """
 
     def __init__(
@@ -84,32 +84,32 @@ class Sliding:
         self._rows = np.repeat(silence, setting.past, 0)
         self._mode_noise = np.repeat(draw(1), setting.past + 1, 1)
         self._before: Array | None = None  # what the last window made of the frames ahead
-        self.frames, self._heard = 0, 0
+        self.frames, self._count = 0, 0
         """Frames that are made."""
         self.last: Array | None = None
         """(N, hop, D) the new frames of the last window."""
 
     def push(self, rows: Array) -> list[Array]:
         """Rows (n, A) that come next → poses (N, hop, D) of each window that they fill."""
-        self._heard += len(rows)
-        return self._slid(rows)
+        self._count += len(rows)
+        return self._slide(rows)
 
     def finish(self, silence: Array) -> list[Array]:
-        """The windows of the rest, of which as many frames as were heard; ``silence`` (1, A) is after the speech."""
-        missing = self._heard - self.frames
+        """The windows of the rest, up to as many frames as were heard; ``silence`` (1, A) is after the speech."""
+        missing = self._count - self.frames
         windows = -(-missing // self.setting.hop)
         until = self.setting.speech_frames + (windows - 1) * self.setting.hop if windows else 0
-        made = self._slid(np.repeat(silence, max(0, until - len(self._rows)), 0))
-        return [np.concatenate(made, 1)[:, :missing]] if made else []
+        poses = self._slide(np.repeat(silence, max(0, until - len(self._rows)), 0))
+        return [np.concatenate(poses, 1)[:, :missing]] if poses else []
 
-    def _slid(self, rows: Array) -> list[Array]:
+    def _slide(self, rows: Array) -> list[Array]:
         self._rows = np.concatenate([self._rows, rows])
-        made = []
+        poses = []
         while len(self._rows) >= self.setting.speech_frames:
-            made.append(self._next())
+            poses.append(self._next())
             self._rows = self._rows[self.setting.hop :]
         self._rows = self._rows.copy()
-        return made
+        return poses
 
     def _next(self) -> Array:
         """(N, hop, D) of the next window."""

@@ -29,7 +29,7 @@ _KINDS = (
 _TAKE = re.compile(r"(\d{1,3})_([A-Za-z0-9]+)_(\d)_(\d{1,3})_(\d{1,3})")
 
 FOUR_SPEAKERS = (2, 4, 6, 8)
-"""Whose takes the papers' split divides; those of others are divided alike."""
+"""The speakers whose takes the papers' split divides; we divide the takes of others in the same way."""
 
 
 def _ids(speech: str, conversation: str) -> set[tuple[int, int]]:
@@ -59,7 +59,7 @@ class Take(NamedTuple):
 
     @property
     def emotion(self) -> str | None:
-        """By the id; conversations (odd recordings) are neutral; None where the ids leave the plan or mix emotions."""
+        """The emotion of its ids; conversations (odd recordings) are neutral; None where ids leave the plan or mix emotions."""
         if self.recording % 2:
             return "neutral"
         inside = {max((k for k in _EMOTION_IDS if k <= i), default=0) for i in (self.first, self.last)}
@@ -67,7 +67,7 @@ class Take(NamedTuple):
 
     @property
     def split(self) -> str | None:
-        """That of the papers' four speakers, and of all others and other languages the same [ours]: they read the same texts.
+        """The papers' split of four speakers; all others and other languages have the same [ours], as they read the same texts.
 
         None where an id is outside of the plan.
 
@@ -75,11 +75,11 @@ class Take(NamedTuple):
             InputError: its texts are in several splits.
         """
         ids = {(self.recording % 2, k) for k in range(self.first, self.last + 1)}
-        found = [name for name, members in SPLIT.items() if ids & members]
-        if len(found) > 1:
-            problem = f"its texts {self.first} to {self.last} are of the {' and the '.join(found)} split"
+        splits = [name for name, members in SPLIT.items() if ids & members]
+        if len(splits) > 1:
+            problem = f"its texts {self.first} to {self.last} are of the {' and the '.join(splits)} split"
             raise InputError(problem, "cut it at the border, so that no text of the test is in training")
-        return found[0] if found and ids <= SPLIT[found[0]] else None
+        return splits[0] if splits and ids <= SPLIT[splits[0]] else None
 
 
 def take_of(name: str) -> Take:
@@ -101,7 +101,7 @@ def read_semantics(path: Path) -> tuple[Semantic, ...]:
     Raises:
         InputError: a line of fewer fields, a time or score that makes no sense; the line is named.
     """
-    found = []
+    semantics = []
     for line, text in enumerate(read_text(path).splitlines(), 1):
         if not text.strip():
             continue
@@ -115,8 +115,8 @@ def read_semantics(path: Path) -> tuple[Semantic, ...]:
         if end < start:
             raise InputError(f"{place}: it ends at {end:g} s before it starts at {start:g} s", "are its columns swapped?")
         score = number(fields[4].strip(), 0, 1, place)
-        found.append(Semantic(start, end, score, fields[0].strip(), " ".join(fields[5:]).strip()))
-    return tuple(found)
+        semantics.append(Semantic(start, end, score, fields[0].strip(), " ".join(fields[5:]).strip()))
+    return tuple(semantics)
 
 
 def semantic_text(semantics: Iterable[Semantic]) -> str:
@@ -135,7 +135,7 @@ def read_emotions(path: Path) -> tuple[tuple[str, float, float], ...]:
     Raises:
         InputError: no line, fewer fields, an unknown name, or times that make no sense; the line is named.
     """
-    found = []
+    emotions = []
     for line, text in enumerate(read_text(path).splitlines(), 1):
         if not text.strip():
             continue
@@ -150,10 +150,10 @@ def read_emotions(path: Path) -> tuple[tuple[str, float, float], ...]:
         start, end = (number(field, 0, _LATEST, place) for field in fields[1:3])
         if end < start:
             raise InputError(f"{place}: it ends at {end:g} s before it starts at {start:g} s", "are its columns swapped?")
-        found.append((emotion, start, end))
-    if not found:
+        emotions.append((emotion, start, end))
+    if not emotions:
         raise InputError(f"{path.name!r} has no line", "was the download interrupted?")
-    return tuple(found)
+    return tuple(emotions)
 
 
 def emotion_text(emotion: str, seconds: float) -> str:

@@ -52,9 +52,9 @@ def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
 
 def _speakers(root: Path) -> list[Path]:
     for pattern in ("*", "*/*", "*/*/*"):
-        found = [path for path in root.glob(pattern) if path.is_dir() and path.name.isascii() and path.name.isdigit()]
-        if found:
-            return sorted(found, key=lambda path: (int(path.name), path.name))
+        folders = [path for path in root.glob(pattern) if path.is_dir() and path.name.isascii() and path.name.isdigit()]
+        if folders:
+            return sorted(folders, key=lambda path: (int(path.name), path.name))
     raise InputError(f"there is no speaker's folder in {str(root)!r}", "BEAT's are called 1 … 30")
 
 
@@ -107,7 +107,7 @@ def load_take(name: str, files: dict[str, Path]) -> Clip:
 
 
 def _load_face(path: Path) -> Motion:
-    """The face track; its body is none of the take's."""
+    """The face track of a file; the body in it is not the take's."""
     from ...export import arkit_json
 
     face = arkit_json.load(path)

@@ -44,7 +44,7 @@ def write(clips: Iterable[Clip | Dropped], raw: str | PathLike[str]) -> list[str
         InputError: a clip without motion, no id left for a speaker's emotion, or the folder cannot be written.
     """
     names = _Names()
-    written = []
+    take_names = []
     for clip in clips:
         if isinstance(clip, Dropped):
             continue
@@ -58,8 +58,8 @@ def write(clips: Iterable[Clip | Dropped], raw: str | PathLike[str]) -> list[str
             _write_take(clip, clip.motion, folder / name)
         except OSError as error:
             raise InputError(f"cannot write {str(folder / name)!r}: {describe_os_error(error)}") from None
-        written.append(name)
-    return written
+        take_names.append(name)
+    return take_names
 
 
 def _write_take(clip: Clip, motion: Motion, stem: Path) -> None:
@@ -105,12 +105,12 @@ def _phones(speech: Speech) -> list[Word]:
     """Phones of the words by spelling rules, each word's time shared out evenly: an aligner's would be better."""
     from ...face.graphemes import graphemes_to_phones
 
-    found = []
+    intervals = []
     for word in speech.words or ():
         phones = graphemes_to_phones(word.text) or ("spn",)
         edges = np.linspace(word.start, word.end, len(phones) + 1)
-        found += [Word(p.upper(), float(a), float(b)) for p, a, b in zip(phones, edges, edges[1:], strict=False)]
-    return found
+        intervals += [Word(p.upper(), float(a), float(b)) for p, a, b in zip(phones, edges, edges[1:], strict=False)]
+    return intervals
 
 
 class _Names:
@@ -135,16 +135,16 @@ class _Names:
     def _next(self, clip: Clip) -> Take:
         speaker = re.sub(r"[^a-z0-9]", "", clip.speaker.lower()) or "speaker"
         if speaker not in self.numbers:
-            taken = set(self.numbers.values())
+            numbers = set(self.numbers.values())
             order = (*FOUR_SPEAKERS, *(n for n in range(1, 1000) if n not in FOUR_SPEAKERS))
-            self.numbers[speaker] = next(n for n in order if n not in taken)
+            self.numbers[speaker] = next(n for n in order if n not in numbers)
         number, emotion = self.numbers[speaker], clip.emotion or "neutral"
         if emotion not in _FIRST:
             raise InputError(f"BEAT has no emotion {emotion!r}", f"known: {', '.join(EMOTIONS)}")
-        wanted = SPLIT[clip.split or "train"]
+        split_ids = SPLIT[clip.split or "train"]
         for k in range(_FIRST[emotion], _LAST[emotion] + 1):
-            if (number, 0, k) not in self.used and (0, k) in wanted:
+            if (number, 0, k) not in self.used and (0, k) in split_ids:
                 return Take(number, speaker, 0, k, k)
-        places = sum(_FIRST[emotion] <= k <= _LAST[emotion] for recording, k in wanted if recording == 0)
+        places = sum(_FIRST[emotion] <= k <= _LAST[emotion] for recording, k in split_ids if recording == 0)
         problem = f"no id is left for {emotion} takes of {clip.speaker!r} in the {clip.split or 'train'} split"
         raise InputError(problem, f"BEAT has {places}")

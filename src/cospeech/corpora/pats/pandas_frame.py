@@ -20,16 +20,16 @@ from ..hdf5_lmdb import Dataset
 __all__ = ["read_frame", "unpack"]
 
 _MOST = 100_000  # ours: instructions of one pickle; an interval has some hundred words
-_PUSHED = {
+_LITERALS = {
     "BINUNICODE", "SHORT_BINUNICODE", "BINUNICODE8", "UNICODE", "BINSTRING", "SHORT_BINSTRING", "STRING", "BINBYTES",
     "SHORT_BINBYTES", "INT", "BININT", "BININT1", "BININT2", "LONG", "LONG1", "BINFLOAT", "FLOAT",
 }  # fmt: skip
 _CONSTANTS = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False}
-_MARK, _OPAQUE = object(), object()  # a mark; whatever an instruction would have called or looked up
+_MARK, _OPAQUE = object(), object()  # a mark; the result of any call or look-up, which is not made
 
 
 def unpack(data: bytes) -> tuple[object, object]:
-    """What a pickle of plain containers says: the value itself, and the last state that an object was to be given.
+    """The content of a pickle of plain containers: the value itself, and the last state that an object would have got.
 
     Raises:
         InputError: damaged, or with instructions that plain tables do not need.
@@ -53,7 +53,7 @@ def unpack(data: bytes) -> tuple[object, object]:
 
 
 def _step(name: str, argument: Any, stack: list[Any], memo: dict[int, Any]) -> None:
-    if name in _PUSHED:
+    if name in _LITERALS:
         stack.append(argument)
     elif name in _CONSTANTS:
         stack.append(_CONSTANTS[name])

@@ -23,9 +23,9 @@ def to_points(flat: Array) -> Array:
 
 def mirror(values: Array) -> Array:
     """(T, 52, 2) → the authors' *mirror*: x of every joint turned at the neck; joints keep their names, so sides change."""
-    turned = np.array(values)
-    turned[..., 1:, 0] = 2 * values[..., :1, 0] - values[..., 1:, 0]
-    return turned
+    points = np.array(values)
+    points[..., 1:, 0] = 2 * values[..., :1, 0] - values[..., 1:, 0]
+    return points
 
 
 def hold_arm(values: Array, side: str, mean: Array) -> Array:
@@ -37,9 +37,9 @@ def hold_arm(values: Array, side: str, mean: Array) -> Array:
     """
     if side not in ("left", "right") or np.shape(mean) != (len(JOINTS), 2):
         raise InputError(f"the arm {side!r} and a mean of shape {np.shape(mean)}", "'left' or 'right', and (52, 2)")
-    held, joints = np.array(values), list(LEFT if side == "left" else RIGHT)
-    held[..., joints, :] = values[..., :1, :] + np.asarray(mean)[joints]
-    return held
+    points, joints = np.array(values), list(LEFT if side == "left" else RIGHT)
+    points[..., joints, :] = values[..., :1, :] + np.asarray(mean)[joints]
+    return points
 
 
 def from_points(values: Array) -> Array:

@@ -47,7 +47,7 @@ _FEATURES: dict[str, tuple[int | None, float, float, float]] = {  # columns, lar
     "text/w2v": (300, 1e4, 15, 15),
     "text/tokens": (None, 1e6, 15, 15),
 }
-_WANTED = ("pose", "audio", "text")
+_GROUPS = ("pose", "audio", "text")
 
 
 def read(raw: str | PathLike[str], *, transforms: bool = False) -> Iterator[Clip | Dropped]:
@@ -85,19 +85,19 @@ def _missing(root: Path, reader: Hdf5LmdbReader) -> set[str]:
     path = root / "missing_intervals.h5"
     if not path.is_file():
         return set()
-    listed = reader.hdf5(path)[0].get("intervals")
-    if listed is None:
+    dataset = reader.hdf5(path)[0].get("intervals")
+    if dataset is None:
         return set()
-    if not isinstance(listed.value, list):
-        if listed.value.dtype.kind != "S":
-            raise InputError(f"{path.name!r}: intervals are {listed.value.dtype}", "text is right")
-        return {value.decode("utf-8", "replace") for value in listed.value.ravel().tolist()}
-    return {value.decode("utf-8", "replace") if isinstance(value, bytes) else value for value in listed.value}
+    if not isinstance(dataset.value, list):
+        if dataset.value.dtype.kind != "S":
+            raise InputError(f"{path.name!r}: intervals are {dataset.value.dtype}", "text is right")
+        return {value.decode("utf-8", "replace") for value in dataset.value.ravel().tolist()}
+    return {value.decode("utf-8", "replace") if isinstance(value, bytes) else value for value in dataset.value}
 
 
 def _clip(root: Path, row: Interval, reader: Hdf5LmdbReader) -> Clip:
     folder = root / "processed"
-    file, turned = folder / row.speaker / f"{row.name}.h5", False
+    file, is_mirrored = folder / row.speaker / f"{row.name}.h5", False
     speaker, _, transform = row.speaker.partition("|")
     plain = row.name.split("|")[0]
     if transform and not file.is_file():
@@ -105,8 +105,8 @@ def _clip(root: Path, row: Interval, reader: Hdf5LmdbReader) -> Clip:
             raise InputError(
                 f"there is no file for the transform {transform!r}", "make it with cospeech.corpora.pats.read.hold_arm"
             )
-        file, turned = folder / speaker / f"{plain}.h5", True
-    data, groups = reader.hdf5(file, _WANTED)
+        file, is_mirrored = folder / speaker / f"{plain}.h5", True
+    data, groups = reader.hdf5(file, _GROUPS)
     if "pose/data" not in data:
         raise InputError(f"{file.name!r} has no pose/data", "is it of another corpus?")
     flat = _feature(data["pose/data"].value, "pose/data", 104, _FARTHEST)
@@ -128,7 +128,7 @@ def _clip(root: Path, row: Interval, reader: Hdf5LmdbReader) -> Clip:
     speech = _speech(root / "raw" / f"{speaker}_cropped", plain, words, frames / FPS)
     if words is not None and speech is None:
         extra["words"] = words
-    if turned:
+    if is_mirrored:
         values = mirror(values)
         extra.pop("pose/normalize", None)
     points = Points(FPS, values, "pats")

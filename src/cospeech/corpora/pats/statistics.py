@@ -25,8 +25,8 @@ def load_statistics(path: str | PathLike[str]) -> dict[str, Array]:
     """
     with Hdf5LmdbReader("hdf5") as reader:
         data, _ = reader.hdf5(Path(path))
-    found = {name: np.asarray(item.value) for name, item in data.items()}
-    for name, array in found.items():
+    arrays = {name: np.asarray(item.value) for name, item in data.items()}
+    for name, array in arrays.items():
         last = name.rpartition("/")[2]
         if array.dtype.kind != "f" or not (name.startswith("centers/") or last in ("mean", "var")) or array.ndim not in (2, 3):
             raise InputError(
@@ -34,6 +34,6 @@ def load_statistics(path: str | PathLike[str]) -> dict[str, Array]:
             )
         if not np.isfinite(array).all() or (last == "var" and array.min(initial=0) < 0):
             raise InputError(f"{Path(path).name!r}: {name} holds values that cannot be", "is it damaged?")
-    if not found:
+    if not arrays:
         raise InputError(f"{Path(path).name!r} holds no statistics", "name a .kmeans.h5 or a .muvar.h5")
-    return {name: array.reshape(-1) if array.ndim == 3 else array for name, array in found.items()}
+    return {name: array.reshape(-1) if array.ndim == 3 else array for name, array in arrays.items()}

@@ -44,7 +44,7 @@ def read_table(path: Path) -> Iterator[Interval | Dropped]:
     Raises:
         InputError: not a table with the eight columns, not UTF-8, or damaged beyond a row.
     """
-    seen: set[str] = set()
+    names: set[str] = set()
     line = 1
     try:
         with (
@@ -62,9 +62,9 @@ def read_table(path: Path) -> Iterator[Interval | Dropped]:
                     yield Dropped(f"{path.name}:{line}", f"line {line} of {path.name} has {len(cells)} cells of {len(head)}")
                     continue
                 item = _interval(dict(zip(head, cells, strict=True)), f"line {line} of {path.name}")
-                if item.name in seen and isinstance(item, Interval):
+                if item.name in names and isinstance(item, Interval):
                     item = Dropped(item.name, f"line {line} of {path.name}: the interval stands there twice")
-                seen.add(item.name)
+                names.add(item.name)
                 yield item
     except UnicodeDecodeError as error:
         raise InputError(f"{path.name!r} is not UTF-8 text after line {line}: byte 0x{error.object[error.start]:02x}") from None

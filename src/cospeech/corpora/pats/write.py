@@ -55,7 +55,7 @@ def write(clips: Iterable[Clip | Dropped], raw: str | PathLike[str], *, transfor
     if (root / TABLE).exists():
         raise InputError(f"{str(root)!r} has a {TABLE} already", "name another folder")
     rows: list[Interval] = []
-    mirrored: list[Interval] = []
+    mirrors: list[Interval] = []
     try:
         root.mkdir(parents=True, exist_ok=True)
         for number, (clip, name) in enumerate(_assign_ids(clips)):
@@ -66,14 +66,14 @@ def write(clips: Iterable[Clip | Dropped], raw: str | PathLike[str], *, transfor
             sides = [(rows[-1], points.values)]
             if transforms:
                 row = rows[-1]
-                mirrored.append(Interval(f"{name}|mirror", f"{row.speaker}|mirror", split, row.seconds, row.start, video, link))
-                sides.append((mirrored[-1], mirror(points.values)))
+                mirrors.append(Interval(f"{name}|mirror", f"{row.speaker}|mirror", split, row.seconds, row.start, video, link))
+                sides.append((mirrors[-1], mirror(points.values)))
             for row, values in sides:
                 _write_interval(root / "processed" / row.speaker / f"{row.name}.h5", clip, values)
             if clip.speech is not None:
                 _write_sound(root / "raw" / f"{rows[-1].speaker}_cropped" / f"{name}.mp3", clip.speech, points.duration)
         _write_missing(root / "missing_intervals.h5")
-        write_table(root / TRANSFORMS, mirrored)
+        write_table(root / TRANSFORMS, mirrors)
         write_table(root / TABLE, rows)  # last: a folder without it is no PATS
     except OSError as error:
         raise InputError(f"cannot write {str(root)!r}: {describe_os_error(error)}") from None
@@ -82,14 +82,14 @@ def write(clips: Iterable[Clip | Dropped], raw: str | PathLike[str], *, transfor
 
 def _assign_ids(clips: Iterable[Clip | Dropped]) -> Iterator[tuple[Clip, str]]:
     """Each clip with an id: its name where it can be a file's, else a number."""
-    used: set[str] = set()
+    names: set[str] = set()
     for number, clip in enumerate(clip for clip in clips if isinstance(clip, Clip)):
         name = clip.name if re.fullmatch(r"[A-Za-z0-9_-]{1,100}", clip.name) and not re.match("0[0-9]", clip.name) else ""
-        if not name or name in used:
+        if not name or name in names:
             name = str(_FIRST_ID + number)
-        while name in used:
+        while name in names:
             name += "x"
-        used.add(name)
+        names.add(name)
         yield clip, name
 
 
@@ -121,8 +121,8 @@ def _write_interval(path: Path, clip: Clip, values: Array) -> None:
     except InputError as error:
         raise InputError(f"{clip.name!r}: {error.problem}", error.hint) from None
     path.parent.mkdir(parents=True, exist_ok=True)
-    given = clip.extra.get("words")
-    words = clip.speech.words if clip.speech is not None else given if isinstance(given, tuple) else None
+    extra_words = clip.extra.get("words")
+    words = clip.speech.words if clip.speech is not None else extra_words if isinstance(extra_words, tuple) else None
     with atomic(path) as temporary, _h5py().File(temporary, "w") as file:
         file["pose/data"], file["pose/normalize"], file["pose/confidence"] = flat, small, np.ones(flat.shape)
         if clip.speech is not None:

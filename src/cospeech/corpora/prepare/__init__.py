@@ -43,7 +43,7 @@ DEFAULT_POSES = {
     "ted": "direction-vectors", "trinity": "expmap-upper", "pats": "keypoints2d", "beat": "euler", "beat2": "rot6d-smplx",
     "zeroeggs": "rot6d-humanoid", "faces": "face", "folder": "rot6d-humanoid",
 }  # fmt: skip
-"""Corpus → the pose representation of its papers; six numbers per joint where there is no custom."""
+"""Corpus → the pose representation of its papers; six numbers per joint where papers have no custom."""
 
 _AHEAD = 4  # ours: clips read ahead per worker; bounds the memory
 
@@ -104,8 +104,8 @@ def prepare(
     _check_target(target, Path(raw), overwrite)
     if not pose and corpus not in DEFAULT_POSES:
         raise InputError(f"no pose representation is set for {corpus!r}", f"--pose chooses one: {', '.join(POSES)}")
-    chosen = find_pose(pose or DEFAULT_POSES[corpus])
-    rate = chosen.fps if fps is None else fps
+    representation = find_pose(pose or DEFAULT_POSES[corpus])
+    rate = representation.fps if fps is None else fps
     if not 1 <= rate <= 240:
         raise InputError(f"{rate} frames per second", "1 … 240")
     for what, values, low, high in (("a speed", speeds, 0.5, 2), ("a pitch", pitches, -12, 12)):
@@ -116,17 +116,17 @@ def prepare(
     if scheduler is not None and backend != "dask":
         raise InputError(f"a scheduler {scheduler!r} for the backend {backend!r}", "it is for --backend dask")
     if wav2vec is not None:
-        wav2vec_names(wav2vec)  # so that it is told now, not once per clip
+        wav2vec_names(wav2vec)  # so that an error comes now, and not once per clip
     read = _find_reader(corpus)
     derivations_for = plan_derivations(derived_speakers, lambda: read(raw), mirror)
-    plan = PreparationPlan(corpus, chosen.name, float(rate), filters, wav2vec, waveform)
+    plan = PreparationPlan(corpus, representation.name, float(rate), filters, wav2vec, waveform)
     settings = {"mirror": mirror, "speeds": [*speeds], "pitches": [*pitches], "derived_speakers": [*derived_speakers]}
-    dropped: list[dict[str, Any]] = []
+    drops: list[dict[str, Any]] = []
     with _parts_folder(target, {"plan": asdict(plan)} | settings) as parts:
-        tasks = _tasks(read(raw), derivations_for, _changes(mirror, speeds, pitches), parts, dropped)
+        tasks = _tasks(read(raw), derivations_for, _changes(mirror, speeds, pitches), parts, drops)
         with _workers(jobs, backend, scheduler) as (run, together):
-            made = _make_parts(tasks, plan, run, together, progress)
-        return _assemble(target, made, plan, dropped)
+            outcomes = _make_parts(tasks, plan, run, together, progress)
+        return _assemble(target, outcomes, plan, drops)
 
 
 def _find_reader(corpus: str) -> Callable[[str | PathLike[str]], Iterator[Clip | Dropped]]:
@@ -162,9 +162,9 @@ def _check_target(target: Path, raw: Path, overwrite: bool) -> None:
 
 def _changes(mirror: bool, speeds: Sequence[float], pitches: Sequence[float]) -> list[Change]:
     """The augmentations that were asked for."""
-    found: list[Change] = [mirror_clip] if mirror else []
-    found += [lambda clip, s=speed: faster(clip, s) for speed in speeds if speed != 1]  # type: ignore[misc]
-    return found + [lambda clip, p=pitch: shift_pitch(clip, p) for pitch in pitches if pitch != 0]  # type: ignore[misc]
+    changes: list[Change] = [mirror_clip] if mirror else []
+    changes += [lambda clip, s=speed: faster(clip, s) for speed in speeds if speed != 1]  # type: ignore[misc]
+    return changes + [lambda clip, p=pitch: shift_pitch(clip, p) for pitch in pitches if pitch != 0]  # type: ignore[misc]
 
 
 class _NothingLeft(InputError):
@@ -175,7 +175,7 @@ class _NothingLeft(InputError):
 def _parts_folder(target: Path, settings: dict[str, Any]) -> Iterator[Path]:
     """Yield the folder of the parts, empty unless it was begun with the same settings.
 
-    It stays where there is something to go on with; else it goes, and with it the folders that were made for it.
+    It stays if there are parts for the next run to go on with. Else it is removed, with the folders that were made for it.
     """
     missing = [folder for folder in (target, *target.parents) if not folder.exists()]
     parts, keep = _begin_parts(target, settings), False
@@ -227,7 +227,7 @@ def _tasks(
     derivations_for: Callable[[Clip], list[Change]],
     changes: list[Change],
     parts: Path,
-    dropped: list[dict[str, Any]],
+    drops: list[dict[str, Any]],
 ) -> Iterator[_Task]:
     """Every clip, those of its derived speakers, and augmented training clips; drops go into the list."""
     number, names = count(), set()
@@ -237,27 +237,27 @@ def _tasks(
         if not isinstance(item, Clip | Dropped):
             raise InputError(f"the reader of the corpus yields {type(item).__name__}", "it yields Clip and Dropped")
         if isinstance(item, Dropped):
-            dropped.append({"name": item.name, "reason": item.reason})
+            drops.append({"name": item.name, "reason": item.reason})
             continue
         if item.name in names:
-            dropped.append({"name": item.name, "reason": "a clip of this name was read already"})
+            drops.append({"name": item.name, "reason": "a clip of this name was read already"})
             continue
         names.add(item.name)
         clip = replace(item, split=split_of(item), extra=select_extra(item))
-        derived_speakers = _apply_changes(clip, derivations_for(clip), "no derived speaker", dropped)
+        derived_speakers = _apply_changes(clip, derivations_for(clip), "no derived speaker", drops)
         for one, origin in ((clip, "read"), *((derivation, "derived") for derivation in derived_speakers)):
             yield _Task(one, parts / f"{next(number):07d}.npz", origin)
-            for other in _apply_changes(one, changes, "not augmented", dropped) if one.split == "train" else ():
+            for other in _apply_changes(one, changes, "not augmented", drops) if one.split == "train" else ():
                 yield _Task(other, parts / f"{next(number):07d}.npz", "augmented")
 
 
-def _apply_changes(clip: Clip, changes: list[Change], failed: str, dropped: list[dict[str, Any]]) -> Iterator[Clip]:
+def _apply_changes(clip: Clip, changes: list[Change], problem: str, drops: list[dict[str, Any]]) -> Iterator[Clip]:
     """What each change makes of a clip; what fails goes into the list."""
     for change in changes:
         try:
             yield change(clip)
         except CospeechError as error:
-            dropped.append({"name": clip.name, "reason": f"{failed}: {error}"})
+            drops.append({"name": clip.name, "reason": f"{problem}: {error}"})
 
 
 def _make_parts(
@@ -268,19 +268,19 @@ def _make_parts(
     progress: Callable[[float, float | None], None] | None,
 ) -> list[tuple[Path, dict[str, Any], str]]:
     """Make the parts, some clips at a time: the reader runs here, joblib's workers encode."""
-    made: list[tuple[Path, dict[str, Any], str]] = []
-    done, more = 0.0, True
+    outcomes: list[tuple[Path, dict[str, Any], str]] = []
+    seconds, more = 0.0, True
     while more:
         batch: list[_Task] = []
         while len(batch) < together and (task := next(tasks, None)) is not None:
             batch.append(task)
         more = len(batch) == together
         results = run([(task.clip, plan, task.path) for task in batch])
-        made += [(task.path, meta, task.origin) for task, meta in zip(batch, results, strict=True)]
-        done += sum(meta["frames"] for meta in results) / plan.fps
+        outcomes += [(task.path, meta, task.origin) for task, meta in zip(batch, results, strict=True)]
+        seconds += sum(meta["frames"] for meta in results) / plan.fps
         if progress is not None:
-            progress(done, None)
-    return made
+            progress(seconds, None)
+    return outcomes
 
 
 @contextmanager
@@ -311,7 +311,7 @@ def _workers(
 
 
 def _connect(backend: str, scheduler: str | None) -> Any:
-    """The client of a Dask cluster that was named; Ray's backend made known."""
+    """The client of the Dask cluster that was named; for Ray, its backend is registered and there is no client."""
     try:
         if backend == "ray":
             from ray.util.joblib import register_ray
@@ -330,25 +330,25 @@ def _connect(backend: str, scheduler: str | None) -> Any:
 
 
 def _assemble(
-    target: Path, made: list[tuple[Path, dict[str, Any], str]], plan: PreparationPlan, dropped: list[dict[str, Any]]
+    target: Path, outcomes: list[tuple[Path, dict[str, Any], str]], plan: PreparationPlan, drops: list[dict[str, Any]]
 ) -> PrepareReport:
     """Put the parts together and write the report."""
     pieces = []
     reasons: dict[str, float] = {}
     cut: dict[str, float] = {}
-    for path, meta, _ in made:
+    for path, meta, _ in outcomes:
         pieces += read_part(path, meta, plan.fps)
         if meta["why"] is not None:
-            dropped.append({"name": meta["name"], "reason": meta["why"]})
+            drops.append({"name": meta["name"], "reason": meta["why"]})
         for first, end, reason in meta["losses"]:
             seconds = (end - first) / plan.fps
             reasons[reason] = reasons.get(reason, 0.0) + seconds
-            dropped.append({"name": meta["name"], "reason": reason, "start": first / plan.fps, "end": end / plan.fps})
+            drops.append({"name": meta["name"], "reason": reason, "start": first / plan.fps, "end": end / plan.fps})
         for start, end, reason in meta["cut"]:
             cut[reason] = cut.get(reason, 0.0) + end - start
-            dropped.append({"name": meta["name"], "reason": reason, "start": start, "end": end})
+            drops.append({"name": meta["name"], "reason": reason, "start": start, "end": end})
     if not pieces:
-        raise _NothingLeft(f"nothing of this {plan.corpus} corpus is left for a store", describe_reasons(dropped))
+        raise _NothingLeft(f"nothing of this {plan.corpus} corpus is left for a store", describe_reasons(drops))
     names = {"pose": find_pose(plan.pose).names, "audio": audio_names(plan.corpus), "face": ARKIT}
     if plan.wav2vec is not None:
         names["wav2vec"] = wav2vec_names(plan.wav2vec)
@@ -361,11 +361,11 @@ def _assemble(
         seconds = piece.entry.frames / plan.fps
         splits[piece.entry.split] = splits.get(piece.entry.split, 0.0) + seconds
         speakers[piece.entry.speaker] = speakers.get(piece.entry.speaker, 0.0) + seconds
-    origins = Counter(origin for _, meta, origin in made if meta["why"] is None)
+    origins = Counter(origin for _, meta, origin in outcomes if meta["why"] is None)
     store = Store(target)
     report = PrepareReport(
         plan.corpus, plan.pose, plan.fps, origins["read"], origins["augmented"], sum(splits.values()), splits, speakers,
-        reasons, tuple(dropped), origins["derived"], speaker_attributes(store, find_pose(plan.pose).decode), cut,
+        reasons, tuple(drops), origins["derived"], speaker_attributes(store, find_pose(plan.pose).decode), cut,
         measure_shared_speech(store),
     )  # fmt: skip
     with atomic(target / "report.json") as temporary:

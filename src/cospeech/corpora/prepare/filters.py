@@ -97,11 +97,11 @@ def keep(vectors: Array, filters: Filters | None) -> tuple[list[tuple[int, int]]
     good = np.zeros(frames, bool)
     reasons: list[tuple[int, str]] = []
     for begin in range(0, len(starts), 256):  # ours: some MB of windows at once
-        chosen = starts[begin : begin + 256]
-        windows = np.stack([vectors[s : s + size] for s in chosen])
-        failed = [check.fails(windows) for check in filters.checks]
-        for k, start in enumerate(chosen):
-            why = [check.reason for check, bad in zip(filters.checks, failed, strict=True) if bad[k]]
+        batch = starts[begin : begin + 256]
+        windows = np.stack([vectors[s : s + size] for s in batch])
+        failures = [check.fails(windows) for check in filters.checks]
+        for k, start in enumerate(batch):
+            why = [check.reason for check, bad in zip(filters.checks, failures, strict=True) if bad[k]]
             reasons += [(start, reason) for reason in why]
             good[start : start + size] |= not why
     runs = list(_runs(good))

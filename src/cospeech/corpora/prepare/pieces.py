@@ -39,12 +39,12 @@ __all__ = [
     "wav2vec_names",
 ]
 
-_KEPT = ("pose", "audio", "face", "semantic", "emotion", "word", "wav2vec", "waveform")  # arrays of a part
+_ARRAYS = ("pose", "audio", "face", "semantic", "emotion", "word", "wav2vec", "waveform")  # arrays of a part
 _SHORTEST = 0.5  # seconds; ours: no gesture is shorter, and a rest pose of one frame is no clip
 _CUT = 0.5  # seconds; ours: motion and sound of one take differ by less, where nothing is missing
 _CONVERT = "convert the files first: cospeech convert FILE NEW.bvh --map names.toml; see docs/skeletons.md"
 _READY = {"pats": ("audio/log_mel_400", LOG_MEL_NAMES)}
-"""Corpus → the spectra that come with it, of which there are more than of the sound itself; ``extra``'s name and columns."""
+"""Corpus → the spectra that come with it, for more clips than its sound does; their name in ``extra``, and their columns."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class PreparationPlan:
     """What is done to every clip.
 
     Args:
-        corpus: whose filters hold.
+        corpus: its filters are used.
         pose: name of the representation.
         fps: frames per second of the store.
         filters: whether to filter.
@@ -83,7 +83,7 @@ def wav2vec_names(name: str) -> tuple[str, ...]:
 
 
 def _encoder(name: str) -> Any:
-    """The CNN of a wav2vec 2.0, and with it PyTorch, which preparing does not need else."""
+    """The CNN of a wav2vec 2.0. It needs PyTorch; the rest of ``prepare`` does not."""
     try:
         from ...models.nn.speech_encoder import load_cnn
     except ImportError:
@@ -92,7 +92,7 @@ def _encoder(name: str) -> Any:
 
 
 def select_extra(clip: Clip) -> dict[str, object]:
-    """What of a clip's ``extra`` goes into a store: ready-made spectra, and words without sound."""
+    """The entries of a clip's ``extra`` that go into a store: ready-made spectra, and words without sound."""
     names = ("words", *(name for name, _ in _READY.values()))
     return {name: clip.extra[name] for name in names if name in clip.extra}
 
@@ -140,8 +140,8 @@ def encode(clip: Clip, plan: PreparationPlan) -> dict[str, Array]:
     if clip.semantics is not None:
         out["semantic"] = _scores(clip.semantics, frames, plan.fps)
     if clip.emotion is not None:
-        known = EMOTIONS.index(clip.emotion) if clip.emotion in EMOTIONS else -1
-        out["emotion"] = np.full(frames, known, np.int8)
+        index = EMOTIONS.index(clip.emotion) if clip.emotion in EMOTIONS else -1
+        out["emotion"] = np.full(frames, index, np.int8)
     words = _words(clip)
     if words is not None:
         out["word"] = _word_numbers(words, frames, plan.fps)
@@ -149,7 +149,7 @@ def encode(clip: Clip, plan: PreparationPlan) -> dict[str, Array]:
 
 
 def _cut(clip: Clip, frames: int, fps: float) -> list[tuple[float, float, str]]:
-    """Start and end in seconds of what of a clip is not among its frames, and why: motion or sound beyond the other's end."""
+    """Start and end in seconds of the part of a clip that has no frames, and why: motion or sound beyond the other's end."""
     if clip.speech is None:
         return []
     sound, end = float(clip.speech.duration), frames / fps
@@ -164,8 +164,8 @@ def _words(clip: Clip) -> tuple[Word, ...] | None:
 
 
 def _audio(clip: Clip, frames: int, plan: PreparationPlan) -> Array | None:
-    """Features of the sound, or the spectra that come with the corpus: at 100 a second where they are as many as that gives,
-    else every so many of them as there are per frame."""
+    """Features of the sound, or the spectra that come with the corpus: taken at 100 a second where their number fits that, else
+    evenly over the clip."""
     if plan.corpus not in _READY:
         return None if clip.speech is None else audio_features(clip.speech, frames, plan.fps)
     ready = clip.extra.get(_READY[plan.corpus][0])
@@ -189,9 +189,9 @@ def _source(clip: Clip, pose: Pose, fps: float) -> Any:
     if clip.motion is None:
         raise InputError(f"{clip.name!r} has no joint rotations", f"{pose.name} takes rotations; choose another --pose")
     motion = clip.motion.resample(fps)
-    wanted: str = pose.skeleton  # type: ignore[attr-defined]  # all that take motion have one
+    kind: str = pose.skeleton  # type: ignore[attr-defined]  # all that take motion have one
     try:
-        return motion if motion.skeleton.kind == wanted else motion.retarget(wanted)
+        return motion if motion.skeleton.kind == kind else motion.retarget(kind)
     except InputError as error:
         raise InputError(error.problem, _CONVERT) from None
 
@@ -228,8 +228,8 @@ def _scores(semantics: tuple[Semantic, ...], frames: int, fps: float) -> Array:
 def _word_numbers(words: tuple[Word, ...], frames: int, fps: float) -> Array:
     """(frames,) 1 + the place in `_vocabulary` of the word that is being said, 0 in silence."""
     numbers = {word: 1 + k for k, word in enumerate(_vocabulary(words))}
-    spoken = word_ids(words, frames, fps)
-    return np.array([0 if word is None else numbers[word.lower()] for word in spoken], np.int32)
+    frame_words = word_ids(words, frames, fps)
+    return np.array([0 if word is None else numbers[word.lower()] for word in frame_words], np.int32)
 
 
 def _vocabulary(words: tuple[Word, ...] | None) -> list[str]:
@@ -267,7 +267,7 @@ def make_part(clip: Clip, plan: PreparationPlan, path: Path) -> dict[str, Any]:
             if meta["fingerprint"] == mark:
                 return meta
         except (OSError, ValueError, KeyError, EOFError):
-            pass  # of another make: made again
+            pass  # of another version: it is made again
     meta = {"name": clip.name, "speaker": clip.speaker, "split": split_of(clip), "start": clip.start, "fingerprint": mark}
     arrays: dict[str, Array] = {}
     try:
@@ -287,7 +287,7 @@ def read_part(path: Path, meta: dict[str, Any], fps: float) -> list[Piece]:
     """The pieces of a part, one per kept stretch; arrays are loaded when they are written."""
     pieces = []
     with np.load(path, allow_pickle=False) as part:
-        has = tuple(name for name in _KEPT if name in part.files)
+        has = tuple(name for name in _ARRAYS if name in part.files)
     for first, end in meta["runs"]:
         whole = (first, end) == (0, meta["frames"])
         name = meta["name"] if whole else f"{meta['name']}@{first}"

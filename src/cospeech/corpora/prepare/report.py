@@ -1,4 +1,4 @@
-"""What ``cospeech prepare`` says of a store."""
+"""The report of ``cospeech prepare`` on a store."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ _USES = {
 _OWN = re.compile(r"'[^']*'|\d+(?:\.\d+)?")  # what differs between the same reason of two recordings: names and numbers
 
 
-def describe_reasons(dropped: Sequence[Mapping[str, Any]]) -> str:
+def describe_reasons(drops: Sequence[Mapping[str, Any]]) -> str:
     """The reason for which most recordings are left out, with the first of them, for an error."""
-    if not dropped:
+    if not drops:
         return "it holds no clips"
-    kinds = [_OWN.sub("", row["reason"].removeprefix(f"{row['name']}: ")) for row in dropped]
+    kinds = [_OWN.sub("", row["reason"].removeprefix(f"{row['name']}: ")) for row in drops]
     ((kind, count),) = Counter(kinds).most_common(1)
-    first = dropped[kinds.index(kind)]
-    share = "" if len(dropped) == 1 else f"{count} of {len(dropped)} for this reason; "
+    first = drops[kinds.index(kind)]
+    share = "" if len(drops) == 1 else f"{count} of {len(drops)} for this reason; "
     return f"{share}the first: {first['name']}: {first['reason']}"
 
 
 @contextmanager
 def join_notes() -> Iterator[None]:
     """Notes of one text on several files (``'FILE': TEXT``) are given once, at the end, with the number of files."""
-    found: dict[str, list[str]] = {}
+    notes: dict[str, list[str]] = {}
 
     def keep(message: Warning | str, category: type[Warning], *where: Any) -> None:
         if not issubclass(category, CospeechWarning):
             return usual(message, category, *where)
         text = str(message)
         file, _, rest = text.partition(": ") if text.startswith(("'", '"')) else ("", "", text)
-        files = found.setdefault(rest, [])
+        files = notes.setdefault(rest, [])
         files += [file] if file not in files else []
         return None
 
@@ -56,7 +56,7 @@ def join_notes() -> Iterator[None]:
             usual, warnings.showwarning = warnings.showwarning, keep  # type: ignore[assignment]
             yield
     finally:
-        for text, files in found.items():
+        for text, files in notes.items():
             more = f" and {len(files) - 1} more" if len(files) > 1 else ""
             warnings.warn(f"{files[0]}{more}: {text}" if files[0] else text, CospeechWarning, stacklevel=4)
 
@@ -95,7 +95,7 @@ class PrepareReport:
         """Sentences on what the store lacks for training and evaluation; none where it lacks nothing."""
         uses = _USES if self.clips > 3 else _USES | {"validation": "train with --set train.validate_every=0"}
         lacks = [f"no clip is in the {name} split: {use}" for name, use in uses.items() if not self.splits.get(name)]
-        return (*lacks, *(f"{known}: new speech would be harder" for known in describe_shared_speech(self.shared)))
+        return (*lacks, *(f"{sentence}: new speech would be harder" for sentence in describe_shared_speech(self.shared)))
 
     def summary(self) -> str:
         """One line."""

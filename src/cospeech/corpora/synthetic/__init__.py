@@ -43,7 +43,7 @@ class Layout:
         fps: at which motion is made.
         take: seconds of a take, at most.
         speakers: how many where the caller does not say.
-        neutral: how many takes are neutral for one of each other emotion.
+        neutral: number of neutral takes for one take of each other emotion.
         full: whether an emotion of a speaker and split can run out of places.
         voices: whether speakers have voices of their own.
         acted: whether voices act the emotion.
@@ -70,17 +70,17 @@ LAYOUTS: dict[str, Layout] = {
     "pats": Layout(15.0, 15.0),
     "beat": Layout(120.0, 30.0, neutral=2, full=True, voices=True),
 }
-"""Layout → frame rate of the real data, and a length of takes as they are there; Trinity has one speaker.
+"""Layout → frame rate of the real data, and a length of takes as in the real data; Trinity has one speaker.
 
-Half of the takes are neutral. BEAT's layout is where emotions can be learnt: two neutral takes for one of each other emotion,
-half as long as there, so that a speaker has several of each within half an hour.
+Half of the takes are neutral. In BEAT's layout emotions can be learnt: it has two neutral takes for one of each other emotion,
+half as long as the real ones, so that a speaker has several of each within half an hour.
 """
 
 _TAKES = 3  # ours: fewest takes of each speaker, one for each split
 _SHORTEST_TAKE = 5.0  # seconds; ours
 _SHORTEST_HELD_OUT = 8.0  # seconds, of validation and test; ours: a window of 90 frames at 12 a second fits into it
 _SHORTEST_STRETCH = 0.05  # seconds; ours: less than two frames of video is nothing to annotate
-_MOST_HELD = 2 * 3600.0  # seconds of speech in memory, each of recorded and synthesised; ours: 460 MB
+_MOST_SPEECH = 2 * 3600.0  # seconds of speech in memory, each of recorded and synthesised; ours: 460 MB
 _TAKES_PER_SPEECH = 4  # ours: how often a synthesised speech is performed
 _PLACES = {"train": 4, "validation": 1, "test": 1}  # of an emotion per speaker in BEAT's plan of recordings
 _NEUTRAL = {"train": 48, "validation": 8, "test": 8}
@@ -160,23 +160,23 @@ def synthesise(
     for name, value, most in (("coupling", coupling or 0.0, 1), ("variation", variation, 2), ("silence", silence, 0.8)):
         if not 0 <= value <= most:
             raise InputError(f"{name} {value}", f"0 … {most}")
-    target, chosen = Path(raw), LAYOUTS[layout]
-    people = choose_speakers(chosen.speakers if speakers is None else speakers, seed)
+    target, settings = Path(raw), LAYOUTS[layout]
+    people = choose_speakers(settings.speakers if speakers is None else speakers, seed)
     if coupling is not None:
         people = [person._replace(style=replace(person.style, coupling=coupling)) for person in people]
-    take = max(_SHORTEST_TAKE, min(chosen.take, hours * 3600 / len(people) / _TAKES))
+    take = max(_SHORTEST_TAKE, min(settings.take, hours * 3600 / len(people) / _TAKES))
     engines = find_voices(seed) if tts else []
-    found = _up_to(_find_recordings(speech, tts and not engines), min(hours * 3600, _MOST_HELD))
+    speeches = _up_to(_find_recordings(speech, tts and not engines), min(hours * 3600, _MOST_SPEECH))
     real = {
         split: [repeat(piece, _SHORTEST_TAKE if split == "train" else _SHORTEST_HELD_OUT) for piece in pieces_of(own, take)]
-        for split, own in split_recordings(found).items()
+        for split, own in split_recordings(speeches).items()
     }
     if not any(real.values()) and not engines:
         raise InputError("there is no speech to use", "name a folder of speech, --speech FOLDER, or install espeak-ng or flite")
-    made = _Tally()
-    pools = _pools(chosen, len(people), real, engines, take, hours * 3600, seed)
-    performed = replace(chosen, acted=act, calm=neutral, variation=variation, silence=silence)
-    clips = _clips(performed, layout, people, pools, hours * 3600, (seed, gestures), made, progress)
+    tally = _Tally()
+    pools = _pools(settings, len(people), real, engines, take, hours * 3600, seed)
+    take_settings = replace(settings, acted=act, calm=neutral, variation=variation, silence=silence)
+    clips = _clips(take_settings, layout, people, pools, hours * 3600, (seed, gestures), tally, progress)
     write = import_module(CORPORA[layout].module).write
     try:
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
@@ -189,11 +189,11 @@ def synthesise(
             shutil.move(str(place / "raw"), str(target))
     except OSError as error:
         raise InputError(f"cannot write {str(target)!r}: {describe_os_error(error)}") from None
-    if chosen.full and made.seconds < _FULL * hours * 3600:
-        note = f"BEAT's plan is full: {made.seconds / 3600:.1f} of {hours:g} hours are made"
+    if settings.full and tally.seconds < _FULL * hours * 3600:
+        note = f"BEAT's plan is full: {tally.seconds / 3600:.1f} of {hours:g} hours are made"
         warnings.warn(f"{note}; more speakers make more (--speakers)", CospeechWarning, stacklevel=2)
     styles = {person.name: person.style.what for person in people}
-    return SynthesisReport(layout, made.takes, made.seconds, styles, dict(made.emotions), len(made.speeches))
+    return SynthesisReport(layout, tally.takes, tally.seconds, styles, dict(tally.emotions), len(tally.speeches))
 
 
 def _find_recordings(speech: str | PathLike[str] | None, alone: bool) -> Iterator[Speech]:
@@ -209,12 +209,12 @@ def _find_recordings(speech: str | PathLike[str] | None, alone: bool) -> Iterato
 
 def _up_to(speeches: Iterator[Speech], seconds: float) -> list[Speech]:
     """The first speeches of so many seconds."""
-    found: list[Speech] = []
-    held = 0.0
-    while held < seconds and (speech := next(speeches, None)) is not None:
-        found.append(speech)
-        held += float(speech.duration)
-    return found
+    first: list[Speech] = []
+    total = 0.0
+    while total < seconds and (speech := next(speeches, None)) is not None:
+        first.append(speech)
+        total += float(speech.duration)
+    return first
 
 
 @dataclass
@@ -233,7 +233,7 @@ class _Pool:
     def __init__(self, real: list[Speech], engines: list[Voice], seconds: float, synthetic: int, seed: int, split: str) -> None:
         self._real, self._engines, self._seconds, self._seed = real, engines, seconds, seed
         self._sentences = SPLIT_SENTENCES[split]
-        self._made: dict[int, Speech] = {}
+        self._speeches: dict[int, Speech] = {}
         self._synthetic = synthetic if engines else 0
 
     def __getitem__(self, number: int) -> tuple[int, Speech]:
@@ -242,11 +242,11 @@ class _Pool:
             which = (number // 2 if self._synthetic else number) % len(self._real)
             return which, self._real[which]
         which = (number // 2 if self._real else number) % self._synthetic
-        if which not in self._made:
+        if which not in self._speeches:
             seed = self._seed * 1_000_003 + which
             voice = vary_voice(self._engines[which % len(self._engines)], seed)
-            self._made[which] = say(voice, 0.85 * self._seconds, seed, self._sentences)
-        return -1 - which, self._made[which]
+            self._speeches[which] = say(voice, 0.85 * self._seconds, seed, self._sentences)
+        return -1 - which, self._speeches[which]
 
 
 _Pools = dict[str, _Pool]
@@ -256,8 +256,8 @@ _Pools = dict[str, _Pool]
 def _pools(
     layout: Layout, people: int, real: dict[str, list[Speech]], engines: list[Voice], take: float, seconds: float, seed: int
 ) -> list[_Pools]:
-    """What each speaker says: all the same, or each in voices and by readers of its own, as far as they suffice."""
-    count = min(seconds / _TAKES_PER_SPEECH, _MOST_HELD) / take
+    """The speech of each speaker: the same for all, or by voices and readers of its own, as far as there are enough."""
+    count = min(seconds / _TAKES_PER_SPEECH, _MOST_SPEECH) / take
     splits = [split for split in SPLITS if real[split] or engines]
     shares = {"train": 0.8, "validation": 0.1, "test": 0.1}
 
@@ -270,21 +270,21 @@ def _pools(
     readers = [*dict.fromkeys(reader_of(speech) for own in real.values() for speech in own)]
     pools = []
     for who in range(people):
-        chosen, voices = readers[who::people], engines[who::people]
-        if not chosen and not voices:
-            chosen, voices = ([readers[who % len(readers)]], []) if readers else ([], [engines[who % len(engines)]])
-        own = {split: [speech for speech in real[split] if reader_of(speech) in chosen] for split in splits}
+        own_readers, voices = readers[who::people], engines[who::people]
+        if not own_readers and not voices:
+            own_readers, voices = ([readers[who % len(readers)]], []) if readers else ([], [engines[who % len(engines)]])
+        own = {split: [speech for speech in real[split] if reader_of(speech) in own_readers] for split in splits}
         own = {split: own[split] or ([] if voices else real[split]) for split in splits}
-        made = {
+        own_pools = {
             split: pool(split, own[split], voices, people, _take_seed(seed, who)) for split in splits if own[split] or voices
         }
-        pools.append(made)
+        pools.append(own_pools)
     return pools
 
 
 def _clips(
-    chosen: Layout, layout: str, people: list[Speaker], pools: list[_Pools], seconds: float, seeds: tuple[int, int],
-    made: _Tally, progress: Callable[[float, float | None], None] | None,
+    settings: Layout, layout: str, people: list[Speaker], pools: list[_Pools], seconds: float, seeds: tuple[int, int],
+    tally: _Tally, progress: Callable[[float, float | None], None] | None,
 ) -> Iterator[Clip]:  # fmt: skip
     """Takes, speaker by speaker, each until the speaker's share is full and each split has one; each split has its own speech.
 
@@ -294,36 +294,36 @@ def _clips(
     places: Counter[tuple[int, str, str]] = Counter()
     for who, person in enumerate(people):
         actor = Actor(seed, who)
-        emotions = _emotions(chosen.neutral, seed, who)
-        done, k, said = 0.0, 0, Counter[str]()
-        while done < seconds / len(people) or k < len(SPLITS):
-            emotion = "neutral" if chosen.calm else next(emotions)
+        emotions = _emotions(settings.neutral, seed, who)
+        length, k, counts = 0.0, 0, Counter[str]()
+        while length < seconds / len(people) or k < len(SPLITS):
+            emotion = "neutral" if settings.calm else next(emotions)
             split = split_of(k) if split_of(k) in pools[who] else next(iter(pools[who]))
-            if chosen.full:
-                place = _place(places, who, emotion, split, ("neutral",) if chosen.calm else EMOTIONS)
+            if settings.full:
+                place = _place(places, who, emotion, split, ("neutral",) if settings.calm else EMOTIONS)
                 if place is None:
                     break
                 emotion, split = place
-            which, speech = pools[who][split][said[split] + 3 * who]  # 3: ours, speakers begin at different speeches
-            said[split] += 1
+            which, speech = pools[who][split][counts[split] + 3 * who]  # 3: ours, speakers begin at different speeches
+            counts[split] += 1
             own = _take_seed(seed, who, k)
-            if chosen.acted:
+            if settings.acted:
                 speech = act(speech, actor.acting(emotion, own), own)
-            speech = add_silences(speech, chosen.silence, own)
-            moved = _take_seed(seed, who, k, gestures) if gestures else own
-            style = vary_take(person.style, moved, chosen.variation)
-            clip = perform(speech, style, emotion=emotion, seed=moved, fps=chosen.fps)
+            speech = add_silences(speech, settings.silence, own)
+            motion_seed = _take_seed(seed, who, k, gestures) if gestures else own
+            style = vary_take(person.style, motion_seed, settings.variation)
+            clip = perform(speech, style, emotion=emotion, seed=motion_seed, fps=settings.fps)
             yield replace(clip, name=f"{person.name}-{k:04d}", speaker=person.name, corpus=layout, split=split)
-            done, k = done + clip.duration, k + 1
-            made.takes, made.seconds = made.takes + 1, made.seconds + clip.duration
-            made.emotions[emotion] += 1
-            made.speeches.add((id(pools[who][split]), which))
+            length, k = length + clip.duration, k + 1
+            tally.takes, tally.seconds = tally.takes + 1, tally.seconds + clip.duration
+            tally.emotions[emotion] += 1
+            tally.speeches.add((id(pools[who][split]), which))
             if progress is not None:
-                progress(made.seconds, seconds)
+                progress(tally.seconds, seconds)
 
 
 def _emotions(neutral: int, seed: int, who: int) -> Iterator[str]:
-    """Emotions without end: shuffled rounds of one each and so many neutral, so that nothing else goes with them."""
+    """Endless emotions: shuffled rounds of one each and ``neutral`` neutral ones, so that nothing else depends on it."""
     rng = np.random.default_rng([seed, who, 14])
     cards = [*EMOTIONS[1:], *["neutral"] * neutral]
     while True:
@@ -350,10 +350,10 @@ def _place(
 def perform(speech: Speech, style: Style, *, emotion: str, seed: int, fps: float) -> Clip:
     """One take: a humanoid clip with motion, face, words and the semantic scores of the gestures that were planned."""
     session = RuleBasedModel().session(style=style, emotion=emotion, seed=seed, fps=fps)
-    pieces, planned = list[Motion](), dict[Gesture, None]()
+    pieces, gestures = list[Motion](), dict[Gesture, None]()
     for chunk in speech.chunks(2.0):
         pieces += session.push(chunk)
-        planned |= dict.fromkeys(session.gestures)  # of hours, a session remembers the last minutes only
+        gestures |= dict.fromkeys(session.gestures)  # of hours, a session remembers the last minutes only
     pieces += session.finish()
     motion = Motion.concatenate(pieces)
     return Clip(
@@ -365,22 +365,22 @@ def perform(speech: Speech, style: Style, *, emotion: str, seed: int, fps: float
         face=motion.face,
         face_fps=fps,
         emotion=emotion,
-        semantics=_semantics([*planned, *(g for g in session.gestures if g not in planned)], float(speech.duration)),
+        semantics=_semantics([*gestures, *(g for g in session.gestures if g not in gestures)], float(speech.duration)),
     )
 
 
 def _semantics(gestures: list[Gesture], end: float) -> tuple[Semantic, ...]:
     """One stretch after the other; where both hands do different things at once, the more meaningful one counts."""
-    found: list[Semantic] = []
+    stretches: list[Semantic] = []
     for gesture in sorted(gestures, key=lambda g: (g.start, -g.score)):
         stretch = Semantic(max(gesture.start, 0.0), min(gesture.end, end), round(float(gesture.score), 1), "", gesture.word)
-        if found and stretch.start < found[-1].end:
-            if stretch.score > found[-1].score:
-                found[-1] = replace(found[-1], end=stretch.start)
+        if stretches and stretch.start < stretches[-1].end:
+            if stretch.score > stretches[-1].score:
+                stretches[-1] = replace(stretches[-1], end=stretch.start)
             else:
-                stretch = replace(stretch, start=found[-1].end)
-        if found and found[-1].end - found[-1].start < _SHORTEST_STRETCH:
-            found.pop()
+                stretch = replace(stretch, start=stretches[-1].end)
+        if stretches and stretches[-1].end - stretches[-1].start < _SHORTEST_STRETCH:
+            stretches.pop()
         if stretch.end - stretch.start >= _SHORTEST_STRETCH:
-            found.append(stretch)
-    return tuple(found)
+            stretches.append(stretch)
+    return tuple(stretches)

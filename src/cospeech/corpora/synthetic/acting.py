@@ -3,7 +3,7 @@
 Directions after the reviews of acoustic correlates: Juslin & Laukka 2003 (Psychological Bulletin 129) and Scherer 2003 (Speech
 Communication 40) for happiness, anger, sadness and fear; Banse & Scherer 1996 (J. Pers. Soc. Psychol. 70) for contempt and
 disgust; Murray & Arnott 1993 (J. Acoust. Soc. Am. 93) for disgust and surprise. **All sizes are ours.** It is **synthetic**:
-nobody felt anything, and what a network learns of it are these rules.
+nobody felt anything, and a network that learns from it learns these rules.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ ACTING: Mapping[str, Acting] = MappingProxyType(
 _HABIT = Acting(0.05, 0.1, 0.08, 0.04, 0.5, 0.3, 1.0, 1.0)
 """Standard deviations from take to take, whatever the emotion (of logarithms where factors): no two takes are alike; ours."""
 _STRENGTH = (0.8, 1.25)  # of a speaker's acting of an emotion; ours
-_PART = (0.6, 1.4)  # of each of its parts: who is angry by loudness, who by tempo; ours
+_PART = (0.6, 1.4)  # of each of its parts: one speaker shows anger by loudness, another by tempo; ours
 _TAKE = (0.85, 1.15)  # of a take; ours
 
 
@@ -117,7 +117,7 @@ class Actor:
 
 
 def act(speech: Speech, acting: Acting, seed: int) -> Speech:
-    """Speech at 16 kHz as it would be acted, its words at their new times.
+    """Act speech at 16 kHz; its words get their new times.
 
     Args:
         speech: as it is.
@@ -127,37 +127,37 @@ def act(speech: Speech, acting: Acting, seed: int) -> Speech:
     if not len(speech):
         return speech
     rng = np.random.default_rng([seed, 13])
-    heard = analyse(speech)
-    pauses = [span for span in find_pauses(heard.energy) if span[1] > span[0]]
-    delivery = _delivery(heard, pauses, acting, float(rng.uniform()))
-    said = _bright(deliver(speech.samples, delivery, rng), acting.tilt)
-    said = _loud(said, delivery, heard, pauses, acting)
+    features = analyse(speech)
+    pauses = [span for span in find_pauses(features.energy) if span[1] > span[0]]
+    delivery = _delivery(features, pauses, acting, float(rng.uniform()))
+    samples = _bright(deliver(speech.samples, delivery, rng), acting.tilt)
+    samples = _loud(samples, delivery, features, pauses, acting)
     words = None
     if speech.words is not None:
         times = delivery.time_of(np.array([(w.start, w.end) for w in speech.words]).reshape(-1, 2) - speech.start)
         words = tuple(replace(w, start=float(a), end=float(b)) for w, (a, b) in zip(speech.words, times, strict=True))
-    return replace(speech, samples=said, words=words, seconds=None, start=0.0, duration=Fraction(len(said), RATE))
+    return replace(speech, samples=samples, words=words, seconds=None, start=0.0, duration=Fraction(len(samples), RATE))
 
 
-def _silent(heard: Features, pauses: list[tuple[float, float]]) -> NDArray[np.bool_]:
+def _silent(features: Features, pauses: list[tuple[float, float]]) -> NDArray[np.bool_]:
     """(T,) whether a hundredth lies in a pause."""
-    found = np.zeros(len(heard.energy), bool)
+    mask = np.zeros(len(features.energy), bool)
     for start, end in pauses:
-        found[round(start * FPS) : round(end * FPS)] = True
-    return found
+        mask[round(start * FPS) : round(end * FPS)] = True
+    return mask
 
 
-def _delivery(heard: Features, pauses: list[tuple[float, float]], acting: Acting, phase: float) -> Delivery:
-    pitch = np.where(heard.voicing > 0, heard.pitch, 0.0).astype(np.float64)  # type: ignore[redundant-cast]
-    voiced, silent = pitch > 0, _silent(heard, pauses)
+def _delivery(features: Features, pauses: list[tuple[float, float]], acting: Acting, phase: float) -> Delivery:
+    pitch = np.where(features.voicing > 0, features.pitch, 0.0).astype(np.float64)  # type: ignore[redundant-cast]
+    voiced, silent = pitch > 0, _silent(features, pauses)
     octaves = np.log2(np.where(voiced, pitch, 1.0))
     middle = float(np.median(octaves[voiced])) if voiced.any() else 0.0
     away = np.clip(octaves - middle, -_OCTAVES, _OCTAVES)
     semitones = acting.pitch + acting.rise * (_within_phrase(silent) - 0.5)
     semitones = semitones + acting.tremor * np.sin(2 * np.pi * (_TREMOR * np.arange(len(pitch)) / FPS + phase))
-    wanted = np.where(voiced, 2 ** (middle + acting.span * away + semitones / 12), 0.0)
+    target = np.where(voiced, 2 ** (middle + acting.span * away + semitones / 12), 0.0)
     longer = np.where(silent, acting.pauses, 1.0) / acting.rate
-    return Delivery(pitch, wanted, longer, max(acting.jitter, 0.0))
+    return Delivery(pitch, target, longer, max(acting.jitter, 0.0))
 
 
 def _within_phrase(silent: NDArray[np.bool_]) -> Array:
@@ -179,21 +179,21 @@ def _bright(samples: NDArray[np.float32], decibels: float) -> NDArray[np.float32
 
 
 def _loud(
-    samples: NDArray[np.float32], delivery: Delivery, heard: Features, pauses: list[tuple[float, float]], acting: Acting
+    samples: NDArray[np.float32], delivery: Delivery, features: Features, pauses: list[tuple[float, float]], acting: Acting
 ) -> NDArray[np.float32]:
     """At the level and with the range of loudness that are wanted."""
-    spoken = ~_silent(heard, pauses)
-    if not spoken.any():
+    is_speech = ~_silent(features, pauses)
+    if not is_speech.any():
         return samples
     width = round(_LOUDNESS * FPS)
-    smooth = np.convolve(np.pad(heard.energy, width // 2, mode="edge"), np.full(width, 1 / width), "same")
-    smooth = smooth[width // 2 :][: len(spoken)]
-    swing = np.clip((acting.dynamics - 1) * (smooth - smooth[spoken].mean()), -_SWING, _SWING)
+    smooth = np.convolve(np.pad(features.energy, width // 2, mode="edge"), np.full(width, 1 / width), "same")
+    smooth = smooth[width // 2 :][: len(is_speech)]
+    swing = np.clip((acting.dynamics - 1) * (smooth - smooth[is_speech].mean()), -_SWING, _SWING)
     hundredths = (np.arange(len(swing)) + 0.5) / FPS
     now = np.arange(len(samples)) / RATE
     at = delivery.time_of(hundredths.astype(np.float64))
     out = samples * 10 ** (np.interp(now, at, swing) / 20)
-    voice = out[np.interp(now, at, spoken) > 0.5]
+    voice = out[np.interp(now, at, is_speech) > 0.5]
     level = 10 * np.log10(np.mean(np.square(voice)) + 1e-12) if len(voice) else -np.inf
     if not level > LEVEL - 60:  # nothing but noise
         return samples

@@ -34,12 +34,12 @@ class Delivery:
     """
 
     pitch: Array
-    wanted: Array
+    target: Array
     longer: Array
     jitter: float = 0.0
 
     def time_of(self, seconds: Array | float) -> Array:
-        """When that which was heard after so many ``seconds`` is heard now."""
+        """The new time of what was at ``seconds`` in the speech as it is."""
         edges = np.arange(len(self.longer) + 1) / FPS
         return np.interp(seconds, edges, np.concatenate([[0.0], np.cumsum(self.longer) / FPS]))
 
@@ -54,17 +54,17 @@ def deliver(samples: NDArray[np.float32], delivery: Delivery, rng: np.random.Gen
     """
     x = samples.astype(np.float64)
     marks, periods, voiced = _marks(x, delivery.pitch)
-    places, chosen = _layout(delivery, marks, voiced, len(x), rng)
+    places, indices = _layout(delivery, marks, voiced, len(x), rng)
     count = round(float(delivery.time_of(len(x) / RATE)) * RATE)
     margin = int(periods.max(initial=_UNVOICED)) + 1
     out, weight = np.zeros((2, count + 2 * margin))
-    padded = np.pad(x, margin)
+    signal = np.pad(x, margin)
     windows = {period: np.hanning(2 * period + 1) for period in set(periods.tolist())}
     before = -1
-    for place, k in zip(places.tolist(), chosen.tolist(), strict=True):
+    for place, k in zip(places.tolist(), indices.tolist(), strict=True):
         period = int(periods[k])
         window, at, mark = windows[period], place + margin, int(marks[k]) + margin
-        grain = padded[mark - period : mark + period + 1]
+        grain = signal[mark - period : mark + period + 1]
         if k == before and not voiced[k]:
             grain = grain[::-1]  # hiss that is repeated as it is would buzz
         out[at - period : at + period + 1] += window * grain
@@ -99,22 +99,22 @@ def _layout(
     delivery: Delivery, marks: NDArray[np.int64], voiced: NDArray[np.bool_], samples: int, rng: np.random.Generator
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Where grains are laid, in samples, and which."""
-    known = delivery.time_of(marks / RATE) * RATE
+    new_marks = delivery.time_of(marks / RATE) * RATE
     end = float(delivery.time_of(samples / RATE)) * RATE
-    middles = (known[1:] + known[:-1]) / 2
-    shaken = rng.normal(0.0, 1.0, 1024).clip(-2, 2)  # as many as are needed before it may repeat unheard; ours
+    middles = (new_marks[1:] + new_marks[:-1]) / 2
+    noise = rng.normal(0.0, 1.0, 1024).clip(-2, 2)  # so many that nobody hears it repeat; ours
     low, high = PITCH_RANGE
-    places, chosen = [], []
+    places, indices = [], []
     at, k, n = 0.0, 0, 0
     while at < end:
         while k < len(middles) and middles[k] <= at:
             k += 1
         places.append(int(at))
-        chosen.append(k)
+        indices.append(k)
         step = float(_UNVOICED)
         if voiced[k]:
-            hundredth = min(int(marks[k] * FPS / RATE), len(delivery.wanted) - 1)
-            step = RATE / min(max(delivery.wanted[hundredth], low), high) * (1 + delivery.jitter * shaken[n % 1024])
+            hundredth = min(int(marks[k] * FPS / RATE), len(delivery.target) - 1)
+            step = RATE / min(max(delivery.target[hundredth], low), high) * (1 + delivery.jitter * noise[n % 1024])
             n += 1
         at += step
-    return np.array(places, np.int64), np.array(chosen, np.int64)
+    return np.array(places, np.int64), np.array(indices, np.int64)

@@ -36,18 +36,18 @@ def add_silences(speech: Speech, share: float, seed: int) -> Speech:
     if share <= 0 or not len(speech):
         return speech
     rng = np.random.default_rng([seed, 16])
-    heard = analyse(speech)
-    wanted = float(speech.duration) * share / (1 - share)
-    room = 0.0 if rng.uniform() < _DIGITAL else 10 ** (float(np.quantile(heard.energy, _QUIET)) / 20)
-    middles = [(a + b) / 2 for a, b in find_pauses(heard.energy, FPS, shortest=_PLACE)]
+    features = analyse(speech)
+    silence = float(speech.duration) * share / (1 - share)
+    room = 0.0 if rng.uniform() < _DIGITAL else 10 ** (float(np.quantile(features.energy, _QUIET)) / 20)
+    middles = [(a + b) / 2 for a, b in find_pauses(features.energy, FPS, shortest=_PLACE)]
     inner = [at for at in middles if _PLACE < at < float(speech.duration) - _PLACE]
     edges = [(0.0, rng.uniform(*_EDGE)), (float(speech.duration), rng.uniform(*_EDGE))]
     gaps = [(at, float(rng.uniform(*_GAP))) for at in rng.permutation(inner).tolist()]
-    kept = list[tuple[float, float]]()
+    insertions = list[tuple[float, float]]()
     for at, long in [*edges, *gaps]:
-        if sum(each for _, each in kept) + long <= wanted + _GAP[0]:
-            kept.append((at, long))
-    return _insert(speech, sorted(kept), room, rng)
+        if sum(each for _, each in insertions) + long <= silence + _GAP[0]:
+            insertions.append((at, long))
+    return _insert(speech, sorted(insertions), room, rng)
 
 
 def cut_pieces(speeches: Iterable[Speech], seconds: float, share: float) -> list[Speech]:
@@ -66,6 +66,6 @@ def _insert(speech: Speech, gaps: list[tuple[float, float]], room: float, rng: n
     samples = np.concatenate([*parts, speech.samples[last:]])
     words = speech.words
     if words is not None:
-        added = [sum(long for at, long in gaps if at <= (w.start + w.end) / 2) for w in words]
-        words = tuple(replace(w, start=w.start + late, end=w.end + late) for w, late in zip(words, added, strict=True))
+        delays = [sum(long for at, long in gaps if at <= (w.start + w.end) / 2) for w in words]
+        words = tuple(replace(w, start=w.start + late, end=w.end + late) for w, late in zip(words, delays, strict=True))
     return replace(speech, samples=samples, words=words, seconds=None, duration=Fraction(len(samples), RATE))

@@ -1,7 +1,7 @@
 """Which speech is of which split, so that no sentence, recording or text of validation or test occurs in training.
 
-A recording is of one split, whoever performs it, and so are all recordings with the same words. Of a reader with fewer than
-three recordings each is cut into three stretches, one for each split. The sentences of synthesised speech are divided too.
+A recording is of one split, whoever performs it, and so are all recordings with the same words. If a reader has fewer than
+three recordings, each is cut into three stretches, one for each split. The sentences of synthesised speech are divided too.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _SHORTEST = 1.0  # seconds; [ours] a shorter stretch is no speech to gesture to
 
 
 def split_of(number: int) -> str:
-    """The split of the thing of that number: of ten, one is for the test and one for validation."""
+    """The split of item ``number``: of ten items, one is for the test and one for validation."""
     return {1: "test", 2: "validation"}.get(number % 10, "train")
 
 
@@ -41,26 +41,26 @@ def split_recordings(speeches: Iterable[Speech]) -> dict[str, list[Speech]]:
     readers: dict[str, list[Speech]] = {}
     for speech in speeches:
         readers.setdefault(reader_of(speech), []).append(speech)
-    found: dict[str, list[Speech]] = {split: [] for split in SPLITS}
-    known: dict[str, str] = {}
+    by_split: dict[str, list[Speech]] = {split: [] for split in SPLITS}
+    text_splits: dict[str, str] = {}
     few: list[Speech] = []
     for own in readers.values():
         texts = dict.fromkeys(map(_text, own))
         if len(texts) < len(SPLITS):
             few += own
             continue
-        new = [text for text in texts if text not in known]
-        known |= {text: split_of(k) for k, text in enumerate(new)}
+        new = [text for text in texts if text not in text_splits]
+        text_splits |= {text: split_of(k) for k, text in enumerate(new)}
         for speech in own:
-            found[known[_text(speech)]].append(speech)
+            by_split[text_splits[_text(speech)]].append(speech)
     for speech in few:
-        if (whole := known.get(_text(speech))) is not None:
-            found[whole].append(speech)
+        if (whole := text_splits.get(_text(speech))) is not None:
+            by_split[whole].append(speech)
             continue
         for split, stretch in zip(SPLITS, _cut(speech), strict=True):
             if float(stretch.duration) >= _SHORTEST:
-                found[split].append(stretch)
-    return found
+                by_split[split].append(stretch)
+    return by_split
 
 
 def _text(speech: Speech) -> str:

@@ -91,8 +91,8 @@ _FRAMES = (
 def _tell(topic: str) -> tuple[str, ...]:
     """What is said about a topic."""
     parts = dict(zip(("who", "thing", "where", "did", "do", "number", "how", "end"), topic.split(" | "), strict=True))
-    told = (frame.format(**parts) for frame in _FRAMES)
-    return tuple(text[0].upper() + text[1:] for text in told)
+    sentences = (frame.format(**parts) for frame in _FRAMES)
+    return tuple(text[0].upper() + text[1:] for text in sentences)
 
 
 TOPICS: tuple[tuple[str, ...], ...] = tuple(_tell(topic) for topic in _TOPICS.strip().splitlines())

@@ -1,4 +1,4 @@
-"""What is heard in a synthetic corpus: recordings of the user's, and sentences spoken by espeak-ng or flite in many voices."""
+"""The speech of a synthetic corpus: the user's recordings, and sentences spoken by espeak-ng or flite in many voices."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Voice:
     pitch: int = 50
 
     def command(self, text: str, path: Path) -> list[str]:
-        """What makes ``path``, a WAV file, say ``text``."""
+        """The command line that speaks ``text`` into ``path``, a WAV file."""
         if self.engine == "flite":
             stretch = f"duration_stretch={1 / self.speed:.3f}"
             return ["flite", "-voice", self.name, "--setf", stretch, "-t", text, "-o", str(path)]
@@ -58,7 +58,7 @@ class Voice:
 
 
 def vary_voice(voice: Voice, seed: int) -> Voice:
-    """The voice somewhat faster or slower, higher or lower: so much a voice of a program can be changed and stay natural."""
+    """The voice somewhat faster or slower, higher or lower, by as much as it can be changed and still sounds natural."""
     rng = np.random.default_rng([seed, 15])
     speed, pitch = rng.uniform(*_SPEEDS), int(rng.integers(*_PITCHES))
     return replace(voice, speed=voice.speed * float(speed), pitch=min(max(voice.pitch + pitch, 0), 99))
@@ -67,14 +67,14 @@ def vary_voice(voice: Voice, seed: int) -> Voice:
 def find_voices(seed: int) -> list[Voice]:
     """Some twenty voices of the engines that are installed, in an order of the seed's; none where there is no engine."""
     rng = np.random.default_rng([seed, 9])
-    found = []
+    voices = []
     if shutil.which("flite"):
-        found += [Voice("flite", name, float(rng.uniform(0.9, 1.15))) for name in _FLITE]
+        voices += [Voice("flite", name, float(rng.uniform(0.9, 1.15))) for name in _FLITE]
     if shutil.which("espeak-ng"):
         for k, timbre in enumerate(_TIMBRES * 2):
             name = f"{_ACCENTS[(k + k // len(_TIMBRES)) % len(_ACCENTS)]}+{timbre}"
-            found.append(Voice("espeak-ng", name, float(rng.uniform(0.85, 1.2)), int(rng.integers(35, 65))))
-    return [found[k] for k in rng.permutation(len(found))]
+            voices.append(Voice("espeak-ng", name, float(rng.uniform(0.85, 1.2)), int(rng.integers(35, 65))))
+    return [voices[k] for k in rng.permutation(len(voices))]
 
 
 def say(voice: Voice, seconds: float, seed: int, sentences: Sequence[str] = SENTENCES) -> Speech:
@@ -90,19 +90,19 @@ def say(voice: Voice, seconds: float, seed: int, sentences: Sequence[str] = SENT
     with workplace(scratch()) as place:
         while length < seconds:
             text = sentences[order[len(parts) % len(order)]]
-            spoken = _speak(voice, text, place / f"{len(parts)}.wav")
-            parts.append(replace(spoken, words=align(tokenise(text), spoken)))
-            length += float(spoken.duration) + _PAUSE
+            speech = _speak(voice, text, place / f"{len(parts)}.wav")
+            parts.append(replace(speech, words=align(tokenise(text), speech)))
+            length += float(speech.duration) + _PAUSE
     return _join(parts, f"{voice.engine} {voice.name}")
 
 
 def _speak(voice: Voice, text: str, path: Path) -> Speech:
     command = voice.command(text, path)
     try:
-        done = subprocess.run(command, capture_output=True, timeout=_PATIENCE, check=False, stdin=subprocess.DEVNULL)
-        if done.returncode == 0 and path.is_file():
+        process = subprocess.run(command, capture_output=True, timeout=_PATIENCE, check=False, stdin=subprocess.DEVNULL)
+        if process.returncode == 0 and path.is_file():
             return Speech.load(path)
-        words = done.stderr.decode("utf-8", "replace").strip()[:120] or f"exit code {done.returncode}"
+        words = process.stderr.decode("utf-8", "replace").strip()[:120] or f"exit code {process.returncode}"
     except (OSError, subprocess.TimeoutExpired, InputError) as error:
         words = str(error)[:120]
     raise InternalError(f"{voice.engine} did not speak with the voice {voice.name!r}: {words}", "--no-tts leaves it out")
@@ -159,9 +159,9 @@ def pieces_of(speeches: Iterable[Speech], seconds: float) -> Iterator[Speech]:
     waiting: list[Speech] = []
     for speech in speeches:
         for part in _cut(speech, seconds):
-            held = sum(float(s.duration) + _PAUSE for s in waiting)
+            length = sum(float(s.duration) + _PAUSE for s in waiting)
             alike = not waiting or _kind(waiting[0]) == _kind(part)
-            if waiting and (not alike or held + float(part.duration) > seconds):
+            if waiting and (not alike or length + float(part.duration) > seconds):
                 yield _join(waiting, waiting[0].name)
                 waiting = []
             waiting.append(part)
@@ -209,5 +209,5 @@ def _join(parts: list[Speech], name: str) -> Speech:
         words += [replace(w, start=w.start + at / _RATE, end=w.end + at / _RATE) for w in part.words or ()]
         at += len(own) + len(samples[-1])
     whole = np.concatenate(samples[:-1])
-    known = parts[0].words is not None
-    return Speech(whole, _RATE, tuple(words) if known else None, name=name)
+    has_words = parts[0].words is not None
+    return Speech(whole, _RATE, tuple(words) if has_words else None, name=name)

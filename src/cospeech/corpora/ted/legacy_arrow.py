@@ -64,8 +64,8 @@ def decode(data: bytes) -> object:
             end += 8
         elif data[end : end + 4] == b"\0\0\0\0":  # before pyarrow 0.15
             end += 4
-        loaded = _tensors(pa, source, end, arrays, len(data))
-        value = _Reader(pa, loaded, len(data)).union(batch.column(0), 0, "", 0)
+        tensors = _tensors(pa, source, end, arrays, len(data))
+        value = _Reader(pa, tensors, len(data)).union(batch.column(0), 0, "", 0)
     except InputError:
         raise
     except (pa.ArrowException, LookupError, ValueError, TypeError, OverflowError, OSError, StopIteration, MemoryError) as error:
@@ -85,7 +85,7 @@ def load_pyarrow() -> Any:
 
 
 def _tensors(pa: Any, source: Any, at: int, count: int, size: int) -> list[np.ndarray]:
-    found = []
+    arrays = []
     for number in range(count):
         at += -at % ALIGN
         if at >= size:
@@ -101,20 +101,20 @@ def _tensors(pa: Any, source: Any, at: int, count: int, size: int) -> list[np.nd
             steps = sum(abs(step) * (n - 1) for step, n in zip(tensor.strides, tensor.shape, strict=True))
             if min(tensor.strides) < 0 or steps >= end - at:
                 raise InputError(f"array {number} of a payload has the strides {tensor.strides}", "is it damaged?")
-        found.append(np.array(tensor.to_numpy(), order="C"))
+        arrays.append(np.array(tensor.to_numpy(), order="C"))
         at = end
-    return found
+    return arrays
 
 
 class _Reader:
     """Values out of nested unions; `where` is the place inside the value, for messages."""
 
     def __init__(self, pa: Any, arrays: list[np.ndarray], most: int) -> None:
-        self.types, self.arrays, self.left = pa.types, arrays, most  # every value takes a byte at least
+        self.types, self.arrays, self.budget = pa.types, arrays, most  # every value takes a byte at least
 
     def union(self, column: Any, row: int, where: str, depth: int) -> object:
-        self.left -= 1
-        if depth > _DEEPEST or self.left < 0:
+        self.budget -= 1
+        if depth > _DEEPEST or self.budget < 0:
             raise InputError(f"a payload nested too deep at {where[:60] or 'its top'}", "is it damaged?")
         if not (self.types.is_union(column.type) and column.type.mode == "dense"):
             raise InputError(f"a payload with {str(column.type)[:30]} for a union at {where[:60] or 'its top'}")

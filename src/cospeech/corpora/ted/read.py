@@ -54,11 +54,11 @@ def read(raw: str | PathLike[str]) -> Iterator[Clip | Dropped]:
         for split, folder in folders.items():
             yield from _entries(folder, split, _video)
         return
-    found = {split: sorted(root.glob(f"{name}*cache*/data.mdb")) for split, name in SPLIT_FOLDERS.items()}
-    cached = [(split, path.parent) for split, paths in found.items() for path in paths]
-    if not cached:
+    files = {split: sorted(root.glob(f"{name}*cache*/data.mdb")) for split, name in SPLIT_FOLDERS.items()}
+    cache_folders = [(split, path.parent) for split, paths in files.items() for path in paths]
+    if not cache_folders:
         raise InputError(f"there is no TED in {str(root)!r}", "name the folder that holds lmdb_train, lmdb_val and lmdb_test")
-    for split, folder in cached:
+    for split, folder in cache_folders:
         yield from _entries(folder, split, _window)
 
 
@@ -126,7 +126,7 @@ def _window(entry: Any, name: str, split: str) -> Iterator[Clip | Dropped]:
 def _finish(
     clip: Any, points: Points, start: float, end: float, sound: str, name: str, split: str, extra: dict[str, object]
 ) -> Clip:
-    """Lengths compared, words moved to the clip's own time."""
+    """Check the lengths of the parts, and move the words to the clip's own time."""
     samples = _array(_get(clip, sound, np.ndarray), sound, (None,), _LOUDEST).astype(np.float32)
     for what, seconds in (("poses", points.duration), ("audio", len(samples) / RATE)):
         if abs(seconds - (end - start)) > _APART + 0.02 * (end - start):
@@ -150,7 +150,7 @@ def _finish(
 
 
 def _get(mapping: Any, key: str, *kinds: type) -> Any:
-    """A part of the right type."""
+    """The value under a key, of one of the right types."""
     if not isinstance(mapping, dict) or key not in mapping:
         raise InputError(f"there is no {key!r}", "is it of another corpus?")
     value = mapping[key]
@@ -198,5 +198,5 @@ def _points(values: Any, fps: float) -> Points:
     values = _array(values, "the poses", (None, len(JOINTS), 3), _FARTHEST)
     if not values.any():
         raise InputError("all poses are zero", "was the detection empty?")
-    kept = values.astype(np.float64 if values.dtype == np.float64 else np.float32)
-    return Points(fps, kept * np.array(AXES, kept.dtype) + kept.dtype.type(0), "ted")
+    positions = values.astype(np.float64 if values.dtype == np.float64 else np.float32)
+    return Points(fps, positions * np.array(AXES, positions.dtype) + positions.dtype.type(0), "ted")

@@ -48,9 +48,9 @@ def write(clips: Iterable[Clip | Dropped], raw: str | PathLike[str]) -> list[str
         InputError: a clip lacks something, or the folder cannot be written or has such databases already.
     """
     root = Path(raw)
-    taken = [name for name in SPLIT_FOLDERS.values() if (root / name).exists()]
-    if taken:
-        raise InputError(f"{str(root)!r} has a {taken[0]} already", "name another folder")
+    existing = [name for name in SPLIT_FOLDERS.values() if (root / name).exists()]
+    if existing:
+        raise InputError(f"{str(root)!r} has a {existing[0]} already", "name another folder")
     try:
         root.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -72,11 +72,11 @@ def _read(place: Path) -> Iterator[Clip | Dropped]:
         speech = load_sound(sounds.get(name), None)
         extra: dict[str, object] = {}
         if entries is not None:
-            said = settle(entries, motion.duration if speech is None else speech.seconds, words[name].name)
+            own_words = settle(entries, motion.duration if speech is None else speech.seconds, words[name].name)
             if speech is None:
-                extra["words"] = said
+                extra["words"] = own_words
             else:
-                speech = Speech(speech.samples, speech.rate, said, name=speech.name, duration=speech.duration)
+                speech = Speech(speech.samples, speech.rate, own_words, name=speech.name, duration=speech.duration)
         check_lengths(name, motion, speech)
         split = "test" if test or is_of_test(name) else "train"
         return Clip(name=name, speaker="trinity", corpus="trinity", speech=speech, motion=motion, split=split, extra=extra)

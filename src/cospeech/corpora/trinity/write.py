@@ -40,24 +40,24 @@ def write(clips: Iterable[Clip | Dropped], raw: str | PathLike[str]) -> list[str
     Raises:
         InputError: a clip without motion, two clips of one name, or the folder cannot be written.
     """
-    used: set[str] = set()
-    written = []
+    names: set[str] = set()
+    recordings = []
     for clip in clips:
         if isinstance(clip, Dropped):
             continue
         if clip.motion is None or not len(clip.motion):
             raise InputError(f"{clip.name!r} has no motion", "Trinity's layout needs joint rotations")
         own = clip.name.startswith("Recording_") and not (is_of_test(clip.name) and clip.split not in (None, "test"))
-        name = clip.name if own else _free(used, clip.split)
-        if name in used:
+        name = clip.name if own else _free(names, clip.split)
+        if name in names:
             raise InputError(f"two clips are called {name!r}", "names are unique within a corpus")
-        used.add(name)
+        names.add(name)
         try:
             _write(clip, Path(raw, TEST_FOLDER) if clip.split == "test" and not is_of_test(name) else Path(raw), name)
         except OSError as error:
             raise InputError(f"cannot write {name!r} to {str(raw)!r}: {describe_os_error(error)}") from None
-        written.append(name)
-    return written
+        recordings.append(name)
+    return recordings
 
 
 def is_of_test(name: str) -> bool:
@@ -65,9 +65,9 @@ def is_of_test(name: str) -> bool:
     return _TEST.fullmatch(name) is not None
 
 
-def _free(used: set[str], split: str | None) -> str:
+def _free(others: set[str], split: str | None) -> str:
     names = [*(TEST if split == "test" else ()), *(n for n in (f"Recording_{k:03d}" for k in range(1, 1000)) if n not in TEST)]
-    name = next((n for n in names if n not in used), None)
+    name = next((n for n in names if n not in others), None)
     if name is None:
         raise InputError("more than 998 recordings", "write them to several folders")
     return name
@@ -96,7 +96,7 @@ def _write(clip: Clip, raw: Path, name: str) -> None:
 
 def _transcript(words: Iterable[Word]) -> str:
     rows = [{"start_time": f"{w.start:.3f}s", "end_time": f"{w.end:.3f}s", "word": w.text} for w in words]
-    said = " ".join(row["word"] for row in rows)
+    text = " ".join(row["word"] for row in rows)
     return json.dumps(
-        [{"alternatives": [{"transcript": said, "confidence": 1.0, "words": rows}]}], indent=1, ensure_ascii=False
+        [{"alternatives": [{"transcript": text, "confidence": 1.0, "words": rows}]}], indent=1, ensure_ascii=False
     )

@@ -124,65 +124,65 @@ def read_bundle(path: str | PathLike[str], format: int = FORMAT) -> Bundle:
     Raises:
         InputError: it cannot be read, is none of ours or of a later version, damaged, or was tampered with.
     """
-    shown = Path(fsdecode(path)).name
-    members = _unzip(read_regular(path, "a bundle", sum(_LARGEST.values())), shown)
-    manifest = _manifest(members.pop(MANIFEST, b""), shown, format)
+    label = Path(fsdecode(path)).name
+    members = _unzip(read_regular(path, "a bundle", sum(_LARGEST.values())), label)
+    manifest = _manifest(members.pop(MANIFEST, b""), label, format)
     hashes = manifest["members"]
     if set(hashes) != set(members):
-        raise InputError(f"{shown!r} does not hold the members that it lists", _HINT)
+        raise InputError(f"{label!r} does not hold the members that it lists", _HINT)
     for name, content in members.items():
         if hashlib.sha256(content).hexdigest() != hashes[name]:
-            raise InputError(f"{name} of {shown!r} is not what the manifest says (SHA-256 differs)", _HINT)
-    return Bundle(shown, manifest, members)
+            raise InputError(f"{name} of {label!r} is not what the manifest says (SHA-256 differs)", _HINT)
+    return Bundle(label, manifest, members)
 
 
-def _check_names(sizes: Mapping[str, int], shown: str) -> None:
+def _check_names(sizes: Mapping[str, int], label: str) -> None:
     if len(sizes) > BUNDLE_MEMBERS:
-        raise InputError(f"{shown!r} has {len(sizes)} members, more than a bundle can have", _HINT)
+        raise InputError(f"{label!r} has {len(sizes)} members, more than a bundle can have", _HINT)
     for name, size in sizes.items():
         if not _NAME.fullmatch(name):
-            raise InputError(f"{shown!r} has the unknown member {name[:60]!r}", _HINT)
+            raise InputError(f"{label!r} has the unknown member {name[:60]!r}", _HINT)
         if size > _LARGEST[Path(name).suffix]:
-            raise InputError(f"{name} of {shown!r} has {size:,} bytes", f"at most {_LARGEST[Path(name).suffix]:,}")
+            raise InputError(f"{name} of {label!r} has {size:,} bytes", f"at most {_LARGEST[Path(name).suffix]:,}")
 
 
-def _unzip(data: bytes, shown: str) -> dict[str, bytes]:
+def _unzip(data: bytes, label: str) -> dict[str, bytes]:
     """Name → bytes; nothing is read before the sizes of all are known to be possible."""
-    check_zip(io.BytesIO(data), BUNDLE_MEMBERS, repr(shown))
+    check_zip(io.BytesIO(data), BUNDLE_MEMBERS, repr(label))
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             entries = archive.infolist()
             names = [entry.filename for entry in entries]
             if len(set(names)) < len(names):
-                raise InputError(f"{shown!r} has two members of one name", _HINT)
-            _check_names({entry.filename: entry.file_size for entry in entries}, shown)
+                raise InputError(f"{label!r} has two members of one name", _HINT)
+            _check_names({entry.filename: entry.file_size for entry in entries}, label)
             if any(e.compress_type != zipfile.ZIP_STORED or e.compress_size != e.file_size or e.flag_bits & 1 for e in entries):
-                raise InputError(f"{shown!r} has members that are compressed or encrypted", _HINT)
+                raise InputError(f"{label!r} has members that are compressed or encrypted", _HINT)
             if sum(entry.file_size for entry in entries) > len(data):
-                raise InputError(f"{shown!r} is shorter than its members", _HINT)
+                raise InputError(f"{label!r} is shorter than its members", _HINT)
             return {entry.filename: archive.read(entry) for entry in entries}
     except (zipfile.BadZipFile, OSError, EOFError, ValueError, RuntimeError, NotImplementedError, struct.error) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{shown!r} cannot be unpacked: {error}"[:200], _HINT) from None
+        raise InputError(f"{label!r} cannot be unpacked: {error}"[:200], _HINT) from None
 
 
-def _manifest(data: bytes, shown: str, format: int) -> dict[str, Any]:
+def _manifest(data: bytes, label: str, format: int) -> dict[str, Any]:
     try:
         manifest = parse_json(data, MANIFEST, BUNDLE_MANIFEST_BYTES)
         fine = _sensible(manifest)
     except (InputError, RecursionError):
-        raise InputError(f"{shown!r} has no readable {MANIFEST}", _HINT) from None
+        raise InputError(f"{label!r} has no readable {MANIFEST}", _HINT) from None
     if not isinstance(manifest, dict) or not isinstance(manifest.get("format"), int) or not fine:
-        raise InputError(f"{shown!r} has a {MANIFEST} that cospeech did not write", _HINT)
+        raise InputError(f"{label!r} has a {MANIFEST} that cospeech did not write", _HINT)
     if manifest["format"] != format:
         if format < FORMAT == manifest["format"]:
-            raise InputError(f"{shown!r} is a bundle of format {FORMAT}, which is today's", "it need not be converted")
-        hint = "update cospeech" if manifest["format"] > FORMAT else f"`cospeech bundle {shown} -o new.cospeech` converts it"
-        raise InputError(f"{shown!r} is a bundle of format {manifest['format']}, this version reads {format}", hint)
+            raise InputError(f"{label!r} is a bundle of format {FORMAT}, which is today's", "it need not be converted")
+        hint = "update cospeech" if manifest["format"] > FORMAT else f"`cospeech bundle {label} -o new.cospeech` converts it"
+        raise InputError(f"{label!r} is a bundle of format {manifest['format']}, this version reads {format}", hint)
     hashes = manifest.get("members")
     if not isinstance(hashes, dict) or not all(isinstance(value, str) for value in hashes.values()):
-        raise InputError(f"{shown!r} does not list its members", _HINT)
+        raise InputError(f"{label!r} does not list its members", _HINT)
     return manifest
 
 

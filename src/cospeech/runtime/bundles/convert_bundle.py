@@ -1,4 +1,4 @@
-"""Bundles of format 1, which knew three kinds of networks by their sizes, as bundles of today's format: the same motion."""
+"""Converts bundles of format 1, which had three kinds of networks by their sizes, to today's format: the motion is the same."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ def convert_bundle(path: str | PathLike[str], out: str | PathLike[str]) -> None:
 
 
 def _flow(sizes: Mapping[str, Any], arrays: Mapping[str, Array], old: Bundle, states: Mapping[str, Port]) -> dict[str, Any]:
-    known = {SIZES.get(name, name): size for name, size in sizes.items()}
-    return {"flow": known, "style_space": "code" if sizes.get("style") else "none"}
+    flow_sizes = {SIZES.get(name, name): size for name, size in sizes.items()}
+    return {"flow": flow_sizes, "style_space": "code" if sizes.get("style") else "none"}
 
 
 def _windows(sizes: Mapping[str, Any], arrays: Mapping[str, Array], old: Bundle, states: Mapping[str, Port]) -> dict[str, Any]:
@@ -81,13 +81,13 @@ def _windows(sizes: Mapping[str, Any], arrays: Mapping[str, Array], old: Bundle,
     make = Signature(
         ports, {"poses": (takes, "T", sizes["pose"])}, window=sizes["window"], multiple=sizes["multiple"], reach=sizes["reach"]
     )
-    found = {"make": make}
+    signatures = {"make": make}
     if "style.onnx" in old.members:
-        found["style"] = Signature(
+        signatures["style"] = Signature(
             {"poses": (1, "T", sizes["pose"])}, {"style": (1, sizes["styles"])}, window=STYLE_FRAMES
         )  # fmt: skip
     space = "one-hot" if one_hot else "code" if sizes["styles"] else "none"
-    return {"networks": _plain(found), "style_space": space}
+    return {"networks": _plain(signatures), "style_space": space}
 
 
 def _chain(sizes: Mapping[str, Any], arrays: Mapping[str, Array], old: Bundle, states: Mapping[str, Port]) -> dict[str, Any]:
@@ -98,17 +98,17 @@ def _chain(sizes: Mapping[str, Any], arrays: Mapping[str, Array], old: Bundle, s
     frame = Signature({name: (port[0], port[-1]) for name, port in ports.items()}, {"poses": ("N", pose)}, states)
     ports |= {"face": (1, "T", sizes["faces"] + 1)} if sizes.get("faces") else {}
     ports |= {"seed": (1, "T", pose + 1)} if sizes.get("seeds") else {}
-    found = {"make": Signature(
+    signatures = {"make": Signature(
         ports, {"poses": ("N", "T", pose)}, window=window, hop=max(1, window // 2), look_ahead=window // 4,
         seeds=sizes.get("seeds", 0),
     )}  # fmt: skip
     if "live.onnx" in old.members:
-        found["live"] = replace(frame, look_ahead=sizes["look_ahead"])
+        signatures["live"] = replace(frame, look_ahead=sizes["look_ahead"])
     if "classify.onnx" in old.members:
-        found["classify"] = Signature(
+        signatures["classify"] = Signature(
             {"rows": (1, "T", sizes["audio"])}, {"logits": (1, "T", style)}, window=2 * sizes["reach"] + 1, reach=sizes["reach"]
         )
-    return {"networks": _plain(found), "style_space": "speaker-emotion"}
+    return {"networks": _plain(signatures), "style_space": "speaker-emotion"}
 
 
 def _plain(signatures: Mapping[str, Signature]) -> dict[str, Any]:
@@ -116,8 +116,8 @@ def _plain(signatures: Mapping[str, Signature]) -> dict[str, Any]:
 
 
 def _states(old: Bundle) -> dict[str, Port]:
-    """State of the graph ``live`` → its shape; format 1 did not tell it."""
+    """State of the graph ``live`` → its shape; format 1 did not store it."""
     if "live.onnx" not in old.members:
         return {}
-    found = open_session(old.members["live.onnx"].replace(*_NOISE), unpack_half(old.arrays(WEIGHTS))).get_inputs()
-    return {end.name: (1 if end.shape[0] == 1 else "N", end.shape[1]) for end in found if end.name.startswith("state")}
+    inputs = open_session(old.members["live.onnx"].replace(*_NOISE), unpack_half(old.arrays(WEIGHTS))).get_inputs()
+    return {end.name: (1 if end.shape[0] == 1 else "N", end.shape[1]) for end in inputs if end.name.startswith("state")}

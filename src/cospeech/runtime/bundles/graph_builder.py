@@ -16,10 +16,10 @@ _KINDS = {"float32": "FLOAT", "int64": "INT64", "uint8": "UINT8", "int8": "INT8"
 
 
 class GraphBuilder:
-    """Nodes and the weights that they mention; a value is known by its name.
+    """Nodes and the weights that they use; every value has a name.
 
     Args:
-        weights: name → array, of which `weight` knows type and shape.
+        weights: name → array, from which `weight` takes type and shape.
     """
 
     def __init__(self, weights: Mapping[str, Array]) -> None:
@@ -85,5 +85,5 @@ class GraphBuilder:
 
         graph = self.helper.make_graph(self.nodes, name, values(inputs), values(outputs), list(self.used.values()))
         opsets = [self.helper.make_opsetid("", 21), self.helper.make_opsetid("com.microsoft", 1)]
-        made: bytes = self.helper.make_model(graph, opset_imports=opsets, ir_version=10).SerializeToString()
-        return made
+        data: bytes = self.helper.make_model(graph, opset_imports=opsets, ir_version=10).SerializeToString()
+        return data

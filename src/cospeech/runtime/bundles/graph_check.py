@@ -1,4 +1,4 @@
-"""Looks into an ONNX file before anything runs it: only operators that we use, no sub-graphs, and no file is named.
+"""Checks an ONNX file before anything runs it: it has only operators that we use, no sub-graphs, and names no file.
 
 The file is a protocol buffer; the little of that format that is needed is read here, as the runtime has no package onnx.
 """
@@ -36,7 +36,7 @@ def check_onnx(data: bytes) -> External:
     Raises:
         InputError: damaged, or something that no graph of ours has.
     """
-    found: External = {}
+    weights: External = {}
     graphs = [value for number, value in _fields(memoryview(data), _MODEL) if number == 7]
     if len(graphs) != 1:
         raise _refuse("it does not hold one graph")
@@ -47,8 +47,8 @@ def check_onnx(data: bytes) -> External:
         if number == 1:
             _check_node(value)
         elif number == 5:
-            _check_tensor(value, found)
-    return found
+            _check_tensor(value, weights)
+    return weights
 
 
 def _check_node(node: int | memoryview) -> None:
@@ -60,7 +60,7 @@ def _check_node(node: int | memoryview) -> None:
                 pass
 
 
-def _check_tensor(tensor: int | memoryview, found: External) -> None:
+def _check_tensor(tensor: int | memoryview, weights: External) -> None:
     names, places, kind, shape, outside = [""], list[str](), "", list[int](), 0
     for number, value in _fields(_message(tensor), _TENSOR):
         if number == 1:
@@ -80,12 +80,12 @@ def _check_tensor(tensor: int | memoryview, found: External) -> None:
         return
     if outside != 1 or places != [WEIGHTS]:
         raise _refuse(f"it names a file, {', '.join(places)[:60]!r}")
-    found[names[-1]] = (kind, tuple(shape))
+    weights[names[-1]] = (kind, tuple(shape))
 
 
-def _require_names(what: str, names: list[str], known: object) -> None:
+def _require_names(what: str, names: list[str], valid: object) -> None:
     for name in names:
-        if name not in known:  # type: ignore[operator]
+        if name not in valid:  # type: ignore[operator]
             raise _refuse(f"it has the {what} {name[:60]!r}")
 
 
@@ -93,13 +93,13 @@ def _refuse(why: str) -> InputError:
     return InputError(f"an ONNX graph is refused: {why}", "is the bundle from another program, or damaged?")
 
 
-def _fields(data: memoryview, allowed: set[int]) -> Iterator[Field]:
+def _fields(data: memoryview, numbers: set[int]) -> Iterator[Field]:
     """(number, value) of a message: an integer, or the bytes of text, arrays and messages."""
     at = 0
     while at < len(data):
         key, at = _varint(data, at)
         number, wire = key >> 3, key & 7
-        if number not in allowed:
+        if number not in numbers:
             raise _refuse(f"it has a field {number} that ours do not have")
         if wire == 0:
             value, at = _varint(data, at)
@@ -152,5 +152,5 @@ def _text(value: int | memoryview) -> str:
     return bytes(_message(value)).decode("utf-8", "replace")
 
 
-def _texts(message: int | memoryview, field: int, allowed: set[int]) -> list[str]:
-    return [_text(value) for number, value in _fields(_message(message), allowed) if number == field]
+def _texts(message: int | memoryview, field: int, numbers: set[int]) -> list[str]:
+    return [_text(value) for number, value in _fields(_message(message), numbers) if number == field]

@@ -57,7 +57,7 @@ NETWORKS = {
     "denoise": ({"heard", "style", "latent", "level"}, {"velocity"}),
 }
 """Network → inputs that it may have, and outputs that it has."""
-_SHARED = {"rows", "face", "heard", "level"}  # one for all takes
+_COMMON = {"rows", "face", "heard", "level"}  # one for all takes
 _STEPS = {"heard", "latent", "level", "velocity"}  # of steps, not of frames
 _BY_STEP = {"live", "prior"}  # networks that take a frame or a step at a time
 _ONE_OR_ALL = ("poses", "seed")  # one for all takes, or each take its own
@@ -93,7 +93,7 @@ class Signature:
     look_ahead: int = 0
     """Frames of speech after a pose's own that the network waits for, or hears after the new frames of a window."""
     multiple: int = 1
-    """What a number of frames has to be a multiple of."""
+    """Every number of frames has to be a multiple of this."""
     reach: int | None = None
     """Frames to either side of a frame beyond which speech does not matter to it; None: all of a window matters, as it does to
     a network that normalises over the frames, or runs over them both ways."""
@@ -130,9 +130,9 @@ class Signature:
         if role not in NETWORKS or not isinstance(value, dict) or not {"inputs", "outputs"} <= set(value) <= names:
             raise InputError(f"network {role[:40]!r} has no valid signature", f"names of networks: {', '.join(NETWORKS)}")
         ports = {key: _ports(value.get(key, {})) for key in ("inputs", "outputs", "state")}
-        found = cls(**{**value, **ports})
-        found.check(role)
-        return found
+        signature = cls(**{**value, **ports})
+        signature.check(role)
+        return signature
 
     def check(self, role: str) -> None:
         """Refuse ports that a network of this name cannot have.
@@ -154,7 +154,7 @@ class Signature:
         for name, port in {**self.inputs, **self.outputs}.items():
             frames: Port = ("S",) if name in _STEPS or role == "denoise" else ("T",)
             frames = () if role in _BY_STEP or (role, name) == ("style", "style") else frames
-            takes = [1] if role in ("style", "classify") or name in _SHARED else [1, "N"] if name in _ONE_OR_ALL else ["N"]
+            takes = [1] if role in ("style", "classify") or name in _COMMON else [1, "N"] if name in _ONE_OR_ALL else ["N"]
             width = port[-1] if port else 0
             if port not in [(first, *frames, width) for first in takes] or type(width) is not int or width > _WIDEST[name]:
                 raise InputError(
@@ -167,9 +167,9 @@ class Signature:
 
     def to_dict(self) -> dict[str, Any]:
         """The signature as a manifest holds it; defaults are left out."""
-        found = {f.name: getattr(self, f.name) for f in fields(self)}
-        ports = {key: {name: list(port) for name, port in found[key].items()} for key in ("inputs", "outputs", "state")}
-        plain = {f.name: found[f.name] for f in fields(self)[3:] if found[f.name] != f.default}
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        ports = {key: {name: list(port) for name, port in values[key].items()} for key in ("inputs", "outputs", "state")}
+        plain = {f.name: values[f.name] for f in fields(self)[3:] if values[f.name] != f.default}
         return {**{key: value for key, value in ports.items() if value or key != "state"}, **plain}
 
     def width(self, name: str) -> int:

@@ -1,4 +1,4 @@
-"""What a bundle says, parsed once and validated as a whole; whoever plays it may then rely on every fact.
+"""The facts of a bundle, parsed once and validated as a whole; a player may then rely on every one of them.
 
 >>> spec = read_spec(read_bundle("mine.cospeech"))                    # doctest: +SKIP
 >>> spec.signatures["make"].width("poses")                            # doctest: +SKIP
@@ -58,7 +58,7 @@ class BundleFacts:
     styles: tuple[str, ...]
     """Names of the speakers, and `VOICE` where there is a classifier."""
     style: str
-    """The one that is played where nobody says."""
+    """The style that is played by default."""
     style_space: str
     """One of `STYLE_SPACES`."""
     controls: tuple[str, ...]
@@ -157,27 +157,30 @@ def _networks(bundle: Bundle) -> tuple[FlowSizes | None, dict[str, Signature]]:
             return FlowSizes(**sizes), {}
         except TypeError:
             raise InputError(f"{bundle.name!r} lacks sizes of its flow", "is it of another version?") from None
-    found = {name: Signature.parse(name, value) for name, value in bundle.fact("networks", dict).items()}
-    decoder = found.get("make") or found.get("live")
+    signatures = {name: Signature.parse(name, value) for name, value in bundle.fact("networks", dict).items()}
+    decoder = signatures.get("make") or signatures.get("live")
     if decoder is None:
         raise InputError(f"{bundle.name!r} has no network that makes motion", "it needs 'make', 'live', or both")
-    live, style = found.get("live", decoder), found.get("style")
+    live, style = signatures.get("live", decoder), signatures.get("style")
     for port in ("poses", "rows", "style", "noise"):
         if live.width(port) != decoder.width(port):
             raise InputError(
                 f"port {port!r} has {decoder.width(port)} numbers in 'make' and {live.width(port)} in 'live'",
                 "they must be equal",
             )
-    faced = decoder.width("face") in (0, len(ARKIT) + 1)
-    if not faced or decoder.width("seed") != (decoder.width("poses") + 1 if decoder.seeds else 0):
+    fits_face = decoder.width("face") in (0, len(ARKIT) + 1)
+    if not fits_face or decoder.width("seed") != (decoder.width("poses") + 1 if decoder.seeds else 0):
         due = f"'face' has {len(ARKIT) + 1} numbers, 'seed' one more than 'poses'"
         raise InputError("the ports 'face' and 'seed' have other sizes than a network can have", due)
-    _check_sampler(found)
-    if style is not None and (style.width("poses"), style.width("style")) != (decoder.width("poses"), _width(found, "style")):
+    _check_sampler(signatures)
+    if style is not None and (style.width("poses"), style.width("style")) != (
+        decoder.width("poses"),
+        _width(signatures, "style"),
+    ):
         raise InputError(
             "the style encoder has other poses or styles than the network that makes motion", "is the bundle damaged?"
         )
-    return None, found
+    return None, signatures
 
 
 def _width(signatures: Mapping[str, Signature], port: str) -> int:
@@ -186,27 +189,27 @@ def _width(signatures: Mapping[str, Signature], port: str) -> int:
     return next((width for each in making if (width := each.width(port))), 0)
 
 
-def _check_sampler(found: Mapping[str, Signature]) -> None:
-    """Whether networks fit together that draw what `make` turns into poses.
+def _check_sampler(signatures: Mapping[str, Signature]) -> None:
+    """Check that the networks fit together that draw latents, which `make` turns into poses.
 
     Raises:
         InputError: they do not, or one of them is missing.
     """
-    latent = found["make"].width("latent") if "make" in found else 0
-    has = [name for name in SAMPLERS if name in found]
+    latent = signatures["make"].width("latent") if "make" in signatures else 0
+    has = [name for name in SAMPLERS if name in signatures]
     if not latent and not has:
         return
     if not latent or len(has) != 2 or "hear" not in has:
         raise InputError(f"the bundle draws motion by {', '.join(has)[:60]!r}", "it needs make, hear, and prior or denoise")
-    hear, draw = found["hear"], found[has[1]]
+    hear, draw = signatures["hear"], signatures[has[1]]
     widths = {draw.width(port) for port in ("latent", "velocity", "before", "codes", "logits") if draw.width(port)}
-    hop, ahead = found["make"].hop or 0, found["make"].look_ahead
-    whole = not any(frames % hear.multiple for frames in (hop, ahead, found["make"].probe)) and hop > 0
-    alike = {each.multiple for each in (hear, found["make"], draw) if each.window} == {hear.multiple}
+    hop, ahead = signatures["make"].hop or 0, signatures["make"].look_ahead
+    whole = not any(frames % hear.multiple for frames in (hop, ahead, signatures["make"].probe)) and hop > 0
+    alike = {each.multiple for each in (hear, signatures["make"], draw) if each.window} == {hear.multiple}
     if widths != {latent} or draw.width("heard") != hear.width("heard") or not (whole and alike):
         raise InputError("the networks that draw motion do not fit together", "is the bundle damaged?")
-    counted = latent % draw.groups == 0 if has[1] == "prior" else draw.steps > 0 and draw.width("level") % 2 == 0
-    if not counted:
+    is_valid = latent % draw.groups == 0 if has[1] == "prior" else draw.steps > 0 and draw.width("level") % 2 == 0
+    if not is_valid:
         raise InputError(f"the network {has[1]!r} has groups={draw.groups}, steps={draw.steps}", "is the bundle damaged?")
 
 
@@ -257,8 +260,8 @@ def _facts(bundle: Bundle) -> dict[str, Any]:
 def _statistics(bundle: Bundle) -> Statistics:
     """The statistics by their names, not checked yet."""
     arrays = bundle.arrays(STATISTICS)
-    required = {f.name for f in fields(Statistics)[:9]}
-    if not required <= set(arrays) <= {f.name for f in fields(Statistics)}:
+    names = {f.name for f in fields(Statistics)[:9]}
+    if not names <= set(arrays) <= {f.name for f in fields(Statistics)}:
         raise InputError(f"{bundle.name!r} lacks statistics, or has unknown ones", "is it of another version?")
     return Statistics(**arrays)
 
@@ -300,11 +303,11 @@ def _check_network_statistics(signatures: Mapping[str, Signature], s: Statistics
             f"{VOICE!r} is the last style of a bundle with a classifier, and of no other",
         )
     emotions = len(EMOTIONS) if space == "speaker-emotion" else 0
-    taken = _width(signatures, "style")
-    width = {"none": 0, "code": taken}.get(space, speakers + emotions)
-    if taken != width or (space == "code" and not width) or not speakers:
+    style_width = _width(signatures, "style")
+    width = {"none": 0, "code": style_width}.get(space, speakers + emotions)
+    if style_width != width or (space == "code" and not width) or not speakers:
         raise InputError(
-            f"the network takes a style of {taken} numbers",
+            f"the network takes a style of {style_width} numbers",
             f"{speakers} speakers in the style_space {space!r} need {width}",
         )
     words, shapes = s.words.shape[-1] if s.words.size else 0, dict[str, tuple[int, ...]]()
@@ -330,7 +333,7 @@ def _check_network_statistics(signatures: Mapping[str, Signature], s: Statistics
 
 
 def _check_graphs(graphs: Mapping[str, bytes], signatures: Mapping[str, Signature], weights: Mapping[str, Array]) -> None:
-    """One graph for each signature, and no weight too many; what is missing is told where a graph is opened."""
+    """Check that there is one graph for each signature, and that the weights are those that the graphs use."""
     if set(graphs) != set(signatures):
         raise InputError(f"the bundle holds the graphs {', '.join(sorted(graphs))[:60]!r}", f"expected {', '.join(signatures)}")
     if odd := set(weights) ^ {name for graph in graphs.values() for name in check_onnx(graph)}:

@@ -1,4 +1,4 @@
-"""What a bundle has to know of the data that its network was trained on, as one record of arrays."""
+"""Statistics of a network's training data that its bundle needs, as one record of arrays."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ def _none() -> Array:
 
 @dataclass(frozen=True)
 class Statistics:
-    """What stands between vectors of a pose or of speech and what a network sees, and what stands for each speaker.
+    """Numbers that turn vectors of poses and speech into a network's units and back, and numbers of each speaker.
 
     D are the numbers of a pose, A those of a frame of speech, S the speakers. Poses are standardised, but for ``pose_mean`` and
-    ``pose_std``. An array after ``speaker_mean`` may be of no size: there is none, or `complete` knows one. float32.
+    ``pose_std``. An array after ``speaker_mean`` may be empty: there is none, or `complete` fills it in. float32.
     """
 
     pose_mean: Array
@@ -45,12 +45,12 @@ class Statistics:
     model_mean: Array = field(default_factory=_none)
     """(S, D) mean of what the network of windows makes in each speaker's style; the speaker's own takes its place."""
     style_gain: Array = field(default_factory=_none)
-    """(S, D) by what its poses are multiplied, so that they deviate from their mean as the speaker's do; positive."""
+    """(S, D) factors on its poses, so that they deviate from their mean as the speaker's do; positive."""
     live_model_mean: Array = field(default_factory=_none)
     """(S, D) and (S, D): the same of the network of frames."""
     live_style_gain: Array = field(default_factory=_none)
     noise_gain: Array = field(default_factory=_none)
-    """(2,) by what noise is multiplied when the network of windows plays, and that of frames, so that takes differ."""
+    """(2,) factors on the noise when the network of windows plays, and that of frames, so that takes differ."""
     words: Array = field(default_factory=_none)
     """(n, W) rows that stand for subwords (`cospeech.audio.features.words`), or for the words of the vocabulary; the first:
     none."""
@@ -73,23 +73,23 @@ class Statistics:
         return self.pose_low - margin, self.pose_high + margin
 
     def complete(self, one_hot: bool) -> Statistics:
-        """With what follows where it is not given: a network's poses are taken as they are, and noise is.
+        """The record with defaults for what is not given: a network's poses are taken as they are, and so is noise.
 
         Args:
             one_hot: whether speakers' weights are the codes.
         """
         mean = self.model_mean if self.model_mean.size else self.speaker_mean
         gain = self.style_gain if self.style_gain.size else np.ones_like(self.speaker_mean)
-        known = {
+        defaults = {
             "model_mean": mean, "style_gain": gain, "live_model_mean": mean, "live_style_gain": gain,
             "noise_gain": np.ones(2, np.float32),
         }  # fmt: skip
         speakers = len(self.speaker_mean)
-        known["style_codes"] = np.eye(speakers, dtype=np.float32) if one_hot else np.zeros((speakers, 0), np.float32)
-        return replace(self, **{name: value for name, value in known.items() if not getattr(self, name).size})
+        defaults["style_codes"] = np.eye(speakers, dtype=np.float32) if one_hot else np.zeros((speakers, 0), np.float32)
+        return replace(self, **{name: value for name, value in defaults.items() if not getattr(self, name).size})
 
     def check(self, shapes: dict[str, tuple[int, ...]]) -> None:
-        """Types, shapes and values.
+        """Check types, shapes and values.
 
         Args:
             shapes: of the arrays that are not of a pose or of speech.
@@ -98,7 +98,7 @@ class Statistics:
             InputError: they cannot be used.
         """
         for f in fields(self):
-            value, optional = getattr(self, f.name), f.name not in _REQUIRED
+            value, optional = getattr(self, f.name), f.name not in _MANDATORY
             shape = shapes.get(f.name, (0,))
             if value.dtype != np.float32 or (value.shape != shape and not (optional and not value.size)):
                 raise InputError(
@@ -116,4 +116,4 @@ class Statistics:
             raise InputError("row 0 of the word vectors, which stands for no word, is not zero", "is the bundle damaged?")
 
 
-_REQUIRED = {f.name for f in fields(Statistics)[:9]}
+_MANDATORY = {f.name for f in fields(Statistics)[:9]}

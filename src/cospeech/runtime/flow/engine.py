@@ -82,24 +82,24 @@ class FlowEngine:
     def _check_ends(self) -> None:
         """Inputs and outputs have the names and sizes that `Takes` binds memory to."""
         s, width = self.sizes, self.sizes.steps * self.sizes.gates
-        wanted = {"z": s.pose, "history": s.history * s.pose, "gates": width, "low": s.pose, "high": s.pose}
-        wanted |= dict.fromkeys(state_kinds(s), s.states) | ({"code": s.channels} if s.feature else {})
-        wanted |= {"style": s.style} if s.style else {}
-        made = {"pose": s.pose} | {f"next_{kind}": s.states for kind in state_kinds(s)}
-        heard = {"gates": width} | ({"code": s.channels} if s.feature else {})
+        inputs = {"z": s.pose, "history": s.history * s.pose, "gates": width, "low": s.pose, "high": s.pose}
+        inputs |= dict.fromkeys(state_kinds(s), s.states) | ({"code": s.channels} if s.feature else {})
+        inputs |= {"style": s.style} if s.style else {}
+        outputs = {"pose": s.pose} | {f"next_{kind}": s.states for kind in state_kinds(s)}
+        speech_outputs = {"gates": width} | ({"code": s.channels} if s.feature else {})
         ends = [
-            (self.frame.get_inputs(), wanted), (self.frame.get_outputs(), made),
-            (self.speech.get_inputs(), {"windows": s.speech_frames * s.audio}), (self.speech.get_outputs(), heard),
+            (self.frame.get_inputs(), inputs), (self.frame.get_outputs(), outputs),
+            (self.speech.get_inputs(), {"windows": s.speech_frames * s.audio}), (self.speech.get_outputs(), speech_outputs),
         ]  # fmt: skip
-        for found, due in ends:
-            for end in found:
+        for group, due in ends:
+            for end in group:
                 kind = "tensor(uint8)" if end.name in ("q", "next_q") else "tensor(float)"
                 if len(end.shape) != 2 or end.type != kind or end.shape[1] != due.get(end.name):
                     raise InputError(
                         f"{end.name!r} of a graph is {end.type} of shape {end.shape}"[:200], "is the bundle damaged?"
                     )
-            if len(found) != len(due):
-                raise InputError(f"a graph has {len(found)} inputs or outputs, expected {len(due)}", "is the bundle damaged?")
+            if len(group) != len(due):
+                raise InputError(f"a graph has {len(group)} inputs or outputs, expected {len(due)}", "is the bundle damaged?")
 
     def begin(self, histories: Array, styles: Array | None = None) -> Takes:
         """A batch of takes that begin with these poses.
@@ -111,10 +111,10 @@ class FlowEngine:
         return Takes(self, np.asarray(histories, np.float32), self._styles(styles, len(histories)))
 
     def _styles(self, styles: Array | None, rows: int) -> Array:
-        wanted = (rows, self.sizes.style)
-        styles = np.zeros(wanted, np.float32) if styles is None else np.array(styles, np.float32, ndmin=2)
-        if styles.shape != wanted:
-            raise InputError(f"style codes have the shape {styles.shape}", f"expected {wanted}")
+        shape = (rows, self.sizes.style)
+        styles = np.zeros(shape, np.float32) if styles is None else np.array(styles, np.float32, ndmin=2)
+        if styles.shape != shape:
+            raise InputError(f"style codes have the shape {styles.shape}", f"expected {shape}")
         return styles
 
     def style_code(self, poses: Array) -> Array:
@@ -133,13 +133,13 @@ class FlowEngine:
     def windows(self, audio: Array) -> Array:
         """(T, A) rows of speech → (T − heard + 1, heard, A): a window for each frame that has one whole; a view."""
         audio = np.asarray(audio, np.float32)
-        heard = self.sizes.speech_frames
-        if len(audio) < heard:
-            return np.zeros((0, heard, self.sizes.audio), np.float32)
-        return np.lib.stride_tricks.sliding_window_view(audio, heard, axis=0).transpose(0, 2, 1)
+        length = self.sizes.speech_frames
+        if len(audio) < length:
+            return np.zeros((0, length, self.sizes.audio), np.float32)
+        return np.lib.stride_tricks.sliding_window_view(audio, length, axis=0).transpose(0, 2, 1)
 
     def hear(self, windows: Array) -> list[Array]:
-        """What the frames' gates have of the speech, and the encoder's code: (F, heard, A) → (F, K·G)[, (F, channels)]."""
+        """The share of the speech in the frames' gates, and the encoder's code: (F, heard, A) → (F, K·G)[, (F, channels)]."""
         flat = np.ascontiguousarray(windows, np.float32).reshape(len(windows), self.sizes.speech_frames * self.sizes.audio)
         return run_session(self.speech, {"windows": flat})
 
@@ -160,8 +160,8 @@ class FlowEngine:
         s = self.sizes
         poses, windows = np.asarray(poses, np.float32), self.windows(audio)
         if poses.shape != (len(audio), s.pose) or np.shape(audio)[1] != s.audio or not len(windows):
-            wanted = f"(T, {s.pose}) and (T, {s.audio}), at least {s.speech_frames} of each"
-            raise InputError(f"poses have the shape {poses.shape} and audio {np.shape(audio)}", f"expected {wanted}")
+            shapes = f"(T, {s.pose}) and (T, {s.audio}), at least {s.speech_frames} of each"
+            raise InputError(f"poses have the shape {poses.shape} and audio {np.shape(audio)}", f"expected {shapes}")
         frames = len(windows)
         histories = np.lib.stride_tricks.sliding_window_view(poses[: s.history + frames - 1], s.history, axis=0)
         histories = np.ascontiguousarray(histories.transpose(0, 2, 1)).reshape(frames, -1)
@@ -170,9 +170,9 @@ class FlowEngine:
         past = np.empty((frames, s.steps * s.gates), np.float32)
         for first in range(0, frames, BLOCK):
             rows = slice(first, first + BLOCK)
-            heard = dict(zip(("gates", "code"), self.hear(windows[rows]), strict=False))
-            heard |= {name: code[rows] for name, code in codes.items()}
-            (past[rows],) = run_session(session, {"history": histories[rows]} | heard)
+            inputs = dict(zip(("gates", "code"), self.hear(windows[rows]), strict=False))
+            inputs |= {name: code[rows] for name, code in codes.items()}
+            (past[rows],) = run_session(session, {"history": histories[rows]} | inputs)
         x = poses[s.history : s.history + frames] / np.float32(s.feedback_gain)
         if s.residual:
             last = poses[s.history - 1 : s.history + frames - 1]
@@ -186,7 +186,7 @@ class FlowEngine:
     def _normalise(self, k: int, x: Array, past: Array) -> Array:
         """One step of the flow backwards, for all frames."""
         s, w = self.sizes, self.weights
-        moved = s.pose - s.first_half
+        second_half = s.pose - s.first_half
         x = np.linalg.solve(w[f"{k}.mix"].T.astype(np.float64), (x - w[f"{k}.mix.bias"]).T).T.astype(np.float32)
         hidden = x[:, : s.first_half] @ w[f"{k}.kept"] + past
         for layer in range(s.layers):
@@ -194,8 +194,8 @@ class FlowEngine:
                 hidden = self._quantise_states(hidden) @ unpack(w, f"{k}.{layer}.ih") + w[f"{k}.{layer}.ih.bias"]
             hidden = self._cells(hidden, unpack(w, f"{k}.{layer}.hh"), w[f"{k}.{layer}.hh.bias"])
         out = hidden @ w[f"{k}.out"] + w[f"{k}.out.bias"]
-        scale = _sigmoid(out[:, moved:]) + np.float32(SCALE_FLOOR)
-        return np.concatenate([x[:, : s.first_half], (x[:, s.first_half :] + out[:, :moved]) * scale], 1)
+        scale = _sigmoid(out[:, second_half:]) + np.float32(SCALE_FLOOR)
+        return np.concatenate([x[:, : s.first_half], (x[:, s.first_half :] + out[:, :second_half]) * scale], 1)
 
     def _quantise_states(self, hidden: Array) -> Array:
         """Hidden states as the products of the graphs see them."""
@@ -243,8 +243,8 @@ class Takes:
         self._engine, self.styles, takes = engine, styles, len(histories)
         self.history: Array = np.clip(histories, engine.low, engine.high).reshape(takes, -1)
         self._z, self._pose = np.zeros((takes, s.pose), np.float32), np.zeros((takes, s.pose), np.float32)
-        self._heard = [np.zeros((1, s.steps * s.gates), np.float32)]
-        self._heard += [np.zeros((1, s.channels), np.float32)] if s.feature else []
+        self._speech_buffers = [np.zeros((1, s.steps * s.gates), np.float32)]
+        self._speech_buffers += [np.zeros((1, s.channels), np.float32)] if s.feature else []
         kinds = state_kinds(s)
         states = [{kind: _silence(kind, (takes, s.states)) for kind in kinds} for _ in range(2)]
         self._bindings = [self._bind(*pair) for pair in (states, states[::-1])]
@@ -252,14 +252,14 @@ class Takes:
     def _bind(self, before: dict[str, Array], after: dict[str, Array]) -> tuple[Any, object]:
         """Inputs and outputs of a frame; the memory is kept beside, for onnxruntime knows only addresses."""
         binding, engine = self._engine.frame.io_binding(), self._engine
-        given = {"z": self._z, "history": self.history, "low": engine.low, "high": engine.high}
-        given |= dict(zip(("gates", "code"), self._heard, strict=False)) | before
-        given |= {"style": self.styles} if engine.sizes.style else {}
-        for name, array in given.items():
+        inputs = {"z": self._z, "history": self.history, "low": engine.low, "high": engine.high}
+        inputs |= dict(zip(("gates", "code"), self._speech_buffers, strict=False)) | before
+        inputs |= {"style": self.styles} if engine.sizes.style else {}
+        for name, array in inputs.items():
             binding.bind_input(name, "cpu", 0, array.dtype, array.shape, array.ctypes.data)
         for name, array in {"pose": self._pose, **{f"next_{kind}": array for kind, array in after.items()}}.items():
             binding.bind_output(name, "cpu", 0, array.dtype, array.shape, array.ctypes.data)
-        return binding, (given, after)
+        return binding, (inputs, after)
 
     def frames(self, windows: Array, z: Array) -> Array:
         """The next poses of every take.
@@ -280,10 +280,10 @@ class Takes:
         if np.shape(z) != out.shape:
             raise InputError(f"latents have the shape {np.shape(z)}", f"expected {out.shape}")
         for first in range(0, len(windows), BLOCK):
-            heard = self._engine.hear(windows[first : first + BLOCK])
-            for t in range(len(heard[0])):
+            speech = self._engine.hear(windows[first : first + BLOCK])
+            for t in range(len(speech[0])):
                 self._z[:] = z[:, first + t]
-                for buffer, rows in zip(self._heard, heard, strict=True):
+                for buffer, rows in zip(self._speech_buffers, speech, strict=True):
                     buffer[0] = rows[t]
                 try:
                     run(self._bindings[0][0])

@@ -40,8 +40,12 @@ def build_graphs(weights: Mapping[str, Array], sizes: FlowSizes) -> dict[str, by
     style → share (F, K·G). frame: z (N, D), history (N, τ·D), gates (1, K·G), code (1, channels), style (N, style), states,
     low and high (1, D) → pose (N, D) within low … high, and the next states, called next_…. style: poses (1, S, D) → style.
     """
-    made = {"speech": _speech_graph(weights, sizes), "past": _past_graph(weights, sizes), "frame": _frame_graph(weights, sizes)}
-    return made | ({"style": _style_graph(weights, sizes)} if sizes.style else {})
+    graphs = {
+        "speech": _speech_graph(weights, sizes),
+        "past": _past_graph(weights, sizes),
+        "frame": _frame_graph(weights, sizes),
+    }
+    return graphs | ({"style": _style_graph(weights, sizes)} if sizes.style else {})
 
 
 class _Builder(GraphBuilder):
@@ -77,8 +81,8 @@ class _Builder(GraphBuilder):
         high = self.to_bytes(unit, 1 / 127)
         rest = self.node("Sub", unit, self.node("DequantizeLinear", high, self.const(1 / 127), zero))
         both = self.node("Concat", high, self.to_bytes(rest, 1 / 127 / FINE), axis=0)
-        quantised, scale = self.weight(f"{name}.q"), self.weight(f"{name}.s")
-        product = self.node("MatMulIntegerToFloat", both, quantised, self.const(1 / 127), scale, zero)
+        weight, scale = self.weight(f"{name}.q"), self.weight(f"{name}.s")
+        product = self.node("MatMulIntegerToFloat", both, weight, self.const(1 / 127), scale, zero)
         high, low = self.node("Split", product, outputs=2, axis=0, num_outputs=2)
         sum_ = self.node("Add", high, self.node("Mul", low, self.const(1 / FINE)))
         return str(self.node("Add", self.node("Mul", sum_, size), add, outputs=outputs))
@@ -205,21 +209,21 @@ def _frame_graph(weights: Mapping[str, Array], sizes: FlowSizes) -> bytes:
 
 def _cells(b: _Builder, k: int, x: str, states: dict[str, list[str]]) -> str:
     """All layers of a step's recurrent net; replaces their states; the top's output, float32."""
-    sizes, seen = b.sizes, "q" if b.sizes.int8 else "h"
+    sizes, kind = b.sizes, "q" if b.sizes.int8 else "h"
     for layer in range(sizes.layers):
         at = k * sizes.layers + layer
         if layer:
-            x = b.multiply_states(states[seen][at - 1], f"{k}.{layer}.ih")
-        h = b.multiply_states(states[seen][at], f"{k}.{layer}.hh")
+            x = b.multiply_states(states[kind][at - 1], f"{k}.{layer}.ih")
+        h = b.multiply_states(states[kind][at], f"{k}.{layer}.hh")
         if sizes.cell == "gru":
-            made = states["h"][at] = _gru(b, x, h, states["h"][at])
+            output = states["h"][at] = _gru(b, x, h, states["h"][at])
         else:
-            states["c"][at], made = _lstm(b, x, h, states["c"][at])
+            states["c"][at], output = _lstm(b, x, h, states["c"][at])
             if "h" in states:
-                states["h"][at] = made
+                states["h"][at] = output
         if "q" in states:
-            states["q"][at] = b.to_bytes(made, 1 / 127)
-    return made
+            states["q"][at] = b.to_bytes(output, 1 / 127)
+    return output
 
 
 def _gru(b: _Builder, x: str, h: str, state: str) -> str:

@@ -39,7 +39,7 @@ class CodeSource:
     """The style by its code; latents as the network was trained to.
 
     Args:
-        system: whose.
+        system: the bundle, opened.
         blend: the style.
         seed: of the take.
         temperature: scale of the latents.
@@ -47,10 +47,10 @@ class CodeSource:
 
     def __init__(self, system: System, blend: StyleMixture, *, seed: int, temperature: float = 1.0) -> None:
         rng, sizes, s = np.random.default_rng([seed, 1]), flow_of(system).sizes, system.statistics
-        begun = [(share, style.beginnings[rng.integers(len(style.beginnings))]) for share, style in blend]
-        self.history: Array = average_parts(begun)
-        mixed = mix(blend)
-        self.style, self.speaker_mean, self.style_gain = mixed.code, mixed.speaker_mean, mixed.speaker_std
+        beginnings = [(share, style.beginnings[rng.integers(len(style.beginnings))]) for share, style in blend]
+        self.history: Array = average_parts(beginnings)
+        embedding = mix(blend)
+        self.style, self.speaker_mean, self.style_gain = embedding.code, embedding.speaker_mean, embedding.speaker_std
         self.model_mean: Array | None = None
         if self.style_gain is not None:  # random latents: what the network makes of them by itself is known
             self.model_mean, self.style_gain = s.free_mean, self.style_gain / s.free_std
@@ -72,13 +72,13 @@ class _ExampleSource(CodeSource):
     def __init__(self, system: System, blend: StyleMixture, *, seed: int, temperature: float = 1.0, coded: bool = True) -> None:
         super().__init__(system, blend, seed=seed, temperature=temperature)
         space = FlowSpace(system, flow_of(system))
-        taken = mix(blend) if coded else space.by_name(system.style)
-        self.style, self.speaker_mean, self.style_gain = taken.code, taken.speaker_mean, taken.speaker_std
+        embedding = mix(blend) if coded else space.by_name(system.style)
+        self.style, self.speaker_mean, self.style_gain = embedding.code, embedding.speaker_mean, embedding.speaker_std
         if self.style_gain is not None:  # its latents make its own poses, as they were standardised
             self.style_gain = np.maximum(self.style_gain, SPREAD_FLOOR)
         self.model_mean = None if self.style_gain is None else np.zeros(system.pose_width, np.float32)
         self._system, self._temperature = system, np.float32(temperature)
-        self._kept = np.zeros((0, system.pose_width), np.float32)
+        self._buffer = np.zeros((0, system.pose_width), np.float32)
         self._rng = np.random.default_rng([seed, 2])
         self._pieces = [(share, space.latents(style, style.code if coded else self.style)) for share, style in blend]
         self._blocks = self._generate_blocks()
@@ -88,9 +88,9 @@ class _ExampleSource(CodeSource):
 
     def draw(self, frames: int) -> Array:
         """See `Source`; blocks are drawn whole, so that they do not depend on who asks for how much."""
-        while len(self._kept) < frames:
-            self._kept = np.concatenate([self._kept, next(self._blocks)])
-        out, self._kept = self._kept[:frames], self._kept[frames:]
+        while len(self._buffer) < frames:
+            self._buffer = np.concatenate([self._buffer, next(self._blocks)])
+        out, self._buffer = self._buffer[:frames], self._buffer[frames:]
         return out
 
 
@@ -101,23 +101,23 @@ class SegmentSource(_ExampleSource):
     """
 
     def _generate_blocks(self) -> Iterator[Array]:
-        means = [np.mean(np.concatenate(found), 0) if found else None for _, found in self._pieces]
+        means = [np.mean(np.concatenate(pieces), 0) if pieces else None for _, pieces in self._pieces]
         if len(self._pieces) == 1 and means[0] is not None:
             for piece in self._pieces[0][1]:
                 yield self._scale(piece, means[0])
         length = max(1, round(BLOCK * self._system.fps))
         shares = np.array([share for share, _ in self._pieces])
         while True:
-            chosen = int(self._rng.choice(len(shares), p=shares / shares.sum()))
-            found, mean = self._pieces[chosen][1], means[chosen]
+            part = int(self._rng.choice(len(shares), p=shares / shares.sum()))
+            pieces, mean = self._pieces[part][1], means[part]
             if mean is None:
                 yield self._latents.draw(length)
                 continue
-            sizes = np.array([max(1, len(piece) - length + 1) for piece in found])
+            sizes = np.array([max(1, len(piece) - length + 1) for piece in pieces])
             place = int(self._rng.integers(sizes.sum()))
             which = int(np.searchsorted(np.cumsum(sizes), place, "right"))
             start = place - int(sizes[:which].sum())
-            yield self._scale(found[which][start : start + length], mean)
+            yield self._scale(pieces[which][start : start + length], mean)
 
     def _scale(self, latents: Array, mean: Array) -> Array:
         return (mean + self._temperature * (latents - mean)).astype(np.float32)
@@ -133,10 +133,10 @@ class NormalSource(_ExampleSource):
         sizes = flow_of(self._system).sizes
         spread = sizes.nu / (sizes.nu - 2) if sizes.nu > 2 else 1.0
         mean, covariance = np.zeros(sizes.pose), np.zeros((sizes.pose, sizes.pose))
-        for share, found in self._pieces:
+        for share, pieces in self._pieces:
             own = spread * np.eye(sizes.pose)
-            if found:
-                z = np.concatenate(found).astype(np.float64)
+            if pieces:
+                z = np.concatenate(pieces).astype(np.float64)
                 trust = len(z) / (len(z) + sizes.pose)
                 own = trust * np.cov(z.T, bias=True) + (1 - trust) * own
                 mean += share * z.mean(0)

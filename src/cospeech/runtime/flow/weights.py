@@ -266,14 +266,14 @@ def _matrix_shapes(sizes: FlowSizes) -> dict[str, tuple[int, ...]]:
 
 def _shapes(sizes: FlowSizes) -> dict[str, tuple[int, ...]]:
     """Shape of every array of `pack_weights`."""
-    g, d, moved, c = sizes.gates, sizes.pose, sizes.pose - sizes.first_half, sizes.channels
+    g, d, half, c = sizes.gates, sizes.pose, sizes.pose - sizes.first_half, sizes.channels
     shapes: dict[str, tuple[int, ...]] = {"speech.bias": (sizes.steps * g,)}
     for name, shape in _matrix_shapes(sizes).items():
         shapes |= {f"{name}.q": shape, f"{name}.s": shape[1:]} if sizes.int8 else {name: shape}
         if name not in ("past", "speech"):
             shapes[f"{name}.bias"] = (g,)
     for k in range(sizes.steps):
-        shapes |= {f"{k}.kept": (sizes.first_half, g), f"{k}.out": (sizes.hidden, 2 * moved), f"{k}.out.bias": (2 * moved,)}
+        shapes |= {f"{k}.kept": (sizes.first_half, g), f"{k}.out": (sizes.hidden, 2 * half), f"{k}.out.bias": (2 * half,)}
         shapes |= {f"{k}.mix": (d, d), f"{k}.mix.bias": (d,)}
     if sizes.feature:
         for side, width in (("poses", d), ("speech", sizes.audio)):

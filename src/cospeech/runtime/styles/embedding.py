@@ -38,7 +38,7 @@ class StyleEmbedding:
     model_mean: Array | None = None
     """(D,) mean of what a network of windows makes in this style, which ``speaker_mean`` takes the place of."""
     style_gain: Array | None = None
-    """(D,) by what its poses are multiplied, so that they deviate as the speaker's do."""
+    """(D,) factors on its poses, so that they deviate as the speaker's do."""
     live_model_mean: Array | None = None
     """(D,) and (D,): the same of the network of frames."""
     live_style_gain: Array | None = None
@@ -58,18 +58,18 @@ def average_parts(parts: Iterable[tuple[float, Array]]) -> Array:
 
 def mix(mixture: StyleMixture) -> StyleEmbedding:
     """One style out of several: the weighted means of their numbers; it has no examples and no beginnings."""
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for name in ("code", "speaker_mean", "speaker_std", "model_mean", "style_gain", "live_model_mean", "live_style_gain"):
         parts = [(share, getattr(style, name)) for share, style in mixture if getattr(style, name) is not None]
-        found[name] = average_parts(parts) if parts else None
-    return StyleEmbedding(**found, beginnings=np.zeros((0, 0, 0), np.float32))
+        values[name] = average_parts(parts) if parts else None
+    return StyleEmbedding(**values, beginnings=np.zeros((0, 0, 0), np.float32))
 
 
 def standardise_example(system: BundleFacts, motion: Motion, least: float, name: str) -> tuple[Array, ...]:
     """(T, D) standardised poses of an example, or of pieces of it.
 
     Args:
-        system: who looks at it.
+        system: the model's facts.
         motion: of any skeleton that is recognised; of one longer than two minutes, twelve pieces of ten seconds are seen.
         least: seconds that it has at least.
         name: for messages.

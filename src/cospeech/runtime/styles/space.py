@@ -1,4 +1,4 @@
-"""What styles are to a system: its speakers by name, examples, and mixtures of them.
+"""The styles of a system: its speakers by name, examples, and mixtures of them.
 
 A network knows a style as weights of its speakers (`OneHotSpace`), as a code of its own (`CodeSpace`, which is of no width for
 a network without styles), and a flow by its code, its beginnings and its moments, too (`FlowSpace`).
@@ -29,7 +29,7 @@ STRETCH = 128  # frames that a style code is made of; cospeech.training.calibrat
 BEGINNINGS = 8  # ours: places in an example that takes begin from
 FARTHEST_MEAN, FARTHEST_STD = 3.0, 2.0
 """[ours] How far from the speakers of the corpus an example may be, in its deviations: ours have means up to 2.3 and deviations
-up to 1.9. Who turns round, bends down or sits is farther out by ten times, and the flow knows standing people alone."""
+up to 1.9. A person who turns round, bends down or sits is ten times farther away, and the flow knows only standing people."""
 
 
 class StyleSpace(Protocol):
@@ -47,7 +47,7 @@ class StyleSpace(Protocol):
             name: for messages.
 
         Raises:
-            InputError: the system cannot see styles, the motion is too short, or its skeleton is not recognised.
+            InputError: the system has no style encoder, the motion is too short, or its skeleton is not recognised.
         """
         ...
 
@@ -72,7 +72,7 @@ class CodeSpace:
     """Styles are codes, one for each speaker; an example has the code that the style encoder sees in it, and its own mean pose.
 
     Args:
-        system: whose.
+        system: the bundle, opened.
     """
 
     def __init__(self, system: System) -> None:
@@ -88,9 +88,9 @@ class CodeSpace:
 
     def by_example(self, motion: Motion, name: str = "the example") -> StyleEmbedding:
         """See `StyleSpace`."""
-        code, shown = self._encode(motion, name)
+        code, clips = self._encode(motion, name)
         shares = np.full(len(self._system.speakers), 1 / len(self._system.speakers))
-        return self._embedding(code, np.concatenate(shown).mean(0), shares, shown)
+        return self._embedding(code, np.concatenate(clips).mean(0), shares, clips)
 
     def mix(self, mixture: StyleMixture) -> StyleEmbedding:
         """See `StyleSpace`."""
@@ -107,23 +107,23 @@ class CodeSpace:
             hint = f"its styles are {', '.join(system.styles)}, and mixtures of them"
             raise InputError(f"this model cannot take a style from {name}", hint)
         least = encoder.signature.probe
-        shown = standardise_example(system, motion, least / system.fps, name)
-        frames = min(len(poses) for poses in shown)
+        clips = standardise_example(system, motion, least / system.fps, name)
+        frames = min(len(poses) for poses in clips)
         if frames < least:
             hint = f"at least {least} frames, {least / system.fps:.2f} s"
             raise InputError(f"example {name} has only {say_count(frames, 'frame')} at {system.fps:g} per second", hint)
-        shown = tuple(np.clip(poses, system.statistics.pose_low, system.statistics.pose_high) for poses in shown)
-        pieces = [stretch for poses in shown for stretch in stretches(poses, least)]
-        return np.mean([encoder.run(poses=piece[None])["style"][0] for piece in pieces], 0), shown
+        clips = tuple(np.clip(poses, system.statistics.pose_low, system.statistics.pose_high) for poses in clips)
+        pieces = [stretch for poses in clips for stretch in stretches(poses, least)]
+        return np.mean([encoder.run(poses=piece[None])["style"][0] for piece in pieces], 0), clips
 
-    def _embedding(self, code: Array, mean: Array, shares: Array, shown: tuple[Array, ...]) -> StyleEmbedding:
+    def _embedding(self, code: Array, mean: Array, shares: Array, clips: tuple[Array, ...]) -> StyleEmbedding:
         """The style of an example that is a mixture of the speakers with these shares."""
         s = self._system.statistics
         numbers = (s.model_mean, s.style_gain, s.live_model_mean, s.live_style_gain)
-        made, gain, live_mean, live_gain = ((shares @ each).astype(np.float32) for each in numbers)
-        made = mean.astype(np.float32) if self._system.draws else made  # what is drawn has the example's mean pose already
+        model_mean, gain, live_mean, live_gain = ((shares @ each).astype(np.float32) for each in numbers)
+        model_mean = mean.astype(np.float32) if self._system.draws else model_mean  # what is drawn has that mean already
         return StyleEmbedding(
-            code.astype(np.float32), mean.astype(np.float32), _no_beginnings(self._system), None, shown, made, gain,
+            code.astype(np.float32), mean.astype(np.float32), _no_beginnings(self._system), None, clips, model_mean, gain,
             live_mean, live_gain,
         )  # fmt: skip
 
@@ -141,17 +141,17 @@ class OneHotSpace(CodeSpace):
 
     def by_example(self, motion: Motion, name: str = "the example") -> StyleEmbedding:
         """See `StyleSpace`."""
-        code, shown = self._encode(motion, name)
+        code, clips = self._encode(motion, name)
         shares = _normalise(code)
-        return self._embedding(shares, shares @ self._system.statistics.speaker_mean, shares, shown)
+        return self._embedding(shares, shares @ self._system.statistics.speaker_mean, shares, clips)
 
     def shares(self, mixture: StyleMixture) -> dict[str, float] | None:
         """See `StyleSpace`."""
         if len(mixture) == 1 and not mixture[0][1].poses:
             return None
         weights = self.mix(mixture).code
-        named = dict(zip(self._system.speakers, weights.tolist(), strict=True)) | {VOICE: 1 - float(weights.sum())}
-        order = sorted(named.items(), key=lambda part: (-part[1], part[0]))
+        by_speaker = dict(zip(self._system.speakers, weights.tolist(), strict=True)) | {VOICE: 1 - float(weights.sum())}
+        order = sorted(by_speaker.items(), key=lambda part: (-part[1], part[0]))
         return {name: round(share, DIGITS) for name, share in order if share >= LEAST_SHOWN}
 
 
@@ -159,7 +159,7 @@ class FlowSpace:
     """Styles are a code, a mean pose, beginnings, and the standard deviation of poses where the flow knows them by it.
 
     Args:
-        system: whose.
+        system: the bundle, opened.
         flow: its engine.
     """
 
@@ -179,20 +179,20 @@ class FlowSpace:
         """See `StyleSpace`; it is a second long at least."""
         s, sizes = self._system.statistics, self._flow.sizes
         least = max(SHORTEST, max(8, sizes.history + 2) / self._system.fps)  # 8: cospeech.models.nn.conditioning.StyleEncoder
-        shown = standardise_example(self._system, motion, least, name)
-        mean, std = np.concatenate(shown).mean(0), None
+        clips = standardise_example(self._system, motion, least, name)
+        mean, std = np.concatenate(clips).mean(0), None
         if s.speaker_std.size:  # standardised as in training; but what is still in the example stays as still
-            std = np.concatenate(shown).std(0).astype(np.float32)
-            shown = tuple((poses - mean) / np.maximum(std, SPREAD_FLOOR) for poses in shown)
+            std = np.concatenate(clips).std(0).astype(np.float32)
+            clips = tuple((poses - mean) / np.maximum(std, SPREAD_FLOOR) for poses in clips)
             mean, std = self._hold_near(mean, std)  # played so; what is standardised has all of its movement
-        shown = tuple(np.clip(poses, s.pose_low, s.pose_high) for poses in shown)
+        clips = tuple(np.clip(poses, s.pose_low, s.pose_high) for poses in clips)
         code = np.zeros(0)
         if sizes.style:
-            code = np.mean([self._flow.style_code(piece) for poses in shown for piece in stretches(poses, STRETCH)], 0)
-        places = np.linspace(0, sum(len(poses) - sizes.history for poses in shown), BEGINNINGS, endpoint=False)
-        every = [np.lib.stride_tricks.sliding_window_view(p[:-1], sizes.history, 0).transpose(0, 2, 1) for p in shown]
+            code = np.mean([self._flow.style_code(piece) for poses in clips for piece in stretches(poses, STRETCH)], 0)
+        places = np.linspace(0, sum(len(poses) - sizes.history for poses in clips), BEGINNINGS, endpoint=False)
+        every = [np.lib.stride_tricks.sliding_window_view(p[:-1], sizes.history, 0).transpose(0, 2, 1) for p in clips]
         beginnings = np.concatenate(every)[places.astype(int)]
-        return StyleEmbedding(code.astype(np.float32), mean.astype(np.float32), beginnings.astype(np.float32), std, shown)
+        return StyleEmbedding(code.astype(np.float32), mean.astype(np.float32), beginnings.astype(np.float32), std, clips)
 
     def _hold_near(self, mean: Array, std: Array) -> tuple[Array, Array]:
         """Mean pose and deviations (D,) of an example, near those of speakers; of the hips, over planted feet, within them."""
@@ -213,12 +213,12 @@ class FlowSpace:
 
     def latents(self, style: StyleEmbedding, code: Array) -> list[Array]:
         """(T − τ, D) for each piece of an example: the latents that make it under mean speech and this code."""
-        sizes, found = self._flow.sizes, []
+        sizes, latents = self._flow.sizes, []
         after = sizes.speech_frames - 1 - sizes.history
         for poses in style.poses:
             rows = np.concatenate([poses, np.repeat(poses[-1:], after, 0)])
-            found.append(self._flow.latents(rows, np.zeros((len(rows), sizes.audio), np.float32), code))
-        return found
+            latents.append(self._flow.latents(rows, np.zeros((len(rows), sizes.audio), np.float32), code))
+        return latents
 
 
 def _normalise(code: Array) -> Array:

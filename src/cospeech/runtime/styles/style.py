@@ -31,16 +31,16 @@ class Styles:
     """The styles of a system: its speakers, and any example.
 
     Args:
-        system: whose.
+        system: the bundle, opened.
         space: what its styles are.
     """
 
     def __init__(self, system: System, space: StyleSpace) -> None:
         self._system, self._space = system, space
-        self._seen: OrderedDict[tuple[str, int, int], StyleEmbedding] = OrderedDict()
+        self._cache: OrderedDict[tuple[str, int, int], StyleEmbedding] = OrderedDict()
 
     def blend(self, style: object) -> StyleMixture:
-        """What to play.
+        """The mixture of styles to play.
 
         Args:
             style: None (the default style); a speaker's name; a motion file; a mixture of them with weights
@@ -73,16 +73,16 @@ class Styles:
         try:
             status = path.stat()
         except (OSError, ValueError):
-            status = None  # what is wrong, the reader says better
+            status = None  # the reader has the better error
         key = (str(path), status.st_mtime_ns, status.st_size) if status else ("", 0, 0)
-        if status is None or key not in self._seen:
+        if status is None or key not in self._cache:
             embedding = self._space.by_example(Motion.load(path), repr(path.name))
             if status is None:
                 return embedding
-            self._seen[key] = embedding
-            while len(self._seen) > _KEPT:
-                self._seen.popitem(last=False)
-        return self._seen[key]
+            self._cache[key] = embedding
+            while len(self._cache) > _MOST_EXAMPLES:
+                self._cache.popitem(last=False)
+        return self._cache[key]
 
 
 def example_files(style: object) -> list[Path]:
@@ -112,7 +112,7 @@ def read_clip_by_map(style: object, bone_map: Mapping[str, str]) -> Motion | Non
     return clip if names_joints(bone_map, clip.skeleton) else None
 
 
-_KEPT = 8  # ours: examples remembered
+_MOST_EXAMPLES = 8  # ours: examples remembered
 
 
 def _weights(style: object, names: tuple[str, ...]) -> dict[Any, float]:
@@ -124,27 +124,27 @@ def _weights(style: object, names: tuple[str, ...]) -> dict[Any, float]:
     if isinstance(style, PathLike):
         return {Path(_check_example(fspath(style), names)): 1.0}
     if isinstance(style, Mapping) and style:
-        found: dict[Any, float] = {}
+        weights: dict[Any, float] = {}
         for who, weight in style.items():
             if not isinstance(weight, int | float | np.number) or isinstance(weight, bool):
                 raise InputError(f"the weight of style {_describe(who)} is {weight!r}", "a number")
             key = who if isinstance(who, Motion) else _key(str(who) if isinstance(who, str | PathLike) else who, names)
-            found[key] = found.get(key, 0.0) + float(weight)
-        return found
+            weights[key] = weights.get(key, 0.0) + float(weight)
+        return weights
     if not isinstance(style, str) or not style.strip():
         hint = "a name, a motion file, a Motion, or a mixture such as ada:0.7,clip.bvh:0.3"
         raise InputError(f"style {_describe(style)} cannot be used", hint)
     text = style.strip()
     if _is_file(text):
         return {Path(text): 1.0}
-    found = {}
+    weights = {}
     for who, weight, _ in read_named_numbers(
         text, number="weight", of="style", hint="a number, as in ada:0.7,clip.bvh:0.3",
         is_name=lambda who: who in names or _has_body(who),
     ):  # fmt: skip
         key = _key(who, names)
-        found[key] = found.get(key, 0.0) + (1.0 if weight is None else weight)
-    return found
+        weights[key] = weights.get(key, 0.0) + (1.0 if weight is None else weight)
+    return weights
 
 
 def _key(who: object, names: tuple[str, ...]) -> object:
@@ -155,16 +155,16 @@ def _check_example(who: object, names: tuple[str, ...]) -> str:
     """The name of a file that may be an example.
 
     Raises:
-        InputError: it is none, and nobody's name either.
+        InputError: it is no such file, and no name of a style.
     """
     if not isinstance(who, str):
         raise InputError(f"style {_describe(who)} cannot be used", "a name, a motion file or a Motion")
     if _has_body(who):
         return who
-    known = " ".join(suffixes(reads_body))
+    formats = " ".join(suffixes(reads_body))
     if Path(who).suffix and not who.endswith(".") and (_is_file(who) or "/" in who):
-        raise InputError(f"no example of style can be read from {who[:120]!r}", f"motion files: {known}")
-    raise InputError(f"no style is called {who[:60]!r}", f"{nearest(who, names)}; or an example: {known}")
+        raise InputError(f"no example of style can be read from {who[:120]!r}", f"motion files: {formats}")
+    raise InputError(f"no style is called {who[:60]!r}", f"{nearest(who, names)}; or an example: {formats}")
 
 
 def _has_body(text: str) -> bool:

@@ -1,8 +1,8 @@
 """The style of every frame of a session: what the network is given for it, and how its poses become the speaker's.
 
-`StyleTrack` fades from what was asked for first to what was asked for later. `SpokenStyleTrack` is for a network whose style is
-two distributions: over the speakers, by what the user asked for and, as far as he left it open, by the voice; and over the
-emotions, by the voice or as given.
+`StyleTrack` fades from the first style to later ones. `SpokenStyleTrack` is for a network whose style is two distributions:
+over the speakers, by the style that the user chose and, for the share that it leaves open, by the voice; and over the
+emotions, as given, else neutral.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from .space import StyleSpace
 
 __all__ = ["SpokenStyleTrack", "StyleTrack"]
 
-KEPT = 10.0  # s; ours: of the voice's course, more than the face lags behind
+MEMORY = 10.0  # s; ours: of the voice's course, more than the face lags behind
 
 
 class StyleTrack:
     """A style that may change, faded in.
 
-    Takes of a network that is given no noise, and whose style is a code of its own, differ by where they lie beside the style:
-    for good, by so many standard deviations of the speakers' codes.
+    Takes of a network that is given no noise, and whose style is a code of its own, differ by a constant offset of the code, of
+    some standard deviations of the speakers' codes.
 
     Args:
         system: the bundle, opened.
@@ -38,7 +38,7 @@ class StyleTrack:
         mixture: the style to begin with.
         seeds: of the takes.
         live: whether the network of frames plays.
-        temperature: scale of how far takes lie beside the style.
+        temperature: scale of this offset.
     """
 
     moods: Moods | None = None
@@ -64,8 +64,8 @@ class StyleTrack:
         return self._styles.mix(lambda style: style.code + self._beside, frames)
 
     def scales(self, at: Array) -> tuple[Array, Array, Array]:
-        """Mean pose of the style, that of what the network makes in it, and by what the difference is multiplied: (n or 1, D)
-        each, at these frames, which may be fractions."""
+        """Mean pose of the style, that of what the network makes in it, and the factor on the difference: (n or 1, D) each, at
+        these frames, which may be fractions."""
         return (
             self._styles.mix(lambda style: style.speaker_mean[None, None], at),
             self._styles.mix(lambda style: _calibration(style, self._live)[0][None, None], at),
@@ -90,7 +90,7 @@ class SpokenStyleTrack:
     Args:
         system: the bundle, opened.
         space: its styles.
-        mixture: the style to begin with; shares of nobody are the voice's.
+        mixture: the style to begin with; shares of no speaker are the voice's.
         tracker: hears who speaks and how.
         live: whether the network of frames plays.
     """
@@ -102,9 +102,9 @@ class SpokenStyleTrack:
     ) -> None:
         self._system, self._space, self._tracker = system, space, tracker
         s = system.statistics
-        made = (s.live_model_mean, s.live_style_gain) if live else (s.model_mean, s.style_gain)
-        self._tables = np.concatenate([s.speaker_mean, *made], 1)
-        self._asked = Crossfade(space.mix(mixture).code[None, None], system.fps)
+        calibration = (s.live_model_mean, s.live_style_gain) if live else (s.model_mean, s.style_gain)
+        self._tables = np.concatenate([s.speaker_mean, *calibration], 1)
+        self._mixture = Crossfade(space.mix(mixture).code[None, None], system.fps)
         self._strength = np.array([system.emotion_strength.get(name, 1.0) for name in EMOTIONS])
 
     @property
@@ -133,19 +133,19 @@ class SpokenStyleTrack:
     def codes(self, frames: Array) -> Array:
         """See `StyleTrack`."""
         weights, first = self._weights(np.maximum(frames, 0)), len(self._system.speakers)
-        played = weights[:, first:] * self._strength
-        played[:, EMOTIONS.index("neutral")] += weights[:, first:].sum(1) - played.sum(1)
-        return np.concatenate([weights[:, :first], played], 1)[None]
+        emotions = weights[:, first:] * self._strength
+        emotions[:, EMOTIONS.index("neutral")] += weights[:, first:].sum(1) - emotions.sum(1)
+        return np.concatenate([weights[:, :first], emotions], 1)[None]
 
     def scales(self, at: Array) -> tuple[Array, Array, Array]:
         """See `StyleTrack`."""
         shares = self._weights(at)[:, : len(self._system.speakers)]
-        mean, made, gain = np.split(add_weighted_rows(shares, self._tables).astype(np.float32), 3, axis=1)
-        return mean, made, gain
+        mean, model_mean, gain = np.split(add_weighted_rows(shares, self._tables).astype(np.float32), 3, axis=1)
+        return mean, model_mean, gain
 
     def restyle(self, mixture: StyleMixture, frame: int) -> None:
         """See `StyleTrack`."""
-        self._asked.change(self._space.mix(mixture).code[None, None], frame)
+        self._mixture.change(self._space.mix(mixture).code[None, None], frame)
 
     def set_emotion(self, moods: Moods | None, time: float) -> None:
         """Other emotions from ``time`` seconds on."""
@@ -153,15 +153,15 @@ class SpokenStyleTrack:
 
     def forget(self, before: int) -> None:
         """See `StyleTrack`."""
-        self._asked.forget(before - MOST_LAG)
-        self._tracker.forget(before - round(KEPT * self._system.fps))
+        self._mixture.forget(before - MOST_LAG)
+        self._tracker.forget(before - round(MEMORY * self._system.fps))
 
     def _weights(self, frames: Array) -> Array:
         """(n, S + 8) of these frames."""
-        speakers, heard = len(self._system.speakers), self._tracker.shares(frames)
-        asked = np.broadcast_to(self._asked.mix(lambda shares: shares, frames)[0], (len(frames), speakers))
-        left = np.maximum(1 - asked.sum(1, keepdims=True), 0)
-        return np.concatenate([asked + left * heard[:, :speakers], heard[:, speakers:]], 1)
+        speakers, voice = len(self._system.speakers), self._tracker.shares(frames)
+        mixture = np.broadcast_to(self._mixture.mix(lambda shares: shares, frames)[0], (len(frames), speakers))
+        rest = np.maximum(1 - mixture.sum(1, keepdims=True), 0)
+        return np.concatenate([mixture + rest * voice[:, :speakers], voice[:, speakers:]], 1)
 
 
 def _calibration(style: StyleEmbedding, live: bool) -> tuple[Array, Array]:
@@ -173,9 +173,9 @@ def _calibration(style: StyleEmbedding, live: bool) -> tuple[Array, Array]:
 
 
 def _beside(system: System, seeds: Sequence[int]) -> Array:
-    """(N, C) how far takes lie beside a style."""
+    """(N, C) offsets of the takes' codes from that of a style."""
     codes = system.statistics.style_codes
     if system.style_space != "code" or system.draws or system.main_network.signature.width("noise"):
         return np.zeros((len(seeds), codes.shape[1]), np.float32)
-    drawn = [np.random.default_rng([seed, 4]).standard_normal(codes.shape[1]) * codes.std(0) for seed in seeds]
-    return np.array(drawn, np.float32).reshape(len(seeds), codes.shape[1])
+    offsets = [np.random.default_rng([seed, 4]).standard_normal(codes.shape[1]) * codes.std(0) for seed in seeds]
+    return np.array(offsets, np.float32).reshape(len(seeds), codes.shape[1])

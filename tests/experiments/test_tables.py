@@ -708,7 +708,7 @@ def test_systems_of_windows_make_the_frames_that_flows_make(table_runs):
     assert np.array_equal(one, other)  # it has no noise
     cut = table_runs.player("trimodal_ted", 0)
     speakers = [excerpts.speakers()[k] for k in chosen]
-    longer = generate_rows(cut, excerpts.inputs, excerpts.starts[:3], 75, speakers, given=4, seed=0)
+    longer = generate_rows(cut, excerpts.inputs, excerpts.starts[:3], 75, speakers, seed_frames=4, seed=0)
     assert longer.shape == (3, 75, 27)
     np.testing.assert_allclose(longer[:, :30], generate_windows(cut, excerpts, seed=0, which=chosen), atol=1e-5)
 

@@ -408,7 +408,7 @@ def test_a_stopped_table_says_how_it_goes_on(table_runs, tmp_path, monkeypatch):
     saving = replace(table_runs, runs=tmp_path, overrides=(*table_runs.overrides, "train.save_every=1"), tell=heard.append)
 
     def stop(_: object, run: object, end: bool) -> None:
-        if run.done == 2:
+        if run.steps_done == 2:
             signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr("cospeech.training.train._Rows.step", stop)

@@ -51,7 +51,7 @@ def measure(player: PlayableRun, store: Store) -> float:
     best = np.inf
     for _ in range(RUNS + 1):
         began = time.process_time()
-        generate_rows(player, inputs, start, frames, [speaker], given=GIVEN, seed=0)
+        generate_rows(player, inputs, start, frames, [speaker], seed_frames=GIVEN, seed=0)
         best = min(best, time.process_time() - began)
     return best / SECONDS
 

@@ -64,7 +64,7 @@ def main() -> None:
         for name in sorted({name for mixing in mixings for name in mixing.pair} & {*recorded}):
             values = (f"{getattr(recorded[name], m) * factor:.3g} {text}" for m, (text, factor) in MEASURES.items())
             print(f"{name}'s recordings: {'; '.join(values)}")
-    picture = draw_mixing(mixings, title=chosen.title, recorded=recorded)
+    picture = draw_mixing(mixings, title=chosen.title, recordings=recorded)
     with atomic(chosen.out) as temporary:
         Image.fromarray(picture).save(temporary, "PNG", optimize=True)
     print(f"\nwrote {chosen.out}")

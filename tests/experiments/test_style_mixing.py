@@ -117,7 +117,7 @@ def test_pictures_show_curves_and_heat_maps():
     assert both.shape[0] > 1.8 * picture.shape[0]
     assert both.shape[1:] == picture.shape[1:]
     own = Attributes(rate=60, amplitude=0.3, right_share=1.0, orientation=0, seated=0)
-    marked = draw_mixing([mixing], title="swinging", recorded={"slow": own, "quick": replace(own, right_share=0)})
+    marked = draw_mixing([mixing], title="swinging", recordings={"slow": own, "quick": replace(own, right_share=0)})
     assert (marked != picture).any()
     with pytest.raises(InputError):
         draw_mixing([], title="nothing")

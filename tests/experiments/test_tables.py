@@ -408,7 +408,7 @@ def test_a_stopped_table_says_how_it_goes_on(table_runs, tmp_path, monkeypatch):
     saving = replace(table_runs, runs=tmp_path, overrides=(*table_runs.overrides, "train.save_every=1"), tell=heard.append)
 
     def stop(_: object, run: object, end: bool) -> None:
-        if run.done == 2:
+        if run.steps_done == 2:
             signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr("cospeech.training.train._Rows.step", stop)
@@ -696,7 +696,7 @@ def test_systems_of_windows_make_the_frames_that_flows_make(table_runs):
     assert np.array_equal(one, other)  # it has no noise
     cut = table_runs.player("trimodal_ted", 0)
     speakers = [excerpts.speakers()[k] for k in chosen]
-    longer = generate_rows(cut, excerpts.inputs, excerpts.starts[:3], 75, speakers, given=4, seed=0)
+    longer = generate_rows(cut, excerpts.inputs, excerpts.starts[:3], 75, speakers, seed_frames=4, seed=0)
     assert longer.shape == (3, 75, 27)
     np.testing.assert_allclose(longer[:, :30], generate_windows(cut, excerpts, seed=0, which=chosen), atol=1e-5)
 

@@ -16,9 +16,9 @@ from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import InputError
 from cospeech.experiments.figures.lines import Lines, Series, draw_lines
 from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, to_text
-from cospeech.experiments.tables.cog import BA, CAMN, CHAIN, COG, FGD, FOUR, JOINED, LABELS, SRGR
+from cospeech.experiments.tables.cog import BA, CAMN, CHAIN, COG, CONCATENATION, FGD, FOUR, LABELS, SRGR
 from cospeech.experiments.tables.cog_bench import cost_cells, generate_clips
-from cospeech.experiments.tables.cog_windows import FRAMES, GIVEN, CogWindows
+from cospeech.experiments.tables.cog_windows import FRAMES, SEED_FRAMES, CogWindows
 from cospeech.experiments.tables.paper_tables import COSTS
 from cospeech.experiments.tables.runs import FEATURES, small_scale
 from cospeech.metrics.controls import CONTROLS
@@ -162,11 +162,11 @@ def test_weights_are_those_of_the_row():
 
 def test_one_network_serves_all_conditions_of_figure_1():
     rows = COG["cog-figure-1"].parts[0].rows
-    for system in (CHAIN, CAMN, JOINED):
+    for system in (CHAIN, CAMN, CONCATENATION):
         own = [row for row in rows if row.name.startswith(f"{system}:")]
         assert len({(row.recipe, row.overrides) for row in own}) == 1
         assert [row.lacks for row in own] == [(), *((name,) for name in FOUR), FOUR]
-    joined = config_of(next(row for row in rows if row.name.startswith(JOINED)))
+    joined = config_of(next(row for row in rows if row.name.startswith(CONCATENATION)))
     assert joined.emotion > 0
     assert joined.face > 0
     assert {claim.metric for claim in COG["cog-figure-1"].parts[0].claims} == {*COSTS}
@@ -177,7 +177,7 @@ def test_one_network_serves_all_conditions_of_figure_1():
 
 def test_clips_that_lack_something_or_are_short_are_left_out(data):
     assert [entry.name for entry in data.entries] == ["ann-test", "bob-test"]
-    np.testing.assert_array_equal(data.frames, [GIVEN + 30 * ((frames - GIVEN) // 30) for frames in (130, 170)])
+    np.testing.assert_array_equal(data.frames, [SEED_FRAMES + 30 * ((frames - SEED_FRAMES) // 30) for frames in (130, 170)])
     assert len(data) == 4 + 5
 
 
@@ -188,7 +188,7 @@ def test_windows_put_together_are_the_clip(data):
         for entry, joined, frames in zip(data.entries, data.join_windows(windows, array), data.frames, strict=True):
             np.testing.assert_array_equal(joined, rows[entry.offset : entry.offset + frames])
         spoilt = windows.copy()
-        spoilt[:, :GIVEN] = np.nan  # what was given to a window is never taken from it
+        spoilt[:, :SEED_FRAMES] = np.nan  # what was given to a window is never taken from it
         for a, b in zip(data.join_windows(spoilt, array), data.join_windows(windows, array), strict=True):
             np.testing.assert_array_equal(a, b)
 
@@ -199,7 +199,7 @@ def test_recordings_are_perfect(data):
     for made, true in zip(data.samples(poses, faces), data.truth, strict=True):
         np.testing.assert_allclose(made.rotations, true.rotations, atol=1e-6)
         np.testing.assert_allclose(made.face, true.face)
-        assert (made.condition, made.seed_frames) == (true.condition, GIVEN)
+        assert (made.condition, made.seed_frames) == (true.condition, SEED_FRAMES)
         assert len(made.names) == 48  # the root, and the 47 that move
         assert made.semantics.max() == pytest.approx(0.6)
 
@@ -315,7 +315,7 @@ def test_figure_1_trains_three_networks_and_plays_them_under_six_conditions(tabl
     table = make_table("cog-figure-1", replace(table_runs, runs=tmp_path, tell=heard.append), seeds=(0,), tell=quiet)
     ends = [sum(f"step {k} of {k}" in text for text in heard) for k in (3, 4)]
     assert ends == [2 + 1, 1]  # the network of FGD too; the classifier of CoG has a step of its own
-    for system in (CHAIN, CAMN, JOINED):
+    for system in (CHAIN, CAMN, CONCATENATION):
         whole = table["rows"][f"{system}: all"]["cells"]
         assert whole["fgd_cost"]["mean"] == whole["srgr_cost"]["mean"] == 0
         without = table["rows"][f"{system}: −all four"]["cells"]

@@ -194,7 +194,7 @@ def test_a_store_of_other_speakers_is_told_who_is_missing():
 def test_smaller_sets_are_within_larger_ones():
     for speaker_set in (THEIRS, OURS):
         assert len(speaker_set.eight) == len(set(speaker_set.eight)) == 8
-        assert {*speaker_set.ablated} <= {*speaker_set.eight}
+        assert {*speaker_set.ablation} <= {*speaker_set.eight}
     rows = {row.name: row for row in MIX["mix-1"].parts[1].rows}
     assert rows["Mix-StAGE, 2 speakers"].runs == (("ada", "dan"),)
     assert rows["S2G, 2 speakers"].runs == (("ada",), ("dan",))

@@ -1,3 +1,3 @@
-"""Experiments: tables and figures of the papers, and mixtures of styles. Nothing else imports this package."""
+"""Experiments: tables and figures of the papers, and mixtures of styles. Only the command line imports this package."""
 
 __all__: list[str] = []

@@ -1,4 +1,4 @@
-"""Linear discriminants with a shrunk covariance (Friedman 1989): whose rows these are."""
+"""Linear discriminants with a shrunk covariance (Friedman 1989): they name the class of rows."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from ..motion.rotations import Array
 
 __all__ = ["LinearDiscriminants"]
 
-SHRINK = 0.3  # [ours] share of the covariance that is taken from its mean variance
-_TINY = 1e-6  # [ours] a deviation that can be divided by
+SHRINK = 0.3  # [ours] share of the mean variance in the covariance
+_TINY = 1e-6  # [ours] added to deviations, so that none is 0
 
 
 class LinearDiscriminants:
-    """Learns from labelled rows.
+    """A classifier that learns from labelled rows.
 
     Args:
         rows: (N, F) features.
         labels: (N,) 0 … classes − 1, each at least once.
-        classes: how many.
+        classes: number of classes.
     """
 
     def __init__(self, rows: Array, labels: Array, classes: int) -> None:

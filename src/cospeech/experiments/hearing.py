@@ -1,10 +1,11 @@
-"""Hearing gain: by how much a trained network explains motion better with the speech that goes with it than with another's.
+"""Hearing gain: by how much a trained network explains motion better with its own speech than with that of another window.
 
     gain = loss of held-out windows with the speech of another window − their loss with their own speech
 
-Of a flow the loss is the negative log-likelihood, and the gain is exact, in its unit per frame. Of other networks each term of
-the loss has a gain. It needs no sampling. A network that does not hear has a gain of 0. `measure_hearing` takes a run as it is;
-`measure_likelihood` gives the log-likelihoods of a flow frame by frame, of windows that the caller chooses (tables do).
+The loss of a flow is the negative log-likelihood: its gain is exact, in the unit of the loss per frame. For other networks,
+each term of the loss has a gain. No sampling is needed. A network that does not use the speech has a gain of 0.
+`measure_hearing` measures a run. `measure_likelihood` returns the log-likelihoods of a flow frame by frame, for windows that
+the caller chooses (tables do).
 """
 
 from __future__ import annotations
@@ -23,21 +24,21 @@ from ..errors import CospeechWarning, InputError
 from ..metrics._scipy import scipy
 from ..motion.rotations import Array
 
-__all__ = ["HEARD", "FrameLikelihoods", "Hearing", "describe_hearing", "measure_hearing", "measure_likelihood"]
+__all__ = ["SPEECH_ARRAYS", "FrameLikelihoods", "Hearing", "describe_hearing", "measure_hearing", "measure_likelihood"]
 
-HEARD = ("audio", "text", "waveform")
-"""Arrays that are speech: another window's are put in their place. Faces, emotions and speakers stay."""
+SPEECH_ARRAYS = ("audio", "text", "waveform")
+"""Arrays that are speech: those of another window replace them. Faces, emotions and speakers stay."""
 BATCHES, ROWS = 16, 32  # ours: 512 windows; the error of a gain is then some 5 % of the deviation over batches
-EQUAL = 1e-9  # of a term: it has nothing to do with the speech
+EQUAL = 1e-9  # of a term: if no loss differs by more, the term does not depend on the speech
 
 
 class Hearing(NamedTuple):
-    """A term of the loss, of held-out windows.
+    """Hearing gain by one term of the loss, on held-out windows.
 
     Args:
         term: ``OBJECTIVE.TERM``, or a figure that the network measures itself.
-        own, other: with the own speech, and with that of another window.
-        gain: other less own.
+        own, other: the loss with the own speech, and with that of another window.
+        gain: other − own.
         half: half of its 95 % interval over batches.
     """
 
@@ -49,7 +50,7 @@ class Hearing(NamedTuple):
 
 
 class FrameLikelihoods(NamedTuple):
-    """(N, F) exact log-likelihoods of frames, in nats, of standardised poses: with the own speech, and with that of another."""
+    """(N, F) exact log-likelihoods of frames, in nats, of standardised poses: with own speech, and with another window's."""
 
     own: Array
     other: Array
@@ -61,18 +62,18 @@ def measure_likelihood(net: Any, arrays: Mapping[str, Array], order: Array) -> F
     Args:
         net: a network with ``log_prob``.
         arrays: name → (N, τ + F + l, …), as the network takes them.
-        order: (N,) the window whose speech is put in the place of each one's own.
+        order: (N,) number of the window whose speech replaces the own one.
     """
     from .playing import frame_likelihoods
 
-    taken = {name: arrays[name] for name in net.arrays}
-    swapped = _hear_another(taken, [name for name in HEARD if name in taken], order)
-    return FrameLikelihoods(frame_likelihoods(net, taken), frame_likelihoods(net, swapped))
+    own = {name: arrays[name] for name in net.arrays}
+    mismatch = _hear_another(own, [name for name in SPEECH_ARRAYS if name in own], order)
+    return FrameLikelihoods(frame_likelihoods(net, own), frame_likelihoods(net, mismatch))
 
 
-def _hear_another(arrays: Mapping[str, Any], heard: Sequence[str], order: Array) -> dict[str, Any]:
+def _hear_another(arrays: Mapping[str, Any], names: Sequence[str], order: Array) -> dict[str, Any]:
     """The same windows, each with the speech of another."""
-    return {**arrays} | {name: arrays[name][order] for name in heard}
+    return {**arrays} | {name: arrays[name][order] for name in names}
 
 
 def measure_hearing(
@@ -98,30 +99,30 @@ def measure_hearing(
     if batches < 2 or rows < 2:
         raise InputError(f"{batches} batches of {rows} windows", "two of each at least")
     net, facts = load_run(folder)
-    heard = [name for name in HEARD if name in net.arrays]
-    if not heard:
-        raise InputError(f"{str(Path(folder).name)!r} takes no speech", f"a network with {' or '.join(HEARD)}")
-    opened = Store(store)
+    speech = [name for name in SPEECH_ARRAYS if name in net.arrays]
+    if not speech:
+        raise InputError(f"{str(Path(folder).name)!r} takes no speech", f"a network with {' or '.join(SPEECH_ARRAYS)}")
+    data = Store(store)
     own_speakers = facts["store"]["speakers"]
-    if list(opened.speakers) != list(own_speakers):
-        theirs, ours = (", ".join(names[:8]) + (" …" if len(names) > 8 else "") for names in (own_speakers, opened.speakers))
+    if list(data.speakers) != list(own_speakers):
+        theirs, ours = (", ".join(names[:8]) + (" …" if len(names) > 8 else "") for names in (own_speakers, data.speakers))
         text = f"{Path(folder).name!r} was trained with the speakers {theirs}; this store has {ours}: the figures say little"
         warnings.warn(text, CospeechWarning, stacklevel=2)
     recipe = read_recipe(facts["recipe"])
     recipe = replace(recipe, data=replace(recipe.data, validation=0.0)) if split == "test" else recipe
-    feed = open_set(recipe, opened, torch.device("cpu")).feed(net, split, False)
+    feed = open_set(recipe, data, torch.device("cpu")).feed(net, split, False)
     own, other = [], []
     with torch.no_grad():
         for k in range(batches):
             arrays = {name: torch.from_numpy(array) for name, array in feed.at(rows, 0, k).items()}
-            swapped = _hear_another(arrays, heard, np.roll(np.arange(rows), rows // 2))
+            mismatch = _hear_another(arrays, speech, np.roll(np.arange(rows), rows // 2))
             own.append(_losses(net, arrays, k))
-            other.append(_losses(net, swapped, k))
-    return [found for term in own[0] if (found := _gain(term, own, other)) is not None]
+            other.append(_losses(net, mismatch, k))
+    return [hearing for term in own[0] if (hearing := _gain(term, own, other)) is not None]
 
 
 def _losses(net: Any, arrays: Mapping[str, Any], step: int) -> dict[str, float]:
-    """What a network measures of a batch itself, or all terms of its losses; the same random numbers for the same step."""
+    """The network's own measures of a batch, or else all terms of its losses; the same step draws the same random numbers."""
     from ..models.nn.objective import Batch, StepRandom
 
     batch = Batch(arrays, StepRandom(0, step))
@@ -143,10 +144,10 @@ def _gain(term: str, own: list[dict[str, float]], other: list[dict[str, float]])
     return Hearing(term, float(pairs[:, 0].mean()), float(pairs[:, 1].mean()), float(gains.mean()), half)
 
 
-def describe_hearing(found: Mapping[str, list[Hearing]]) -> str:
-    """As text: a line for each run and term."""
+def describe_hearing(runs: Mapping[str, list[Hearing]]) -> str:
+    """Hearing gains as text: a line for each run and term."""
     lines = [["run", "loss", "own speech", "another's", "gain", "± 95 %", "share of the loss"]]
-    for name, terms in found.items():
+    for name, terms in runs.items():
         for each in terms:
             share = f"{each.gain / abs(each.own):+.1%}" if each.own else "–"
             figures = [f"{each.own:.4g}", f"{each.other:.4g}", f"{each.gain:+.3g}", f"{each.half:.2g}", share]
@@ -154,8 +155,8 @@ def describe_hearing(found: Mapping[str, list[Hearing]]) -> str:
         if not terms:
             lines.append([name, "no loss depends on the speech", *[""] * 5])
     sizes = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    padded = [
+    rows = [
         [cell.ljust(size) if k < 2 else cell.rjust(size) for k, (cell, size) in enumerate(zip(line, sizes, strict=True))]
         for line in lines
     ]
-    return "\n".join("  ".join(line).rstrip() for line in padded)
+    return "\n".join("  ".join(line).rstrip() for line in rows)

@@ -1,6 +1,6 @@
-"""Playing: trained networks driven in batches of windows, frame by frame or whole windows at once: arrays in, arrays out.
+"""Playing: trained networks generate batches of windows, frame by frame or whole windows at once: arrays in, arrays out.
 
-For tables and figures, where hundreds of windows are wanted at once; what generates for users is `cospeech.runtime`.
+Tables and figures use it, because they need hundreds of windows at once. For users, `cospeech.runtime` generates.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ __all__ = ["codes", "context_of", "frame_likelihoods", "perform", "play", "play_
 
 BATCH = 512  # windows at a time; ours
 LABELS = ("face", "emotion", "speaker")
-"""What a Chain of Generation makes of the speech itself unless it is given."""
+"""What a Chain of Generation estimates from the speech where it is not given."""
 
 
 @contextmanager
 def threads(count: int) -> Iterator[None]:
-    """PyTorch with so many threads on the CPU; 0: as many as it likes."""
+    """Within it, PyTorch uses ``count`` threads on the CPU; 0: as many as it likes."""
     before = torch.get_num_threads()
     torch.set_num_threads(count or before)
     try:
@@ -37,10 +37,10 @@ def threads(count: int) -> Iterator[None]:
 
 
 def context_of(net: nn.Module) -> tuple[int, int]:
-    """(τ, l): poses before a frame, and frames of speech after it, that a network wants.
+    """(τ, l): how many poses before a frame, and how many frames of speech after it, a network needs.
 
     Raises:
-        InputError: it is no network that makes poses frame by frame.
+        InputError: the network does not make poses frame by frame.
     """
     config: Any = getattr(net, "config", None)
     try:
@@ -59,7 +59,7 @@ def _numbers(x: Array, device: torch.device) -> Tensor:
 
 
 def perform(net: Any, history: Array, audio: Array, *, seed: int) -> Array:
-    """Poses that follow given ones, from latents drawn at random.
+    """Generate poses that follow given ones, from random latents.
 
     Args:
         net: with ``sample`` and ``flow.latent``, such as `cospeech.models.stylised_flow.StylisedFlow`.
@@ -71,7 +71,7 @@ def perform(net: Any, history: Array, audio: Array, *, seed: int) -> Array:
         (B, F, D) float32, standardised.
 
     Raises:
-        InputError: no frame is left to make, or what comes out is not finite.
+        InputError: no frame is left to make, or the poses are not finite.
     """
     tau, ahead = context_of(net)
     frames = audio.shape[1] - tau - ahead
@@ -85,8 +85,8 @@ def perform(net: Any, history: Array, audio: Array, *, seed: int) -> Array:
     latents = latents * float(getattr(net.config, "latent_scale", 1.0))
     parts = [slice(k, k + BATCH) for k in range(0, len(history), BATCH)]
     with torch.no_grad():
-        made = [net.sample(latents[p].to(device), _tensor(history[p], device), _tensor(audio[p], device)) for p in parts]
-    poses = torch.cat(made).cpu().numpy()
+        batches = [net.sample(latents[p].to(device), _tensor(history[p], device), _tensor(audio[p], device)) for p in parts]
+    poses = torch.cat(batches).cpu().numpy()
     if not np.isfinite(poses).all():
         raise InputError(f"{type(net).__name__} makes poses that are not finite", "train it longer, or at a lower rate")
     return poses
@@ -106,10 +106,10 @@ def codes(net: Any, pose: Array, audio: Array) -> Array:
     device = next(net.parameters()).device
     parts = [slice(k, k + BATCH) for k in range(0, len(pose), BATCH)]
     with torch.no_grad():
-        found = torch.cat([net.latents(_tensor(pose[p], device), _tensor(audio[p], device)).cpu() for p in parts]).numpy()
-    if not np.isfinite(found).all():
+        latents = torch.cat([net.latents(_tensor(pose[p], device), _tensor(audio[p], device)).cpu() for p in parts]).numpy()
+    if not np.isfinite(latents).all():
         raise InputError(f"{type(net).__name__} has latents that are not finite", "train it longer, or at a lower rate")
-    return found
+    return latents
 
 
 def frame_likelihoods(net: Any, arrays: Mapping[str, Array]) -> Array:
@@ -117,7 +117,7 @@ def frame_likelihoods(net: Any, arrays: Mapping[str, Array]) -> Array:
 
     Args:
         net: with ``log_prob``.
-        arrays: what it takes by name: ``pose`` and ``audio`` (B, τ + F + l, …), standardised.
+        arrays: its inputs by name: ``pose`` and ``audio`` (B, τ + F + l, …), standardised.
 
     Raises:
         InputError: a likelihood is not finite.
@@ -125,11 +125,11 @@ def frame_likelihoods(net: Any, arrays: Mapping[str, Array]) -> Array:
     device = next(net.parameters()).device
     parts = [slice(k, k + BATCH) for k in range(0, len(arrays["pose"]), BATCH)]
     with torch.no_grad():
-        told = [net.log_prob(**{name: _tensor(array[p], device) for name, array in arrays.items()}).cpu() for p in parts]
-    found = torch.cat(told).double().numpy()
-    if not np.isfinite(found).all():
+        batches = [net.log_prob(**{name: _tensor(array[p], device) for name, array in arrays.items()}).cpu() for p in parts]
+    likelihoods = torch.cat(batches).double().numpy()
+    if not np.isfinite(likelihoods).all():
         raise InputError(f"{type(net).__name__} has likelihoods that are not finite", "train it longer, or at a lower rate")
-    return found
+    return likelihoods
 
 
 # whole windows at once ----------------------------------------------------------------------------------------------------
@@ -149,21 +149,21 @@ def play(net: nn.Module, audio: Array, style: Array) -> Array:
     Args:
         net: a `cospeech.models.nn.windowed.Windowed`.
         audio: (B, T, A), standardised.
-        style: (styles,) of all of them, or (B, styles).
+        style: (styles,) of all windows, or (B, styles).
 
     Returns:
         (B, T, D) float32, standardised.
 
     Raises:
-        InputError: another network, or what comes out is not finite.
+        InputError: another network, or the poses are not finite.
     """
     net = _as_window_network(net)
     device = next(net.parameters()).device
     styles = np.array(np.broadcast_to(style, (len(audio), style.shape[-1])))[:, None]
     parts = [slice(k, k + BATCH) for k in range(0, len(audio), BATCH)]
     with torch.no_grad():
-        made = [net.generate(_tensor(audio[p], device), _tensor(styles[p], device)).cpu() for p in parts]
-    poses = torch.cat(made).numpy()
+        batches = [net.generate(_tensor(audio[p], device), _tensor(styles[p], device)).cpu() for p in parts]
+    poses = torch.cat(batches).numpy()
     if not np.isfinite(poses).all():
         raise InputError(f"{type(net).__name__} makes poses that are not finite", "train it longer, or at a lower rate")
     return poses
@@ -172,41 +172,41 @@ def play(net: nn.Module, audio: Array, style: Array) -> Array:
 def play_inputs(
     net: nn.Module, arrays: Mapping[str, Array], lacks: Collection[str] = (), noise: Array | None = None
 ) -> dict[str, Array]:
-    """Windows of all inputs that there are, but for what is lacking.
+    """Play windows with all inputs that there are, except those in ``lacks``.
 
     Args:
-        net: with ``play``: a Chain of Generation, which then makes it of the speech, or a network of many inputs.
+        net: with ``play``: a network of many inputs, or a Chain of Generation, which estimates missing ones from the speech.
         arrays: of a batch: poses and audio standardised, numbers as int64, ``speaker`` (B,).
-        lacks: of text, face, emotion, speaker and seed.
-        noise: (B, 1 or T, modes) of a network whose takes differ by noise; None: it is 0.
+        lacks: some of text, face, emotion, speaker and seed.
+        noise: (B, 1 or T, modes) for a network whose takes differ by noise; None: 0.
 
     Returns:
-        ``pose`` (B, T, D), standardised, and, where it makes one, ``face`` (B, T, 52).
+        ``pose`` (B, T, D), standardised, and, where the network makes one, ``face`` (B, T, 52).
 
     Raises:
-        InputError: another network, or what comes out is not finite.
+        InputError: another network, or the output is not finite.
     """
-    asked: Any = getattr(net, "play", None)
-    if asked is None:
+    player: Any = getattr(net, "play", None)
+    if player is None:
         raise InputError(
             f"{type(net).__name__} does not generate from many inputs", "Chain of Generation, CaMN and multi-context do"
         )
-    told: dict[str, Any] = (
+    options: dict[str, Any] = (
         {"given": [name for name in LABELS if name not in lacks]} if isinstance(net, ChainOfGeneration) else {}
     )
     device, count, parts = next(net.parameters()).device, len(arrays["pose"]), []
     for k in range(0, count, BATCH):
         some = {name: _numbers(array[k : k + BATCH], device) for name, array in arrays.items()}
-        drawn = {} if noise is None else {"noise": _tensor(noise[k : k + BATCH], device)}
-        parts.append({name: made.cpu().numpy() for name, made in asked(some, lacks, **told, **drawn).items()})
-    found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    if not all(np.isfinite(made).all() for made in found.values()):
+        draws = {} if noise is None else {"noise": _tensor(noise[k : k + BATCH], device)}
+        parts.append({name: output.cpu().numpy() for name, output in player(some, lacks, **options, **draws).items()})
+    outputs = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    if not all(np.isfinite(output).all() for output in outputs.values()):
         raise InputError(f"{type(net).__name__} makes poses that are not finite", "train it longer, or at a lower rate")
-    return found
+    return outputs
 
 
 def styles_of(net: nn.Module, stretches: Array) -> Array:
-    """(S, n, T, D) standardised poses of the speakers → (S, styles), what `play` takes for each.
+    """(S, n, T, D) standardised poses of the speakers → (S, styles), the style that `play` takes for each speaker.
 
     Raises:
         InputError: another network.
@@ -217,7 +217,7 @@ def styles_of(net: nn.Module, stretches: Array) -> Array:
 
 
 def recognise(net: Any, poses: Array) -> Array:
-    """(B, T, D) standardised poses → (B, S) how probably they are each speaker's.
+    """(B, T, D) standardised poses → (B, S) probability of each speaker.
 
     Args:
         net: with ``probabilities``, such as `cospeech.models.speaker_classifier.SpeakerClassifier`.

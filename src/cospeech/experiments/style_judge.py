@@ -1,15 +1,15 @@
-"""Whose style a motion has: a judge that sees neither mean pose nor amplitude, which bundling sets for each style.
+"""A judge that names the style of a motion. It sees neither mean pose nor amplitude, which bundling sets for each style.
 
-Every number of a pose is standardised within each window by its own mean and deviation. What is left, and what the judge sees
-of six parts of the body:
+Each number of a pose is standardised within each window by its own mean and deviation. Of six parts of the body, the judge
+then sees:
 
-* the shares of five bands of frequency in the velocity;
+* the shares of five frequency bands in the velocity;
 * how the speeds of the parts correlate, and how the two arms mirror each other;
 * how long a part rests, and how uneven its speed is;
-* which arm does more, as the ratio of both arms' deviations. Bundling bears on this one, because its gains scale each number
-  of a pose; so it can be left out.
+* which arm moves more, as the ratio of the deviations of both arms. Bundling can change this ratio, because its gains scale
+  each number of a pose; so it can be left out.
 
-Linear discriminants with a shrunk covariance name the style; the windows of a motion vote, but for its first two seconds.
+Linear discriminants with a shrunk covariance name the style. All windows of a motion vote, except for its first two seconds.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ __all__ = ["StyleJudge", "describe_manner"]
 FPS, WINDOW, STEP, WARM = 15, 8.0, 2.0, 2.0  # frames a second; s; [ours]: some phrases of speech
 BANDS = (0.0, 0.3, 0.6, 1.2, 2.4, 7.5)  # Hz; [ours]: octaves about the rate of strokes
 STILL = 1e-4  # rad; [ours]: a number that varies by less is still
-_RESTING = 0.3  # of the mean speed; [ours]: a part that is slower rests
+_RESTING = 0.3  # of the mean speed; [ours]: a part that is slower is at rest
 _ARM, _HAND = ("Shoulder", "UpperArm", "LowerArm"), ("Hand", "Grip")
 _PARTS = {"trunk": ("hips", "spine", "chest", "upperChest"), "head": ("neck", "head")} | {
     f"{side} {part}": tuple(side + bone for bone in bones)
@@ -41,51 +41,51 @@ _LEFT, _RIGHT = (list(_PARTS).index(f"{side} arm") for side in ("left", "right")
 
 
 def describe_manner(window: Array, columns: list[Array], *, arms: bool = True) -> Array:
-    """What the judge sees of a window.
+    """The features of a window that the judge sees.
 
     Args:
         window: (F, D) poses.
-        columns: numbers of each part of the body: trunk, head, left arm, left hand, right arm, right hand.
-        arms: whether the ratio of the arms' deviations is seen.
+        columns: columns of each part of the body: trunk, head, left arm, left hand, right arm, right hand.
+        arms: whether the ratio of the arms' deviations is among the features.
     """
     spread = window.std(0)
     blind = np.where(spread > STILL, (window - window.mean(0)) / np.maximum(spread, STILL), 0.0)
     power = np.square(np.abs(np.fft.rfft(np.diff(blind, axis=0), axis=0)))
     hertz = np.fft.rfftfreq(len(window) - 1, 1 / FPS)
     bands = np.stack([power[(hertz >= low) & (hertz < high)].sum(0) for low, high in pairwise(BANDS)])
-    found, speeds = list[Array](), list[Array]()
+    features, speeds = list[Array](), list[Array]()
     for own in columns:
         shares = bands[:, own].sum(1)
-        found.append(np.log(shares / max(shares.sum(), 1e-9) + 0.01))
+        features.append(np.log(shares / max(shares.sum(), 1e-9) + 0.01))
         speed = np.sqrt(np.square(np.diff(blind[:, own], axis=0)).mean(1))
         speeds.append(speed)
         mean = max(float(speed.mean()), 1e-9)
-        found.append(np.array([(speed < _RESTING * mean).mean(), np.log(speed.std() / mean + 0.05)]))
+        features.append(np.array([(speed < _RESTING * mean).mean(), np.log(speed.std() / mean + 0.05)]))
     together = np.corrcoef(np.stack(speeds) + 1e-9 * np.arange(len(speeds[0])))
-    found.append(together[np.triu_indices(len(speeds), 1)])
+    features.append(together[np.triu_indices(len(speeds), 1)])
     left, right = columns[_LEFT], columns[_RIGHT]
-    found.append((blind[:, left] * blind[:, right]).mean(0))
+    features.append((blind[:, left] * blind[:, right]).mean(0))
     if arms:
-        found.append(np.log([(spread[left].mean() + 0.01) / (spread[right].mean() + 0.01)]))
-    return np.concatenate(found)
+        features.append(np.log([(spread[left].mean() + 0.01) / (spread[right].mean() + 0.01)]))
+    return np.concatenate(features)
 
 
 class StyleJudge:
     """Names the style of a motion.
 
     Args:
-        performed: number of a style, from 0 on without gaps, and a motion in it, to learn from.
+        performances: to learn from: the number of a style (from 0 on, without gaps), and a motion in it.
         arms: of `describe_manner`.
 
     Raises:
         InputError: there are fewer than two styles, or a motion is too short.
     """
 
-    def __init__(self, performed: Iterable[tuple[int, Motion]], *, arms: bool = True) -> None:
+    def __init__(self, performances: Iterable[tuple[int, Motion]], *, arms: bool = True) -> None:
         self._pose, self._arms = find_pose("expmap-humanoid"), arms
         bones = np.array([name.split(".")[0] for name in self._pose.names])
         self._columns = [np.flatnonzero(np.isin(bones, parts)) for parts in _PARTS.values()]
-        pairs = [(style, self._windows(motion)) for style, motion in performed]
+        pairs = [(style, self._windows(motion)) for style, motion in performances]
         styles = {style for style, _ in pairs}
         if len(styles) < 2 or styles != {*range(len(styles))}:
             raise InputError(f"a judge of the styles {sorted(styles)}", "two at least, numbered from 0 on")

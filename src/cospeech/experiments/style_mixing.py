@@ -1,7 +1,7 @@
 """Mixtures of two styles, measured: do they lie between their parents? Mix-StAGE, supplement B, "Exploring Style Control".
 
-A system plays the same speeches with weights 1 − w and w of two styles; of what it plays gesture rate, amplitude and
-handedness are measured. They should move from one parent's value to the other's as w does, without falling back.
+A system plays the same speeches with weights 1 − w and w of two styles, the parents. Gesture rate, amplitude and handedness are
+measured. As w grows, they should move from the value of one parent to that of the other, without moving back.
 """
 
 from __future__ import annotations
@@ -27,29 +27,29 @@ from .figures.heat import FIGURES, Pictures, draw_heat, frame_of
 __all__ = ["MEASURES", "TOLERANCE", "WEIGHTS", "Mixing", "draw_mixing", "fall_back", "measure_mixing"]
 
 WEIGHTS = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Of the second style; ours: the paper looks at a half alone."""
+"""Weights of the second style; ours: the paper uses a half alone."""
 MEASURES: Mapping[str, tuple[str, float]] = {
     "rate": ("gestures per minute", 1.0),
     "amplitude": ("amplitude, shoulder widths", 1.0),
     "right_share": ("share of the right hand, %", 100.0),
 }
-"""Field of `Attributes` → what it is called in pictures, and the factor that it is shown with."""
+"""Field of `Attributes` → its label in pictures, and the factor by which pictures multiply it."""
 TOLERANCE = 0.15
-"""Of the parents' difference, that a mixture may fall back and still count as between them; ours: what is measured is a mean
-over speeches and takes, and two of those differ by so much."""
-TAKES = 4  # ours: of every speech; enough that a mean over a few speeches is steadier than the steps between weights
-APART = 2.0  # standard errors; ours: parents that are nearer are taken to be alike, and no way leads from one to the other
+"""Share of the parents' difference by which a mixture may move back and still count as between them; ours: the values are means
+over speeches and takes, and two such means differ by so much."""
+TAKES = 4  # ours: of every speech; enough that a mean over a few speeches varies less than the steps between weights
+APART = 2.0  # standard errors; ours: parents that are nearer count as alike, and nothing can lie between them
 BETWEEN = 1e-9
 PAPER, INK = (255, 255, 255), (43, 49, 58)
 
 
 def fall_back(values: Sequence[float]) -> float:
-    """How far values on the way from the first to the last step back at most, or beyond an end, in units of the way itself.
+    """The largest step back, or beyond an end, of values that lead from the first to the last, in units of the whole way.
 
     >>> fall_back([0, 1, 2, 4]), fall_back([0, 3, 1, 4]), fall_back([0, 5, 4])
     (0.0, 0.5, 0.25)
 
-    Between ends that are equal every difference is infinitely far.
+    Where the ends are equal, any difference counts as infinite.
     """
     way = np.asarray(values, np.float64)
     rising = way if way[-1] >= way[0] else -way
@@ -59,13 +59,13 @@ def fall_back(values: Sequence[float]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Mixing:
-    """What was measured of a pair.
+    """Measures of the mixtures of a pair of styles.
 
     Args:
         pair: names of the styles.
-        weights: (W,) of the second.
-        attributes: of every weight, of every speech and take.
-        motions: the performances, as ``attributes``.
+        weights: (W,) of the second style.
+        attributes: for every weight, of every speech and take.
+        motions: the performances, in the order of ``attributes``.
     """
 
     pair: tuple[str, str]
@@ -75,10 +75,10 @@ class Mixing:
 
     def values(self, measure: str) -> Array:
         """(W, N) of one of `MEASURES`, for every speech and take."""
-        return np.array([[float(getattr(found, measure)) for found in row] for row in self.attributes])
+        return np.array([[float(getattr(take, measure)) for take in row] for row in self.attributes])
 
     def means(self, measure: str) -> Array:
-        """(W,) over speeches and takes."""
+        """(W,) means over speeches and takes."""
         return np.asarray(self.values(measure).mean(1))
 
     def errors(self, measure: str) -> Array:
@@ -94,22 +94,22 @@ class Mixing:
         return abs(float(gaps.mean())) / max(error, BETWEEN)
 
     def monotone(self, measure: str, tolerance: float = TOLERANCE) -> bool:
-        """Whether the means move from one parent's to the other's, but for ``tolerance`` of the way."""
+        """Whether the means move from one parent to the other, and back by ``tolerance`` of the way at most."""
         return fall_back(self.means(measure).tolist()) <= tolerance
 
     @cached_property
     def points(self) -> tuple[list[Array], ...]:
-        """Of every weight the key points (T, 52, 2) of each performance."""
+        """For every weight, the key points (T, 52, 2) of each performance."""
         return tuple([points_of(motion).values for motion in row] for row in self.motions)
 
 
 def _takes(model: Model, speech: Speech, style: str, takes: int, seed: int) -> list[Motion]:
-    """Performances with the seeds ``seed``, ``seed + 1``, …; in one pass where the system plays several at once."""
+    """Performances with the seeds ``seed``, ``seed + 1``, …; in one pass where the system can play several at once."""
     options = {"style": style, "parts": ("body", "hands")}
     if model.takes_at_once == 1:
         return [model.generate(speech, seed=seed + k, **options) for k in range(takes)]
     session = model.session(seed=seed, takes=takes, **options)
-    pieces = [made for chunk in speech.chunks(MOST_AT_ONCE) for made in session.push_takes(chunk)]
+    pieces = [motion for chunk in speech.chunks(MOST_AT_ONCE) for motion in session.push_takes(chunk)]
     pieces += session.finish_takes()
     return [Motion.concatenate(take) for take in zip(*pieces, strict=True)]
 
@@ -127,11 +127,11 @@ def measure_mixing(
 
     Args:
         model: plays ``"a:0.75,b:0.25"`` as a style.
-        speeches: to play to.
+        speeches: what it plays.
         pair: the styles.
-        weights: of the second; from 0, rising, to 1.
+        weights: of the second style; they rise from 0 to 1.
         takes: performances of each speech.
-        seed: of the first.
+        seed: of the first take.
 
     Raises:
         InputError: no speech, or weights that do not go from 0 to 1.
@@ -143,15 +143,15 @@ def measure_mixing(
     motions = []
     for w in ways:
         style = f"{first}:{1 - w:g},{second}:{w:g}"
-        motions.append(tuple(made for speech in speeches for made in _takes(model, speech, style, takes, seed)))
-    found = tuple(tuple(attributes_of(*body_of(motion), motion.fps) for motion in row) for row in motions)
-    return Mixing(pair, tuple(ways), found, tuple(motions))
+        motions.append(tuple(take for speech in speeches for take in _takes(model, speech, style, takes, seed)))
+    attributes = tuple(tuple(attributes_of(*body_of(motion), motion.fps) for motion in row) for row in motions)
+    return Mixing(pair, tuple(ways), attributes, tuple(motions))
 
 
 # pictures -----------------------------------------------------------------------------------------------------------------
 
 
-def _curves(mixing: Mixing, tolerance: float, recorded: Mapping[str, Attributes]) -> list[PlottedCurve]:
+def _curves(mixing: Mixing, tolerance: float, recordings: Mapping[str, Attributes]) -> list[PlottedCurve]:
     curves = []
     for measure, (title, factor) in MEASURES.items():
         means, back = mixing.means(measure), fall_back(mixing.means(measure).tolist())
@@ -161,7 +161,7 @@ def _curves(mixing: Mixing, tolerance: float, recorded: Mapping[str, Attributes]
             True: "from one parent to the other",
             False: f"falls back by {back:.0%} of the way",
         }[good]
-        own = [float(getattr(recorded[name], measure)) * factor for name in mixing.pair if name in recorded]
+        own = [float(getattr(recordings[name], measure)) * factor for name in mixing.pair if name in recordings]
         spread, places = 1.96 * mixing.errors(measure) * factor, np.array(mixing.weights)
         marks = (own[0], own[1]) if len(own) == 2 else None
         curves.append(PlottedCurve(title, text, good, places, means * factor, spread, mixing.pair, marks))
@@ -169,15 +169,15 @@ def _curves(mixing: Mixing, tolerance: float, recorded: Mapping[str, Attributes]
 
 
 def draw_mixing(
-    mixings: Sequence[Mixing], *, title: str, tolerance: float = TOLERANCE, recorded: Mapping[str, Attributes] | None = None
+    mixings: Sequence[Mixing], *, title: str, tolerance: float = TOLERANCE, recordings: Mapping[str, Attributes] | None = None
 ) -> Pictures:
-    """Of every pair: curves of what was measured (with 95 % intervals over speeches and takes) above heat maps of the mixtures.
+    """For every pair, curves of the measures (with 95 % intervals over speeches and takes) above heat maps of the mixtures.
 
     Args:
-        mixings: pairs.
-        title: above all.
+        mixings: of the pairs.
+        title: of the whole picture.
         tolerance: see `Mixing.monotone`.
-        recorded: style → what was measured of its speaker's recordings, drawn as a ring.
+        recordings: style → measures of the recordings of its speaker, drawn as a ring.
 
     Raises:
         InputError: there is no pair.
@@ -192,7 +192,7 @@ def draw_mixing(
         fps = mixing.motions[0][0].fps
         rows = ["where the\narms move"]
         maps = draw_heat([mixing.points], figure, fps, columns=heads, rows=rows, frame=frame)
-        blocks += [draw_curves(_curves(mixing, tolerance, recorded or {}), maps.shape[1]), maps]
+        blocks += [draw_curves(_curves(mixing, tolerance, recordings or {}), maps.shape[1]), maps]
     sheet = Image.new("RGB", (max(block.shape[1] for block in blocks), 46 + sum(len(block) for block in blocks)), PAPER)
     ImageDraw.Draw(sheet).text((20, 28), title, INK, ImageFont.load_default(20), anchor="lm")
     top = 46

@@ -1,16 +1,17 @@
-"""Metrics: one file each, numpy and scipy (of the extra ``corpora``) only, no model is ever imported here.
+"""Metrics, one file each. They use numpy and scipy (of the extra ``corpora``) only, and no module here imports a model.
 
 Every row of `METRICS` is called in the same way:
 
     score = metric(generated, reference, tools)
 
-with sequences of `Sample` (positions, key points, rotations, track, speech, semantics: what is there) and `Tools` (a named
-feature network, a classifier, centres: what is passed in). It gives a `Score`: a value, its 95 % interval and its count.
-``metric.about`` says what it needs, which way is better, whether it pairs clips and whether it hears. Names with a paper or a
-system in them are the form as coded there, quirks included; the others are the default, with what is broken mended.
+``generated`` and ``reference`` are sequences of `Sample`: positions, key points, rotations, track, speech and semantics, as far
+as a recording has them. `Tools` holds what the caller passes in: a named feature network, a classifier, centres. The result is
+a `Score`: a value, its 95 % interval and its count. ``metric.about`` says what the metric needs, which way is better, whether
+it pairs clips and whether it hears the speech. A metric with a paper or a system in its name computes what that code computes,
+quirks included. The others are the defaults: they correct the faults of the published forms.
 
-`movement` says how people move, in numbers, and within which ranges; `beat_lift` how far motion follows the accents of its
-speech, corrected for chance; `controls` builds the rows that every table needs.
+`movement` measures how people move. `beat_lift` measures how far motion follows the accents of its speech, corrected for
+chance. `controls` builds the control rows that every table needs.
 """
 
 from .beat_lift import BeatLift, beat_lift
@@ -54,14 +55,14 @@ def load_metric(name: str) -> Metric:
     """A metric by name.
 
     Raises:
-        InputError: there is none of that name, or what is registered is no metric.
+        InputError: no metric has this name, or the registered object is no metric.
     """
     from ..errors import InputError, find_attribute, nearest
 
     if name not in METRICS:
         raise InputError(f"no metric is called {name!r}", nearest(name, METRICS))
     module, _, attribute = METRICS[name].partition(":")
-    found = find_attribute(module, attribute, f"the metric {name!r} cannot be used", f"METRICS says {METRICS[name]!r}")
-    if not isinstance(found, Metric):
-        raise InputError(f"the metric {name!r} is a {type(found).__name__}", "put @metric(…, better=…) before the function")
-    return found
+    entry = find_attribute(module, attribute, f"the metric {name!r} cannot be used", f"METRICS says {METRICS[name]!r}")
+    if not isinstance(entry, Metric):
+        raise InputError(f"the metric {name!r} is a {type(entry).__name__}", "put @metric(…, better=…) before the function")
+    return entry

@@ -1,4 +1,4 @@
-"""The one door to scipy: it comes with the extra ``corpora``, not with the core, and who lacks it is told so."""
+"""Imports scipy for all metrics. It comes with the extra ``corpora``, not with the core; without it, an error says so."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["scipy"]
 
 
 def scipy(module: str) -> Any:
-    """A module of scipy by name, ``"signal"`` or ``"cluster.vq"``; imported when asked for.
+    """A module of scipy by name, ``"signal"`` or ``"cluster.vq"``; it is imported at the call.
 
     Raises:
         InputError: scipy is not installed.

@@ -36,7 +36,7 @@ BEAT_SIGMA, BEAT_ORDER, BEAT_FROM, BEAT_TO = 0.3, 2, 10.0, 500.0  # s, frames, s
 LIBRARY_RATE = 22_050.0
 """Samples per second, the default of librosa. BEAT 2022 (utils/metric.py) computes onset strength at the rate of the sound, and
 leaves this default where it picks the peaks and where it computes times: times are × 16000 / 22050."""
-SHORTEST, JOINED = 1.5, 30.0  # s; ours: clips shorter than JOINED are judged end to end, so that they can be slid
+SHORTEST, RUN = 1.5, 30.0  # s; ours: clips shorter than RUN are laid end to end, so that they can be shifted
 RING = ("RightHandRing2", "rightRingIntermediate")  # the finger whose three columns BEAT 2022 takes for the right wrist
 
 
@@ -73,9 +73,9 @@ def angle_changes(track: Track) -> Array:
 
 def angle_minima(change: Array) -> Array:
     """Frames where the normalised change is below both neighbours, and by .03 below one of them (HA2G)."""
-    left, here, right = change[1:-2], change[2:-1], change[3:]
-    deep = (left - here >= HA2G_LEAST) | (right - here >= HA2G_LEAST)
-    return np.flatnonzero((here < left) & (here < right) & deep) + 2
+    before, here, after = change[1:-2], change[2:-1], change[3:]
+    deep = (before - here >= HA2G_LEAST) | (after - here >= HA2G_LEAST)
+    return np.flatnonzero((here < before) & (here < after) & deep) + 2
 
 
 def _speech(sample: Sample) -> tuple[Array, float]:
@@ -94,7 +94,7 @@ def beat_align(generated: Sequence[Sample], reference: Sequence[Sample], tools: 
         if min(seconds, len(sample.track.hips) / sample.track.fps) < SHORTEST:
             continue
         here = (accents(samples, rate), wrist_peaks(sample.track), seconds)
-        if runs and runs[-1][2] < JOINED:
+        if runs and runs[-1][2] < RUN:
             a, b, before = runs[-1]
             runs[-1] = (np.concatenate([a, here[0] + before]), np.concatenate([b, here[1] + before]), before + seconds)
         else:

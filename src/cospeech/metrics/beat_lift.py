@@ -1,7 +1,7 @@
 """Beat lift: how far the hands follow the accents of speech, beyond what chance gives.
 
-The usual beat alignment rewards jitter (white noise scores .92): more peaks are nearer to everything. Here the score is
-compared with that of the same motion slid along the same speech, so that extra peaks and noise earn nothing:
+The usual beat alignment rewards jitter (white noise scores .92): the more peaks, the nearer one lies to every accent. Here the
+score is compared with that of the same motion shifted along the same speech, so that extra peaks and noise gain nothing:
 
     closeness(accent) = exp(−d² / 2σ²), d = distance to the nearest peak of wrist speed, σ = 0.1 s
     value  = mean closeness over accents, at the best lag of −0.4 … +0.2 s between peak and accent
@@ -48,8 +48,8 @@ class BeatLift:
         interval: 95 % bootstrap interval of ``far``.
         draws: some of the values that the interval is made of.
         lag: seconds from accent to wrist peak at the best lag; negative where the hands are first.
-        beaten: share of far shifts that do worse than the speech's true place (1 = all).
-        accents: how many accents were judged.
+        beaten: share of far shifts that score lower than the true position of the speech (1 = all).
+        accents: number of accents that the score is of.
     """
 
     far: float
@@ -89,7 +89,7 @@ def wrist_peaks(motion: Motion | Track) -> Array:
 
 
 def _closeness(speech: Array, motion: Array, duration: float, shifts: Array) -> Array:
-    """(shifts, lags, accents) closeness of accents to the peaks slid circularly by each shift."""
+    """(shifts, lags, accents) closeness of accents to the peaks, which each shift moves circularly."""
     if not len(motion):
         return np.zeros((len(shifts), len(LAGS), len(speech)))
     at = np.mod(speech[None, None] + LAGS[None, :, None] - shifts[:, None, None], duration)
@@ -100,7 +100,7 @@ def _closeness(speech: Array, motion: Array, duration: float, shifts: Array) -> 
 
 
 def beat_lift(pairs: Sequence[tuple[Array, float, Motion | Track]], *, seed: int = 0) -> BeatLift:
-    """Lift over chance of several (samples, rate, motion) triples judged together; minutes are needed for a firm answer.
+    """Lift over chance of several (samples, rate, motion) triples, scored together; a narrow interval takes minutes of speech.
 
     Raises:
         InputError: no pair is longer than 8 s, or the speech has no accents.
@@ -139,14 +139,14 @@ def lift_of_times(recordings: Sequence[tuple[Array, Array, float]], *, seed: int
     _, block = np.unique(np.concatenate(blocks), return_inverse=True)
     draws = rng.multinomial(block.max() + 1, np.full(block.max() + 1, 1 / (block.max() + 1)), RESAMPLES)[:, block]
     lifts = [v / max(c.mean(), 1e-12) - 1 for v, c, _ in (lift(w / w.sum()) for w in draws if w.sum())]
-    drawn = Resampled.of(np.array(lifts))
-    assert drawn.interval is not None
+    resamples = Resampled.of(np.array(lifts))
+    assert resamples.interval is not None
     return BeatLift(
         far=float(value / max(chance.mean(), 1e-12) - 1),
         near=float(value / max(nearby.mean(), 1e-12) - 1),
-        interval=drawn.interval,
+        interval=resamples.interval,
         lag=float(LAGS[np.argmax(true[0].mean(-1))]),
         beaten=float((chance < value).mean()),
         accents=count,
-        draws=drawn.draws,
+        draws=resamples.draws,
     )

@@ -29,10 +29,10 @@ DRAWS = 400  # ours
 
 @dataclass(frozen=True, eq=False)
 class Blinks:
-    """Of one clip.
+    """The blinks of one clip.
 
     Args:
-        seconds: of the clip.
+        seconds: duration of the clip.
         widths: (n,) s at half height.
         gaps: (n − 1,) s from blink to blink.
     """
@@ -67,7 +67,7 @@ def _variation(clips: Sequence[Blinks]) -> float:
 
 
 def _apart(a: float, b: float) -> float:
-    """0 … 1; what is not known on one side is as far away as can be."""
+    """Relative difference of two values, 0 … 1. It is 1 where only one of them is known, 0 where neither is."""
     if not (np.isfinite(a) and np.isfinite(b)):
         return float(np.isfinite(a) or np.isfinite(b))
     return abs(a - b) / (a + b) if a + b > 0 else 0.0
@@ -79,8 +79,8 @@ def _clips(samples: Sequence[Sample]) -> list[Blinks]:
 
 def _score(samples: Sequence[Sample], figure: Callable[[Sequence[Blinks]], float], tools: Tools) -> Score:
     clips = _clips(samples)
-    drawn = bootstrap(lambda chosen: figure([clips[k] for k in chosen]), len(clips), draws=DRAWS, seed=tools.seed)
-    return Score(figure(clips), drawn.interval, sum(len(clip.widths) for clip in clips), draws=drawn.draws)
+    resamples = bootstrap(lambda indices: figure([clips[k] for k in indices]), len(clips), draws=DRAWS, seed=tools.seed)
+    return Score(figure(clips), resamples.interval, sum(len(clip.widths) for clip in clips), draws=resamples.draws)
 
 
 @metric("face", better="reference", unit="per minute")
@@ -107,12 +107,12 @@ def blinks(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tool
     if not reference:
         raise InputError("blinks without a reference", "give recordings to compare with")
     true = _clips(reference)
-    wanted = [figure(true) for figure in (_rate, _duration, _variation)]
-    if not wanted[0] > 0:
+    targets = [figure(true) for figure in (_rate, _duration, _variation)]
+    if not targets[0] > 0:
         raise InputError("the reference does not blink", "recordings of faces with eyelids")
 
     def distance(clips: Sequence[Blinks]) -> float:
-        made = [figure(clips) for figure in (_rate, _duration, _variation)]
-        return float(np.mean([_apart(a, b) for a, b in zip(made, wanted, strict=True)]))
+        figures = [figure(clips) for figure in (_rate, _duration, _variation)]
+        return float(np.mean([_apart(a, b) for a, b in zip(figures, targets, strict=True)]))
 
     return _score(generated, distance, tools)

@@ -1,9 +1,9 @@
-"""Body: does somebody live below the ribs, and are strokes those of a person? Statistics beside those of `movement`.
+"""Body: does the trunk move as that of a person does, and do the strokes? Statistics beside those of `movement`.
 
 All at 30 frames per second. *World* series are as they are; wrists are relative to the hips with the slow heading removed
 (`cospeech.metrics.movement.arms_of`). *Smooth* is below 6 Hz. A stroke is a peak of the movement statistics (smooth wrist
-speed ≥ 0.5 m/s); for its shape it lasts from where the speed rises through a fifth of the peak, or from the minimum before,
-to where it falls through it, or to the minimum after. Spreads are taken in windows of 30 s and averaged.
+speed ≥ 0.5 m/s). For its shape, it begins where the speed rises through a fifth of the peak, or at the minimum before, and it
+ends where the speed falls through the same fifth, or at the minimum after. Spreads are taken in windows of 30 s and averaged.
 """
 
 from __future__ import annotations
@@ -56,11 +56,11 @@ BODY_TARGETS: dict[str, BodyRange] = {
     "finger joint range, largest, deg": BodyRange(57, np.inf),
     "log dimensionless jerk per stroke": BodyRange(-5.3, -4.7),
 }
-"""Statistic → range between two recorded people , measured on takes of 34 s and more (docs/models/rules.md)."""
+"""Statistic → range between two recorded people, measured on takes of 34 s and more (docs/models/rules.md)."""
 
 
 def body_statistics(motion: Motion | Track) -> dict[str, float]:
-    """Every statistic of `BODY_TARGETS` that the track has the joints for; NaN where it cannot be told.
+    """Every statistic of `BODY_TARGETS` that the track has the joints for; NaN where it is not defined.
 
     Raises:
         InputError: shorter than 3 s, another skeleton than our humanoid, or a track that is not at 30 frames per second.
@@ -84,22 +84,22 @@ def body_statistics(motion: Motion | Track) -> dict[str, float]:
     rows["mirror correlation of the hands"] = _correlation(velocity[:, 0], mirrored)
     cuts = _windows(len(smooth))
     if track.fingers is not None:
-        found = [finger_rows(track.fingers, cut)["finger joint 5–95 %, largest, deg"] for cut in cuts]
-        rows["finger joint range, largest, deg"] = float(np.mean(found))
+        ranges = [finger_rows(track.fingers, cut)["finger joint 5–95 %, largest, deg"] for cut in cuts]
+        rows["finger joint range, largest, deg"] = float(np.mean(ranges))
     jerks = [stroke_rows(smooth, cut).get("log dimensionless jerk per stroke", np.nan) for cut in cuts]
     rows["log dimensionless jerk per stroke"] = _mean(jerks)
     return {name: rows[name] for name in BODY_TARGETS if name in rows}
 
 
 def _stroke_shapes(smooth: Array, speed: Array) -> dict[str, float]:
-    """How straight strokes are, and how the place of their peaks varies; both hands together."""
+    """How straight strokes are, and how much the position of their peaks varies; both hands together."""
     find_peaks = scipy("signal").find_peaks
     straight, share = [], []
     for side in (0, 1):
         v = speed[:, side]
-        found = find_peaks(v, **STROKE)[0]
+        peaks = find_peaks(v, **STROKE)[0]
         lows = np.concatenate([[0], find_peaks(-v)[0], [len(v) - 1]])
-        for peak, k in zip(found, np.searchsorted(lows, found), strict=True):
+        for peak, k in zip(peaks, np.searchsorted(lows, peaks), strict=True):
             a, z = _edges(v, int(peak), int(lows[k - 1]), int(lows[k]))
             way = smooth[a : z + 1, side]
             path = norm(np.diff(way, axis=0)).sum()
@@ -119,7 +119,7 @@ def _edges(v: Array, peak: int, low: int, high: int) -> tuple[int, int]:
 
 
 def _windows(frames: int) -> list[slice]:
-    """Full windows of 30 s; the whole where it is shorter."""
+    """Full windows of 30 s; one window of all frames where there are fewer."""
     length = min(frames, round(WINDOW * FPS))
     return [slice(a, a + length) for a in range(0, frames - length + 1, length)]
 
@@ -143,8 +143,8 @@ def _turn_spread(rotations: Array) -> float:
     """Root of the sum over axes of the variance of ``rotations (T, 4)`` about their mean, degrees."""
     aligned = rotations * np.sign(np.einsum("ti,i->t", rotations, rotations[0]) + 1e-12)[:, None]
     middle = aligned.mean(0) / np.linalg.norm(aligned.mean(0))
-    turned = np.degrees(quat_to_rotvec(quat_multiply(quat_conjugate(middle), rotations)))
-    return float(np.sqrt(turned.var(0).sum()))
+    turns = np.degrees(quat_to_rotvec(quat_multiply(quat_conjugate(middle), rotations)))
+    return float(np.sqrt(turns.var(0).sum()))
 
 
 def _still_spells(speed: Array) -> float:
@@ -157,12 +157,12 @@ def _still_spells(speed: Array) -> float:
 
 
 def _correlation(a: Array, b: Array) -> float:
-    """Of all values of two series; NaN where one does not move."""
+    """Correlation of all values of two series; NaN where one does not move."""
     if min(a.std(), b.std()) < 1e-9:
         return np.nan
     return float(np.corrcoef(a.ravel(), b.ravel())[0, 1])
 
 
 def _mean(values: list[float]) -> float:
-    kept = [float(v) for v in values if np.isfinite(v)]
-    return float(np.mean(kept)) if kept else np.nan
+    finite = [float(v) for v in values if np.isfinite(v)]
+    return float(np.mean(finite)) if finite else np.nan

@@ -47,10 +47,10 @@ def canonical(a: Array, b: Array) -> tuple[float, Array, Array]:
 
 def _poses(generated: Sequence[Sample], reference: Sequence[Sample]) -> list[tuple[Array, Array]]:
     pairs = pair_samples(generated, reference, "positions")
-    if min(made.shape[1] for _, _, made, _ in pairs) < 2:
+    if min(motion.shape[1] for _, _, motion, _ in pairs) < 2:
         raise InputError("CCA of a root alone", "a root and at least one more joint")
-    flat = [[(x - x[:, :1])[:, 1:].reshape(len(x), -1) for x in (made, true)] for _, _, made, true in pairs]
-    return [(made, true) for made, true in flat]
+    flat = [[(x - x[:, :1])[:, 1:].reshape(len(x), -1) for x in (motion, true)] for _, _, motion, true in pairs]
+    return [(motion, true) for motion, true in flat]
 
 
 @metric("positions", better="higher", paired=True, chance=True)
@@ -63,11 +63,11 @@ def cca(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) 
     values = []
     for fold in range(2):
         fit, judge = pairs[fold::2], pairs[1 - fold :: 2]
-        made, true = (np.concatenate([pair[k] for pair in fit]) for k in range(2))
-        if made.std(0).max() <= STILL:
+        motion, true = (np.concatenate([pair[k] for pair in fit]) for k in range(2))
+        if motion.std(0).max() <= STILL:
             values += [0.0] * len(judge)
             continue
-        _, wa, wb = canonical(made, true)
+        _, wa, wb = canonical(motion, true)
         for a, b in judge:
             x, y = a @ wa, b @ wb
             moving = min(x.std(), y.std()) > 1e-12
@@ -79,5 +79,5 @@ def cca(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) 
 def cca_genea(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """GENEA's global CCA: fitted and scored on the same frames, so that everything that moves scores well."""
     pairs = _poses(generated, reference)
-    made, true = (np.concatenate([pair[k] for pair in pairs]) for k in range(2))
-    return Score(canonical(made, true)[0], None, len(made))
+    motion, true = (np.concatenate([pair[k] for pair in pairs]) for k in range(2))
+    return Score(canonical(motion, true)[0], None, len(motion))

@@ -44,7 +44,10 @@ def calinski_harabasz(points: Array, labels: Array) -> float:
 
 
 def silhouette_coefficient(points: Array, labels: Array) -> float:
-    """Mean of (b − a) / max(a, b): a to one's own group, b to the nearest other (Rousseeuw 1987); alone in a group counts 0."""
+    """Mean of (b − a) / max(a, b) over points (Rousseeuw 1987); a point that is alone in its group counts 0.
+
+    a is the mean distance to the own group, b that to the nearest other group.
+    """
     points, labels = _check_labels(points, labels)
     square = np.square(points).sum(1)
     sizes = np.bincount(labels)
@@ -76,8 +79,8 @@ def _label_windows(generated: Sequence[Sample], tools: Tools) -> tuple[Array, Ar
         raise InputError(f"no clip has {tools.features.frames} frames", "longer clips")
     points, names = np.concatenate(rows), np.array(labels)
     if len(points) > MOST:
-        chosen = np.random.default_rng(tools.seed).choice(len(points), MOST, replace=False)
-        points, names = points[chosen], names[chosen]
+        indices = np.random.default_rng(tools.seed).choice(len(points), MOST, replace=False)
+        points, names = points[indices], names[indices]
     return points, names
 
 

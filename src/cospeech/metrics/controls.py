@@ -1,9 +1,9 @@
 """The control rows that stand beside every table, and whether a metric puts them in the right order.
 
 * ground truth: the clips themselves.
-* frozen pose: the mean pose of all clips, with 1e-6 rad (or m, px) of jitter, which fools what counts the peaks of a signal.
-* white noise: independent from frame to frame, with the mean and the deviation that the clips have.
-* shuffled speech: the true motion beside another clip's speech; only metrics that hear can notice.
+* frozen pose: the mean pose of all clips, with 1e-6 rad (or m, px) of jitter, which misleads metrics that count peaks.
+* white noise: independent from frame to frame, with the mean and the deviation of the clips.
+* shuffled speech: the true motion beside another clip's speech; only metrics that hear the speech can notice.
 * another clip: another clip's true motion beside this one's speech.
 """
 
@@ -65,7 +65,7 @@ def _mean_quats(q: Array) -> Array:
 
 
 def _noisy_face(clip: Clip, kin: Sequence[Clip], size: float | None, rng: np.random.Generator) -> Array | None:
-    """The mean face of the clips that have one, likewise, as weights of 0 … 1."""
+    """The mean face of the clips that have one, with noise as in `_noisy`; the weights stay within 0 … 1."""
     if clip.motion.face is None:
         return None
     faces = np.concatenate([c.motion.face for c in kin if c.motion.face is not None])
@@ -74,7 +74,7 @@ def _noisy_face(clip: Clip, kin: Sequence[Clip], size: float | None, rng: np.ran
 
 
 def _noisy(clip: Clip, clips: Sequence[Clip], size: float | None, rng: np.random.Generator) -> Clip:
-    """The mean pose with noise of deviation ``size``, or of the clips' own deviation where None."""
+    """The mean pose with noise of deviation ``size``; None: the deviation of the clips."""
     kin, body = _kin(clips, clip), _body(clip)
     if isinstance(body, Motion):
         rotations = np.concatenate([np.asarray(c.motion.rotations, np.float64) for c in kin])
@@ -91,7 +91,7 @@ def _noisy(clip: Clip, clips: Sequence[Clip], size: float | None, rng: np.random
 
 
 def freeze_pose(clips: Sequence[Clip], *, seed: int = 0) -> list[Clip]:
-    """The mean pose of all clips, but for 1e-6 of jitter."""
+    """The mean pose of all clips, with 1e-6 of jitter."""
     rng = np.random.default_rng(seed)
     return [_noisy(clip, clips, JITTER, rng) for clip in clips]
 
@@ -102,17 +102,17 @@ def white_noise(clips: Sequence[Clip], *, seed: int = 0) -> list[Clip]:
     return [_noisy(clip, clips, None, rng) for clip in clips]
 
 
-def _there_and_back(length: int, wanted: int, start: int = 0) -> Array:
-    """Frames 0 … length − 1 and back again, from ``start``, ``wanted`` of them: no jump anywhere."""
+def _there_and_back(length: int, count: int, start: int = 0) -> Array:
+    """``count`` frame numbers from ``start`` on: up to length − 1, back to 0, up again and so on, without a jump."""
     if length < 2:
-        return np.zeros(wanted, int)
-    at = (start + np.arange(wanted)) % (2 * length - 2)
+        return np.zeros(count, int)
+    at = (start + np.arange(count)) % (2 * length - 2)
     return np.where(at < length, at, 2 * length - 2 - at)
 
 
 def another_clip(clips: Sequence[Clip], *, seed: int = 0) -> list[Clip]:
-    """The next clip's motion (from the middle on, where there is no other), to and fro as long as this one is."""
-    made = []
+    """The motion of the next clip, to and fro until it is as long as this one; a single clip's own, from its middle on."""
+    row = []
     for clip in clips:
         kin, body = _kin(clips, clip), _body(clip)
         other = _body(kin[1] if len(kin) > 1 else clip)
@@ -120,26 +120,26 @@ def another_clip(clips: Sequence[Clip], *, seed: int = 0) -> list[Clip]:
         if isinstance(body, Motion):
             face = None if other.face is None else other.face[frames]
             motion = replace(other, rotations=other.rotations[frames], root=other.root[frames], face=face, start=body.start)
-            made.append(replace(clip, motion=motion))
+            row.append(replace(clip, motion=motion))
         else:
-            made.append(replace(clip, points=replace(other, values=other.values[frames])))
-    return made
+            row.append(replace(clip, points=replace(other, values=other.values[frames])))
+    return row
 
 
 def shuffle_speech(clips: Sequence[Clip], *, seed: int = 0) -> list[Clip]:
-    """The next clip's speech (the second half first, where there is no other), repeated or cut to this one's length."""
+    """The speech of the next clip, repeated or cut to the length of this one; a single clip's own, its second half first."""
     speaking = [clip for clip in clips if clip.speech is not None]
-    made = []
+    row = []
     for clip in clips:
         if clip.speech is None:
-            made.append(clip)
+            row.append(clip)
             continue
         k = next(k for k, other in enumerate(speaking) if other is clip)
         other = speaking[(k + 1) % len(speaking)].speech
         count = round(float(clip.speech.duration) * other.rate)
         samples = np.resize(other.samples if len(speaking) > 1 else np.roll(other.samples, len(other) // 2), count)
-        made.append(replace(clip, speech=type(other)(samples, other.rate, None, name=other.name)))
-    return made
+        row.append(replace(clip, speech=type(other)(samples, other.rate, None, name=other.name)))
+    return row
 
 
 def control_rows(clips: Sequence[Clip], *, seed: int = 0) -> dict[str, list[Clip]]:
@@ -159,35 +159,35 @@ def control_rows(clips: Sequence[Clip], *, seed: int = 0) -> dict[str, list[Clip
 
 
 def faults_of_order(about: About, scores: Mapping[str, Score | None]) -> list[str]:
-    """What a metric puts in the wrong order among the control rows; nothing where all is right.
+    """What a metric puts in the wrong order among the control rows; an empty list where the order is right.
 
-    Frozen pose and white noise must be worse than the ground truth; shuffled speech and another clip's motion too, for a metric
-    that hears; another clip's motion too, for one that compares with the recording; and for one that does not hear, people's
-    real motion must be better than the frozen pose and white noise, whichever clip it is from. What is worse but inside the
-    interval of the ground truth is listed as such: more clips are needed to tell.
+    Frozen pose and white noise must be worse than the ground truth. For a metric that hears the speech, shuffled speech and
+    another clip must be worse, too; for one that compares with the recording, another clip. Another clip is real motion: for a
+    metric that does not hear, it must be better than frozen pose and white noise, unless chance gives 0. A row that is worse
+    but lies inside the interval of the ground truth is listed as unsure: it takes more clips to tell.
     """
     truth, frozen, noise, shuffled, another = CONTROLS
-    known = {name: score.value for name, score in scores.items() if score is not None and np.isfinite(score.value)}
-    if truth not in known:
+    value_of = {name: score.value for name, score in scores.items() if score is not None and np.isfinite(score.value)}
+    if truth not in value_of:
         return []
 
     def good(name: str) -> float:
-        value = known[name]
-        return {"higher": value, "lower": -value, "reference": -abs(value - known[truth])}[about.better]
+        value = value_of[name]
+        return {"higher": value, "lower": -value, "reference": -abs(value - value_of[truth])}[about.better]
 
     pairs = [(truth, frozen), (truth, noise)]
     pairs += [(truth, shuffled)] if about.hears else []
     pairs += [(truth, another)] if about.hears or about.paired else []
     pairs += [] if about.hears or about.chance else [(another, frozen), (another, noise)]
-    slack = CLOSE * max(abs(value) for value in known.values())
+    slack = CLOSE * max(abs(value) for value in value_of.values())
     faults = []
     for better, bad in pairs:
-        if better not in known or bad not in known:
+        if better not in value_of or bad not in value_of:
             continue
         score = scores[better]
         ends = score.interval if score is not None and better == truth else None
         if not good(better) > good(bad) + slack:
             faults.append(f"{bad} is {WRONG} {better}")
-        elif ends is not None and ends[0] <= known[bad] <= ends[1]:
+        elif ends is not None and ends[0] <= value_of[bad] <= ends[1]:
             faults.append(f"{bad} is {UNSURE} {better}")
     return faults

@@ -57,17 +57,17 @@ def diversity(generated: Sequence[Sample], reference: Sequence[Sample], tools: T
     sizes = np.array([len(windows) for windows in clips], np.int64)
     unit = MILLI if generated[0].positions is not None else 1.0
 
-    def of(chosen: Array) -> float:
-        rows = np.concatenate([clips[k] for k in chosen])
-        times = np.bincount(chosen, minlength=len(clips))
-        pairs = len(rows) ** 2 - int(times**2 @ sizes)  # of different windows: one that was drawn twice is no pair
+    def of(indices: Array) -> float:
+        rows = np.concatenate([clips[k] for k in indices])
+        times = np.bincount(indices, minlength=len(clips))
+        pairs = len(rows) ** 2 - int(times**2 @ sizes)  # of different windows: one that is drawn twice is no pair
         return mean_pair_distance(rows) * unit * len(rows) * (len(rows) - 1) / pairs if pairs else float("nan")
 
     value = of(np.arange(len(clips))) if clips else float("nan")
     if not np.isfinite(value):
         raise InputError(f"fewer than two windows of {FRAMES} frames", "longer clips, or more of them")
-    drawn = bootstrap(of, len(clips), draws=DRAWS, seed=tools.seed)
-    return Score(value, drawn.interval, sum(map(len, clips)), draws=drawn.draws)
+    resamples = bootstrap(of, len(clips), draws=DRAWS, seed=tools.seed)
+    return Score(value, resamples.interval, sum(map(len, clips)), draws=resamples.draws)
 
 
 @metric("positions", better="higher", unit="mm", same=("rate", "joints"))

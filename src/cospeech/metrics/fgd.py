@@ -57,7 +57,7 @@ def _root(covariance: Array) -> Array:
 
 
 def frechet(mean_a: Array, covariance_a: Array, mean_b: Array, covariance_b: Array) -> float:
-    """Fréchet distance (squared, as FID is) of two normal distributions; ≥ 0 always, singular covariances included.
+    """Fréchet distance (squared, as FID is) of two normal distributions; always ≥ 0, also for singular covariances.
 
     Raises:
         InputError: shapes disagree, values are not finite, or a covariance is not symmetric.
@@ -87,28 +87,28 @@ def frechet_published(mean_a: Array, covariance_a: Array, mean_b: Array, covaria
 
 
 def _clips(samples: Sequence[Sample], net: FeatureNet) -> list[Array]:
-    found = [features for sample in samples if len(features := net.windows(sample))]
-    if sum(map(len, found)) < 2:
-        raise InputError(f"{say_count(sum(map(len, found)), 'window')} of {net.frames} frames", "longer clips, or more of them")
-    return found
+    clips = [features for sample in samples if len(features := net.windows(sample))]
+    if sum(map(len, clips)) < 2:
+        raise InputError(f"{say_count(sum(map(len, clips)), 'window')} of {net.frames} frames", "longer clips, or more of them")
+    return clips
 
 
 def _resample(a: list[Array], b: list[Array], value: float, seed: int) -> Resampled:
-    """Clips of both sides drawn with replacement; the draws' own upward bias is taken off."""
+    """Draw the clips of both sides with replacement, and take off the upward bias of the draws."""
     if len(a) < 2 or len(b) < 2:
         return Resampled()
     rng, centre = np.random.default_rng(seed), np.concatenate(b).mean(0)
     sides = [[(len(x), (x - centre).sum(0), (x - centre).T @ (x - centre)) for x in side] for side in (a, b)]
     draws = []
     for _ in range(DRAWS if a[0].shape[1] <= WIDE else FEW):
-        drawn = []
+        normals = []
         for clips in sides:
-            chosen = [clips[k] for k in rng.integers(0, len(clips), len(clips))]
-            count = sum(clip[0] for clip in chosen)
-            mean = sum(clip[1] for clip in chosen) / count
-            spread = sum(clip[2] for clip in chosen) / count - np.outer(mean, mean)
-            drawn += [mean, spread * count / max(count - 1, 1)]
-        draws.append(frechet(*drawn))
+            sample = [clips[k] for k in rng.integers(0, len(clips), len(clips))]
+            count = sum(clip[0] for clip in sample)
+            mean = sum(clip[1] for clip in sample) / count
+            spread = sum(clip[2] for clip in sample) / count - np.outer(mean, mean)
+            normals += [mean, spread * count / max(count - 1, 1)]
+        draws.append(frechet(*normals))
     return Resampled.of(np.maximum(np.array(draws) - np.mean(draws) + value, 0.0))
 
 
@@ -119,8 +119,8 @@ def fgd(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) 
     a, b = _clips(generated, tools.features), _clips(reference, tools.features)
     value = frechet(*moments(np.concatenate(a)), *moments(np.concatenate(b)))
     count = sum(map(len, a))
-    drawn = _resample(a, b, value, tools.seed)
-    return Score(value, drawn.interval, count, f"{tools.features.name}, {say_count(count, 'window')}", drawn.draws)
+    resamples = _resample(a, b, value, tools.seed)
+    return Score(value, resamples.interval, count, f"{tools.features.name}, {say_count(count, 'window')}", resamples.draws)
 
 
 @metric("features", better="lower", same=("rate", "joints"))
@@ -138,12 +138,12 @@ def fid_poses(generated: Sequence[Sample], reference: Sequence[Sample], tools: T
     Neck, nose and eyes of PATS' key points do not count, as coded.
     """
     a, b = ([select_vectors(sample) for sample in side] for side in (generated, reference))
-    joined = np.concatenate(b)
-    mean, deviation = joined.mean(0), joined.std(0)
+    poses = np.concatenate(b)
+    mean, deviation = poses.mean(0), poses.std(0)
     moving = deviation > STILL * deviation.max(initial=0)
     if not moving.any():
         raise InputError("the reference does not move")
     a, b = ([((x - mean) / np.maximum(deviation, 1e-300))[:, moving] for x in side] for side in (a, b))
     value = frechet(*moments(np.concatenate(a)), *moments(np.concatenate(b)))
-    drawn = _resample(a, b, value, tools.seed)
-    return Score(value, drawn.interval, sum(map(len, a)), "frames", drawn.draws)
+    resamples = _resample(a, b, value, tools.seed)
+    return Score(value, resamples.interval, sum(map(len, a)), "frames", resamples.draws)

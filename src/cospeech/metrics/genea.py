@@ -24,7 +24,7 @@ __all__ = ["acceleration", "hellinger", "hellinger_speed", "hellinger_speed_gene
 FPS = 30.0  # calk_jerk_or_acceleration.py: "frame rate was 30 fps"
 EDGES = np.arange(0, 0.50, 0.01)  # m/s; calc_histogram.py: bins of 1 cm/s from 0 to 49
 DRAWS = 200  # ours
-_ROUNDED = 1e-12  # below which a difference of two sums is error of rounding; its root would look like a distance
+_ROUNDING = 1e-12  # a difference of two sums below this is a rounding error, whose root would look like a distance
 
 
 def hellinger(a: Array, b: Array) -> float:
@@ -38,7 +38,7 @@ def hellinger(a: Array, b: Array) -> float:
     if not (a.sum() and b.sum()):
         return 1.0
     rest = 1 - np.sqrt((a / a.sum()) * (b / b.sum())).sum()
-    return float(np.sqrt(rest)) if rest > _ROUNDED else 0.0
+    return float(np.sqrt(rest)) if rest > _ROUNDING else 0.0
 
 
 @metric("positions", better="reference", unit="m/s³")
@@ -68,9 +68,11 @@ def _histograms(samples: Sequence[Sample], *, end: bool) -> list[Array]:
 def _score(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools, end: bool) -> Score:
     if not reference:
         raise InputError("no reference clips")
-    made, true = _histograms(generated, end=end), np.sum(_histograms(reference, end=end), 0)
-    drawn = bootstrap(lambda k: hellinger(np.sum([made[i] for i in k], 0), true), len(made), draws=DRAWS, seed=tools.seed)
-    return Score(hellinger(np.sum(made, 0), true), drawn.interval, len(made), draws=drawn.draws)
+    histograms, true = _histograms(generated, end=end), np.sum(_histograms(reference, end=end), 0)
+    resamples = bootstrap(
+        lambda k: hellinger(np.sum([histograms[i] for i in k], 0), true), len(histograms), draws=DRAWS, seed=tools.seed
+    )
+    return Score(hellinger(np.sum(histograms, 0), true), resamples.interval, len(histograms), draws=resamples.draws)
 
 
 @metric("positions", better="lower")

@@ -10,10 +10,10 @@ __all__ = ["correct"]
 
 
 def correct(chances: Sequence[float]) -> list[float]:
-    """p values of one family of tests, corrected (Holm 1979)."""
+    """Correct the p values of one family of tests (Holm 1979)."""
     order = np.argsort(chances, kind="stable")
-    corrected, largest = [1.0] * len(chances), 0.0
+    p_values, largest = [1.0] * len(chances), 0.0
     for rank, k in enumerate(order):
         largest = max(largest, min(1.0, (len(chances) - rank) * chances[k]))
-        corrected[k] = largest
-    return corrected
+        p_values[k] = largest
+    return p_values

@@ -40,10 +40,10 @@ def score_of_classes(classes: Array, eps: float = 0.0) -> float:
 
 def _classes(generated: Sequence[Sample], tools: Tools) -> Array:
     assert tools.classifier is not None
-    found = [rows for sample in generated if len(rows := tools.classifier.windows(sample))]
-    if not found:
+    probabilities = [rows for sample in generated if len(rows := tools.classifier.windows(sample))]
+    if not probabilities:
         raise InputError(f"no clip has {tools.classifier.frames} frames", "longer clips")
-    return np.concatenate(found)
+    return np.concatenate(probabilities)
 
 
 @metric("classifier", better="higher", same=("rate", "joints"))

@@ -28,7 +28,7 @@ DRAWS = 400  # ours
 
 
 def _moments(sample: Sample) -> Array | None:
-    """(3, lags) of a clip: Σ jaw · level, Σ jaw², Σ level² where both are known; None where it is too short."""
+    """(3, lags) sums of a clip over the frames that have both: jaw · level, jaw², level²; None where the clip is too short."""
     assert sample.speech is not None
     assert sample.face is not None
     loud = level(sample.speech)
@@ -47,20 +47,20 @@ def _moments(sample: Sample) -> Array | None:
 
 def _of(moments: Array) -> Array:
     """(lags,) correlations of sums (3, lags)."""
-    found: Array = moments[0] / np.sqrt(np.maximum(moments[1] * moments[2], 1e-300))
-    return found
+    values: Array = moments[0] / np.sqrt(np.maximum(moments[1] * moments[2], 1e-300))
+    return values
 
 
 def _all(samples: Sequence[Sample]) -> Array:
-    """(clips, 3, lags) of those that are long enough.
+    """(clips, 3, lags) sums of the clips that are long enough.
 
     Raises:
-        InputError: none is, or the jaws stand still.
+        InputError: no clip is long enough.
     """
-    known = [found for sample in samples if (found := _moments(sample)) is not None]
-    if not known:
+    clips = [sums for sample in samples if (sums := _moments(sample)) is not None]
+    if not clips:
         raise InputError(f"no clip is longer than {SHORTEST:g} s", "longer clips with speech and a face")
-    return np.stack(known)
+    return np.stack(clips)
 
 
 def correlations(samples: Sequence[Sample]) -> Array:
@@ -81,12 +81,12 @@ def jaw_lag(generated: Sequence[Sample], reference: Sequence[Sample], tools: Too
     clips = _all(generated)
     best = _of(clips.sum(0))
 
-    def lag(chosen: Array) -> float:
-        return float(LAGS[_of(clips[chosen].sum(0)).argmax()] / RATE)
+    def lag(indices: Array) -> float:
+        return float(LAGS[_of(clips[indices].sum(0)).argmax()] / RATE)
 
-    drawn = bootstrap(lag, len(clips), draws=DRAWS, seed=tools.seed)
+    resamples = bootstrap(lag, len(clips), draws=DRAWS, seed=tools.seed)
     note = f"correlation {best.max():.2f}"
-    return Score(float(LAGS[best.argmax()] / RATE), drawn.interval, len(clips), note, drawn.draws)
+    return Score(float(LAGS[best.argmax()] / RATE), resamples.interval, len(clips), note, resamples.draws)
 
 
 @metric("face", "speech", better="higher", hears=True)
@@ -96,10 +96,10 @@ def jaw_correlation(generated: Sequence[Sample], reference: Sequence[Sample], to
     if not _moves(generated):
         return Score(0.0, None, len(clips), "the jaw stands still")
 
-    def best(chosen: Array) -> float:
-        return float(_of(clips[chosen].sum(0)).max())
+    def best(indices: Array) -> float:
+        return float(_of(clips[indices].sum(0)).max())
 
     values = _of(clips.sum(0))
-    drawn = bootstrap(best, len(clips), draws=DRAWS, seed=tools.seed)
+    resamples = bootstrap(best, len(clips), draws=DRAWS, seed=tools.seed)
     note = f"lag {LAGS[values.argmax()] / RATE:+.2f} s"
-    return Score(float(values.max()), drawn.interval, len(clips), note, drawn.draws)
+    return Score(float(values.max()), resamples.interval, len(clips), note, resamples.draws)

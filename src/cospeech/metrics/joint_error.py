@@ -18,13 +18,13 @@ __all__ = ["acceleration_error", "ape", "mae"]
 
 
 def _gaps(generated: Sequence[Sample], reference: Sequence[Sample], order: int) -> list[np.ndarray]:
-    found = []
-    for sample, _, made, true in pair_samples(generated, reference, "positions"):
-        gap = ((made - made[:, :1]) - (true - true[:, :1]))[sample.seed_frames :, 1:]
+    gaps = []
+    for sample, _, motion, true in pair_samples(generated, reference, "positions"):
+        gap = ((motion - motion[:, :1]) - (true - true[:, :1]))[sample.seed_frames :, 1:]
         gap = np.diff(gap, n=order, axis=0) * sample.fps**order
         if gap.size:
-            found.append(gap)
-    return found
+            gaps.append(gap)
+    return gaps
 
 
 @metric("positions", better="lower", paired=True, unit="m")

@@ -31,7 +31,7 @@ def is_shut(face: Array) -> Array:
 
 
 def kappa(counts: Array) -> float:
-    """Cohen's κ of a table (2, 2) of how often one judge and the other say no and yes; 0 where one never changes.
+    """Cohen's κ of a (2, 2) table of counts: how often two judges say no and yes; 0 where one of them always says the same.
 
     >>> round(kappa(np.array([[20.0, 5.0], [10.0, 15.0]])), 6)
     0.4
@@ -68,11 +68,11 @@ def lip_closure(generated: Sequence[Sample], reference: Sequence[Sample], tools:
 def lip_closure_agreement(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Cohen's κ between when the mouth is shut and when the recorded one is; 0 is chance, 1 is perfect."""
     tables = []
-    for sample, _, made, true in pair_samples(generated, reference, "face"):
-        pairs = 2 * is_shut(true)[sample.seed_frames :].astype(int) + is_shut(made)[sample.seed_frames :]
+    for sample, _, face, true in pair_samples(generated, reference, "face"):
+        pairs = 2 * is_shut(true)[sample.seed_frames :].astype(int) + is_shut(face)[sample.seed_frames :]
         tables.append(np.bincount(pairs, minlength=4).reshape(2, 2).astype(float))
     every = np.stack(tables)
     if not all(every.sum(0).sum(1) > 0):
         raise InputError("the recorded mouth never opens, or never shuts", "recordings of faces that speak and pause")
-    drawn = bootstrap(lambda chosen: kappa(every[chosen].sum(0)), len(every), draws=DRAWS, seed=tools.seed)
-    return Score(kappa(every.sum(0)), drawn.interval, int(every.sum()), draws=drawn.draws)
+    resamples = bootstrap(lambda indices: kappa(every[indices].sum(0)), len(every), draws=DRAWS, seed=tools.seed)
+    return Score(kappa(every.sum(0)), resamples.interval, int(every.sum()), draws=resamples.draws)

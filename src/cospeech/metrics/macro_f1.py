@@ -1,7 +1,7 @@
-"""Macro-F1 of a classification, with an interval over clips: how well emotions are heard in speech.
+"""Macro-F1 of a classification, with an interval over clips: how well emotions are recognised in speech.
 
-The F1 of each class, averaged over the classes that occur: a class counts the same however often it occurs, so that saying
-*neutral* all the time does not pay. Pieces of one clip are drawn together, as they are alike.
+The F1 of each class is averaged over the classes that occur. A class counts the same however often it occurs, so that answering
+*neutral* all the time scores low. The bootstrap draws whole clips, because the pieces of a clip are alike.
 """
 
 from __future__ import annotations
@@ -21,30 +21,30 @@ DRAWS = 1000  # ours, as everywhere
 
 
 def mean_f1(counts: Array) -> float:
-    """Mean F1 over the classes that occur, of (K, K) counts: rows are what is true, columns what is said; NaN of none.
+    """Mean F1 over the classes that occur, of (K, K) counts: rows are true classes, columns predictions; NaN where none occurs.
 
     >>> mean_f1(np.array([[8, 2], [0, 0]]))
     0.888...
     """
-    hit, support, said = np.diag(counts).astype(float), counts.sum(1), counts.sum(0)
+    hit, support, predictions = np.diag(counts).astype(float), counts.sum(1), counts.sum(0)
     there = support > 0
-    return float(np.mean(2 * hit[there] / (support + said)[there])) if there.any() else float("nan")
+    return float(np.mean(2 * hit[there] / (support + predictions)[there])) if there.any() else float("nan")
 
 
-def macro_f1(true: Sequence[int], said: Sequence[int], clips: Sequence[str], *, classes: int, seed: int = 0) -> Score:
+def macro_f1(true: Sequence[int], predictions: Sequence[int], clips: Sequence[str], *, classes: int, seed: int = 0) -> Score:
     """Macro-F1 of pieces (or whole clips).
 
     Args:
         true: class of each piece, 0 … classes − 1.
-        said: what it was taken for.
-        clips: name of the clip that each piece is of.
+        predictions: the class that was recognised in each piece.
+        clips: name of the clip that each piece belongs to.
         classes: K; one that never occurs is not averaged over.
         seed: of the bootstrap.
 
     Raises:
         InputError: no piece, sequences of different lengths, or a class out of range.
     """
-    a, b = np.asarray(true, np.int64), np.asarray(said, np.int64)
+    a, b = np.asarray(true, np.int64), np.asarray(predictions, np.int64)
     if not len(a) == len(b) == len(clips) or not len(a):
         raise InputError(f"{len(a)} true classes, {len(b)} given ones and {len(clips)} clips", "as many of each, and some")
     if min(a.min(), b.min()) < 0 or max(a.max(), b.max()) >= classes:
@@ -52,7 +52,7 @@ def macro_f1(true: Sequence[int], said: Sequence[int], clips: Sequence[str], *, 
     names = sorted(set(clips))
     counts = np.zeros((len(names), classes, classes))
     np.add.at(counts, (np.searchsorted(names, clips), a, b), 1)
-    drawn = bootstrap(lambda k: mean_f1(counts[k].sum(0)), len(names), draws=DRAWS, seed=seed)
+    resamples = bootstrap(lambda k: mean_f1(counts[k].sum(0)), len(names), draws=DRAWS, seed=seed)
     occurring = int((counts.sum((0, 2)) > 0).sum())
     note = f"{say_count(occurring, 'class', 'classes')}, {say_count(len(names), 'clip')}"
-    return Score(mean_f1(counts.sum(0)), drawn.interval, len(a), note, drawn.draws)
+    return Score(mean_f1(counts.sum(0)), resamples.interval, len(a), note, resamples.draws)

@@ -1,9 +1,9 @@
-"""The one signature of the table `cospeech.metrics.METRICS`, and the decorator that checks what a metric is given.
+"""The one signature of the table `cospeech.metrics.METRICS`, and the decorator that checks the arguments of a metric.
 
     score = metric(generated, reference, tools)
 
-``generated`` and ``reference`` are sequences of `Sample`; ``tools`` carries what is passed in (a feature network, a classifier,
-cluster centres). ``metric.about`` says which fields it needs, whether it pairs, whether it hears, and which way is better.
+``generated`` and ``reference`` are sequences of `Sample`. ``tools`` holds what the caller passes in: a feature network, a
+classifier, cluster centres. ``metric.about`` says which fields the metric needs and how its values are read (`About`).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ BETTER = ("higher", "lower", "reference")
 """Which way is better: a higher value, a lower one, or the one nearest to that of the reference (diversity, jerk)."""
 
 SAME = ("rate", "joints")
-"""What all clips may have to have the same."""
+"""What a metric may want to be the same in all clips."""
 RATE = 1e-4  # ours: relative; files round their frame time (0.033333 s), and 29.97 is not 30
 
 Function = Callable[[Sequence[Sample], Sequence[Sample], Tools], Score]
@@ -35,9 +35,17 @@ Function = Callable[[Sequence[Sample], Sequence[Sample], Tools], Score]
 
 @dataclass(frozen=True)
 class About:
-    """What a metric needs (fields of `Sample` or `Tools`), which way is better, whether it pairs and hears, the unit,
-    whether 0 is what chance gives (another clip need then not be better than noise), and what all clips must have the same:
-    ``"rate"`` (it counts in frames), ``"joints"``."""
+    """What a metric needs, and how its values are read.
+
+    Args:
+        needs: fields of `Sample` or `Tools`; ``"a|b"``: one of the two.
+        better: one of `BETTER`.
+        paired: it compares each clip with the reference of the same condition.
+        hears: it uses the speech.
+        unit: of the value.
+        chance: chance gives 0; another clip need then not be better than noise.
+        same: what all clips must have the same: ``"rate"`` (the metric counts in frames), ``"joints"``.
+    """
 
     needs: tuple[str, ...]
     better: str
@@ -49,7 +57,7 @@ class About:
 
 
 class Metric:
-    """A function of the one signature that checks what it is given; made by `metric`."""
+    """A function of the one signature that checks its arguments; `metric` makes it."""
 
     def __init__(self, function: Function, about: About) -> None:
         update_wrapper(self, function)
@@ -59,8 +67,7 @@ class Metric:
         """A finite score.
 
         Raises:
-            InputError: something that the metric needs is not there, clips differ that must not, or what comes out is not a
-                number.
+            InputError: something that the metric needs is missing, rates or joints differ, or the value is not a number.
         """
         tools = Tools() if tools is None else tools
         name = getattr(self, "__name__", "metric")
@@ -85,7 +92,7 @@ class Metric:
             if "joints" in self.about.same:
                 _check_joints(sample, samples[0])
         with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # what comes of them is looked at below
+            warnings.simplefilter("ignore", RuntimeWarning)  # the value is checked below
             score = self.function(generated, reference, tools)
         if not isinstance(score, Score):
             raise InputError(f"{name} gives {_describe(score)}", "a Score: cospeech.metrics.interval.mean_score makes one")
@@ -109,14 +116,14 @@ def metric(
     """Decorator that makes a `Metric` of a function; see `About`.
 
     Raises:
-        InputError: something is asked for that there is not, or the function takes other arguments.
+        InputError: a name in ``needs``, ``better`` or ``same`` that does not exist, or a function with other arguments.
     """
-    known = {field.name for kind in (Sample, Tools) for field in fields(kind)}
-    asked = {name for need in needs for name in need.split("|")}
+    available = {field.name for kind in (Sample, Tools) for field in fields(kind)}
+    names = {name for need in needs for name in need.split("|")}
     if better not in BETTER:
         raise InputError(f"better={better!r} of a metric", f"one of {', '.join(BETTER)}")
-    if asked - known:
-        raise InputError(f"a metric needs {min(asked - known)!r}", nearest(min(asked - known), known))
+    if names - available:
+        raise InputError(f"a metric needs {min(names - available)!r}", nearest(min(names - available), available))
     if not isinstance(same, tuple) or {*same} - {*SAME}:
         raise InputError(f"same={same!r} of a metric", f"a tuple of some of {', '.join(SAME)}")
     about = About(needs, better, paired, hears, unit, chance, same)
@@ -155,7 +162,7 @@ def _check_joints(sample: Sample, other: Sample) -> None:
 def pair_samples(
     generated: Sequence[Sample], reference: Sequence[Sample], field: str
 ) -> list[tuple[Sample, Sample, Array, Array]]:
-    """(generated, its reference, their arrays ``field``): by condition, of equal shape and rate.
+    """Each generated sample, the reference of its condition, and the array ``field`` of both, of equal shape and rate.
 
     Raises:
         InputError: a sample has no reference, or the shapes or the rates differ.

@@ -52,42 +52,42 @@ def nearest_centre(features: Array, centres: Array) -> Array:
     return np.argmin(np.square(centres).sum(1) - 2 * features @ centres.T, axis=1)
 
 
-def confusion(true: Array, made: Array, modes: int) -> Array:
-    """(K, K) counts: rows are the recording's modes, columns the generated ones."""
-    return np.bincount(true * modes + made, minlength=modes**2).reshape(modes, modes)
+def confusion(true: Array, predictions: Array, modes: int) -> Array:
+    """(K, K) counts: rows are the modes of the recording, columns those of the generated motion."""
+    return np.bincount(true * modes + predictions, minlength=modes**2).reshape(modes, modes)
 
 
 def average_f1(counts: Array) -> float:
     """F1 of each mode, weighted by how often the recording has it; modes that never occur count 0."""
     hit = np.diag(counts).astype(np.float64)
-    support, made = counts.sum(1), counts.sum(0)
-    f1 = 2 * hit / np.maximum(support + made, 1)
+    support, predictions = counts.sum(1), counts.sum(0)
+    f1 = 2 * hit / np.maximum(support + predictions, 1)
     return float(f1 @ support / support.sum())
 
 
-def _score(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools, joined: bool) -> Score:
+def _score(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools, end_to_end: bool) -> Score:
     pairs = pair_samples(generated, reference, "points")
     centres = np.asarray(tools.centres, np.float64)
-    if joined:
+    if end_to_end:
         parts = [(np.concatenate([p[2] for p in pairs]), np.concatenate([p[3] for p in pairs]))]
     else:
-        parts = [(made, true) for _, _, made, true in pairs]
+        parts = [(points, true) for _, _, points, true in pairs]
     counts = []
-    for made, true in parts:
-        modes = [nearest_centre(mode_features(x), centres) for x in (true, made)]
+    for points, true in parts:
+        modes = [nearest_centre(mode_features(x), centres) for x in (true, points)]
         counts.append(confusion(modes[0], modes[1], len(centres)))
-    drawn = bootstrap(lambda k: average_f1(np.sum([counts[i] for i in k], 0)), len(counts), draws=DRAWS, seed=tools.seed)
+    resamples = bootstrap(lambda k: average_f1(np.sum([counts[i] for i in k], 0)), len(counts), draws=DRAWS, seed=tools.seed)
     total = np.sum(counts, 0)
-    return Score(average_f1(total), drawn.interval, int(total.sum()), f"{len(centres)} centres", drawn.draws)
+    return Score(average_f1(total), resamples.interval, int(total.sum()), f"{len(centres)} centres", resamples.draws)
 
 
 @metric("points", "centres", better="higher", paired=True)
 def mode_f1(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Support-weighted F1 of the nearest centres, velocity 0 at the start of every clip."""
-    return _score(generated, reference, tools, joined=False)
+    return _score(generated, reference, tools, end_to_end=False)
 
 
 @metric("points", "centres", better="higher", paired=True)
 def mode_f1_published(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Mix-StAGE's F1 as coded: the same with clips laid end to end, velocity jumping across their borders."""
-    return _score(generated, reference, tools, joined=True)
+    return _score(generated, reference, tools, end_to_end=True)

@@ -8,9 +8,9 @@ wrist. A *stroke* is a peak of wrist speed ≥ 0.5 m/s with prominence ≥ 0.25 
 from one minimum of the speed to the next. *Chest level* is 60 % of the way from hips to shoulders; the *torso* is the
 frame of shoulder line and the line from hips to mid-shoulder.
 
-Where the published definition leaves a choice (difference scheme, limits of a stroke, spectral windows) the one
-was taken with which every window of a real take falls inside the printed ranges. Head, fingers and feet are not in that
-take: their exact definitions are ours.
+Where the published definition leaves a choice (difference scheme, limits of a stroke, spectral windows), we took the one
+with which every window of a real take falls inside the printed ranges. That take has no head, fingers and feet: their exact
+definitions are ours.
 """
 
 from dataclasses import dataclass
@@ -148,5 +148,5 @@ def movement_statistics(motion: Motion | Track, *, window: float = WINDOW) -> di
 
 def mean_rows(windows: list[dict[str, float]]) -> dict[str, float]:
     """Mean of each row over the windows that have it, in the order of `REFERENCE`."""
-    found = {name: [w[name] for w in windows if np.isfinite(w.get(name, np.nan))] for name in REFERENCE}
-    return {name: float(np.mean(values)) for name, values in found.items() if values}
+    rows = {name: [w[name] for w in windows if np.isfinite(w.get(name, np.nan))] for name in REFERENCE}
+    return {name: float(np.mean(values)) for name, values in rows.items() if values}

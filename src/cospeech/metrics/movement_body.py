@@ -1,6 +1,7 @@
-"""Rows of the movement statistics that speak of torso, head, fingers, hips and feet.
+"""Rows of the movement statistics for torso, head, fingers, hips and feet.
 
-Each function takes series of the whole motion and a window (a slice of frames), so that filters have no edges inside.
+Each function takes the series of the whole motion and a window (a slice of frames): filters run over the whole motion, so that
+a window has no edges of its own.
 """
 
 import numpy as np
@@ -59,10 +60,10 @@ def finger_rows(fingers: Array, window: slice) -> dict[str, float]:
     """``fingers (T, K, 4)``. A joint's range is taken about the axis it turns most about."""
     local = fingers[window]
     middle = quat_conjugate(local[len(local) // 2])
-    turned = np.degrees(quat_to_rotvec(quat_multiply(middle, local)))
-    turned = turned - turned.mean(0)
-    axes = np.linalg.eigh(np.einsum("tki,tkj->kij", turned, turned))[1][..., -1]
-    span = np.ptp(np.percentile(np.einsum("tki,ki->tk", turned, axes), (5, 95), axis=0), axis=0)
+    turns = np.degrees(quat_to_rotvec(quat_multiply(middle, local)))
+    turns = turns - turns.mean(0)
+    axes = np.linalg.eigh(np.einsum("tki,tkj->kij", turns, turns))[1][..., -1]
+    span = np.ptp(np.percentile(np.einsum("tki,ki->tk", turns, axes), (5, 95), axis=0), axis=0)
     return {
         "finger joint 5–95 %, median joint, deg": float(np.median(span)),
         "finger joint 5–95 %, largest, deg": float(span.max()),

@@ -1,6 +1,7 @@
-"""Rows of the movement statistics that speak of the hands: speed, strokes, place, spectrum.
+"""Rows of the movement statistics for the hands: speed, strokes, place, spectrum.
 
-Each function takes series of the whole motion and a window (a slice of frames), so that filters have no edges inside.
+Each function takes the series of the whole motion and a window (a slice of frames): filters run over the whole motion, so that
+a window has no edges of its own.
 """
 
 import numpy as np
@@ -35,15 +36,15 @@ def stroke_rows(smooth: Array, window: slice) -> dict[str, float]:
     minutes = len(speed) / FPS / 60
     counts, peaks, durations, smoothness = [], [], [], []
     for v, j in zip(speed.T, jerk.T, strict=True):
-        found = find_peaks(v, **STROKE)[0]
+        strokes = find_peaks(v, **STROKE)[0]
         lows = np.concatenate([[0], find_peaks(-v)[0], [len(v) - 1]])
-        starts, stops = lows[np.searchsorted(lows, found) - 1], lows[np.searchsorted(lows, found)]
+        starts, stops = lows[np.searchsorted(lows, strokes) - 1], lows[np.searchsorted(lows, strokes)]
         lasts = (stops - starts) / FPS
         energy = np.array([np.sum(j[a : b + 1] ** 2) / FPS for a, b in zip(starts, stops, strict=True)])
-        counts.append(len(found))
-        peaks.append(v[found])
+        counts.append(len(strokes))
+        peaks.append(v[strokes])
         durations.append(lasts)
-        smoothness.append(-np.log(np.maximum(lasts**3 / v[found] ** 2 * energy, 1e-12)))
+        smoothness.append(-np.log(np.maximum(lasts**3 / v[strokes] ** 2 * energy, 1e-12)))
     rest = speed < REST
     moving = speed.std(0).min() > 1e-9
     rows = {

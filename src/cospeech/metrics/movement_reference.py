@@ -1,8 +1,7 @@
-"""How two people move while they speak: the table that `cospeech.metrics.movement` is judged against.
+"""How two people move while they speak: the ranges that statistics of `cospeech.metrics.movement` are compared with.
 
-Facts measured on 413 s of motion capture of two speakers (ZeroEGGS and BEAT2), see benchmarks/README.md:
-the mean and the range over 13 windows of 30 s. Enough to reject what is grossly wrong; the ranges are those of two
-people, not of mankind.
+The mean and the range over 13 windows of 30 s, measured on 413 s of motion capture of two speakers (ZeroEGGS and BEAT2), see
+benchmarks/README.md. They can reject motion that is grossly wrong. They are the ranges of two people, not of all people.
 """
 
 from typing import NamedTuple

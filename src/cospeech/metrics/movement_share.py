@@ -25,8 +25,8 @@ def movement(generated: Sequence[Sample], reference: Sequence[Sample], tools: To
         if len(sample.track.hips) < SHORTEST * sample.track.fps:
             continue
         for rows in window_statistics(sample.track):
-            known = [REFERENCE[name].holds(value) for name, value in rows.items() if name in REFERENCE]
-            shares.append(sum(known) / len(known))
+            hits = [REFERENCE[name].holds(value) for name, value in rows.items() if name in REFERENCE]
+            shares.append(sum(hits) / len(hits))
     if not shares:
         raise InputError(f"no clip is longer than {SHORTEST:g} s")
     return mean_score(shares, seed=tools.seed, note="the ranges are of windows of 30 s")

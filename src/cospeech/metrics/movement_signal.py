@@ -1,4 +1,4 @@
-"""What all movement statistics are made of: derivatives, filters, percentiles and spectra at 30 frames per second."""
+"""Functions that all movement statistics use: derivatives, filters, percentiles and spectra at 30 frames per second."""
 
 import numpy as np
 

@@ -32,8 +32,8 @@ def _triangles(rate: float) -> Array:
 
 
 def _frames(samples: Array) -> Array:
-    padded = np.pad(np.asarray(samples, np.float64), WINDOW // 2)
-    return np.lib.stride_tricks.sliding_window_view(padded, WINDOW)[::HOP]
+    signal = np.pad(np.asarray(samples, np.float64), WINDOW // 2)
+    return np.lib.stride_tricks.sliding_window_view(signal, WINDOW)[::HOP]
 
 
 def _hann() -> Array:
@@ -60,15 +60,15 @@ def onset_frames(strength: Array, rate: float) -> Array:
         return np.zeros(0, int)
     x = (strength - low) / (high - low)
     before, around, apart = (int(seconds * rate // HOP) for seconds in (BEFORE, AROUND, APART))
-    found, last = [], -np.inf
+    onsets, last = [], -np.inf
     for k in range(len(x)):
         if x[k] <= 0 or k - last <= apart:
             continue
         surroundings = x[max(0, k - around) : k + around + 1]
         if x[k] >= x[max(0, k - before) : k + 1].max() and x[k] >= surroundings.mean() + ABOVE:
-            found.append(k)
+            onsets.append(k)
             last = k
-    return np.array(found, int)
+    return np.array(onsets, int)
 
 
 def rms(samples: Array, *, hann: bool = False) -> Array:

@@ -22,15 +22,15 @@ NEAR = 0.1  # metres (GFGE cal_metrics.py, "< 0.1" in the unit of its bone lengt
 ALPHAS = (0.1, 0.2)  # of the box (Mix-StAGE metrics.py); Speech2Gesture: .2 alone
 
 
-def hits(made: Array, true: Array, threshold: float | Array, *, closed: bool = False) -> Array:
-    """(T, J) whether |made − true| < threshold (≤ where ``closed``), of positions (T, J, D) less their own root's.
+def hits(motion: Array, true: Array, threshold: float | Array, *, closed: bool = False) -> Array:
+    """(T, J) whether |motion − true| < threshold (≤ where ``closed``), for positions (T, J, D) relative to their own root.
 
     Raises:
         InputError: the shapes differ.
     """
-    if made.shape != true.shape or made.ndim != 3:
-        raise InputError(f"positions of shape {made.shape} against {true.shape}")
-    gap = np.linalg.norm((made - made[:, :1]) - (true - true[:, :1]), axis=-1)
+    if motion.shape != true.shape or motion.ndim != 3:
+        raise InputError(f"positions of shape {motion.shape} against {true.shape}")
+    gap = np.linalg.norm((motion - motion[:, :1]) - (true - true[:, :1]), axis=-1)
     return gap <= threshold if closed else gap < threshold
 
 
@@ -43,11 +43,11 @@ def box_thresholds(true: Array, alpha: float) -> Array:
 def pck(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Share of joints within 0.1 m of the recording, without root and seed frames."""
     values, weights = [], []
-    for sample, _, made, true in pair_samples(generated, reference, "positions"):
-        judged = hits(made, true, NEAR)[sample.seed_frames :, 1:]
-        if judged.size:
-            values.append(float(judged.mean()))
-            weights.append(float(judged.size))
+    for sample, _, motion, true in pair_samples(generated, reference, "positions"):
+        right = hits(motion, true, NEAR)[sample.seed_frames :, 1:]
+        if right.size:
+            values.append(float(right.mean()))
+            weights.append(float(right.size))
     return mean_score(values, weights, seed=tools.seed)
 
 
@@ -55,17 +55,17 @@ def pck(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) 
 def pck_gfge(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """PCK of the flow paper: within 0.1 m; it counts the root and the seed frames as hits."""
     pairs = pair_samples(generated, reference, "positions")
-    values = [float(hits(made, true, NEAR).mean()) for _, _, made, true in pairs]
-    return mean_score(values, [made.size for _, _, made, _ in pairs], seed=tools.seed)
+    values = [float(hits(motion, true, NEAR).mean()) for _, _, motion, true in pairs]
+    return mean_score(values, [motion.size for _, _, motion, _ in pairs], seed=tools.seed)
 
 
 def _shares(generated: Sequence[Sample], reference: Sequence[Sample], alpha: float) -> tuple[list[float], list[int]]:
     shares, sizes = [], []
-    for _, _, made, true in pair_samples(generated, reference, "points"):
-        keep = select_points(made.shape[1])
-        judged = hits(made, true, box_thresholds(true, alpha))[:, keep]
-        shares.append(float(judged.mean()))
-        sizes.append(judged.size)
+    for _, _, points, true in pair_samples(generated, reference, "points"):
+        keep = select_points(points.shape[1])
+        right = hits(points, true, box_thresholds(true, alpha))[:, keep]
+        shares.append(float(right.mean()))
+        sizes.append(right.size)
     return shares, sizes
 
 
@@ -93,10 +93,10 @@ def pck_mix_stage(generated: Sequence[Sample], reference: Sequence[Sample], tool
 def pck_s2g(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """PCK of Speech2Gesture: α = .2 of the box around the kept points, the threshold itself a hit."""
     values, sizes = [], []
-    for _, _, made, true in pair_samples(generated, reference, "points"):
-        keep = select_points(made.shape[1])
+    for _, _, points, true in pair_samples(generated, reference, "points"):
+        keep = select_points(points.shape[1])
         threshold = box_thresholds(true[:, keep], ALPHAS[1])
-        judged = hits(made, true, threshold, closed=True)[:, keep]
-        values.append(float(judged.mean()))
-        sizes.append(judged.size)
+        right = hits(points, true, threshold, closed=True)[:, keep]
+        values.append(float(right.mean()))
+        sizes.append(right.size)
     return mean_score(values, sizes, seed=tools.seed)

@@ -1,4 +1,4 @@
-"""What every registered metric takes and gives: `Sample`, `Tools` and `Score`; see `cospeech.metrics.metric`."""
+"""Arguments and result of every registered metric: `Sample`, `Tools` and `Score`; see `cospeech.metrics.metric`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SHAPES: dict[str, tuple[int, int | None]] = {
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """One recording as metrics see it, in arrays that are read-only; what is not known is None.
+    """One recording as metrics see it, in read-only arrays; what is not known is None.
 
     Args:
         name: of the recording.
@@ -38,14 +38,14 @@ class Sample:
         names: of the J joints.
         face: (T, 52) ARKit weights in the order of `cospeech.motion.skeletons.arkit.ARKIT`.
         track: hips, shoulders, elbows and wrists (beat and movement metrics).
-        speech: what was spoken meanwhile.
+        speech: the speech of the recording.
         semantics: (T,) semantic score of each frame, 0 … 1.
         label: speaker or style.
-        condition: which speech this was made for; samples that share one are takes of the same speech. ``name`` if empty.
-        seed_frames: so many first frames were given to the system, not made by it.
+        condition: name of the speech; samples with the same one are takes of the same speech. ``name`` if empty.
+        seed_frames: number of first frames that the system was given and did not make.
 
     Raises:
-        InputError: shapes or lengths disagree, a value is not finite, or there are fewer seed frames than none.
+        InputError: shapes or lengths disagree, a value is not finite, or ``seed_frames`` is negative.
     """
 
     name: str
@@ -95,7 +95,7 @@ class Sample:
 
 
 def _protect(values: Array) -> Array:
-    """The same numbers, which cannot be changed in place: all metrics see one sample."""
+    """A read-only view of an array, because all metrics share one sample."""
     view = values.view()
     view.flags.writeable = False
     return view
@@ -105,7 +105,7 @@ def pose_vectors(sample: Sample) -> Array:
     """(T, D) the pose as one vector per frame: positions (or points) less the root's, without the root.
 
     Raises:
-        InputError: the sample has neither.
+        InputError: the sample has neither, or a root alone.
     """
     values = sample.positions if sample.positions is not None else sample.points
     if values is None:
@@ -116,33 +116,33 @@ def pose_vectors(sample: Sample) -> Array:
 
 
 def select_points(count: int) -> list[int]:
-    """Which of ``count`` points Mix-StAGE judges: of PATS' 52 all but neck, nose and eyes; of others all but the root."""
+    """Numbers of the points that Mix-StAGE scores: of PATS' 52 all but neck, nose and eyes; else all but the root."""
     return [k for k in range(count) if k not in (MASKED if count == PATS else (0,))]
 
 
 def select_vectors(sample: Sample) -> Array:
-    """(T, D) as of `pose_vectors`; where a sample has PATS' key points, without neck, nose and eyes (`select_points`).
+    """(T, D) as `pose_vectors`; for PATS' key points without neck, nose and eyes (`select_points`).
 
     Raises:
-        InputError: as of `pose_vectors`.
+        InputError: as `pose_vectors`.
     """
     poses = pose_vectors(sample)
     if sample.positions is not None or sample.points is None:
         return poses
-    kept = [k - 1 for k in select_points(sample.points.shape[1])]
-    return poses.reshape(len(poses), -1, 2)[:, kept].reshape(len(poses), -1)
+    keep = [k - 1 for k in select_points(sample.points.shape[1])]
+    return poses.reshape(len(poses), -1, 2)[:, keep].reshape(len(poses), -1)
 
 
 @dataclass(frozen=True)
 class FeatureNet:
-    """A feature network, or any other function of a window; FGD, IS and clustering are of *this* one and no other.
+    """A feature network, or any other function of a window. FGD, IS and clustering hold for *this* one and no other.
 
     Args:
-        name: printed beside every figure that was made with it.
+        name: printed beside every figure that depends on it.
         function: (N, frames, D) windows → (N, F) features (or class probabilities). A network must be in evaluation mode.
         frames: length of a window.
         hop: frames from one window to the next.
-        poses: sample → (T, D), what the function was made for; `pose_vectors` where not given.
+        poses: sample → (T, D), the poses that the function takes; default: `pose_vectors`.
     """
 
     name: str
@@ -167,7 +167,7 @@ class FeatureNet:
 
 @dataclass(frozen=True, eq=False)
 class Tools:
-    """What is passed in to metrics that need it.
+    """What the caller passes to metrics that need it.
 
     Args:
         features: a named feature network (FGD, clustering, multimodality of features).
@@ -186,10 +186,10 @@ class Tools:
 
 @dataclass(frozen=True)
 class Score:
-    """A value, its 95 % interval over clips (None where there is one clip only), and of how many things it is.
+    """A value, its 95 % interval over clips (None where there is one clip only), and how many things it is computed from.
 
     ``draws`` are the values for clips drawn with replacement, some of those that the interval is made of. Draw k takes the same
-    clips of every system that was scored on the same clips, so two systems are compared pair by pair.
+    clips for every system that is scored on the same clips, so two systems can be compared draw by draw.
     """
 
     value: float

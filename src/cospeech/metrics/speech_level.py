@@ -1,4 +1,4 @@
-"""How loud speech is, in the clock of a face: for metrics that compare lips with what is heard."""
+"""The level of speech at a fixed rate, for metrics that compare lips with speech."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ __all__ = ["RATE", "at_rate", "level", "silent"]
 
 RATE = 100.0  # values per second; ours: far above what jaws do
 _WINDOW = 0.04  # s; ours: some periods of a low voice
-_RANGE = 60.0  # dB below the loudest; ours: what is quieter is as good as nothing
-_QUIET, _LOUD = 30.0, 95.0  # dB below the level that so many per cent of the frames are below; ours: breath and room
+_RANGE = 60.0  # dB below the loudest; ours: what is quieter counts as this
+_QUIET, _LOUD = 30.0, 95.0  # silence is so many dB below this percentile of the level; ours: breath and room
 _PAUSE = 0.15  # s at least; ours: closures of plosives are shorter (50 to 120 ms)
 
 
@@ -39,10 +39,10 @@ def silent(levels: Array) -> Array:
     """(n,) whether nobody speaks: quieter than speech by 30 dB, for 0.15 s at least."""
     quiet = levels < np.percentile(levels, _LOUD) - _QUIET
     edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(int), [0]])))
-    found = np.zeros(len(levels), bool)
+    pauses = np.zeros(len(levels), bool)
     for first, end in edges.reshape(-1, 2):
-        found[first:end] = end - first >= _PAUSE * RATE
-    return found
+        pauses[first:end] = end - first >= _PAUSE * RATE
+    return pauses
 
 
 def at_rate(values: Array, fps: float, count: int) -> Array:

@@ -26,20 +26,20 @@ MEAN_SCORE = 0.165  # mean semantic score of BEAT (utils/metric.py)
 STILL = 1e-3  # degrees; ours: rounding of what does not move
 
 
-def right_joints(made: Array, true: Array) -> Array:
+def right_joints(motion: Array, true: Array) -> Array:
     """(T, J) whether two local rotations (T, J, 4) differ by less than 4°."""
-    return np.degrees(quat_angle(made, true)) < NEAR
+    return np.degrees(quat_angle(motion, true)) < NEAR
 
 
 def _moving(pairs: Sequence[tuple[Sample, Sample, Array, Array]]) -> dict[int, Array]:
-    """Number of joints → (J,) whether each moves in any of the recordings that have so many; all, where none does."""
-    found: dict[int, Array] = {}
+    """Number of joints → (J,) whether each moves in any recording with so many joints; all joints where none moves."""
+    masks: dict[int, Array] = {}
     first: dict[int, Array] = {}
     for *_, true in pairs:
         count = true.shape[1]
         moves = np.degrees(quat_angle(true, first.setdefault(count, true[:1]))).max(0, initial=0) > STILL
-        found[count] = found.get(count, np.zeros(count, bool)) | moves
-    return {count: moves if moves.any() else ~moves for count, moves in found.items()}
+        masks[count] = masks.get(count, np.zeros(count, bool)) | moves
+    return {count: moves if moves.any() else ~moves for count, moves in masks.items()}
 
 
 def _semantics(sample: Sample) -> Array:
@@ -54,10 +54,10 @@ def srgr(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools)
     """Share of joints within 4° of the recording; the semantic score weights the frames; 1 is perfect."""
     values, weights, pairs = [], [], pair_samples(generated, reference, "rotations")
     moving = _moving(pairs)
-    for sample, truth, made, true in pairs:
+    for sample, truth, motion, true in pairs:
         scores, moves = _semantics(truth)[sample.seed_frames :], moving[true.shape[1]]
         if scores.sum() > 0:
-            right = right_joints(made[:, moves], true[:, moves])[sample.seed_frames :].mean(1)
+            right = right_joints(motion[:, moves], true[:, moves])[sample.seed_frames :].mean(1)
             values.append(float(right @ scores / scores.sum()))
             weights.append(float(scores.sum()))
     if not values:
@@ -71,8 +71,8 @@ def srgr_beat(generated: Sequence[Sample], reference: Sequence[Sample], tools: T
     values, weights, pairs = [], [], pair_samples(generated, reference, "rotations")
     moving = _moving(pairs)
     for _, truth, *both in pairs:
-        made, true = (joints[:, moving[joints.shape[1]]] for joints in both)
-        gap = np.abs(np.degrees(quat_to_euler(made, "XYZ") - quat_to_euler(true, "XYZ"))).sum(-1)
+        motion, true = (joints[:, moving[joints.shape[1]]] for joints in both)
+        gap = np.abs(np.degrees(quat_to_euler(motion, "XYZ") - quat_to_euler(true, "XYZ"))).sum(-1)
         values.append(float(((gap < NEAR).mean(1) * _semantics(truth) / MEAN_SCORE).mean()))
-        weights.append(float(len(made)))
+        weights.append(float(len(motion)))
     return mean_score(values, weights, seed=tools.seed)

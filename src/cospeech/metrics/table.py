@@ -23,13 +23,13 @@ DEFAULT = (
     "movement", "beat_align", "fgd", "fid_poses", "pck", "pck_2d", "ape", "srgr", "cca", "diversity", "l1_div", "multimodality",
     "w1_speed", "w1_acceleration", "jerk", "hellinger_speed",
 )  # fmt: skip
-"""The metrics of a table where none are named: the corrected forms. What a corpus has no data for stays empty."""
+"""The metrics of a table where the caller names none: the corrected forms. Cells without data stay empty."""
 
 
 COVERAGE = {2: 50, 3: 75, 4: 80, 5: 84, 6: 86, 7: 87, 8: 89, 9: 90}
 """Clips → in how many of 100 cases an interval of 95 % holds the true mean. Ours: the percentile bootstrap of
 `cospeech.metrics.interval` on 20,000 sets of normal values; from 10 clips on it is 90 and more."""
-LOPSIDED = 1.5  # ours: an interval that reaches so many times as far to one side as to the other is shown by its ends
+LOPSIDED = 1.5  # ours: an interval that reaches more than so many times as far to one side is shown by its ends
 
 
 def _spread(score: Score) -> str:
@@ -38,7 +38,7 @@ def _spread(score: Score) -> str:
         return ""
     low, high = score.interval
     short, long = sorted((score.value - low, high - score.value))
-    if long > LOPSIDED * short and high - low > 1e-9 * max(1.0, abs(score.value)):  # else rounding is all there is
+    if long > LOPSIDED * short and high - low > 1e-9 * max(1.0, abs(score.value)):  # else it is rounding alone
         return f" [{low:.3g}, {high:.3g}]"
     return f" ± {(high - low) / 2:.2g}"
 
@@ -59,7 +59,7 @@ def _escape(text: str) -> str:
 
 def _formula(cell: str) -> str:
     """A cell of `Table.to_text` as LaTeX: powers of ten, and the sign of plus or minus."""
-    powers = re.sub(r"e([+-]?)0*(\d+)", lambda found: rf" \times 10^{{{found[1].strip('+')}{found[2]}}}", cell)
+    powers = re.sub(r"e([+-]?)0*(\d+)", lambda match: rf" \times 10^{{{match[1].strip('+')}{match[2]}}}", cell)
     return "--" if cell == "–" else f"${powers.replace('±', chr(92) + 'pm').replace(' [', chr(92) + ';[')}$"
 
 
@@ -70,10 +70,10 @@ class Table:
     Args:
         rows: names, systems first.
         columns: names of metrics.
-        cells: row → column → score; None where the data for it are not there.
+        cells: row → column → score; None where the data for it are missing.
         why: row → column → why there is none.
         faults: column → what the metric puts in the wrong order among the control rows.
-        about: of what and with what the table was made.
+        about: the data and the networks of the table, in words.
         clips: how many recordings the rows are scored on; 0: not known.
     """
 
@@ -86,7 +86,7 @@ class Table:
     clips: int = 0
 
     def to_json(self) -> str:
-        """All of it; values that are not numbers are null."""
+        """The whole table; values that are not numbers are null."""
 
         def plain(score: Score | None) -> dict[str, object] | None:
             if score is None:
@@ -111,7 +111,7 @@ class Table:
         )
 
     def to_csv(self) -> str:
-        """A line for each system and metric, which pandas and R read; without a score, the note says why."""
+        """A line for each system and metric, for pandas and R; without a score, the note says why."""
         file = io.StringIO()
         lines = csv.writer(file, lineterminator="\n")
         lines.writerow(("system", "metric", "better", "unit", "value", "low", "high", "count", "note"))
@@ -119,10 +119,10 @@ class Table:
             for name in self.columns:
                 about, score = load_metric(name).about, self.cells[row][name]
                 if score is None:
-                    found: tuple[object, ...] = ("", "", "", "", self.why.get(row, {}).get(name, ""))
+                    figures: tuple[object, ...] = ("", "", "", "", self.why.get(row, {}).get(name, ""))
                 else:
-                    found = (score.value, *(score.interval or ("", "")), score.count, score.note)
-                lines.writerow((row, name, about.better, about.unit, *found))
+                    figures = (score.value, *(score.interval or ("", "")), score.count, score.note)
+                lines.writerow((row, name, about.better, about.unit, *figures))
         return file.getvalue().removesuffix("\n")
 
     def to_latex(self) -> str:
@@ -145,19 +145,21 @@ class Table:
         return f"{score.value:.3g}{_spread(score)}"
 
     def _reasons(self) -> list[str]:
-        """Why there are no scores: of a metric without any, once; else of each row that lacks one."""
-        found: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+        """Why scores are missing: one line for a metric that has none, else a line that names the rows without one."""
+        names_of: dict[tuple[str, tuple[str, ...]], list[str]] = {}
         for name in self.columns:
             lacking = [row for row in self.rows if self.cells[row].get(name) is None]
-            told: dict[str, list[str]] = {}
+            rows_of: dict[str, list[str]] = {}
             for row in lacking:
                 if why := self.why.get(row, {}).get(name, "").removeprefix(f"{name} "):
-                    told.setdefault(why, []).append(row)
+                    rows_of.setdefault(why, []).append(row)
             if len(lacking) == len(self.rows):
-                told = {why: [] for why in [*told][:1]}
-            for why, rows in told.items():
-                found.setdefault((why, tuple(rows)), []).append(name)
-        return [f"– {', '.join(names)}{' of ' if rows else ''}{', '.join(rows)}: {why}" for (why, rows), names in found.items()]
+                rows_of = {why: [] for why in [*rows_of][:1]}
+            for why, rows in rows_of.items():
+                names_of.setdefault((why, tuple(rows)), []).append(name)
+        return [
+            f"– {', '.join(names)}{' of ' if rows else ''}{', '.join(rows)}: {why}" for (why, rows), names in names_of.items()
+        ]
 
     def to_text(self, *, width: int = 120) -> str:
         """Aligned columns, in blocks that fit into ``width`` characters; the faults of metrics below."""
@@ -193,5 +195,5 @@ class Table:
         if self.clips in COVERAGE:
             rate = f"holds the true value in some {COVERAGE[self.clips]} of 100 cases, not in 95"
             lines.append(f"note: ± is too narrow with so few clips: an interval over {say_count(self.clips, 'clip')} {rate}")
-        lines += [f"{_mark(found)} {name}: {'; '.join(found)}" for name, found in self.faults.items() if found]
+        lines += [f"{_mark(faults)} {name}: {'; '.join(faults)}" for name, faults in self.faults.items() if faults]
         return lines + self._reasons()

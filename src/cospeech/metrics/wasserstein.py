@@ -49,12 +49,12 @@ def _score(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tool
     truth = np.quantile(np.concatenate(b), steps)
     value = distance(np.concatenate(a), np.concatenate(b))
     shift = value - distance(np.concatenate(small), truth)
-    drawn = bootstrap(
+    resamples = bootstrap(
         lambda k: distance(np.concatenate([small[i] for i in k]), truth), len(small), draws=DRAWS, seed=tools.seed
     )
-    ends = drawn.interval
+    ends = resamples.interval
     interval = None if ends is None else (max(ends[0] + shift, 0.0), max(ends[1] + shift, 0.0))
-    return Score(value, interval, len(generated), draws=tuple(draw + shift for draw in drawn.draws))
+    return Score(value, interval, len(generated), draws=tuple(draw + shift for draw in resamples.draws))
 
 
 @metric("positions|points", better="lower", unit="m/s (px/s)")
@@ -73,8 +73,8 @@ def _histogram(samples: Sequence[Sample]) -> Array:
     counts = np.zeros(len(BINS) - 1)
     for sample in samples:
         assert sample.points is not None
-        masked = MASKED if sample.points.shape[1] == PATS else (0,)
-        keep = [k for k in range(sample.points.shape[1]) if k not in masked]
+        mask = MASKED if sample.points.shape[1] == PATS else (0,)
+        keep = [k for k in range(sample.points.shape[1]) if k not in mask]
         speed = np.linalg.norm(np.diff((sample.points - sample.points[:, :1])[:, keep], axis=0), axis=-1).mean(1)
         counts += np.histogram(speed, BINS)[0]
     return counts
@@ -83,7 +83,7 @@ def _histogram(samples: Sequence[Sample]) -> Array:
 @metric("points", better="lower", unit="px per frame", same=("rate",))
 def w1_speed_mix_stage(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """W1 of Mix-StAGE: of histograms (0 … 300 px by 0.1) of the joints' mean speed per frame; 1000 where one is empty."""
-    made, true = _histogram(generated), _histogram(reference)
-    if not (made.sum() and true.sum()):
+    counts, true = _histogram(generated), _histogram(reference)
+    if not (counts.sum() and true.sum()):
         return Score(1000.0, None, len(generated), "a histogram is empty")
-    return Score(float(scipy("stats").wasserstein_distance(BINS[:-1], BINS[:-1], made, true)), None, len(generated))
+    return Score(float(scipy("stats").wasserstein_distance(BINS[:-1], BINS[:-1], counts, true)), None, len(generated))

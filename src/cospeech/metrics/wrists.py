@@ -1,4 +1,4 @@
-"""How wide and how fast the hands move, against the same speech performed otherwise: do gestures show the emotion?
+"""How wide and how fast the hands move with an emotion, compared with the same speech without it: do gestures show the emotion?
 
 Xu et al. 2024 (section 4) look at pictures: happiness moves outward, sadness and fear inward. Here it is measured: each
 speech is performed with the emotion and neutrally, and the ratio of the two is averaged over speeches and seeds.
@@ -26,7 +26,7 @@ BOX = (5.0, 95.0)  # percentiles; ours: the box of the wrists without its outlie
 
 @dataclass(frozen=True)
 class Wrists:
-    """Of a performance; lengths in metres, relative to the hips, the slow heading taken out."""
+    """Measures of one performance; lengths in metres, relative to the hips, with the slow heading removed."""
 
     distance: float
     """Mean distance of the wrists from the upright line through the hips."""
@@ -52,26 +52,26 @@ def wrists_of(motion: Motion) -> Wrists:
     )
 
 
-def against(shown: Sequence[Wrists], plain: Sequence[Wrists], *, seed: int = 0) -> dict[str, Score]:
-    """Measure → geometric mean of shown / plain over pairs, with its 95 % interval.
+def against(emotional: Sequence[Wrists], plain: Sequence[Wrists], *, seed: int = 0) -> dict[str, Score]:
+    """Measure → geometric mean of emotional / plain over pairs, with its 95 % interval.
 
     Args:
-        shown: with the emotion, a performance for each speech and seed.
-        plain: the same ones without.
+        emotional: performances with the emotion, one for each speech and seed.
+        plain: performances of the same speeches and seeds without it.
         seed: of the bootstrap.
 
     Raises:
         InputError: no pair, or not as many of each.
     """
-    if len(shown) != len(plain) or not shown:
-        raise InputError(f"{len(shown)} performances against {len(plain)}", "pairs, and one at least")
-    found = {}
+    if len(emotional) != len(plain) or not emotional:
+        raise InputError(f"{len(emotional)} performances against {len(plain)}", "pairs, and one at least")
+    scores = {}
     for part in fields(Wrists):
-        a, b = (np.array([getattr(each, part.name) for each in some]) for some in (shown, plain))
+        a, b = (np.array([getattr(each, part.name) for each in some]) for some in (emotional, plain))
         score = mean_score(_logs(a, b), seed=seed)
         ends = None if score.interval is None else (float(np.exp(score.interval[0])), float(np.exp(score.interval[1])))
-        found[part.name] = Score(float(np.exp(score.value)), ends, score.count)
-    return found
+        scores[part.name] = Score(float(np.exp(score.value)), ends, score.count)
+    return scores
 
 
 def _logs(a: Array, b: Array) -> list[float]:

@@ -1,4 +1,4 @@
-"""Which array of a store a reduction of audio is made of."""
+"""Finds the array of a store that a reduction of audio needs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["with_audio"]
 
 
 def with_audio(store: Store, audio: str | None) -> Store:
-    """The same store, whose array ``audio`` has the columns that a reduction takes, where any array has; its files stay.
+    """The same store, with an array ``audio`` of the columns that a reduction takes, where any array has them; its files stay.
 
     Args:
         store: with ``audio``, and perhaps other arrays of speech, such as ``waveform``.
@@ -33,6 +33,6 @@ def with_audio(store: Store, audio: str | None) -> Store:
 
 
 def _exchange(has: tuple[str, ...], array: str) -> tuple[str, ...]:
-    """What a clip has when ``array`` is its audio."""
+    """The arrays of a clip when ``array`` is its audio."""
     others = tuple(name for name in has if name != "audio")
     return (*others, "audio") if array in has else others

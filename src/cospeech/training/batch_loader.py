@@ -18,9 +18,9 @@ __all__ = [
 ]  # fmt: skip
 
 POSE_FLOOR = 0.01
-"""Least deviation of a pose number, ours: what moves by less than a centimetre, or half a degree, counts the less."""
+"""Least deviation of a pose number, ours: a number that moves by less than a centimetre, or half a degree, counts less."""
 SPREAD_FLOOR = 0.1
-"""Least deviation of a number within a clip, of that over all clips; ours: who holds still is not magnified."""
+"""Least deviation of a number within a clip, relative to that over all clips; ours: stillness is not magnified."""
 _TINY = 1e-6  # an audio column that varies by less is constant, and has deviation 1 as in a store
 
 Reduce = Callable[[Array], Array]
@@ -34,8 +34,8 @@ class Normaliser(NamedTuple):
     std: Array
 
     def __call__(self, x: Array) -> Array:
-        scaled: Array = ((x - self.mean) / self.std).astype(np.float32)
-        return scaled
+        values: Array = ((x - self.mean) / self.std).astype(np.float32)
+        return values
 
 
 class ClipNormaliser(NamedTuple):
@@ -45,26 +45,26 @@ class ClipNormaliser(NamedTuple):
     spread: Array
 
     def __call__(self, x: Array, clips: Array) -> Array:
-        """(B, T, D) standardised windows of clips (B,) → by their own clips' moments."""
-        scaled: Array = (x - self.centre[clips][:, None]) / self.spread[clips][:, None]
-        return scaled
+        """Windows (B, T, D) of clips (B,), standardised by the moments of their own clips."""
+        values: Array = (x - self.centre[clips][:, None]) / self.spread[clips][:, None]
+        return values
 
 
 def clip_moments(store: Store, pose: Normaliser) -> ClipNormaliser:
-    """Mean and standard deviation of each clip by itself; no clip learns from another split."""
+    """Mean and standard deviation of each clip by itself, so that no split learns from another."""
     rows = [pose(store.clip(clip)["pose"]) for clip in store.clips]
     centre = np.stack([poses.mean(0) for poses in rows])
     return ClipNormaliser(centre, np.stack([np.maximum(poses.std(0), np.float32(SPREAD_FLOOR)) for poses in rows]))
 
 
 def standard_pose(store: Store) -> Normaliser:
-    """Of the store's own statistics."""
+    """The normaliser of poses, from the statistics of the store."""
     mean, std = store.statistics("pose")
     return Normaliser(mean, np.maximum(std, np.float32(POSE_FLOOR)))
 
 
 def standard_audio(store: Store, reduce: Reduce | None) -> Normaliser:
-    """Of the store's own statistics, or, where the audio is reduced, over its training clips.
+    """The normaliser of audio, from the statistics of the store; where the audio is reduced, over its training clips.
 
     Raises:
         InputError: the store has no audio.
@@ -88,7 +88,7 @@ def standard_audio(store: Store, reduce: Reduce | None) -> Normaliser:
 
 
 def pool_columns(each: Normaliser) -> Normaliser:
-    """One mean and deviation for all columns, those of all numbers together."""
+    """One mean and one deviation for all columns: those of all numbers together."""
     mean = each.mean.astype(float).mean()
     std = np.sqrt((np.square(each.std.astype(float)) + np.square(each.mean - mean)).mean())
     return Normaliser(np.full_like(each.mean, mean), np.full_like(each.std, std))
@@ -99,9 +99,9 @@ class BatchLoader:
 
     Args:
         windows: to draw from.
-        standards: array name → how it is standardised; others are as the store has them.
-        reduce: of the audio, before it is standardised.
-        moments: of the clips, where poses are to be as if each clip had mean 0 and deviation 1.
+        standards: array name → its normaliser; other arrays stay as in the store.
+        reduce: reduction of the audio, before it is standardised.
+        moments: of the clips; with them, the poses of each clip have mean 0 and deviation 1.
     """
 
     def __init__(
@@ -116,10 +116,10 @@ class BatchLoader:
             columns = arrays["audio"]
             rows = self._reduce(columns.reshape(-1, columns.shape[-1]))
             arrays["audio"] = rows.reshape(*columns.shape[:2], -1)
-        fed = {name: self._convert(name, array) for name, array in arrays.items()}
+        inputs = {name: self._convert(name, array) for name, array in arrays.items()}
         if self._moments is not None:
-            fed["pose"] = self._moments(fed["pose"], arrays["clip"])
-        return fed
+            inputs["pose"] = self._moments(inputs["pose"], arrays["clip"])
+        return inputs
 
     def _convert(self, name: str, array: Array) -> Array:
         if name in self._standards:
@@ -127,11 +127,11 @@ class BatchLoader:
         return array.astype(np.float32 if array.dtype.kind == "f" else np.int64, copy=False)
 
 
-def check_mirror(store: Store, wanted: bool | None) -> None:
-    """Whether the store has the mirrored clips that a recipe wants.
+def check_mirror(store: Store, mirror: bool | None) -> None:
+    """Check that the store has the mirrored clips that a recipe needs.
 
     Raises:
         InputError: it has none.
     """
-    if wanted and not any(is_mirror_image(clip.name) for clip in store.clips):
+    if mirror and not any(is_mirror_image(clip.name) for clip in store.clips):
         raise InputError(f"the store {str(store.folder)!r} has no mirrored clips", "prepare it with --mirror")

@@ -1,8 +1,8 @@
-"""What a run leaves on disk: safetensors and JSON, nothing that executes when it is read.
+"""The files of a run: safetensors and JSON, which execute nothing when they are read.
 
 A run folder holds ``config.json`` (model, its config and sizes, the recipe, facts of the store), ``statistics.safetensors``
-(``pose_mean``, ``pose_std``, ``audio_mean``, ``audio_std``), ``examples.safetensors`` (what a bundle has to know of the data,
-see `cospeech.training.calibration_clips`), ``last.safetensors`` (everything that is needed to go on, as one file: parameters,
+(``pose_mean``, ``pose_std``, ``audio_mean``, ``audio_std``), ``examples.safetensors`` (the data that a bundle needs, see
+`cospeech.training.calibration_clips`), ``last.safetensors`` (everything that is needed to continue, as one file: parameters,
 their running average, moments of the optimisers, and in its JSON head the step) and ``best.safetensors`` (parameters alone).
 """
 
@@ -55,7 +55,7 @@ def network(name: str) -> type[Trainable]:
     """The class of a network by its registry name.
 
     Raises:
-        InputError: there is no such network, or its class says nothing of what it takes.
+        InputError: there is no such network, or its class does not declare its settings.
     """
     if name not in NETWORKS:
         raise InputError(f"no network is called {name!r}", nearest(name, NETWORKS))
@@ -96,7 +96,7 @@ def build_model(facts: Mapping[str, Any], needs: Mapping[str, nn.Module] | None 
 
     Args:
         facts: of the run.
-        needs: trained models that it takes as keywords; without them, ones of their facts, to be filled from the checkpoint.
+        needs: trained models that it takes by keyword; None: new ones from their facts, to be filled from the checkpoint.
     """
     kind = network(facts["model"])
     config = build_config(facts["model"], add_former_values(facts["model"], facts["config"]))
@@ -138,15 +138,15 @@ def read_facts(folder: Path) -> dict[str, Any]:
 
 
 def continue_recipe(folder: Path, file: Recipe, overrides: Sequence[str]) -> tuple[Recipe, list[str]]:
-    """The recipe with which a run goes on: the one that it began with, changed by what is given now.
+    """The recipe with which a run continues: the one that it began with, with the overrides that are given now.
 
     Args:
         folder: of the run.
-        file: the recipe that is named now, with the same changes.
+        file: the recipe that is named now, with the same overrides.
         overrides: ``"section.key=value"``.
 
     Returns:
-        The recipe, and what differs in the named one, which does not count: ``["train.steps 2000 (the file says 500)"]``.
+        The recipe, and what differs in the named one and is ignored: ``["train.steps 2000 (the file says 500)"]``.
 
     Raises:
         InputError: not a run, or one of another model.
@@ -162,7 +162,7 @@ def continue_recipe(folder: Path, file: Recipe, overrides: Sequence[str]) -> tup
 
 
 def write_tensors(path: Path, tensors: Mapping[str, Tensor], state: Mapping[str, Any]) -> None:
-    """One file that appears whole or not at all: tensors, and a JSON object in its head."""
+    """Write one file, whole or not at all: tensors, and a JSON object in its head."""
     plain = {name: tensor.detach().to("cpu", copy=True).contiguous() for name, tensor in tensors.items()}
     with atomic(path) as temporary:
         save_file(plain, temporary, {"state": json.dumps(state, sort_keys=True)})
@@ -171,7 +171,7 @@ def write_tensors(path: Path, tensors: Mapping[str, Tensor], state: Mapping[str,
 
 
 def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """What `write_tensors` has written, on the CPU.
+    """Tensors, on the CPU, and JSON object of a file of `write_tensors`.
 
     Raises:
         InputError: there is no such file, or it is damaged.
@@ -182,7 +182,7 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
 
 
 def read_state(path: Path) -> dict[str, Any]:
-    """The JSON object in the head of what `write_tensors` has written.
+    """The JSON object in the head of a file of `write_tensors`.
 
     Raises:
         InputError: there is no such file, or it is damaged.
@@ -210,10 +210,10 @@ def _open_checkpoint(path: Path) -> Iterator[Any]:
 
 
 def stands_for(folder: Path, which: str = "best") -> str:
-    """The checkpoint that is read where one is asked for: "last" for "best" in a run that was not validated before it stopped.
+    """The checkpoint that is read for ``which``: "last" instead of "best" where the run stopped before its first validation.
 
     Raises:
-        InputError: no checkpoint is called so, or the run has saved nothing yet.
+        InputError: no checkpoint has this name, or the run has saved nothing yet.
     """
     if which not in WHICH:
         raise InputError(f"no checkpoint is called {which!r}", nearest(which, WHICH))
@@ -238,12 +238,12 @@ def load_run(folder: str | PathLike[str], which: str = "best") -> tuple[Trainabl
         InputError: not a run, nothing saved yet, or its files are damaged.
     """
     facts = read_facts(Path(folder))
-    wanted, which = which, stands_for(Path(folder), which)
+    choice, which = which, stands_for(Path(folder), which)
     tensors, state = read_tensors(Path(folder) / f"{which}.safetensors")
-    if which != wanted:
+    if which != choice:
         note = f"the run {str(folder)!r} was not validated yet: its last parameters are taken, of step {state.get('step')}"
         warnings.warn(note, CospeechWarning, stacklevel=2)
-    with torch.random.fork_rng(devices=[]):  # new parameters draw; nobody outside shall notice
+    with torch.random.fork_rng(devices=[]):  # new parameters draw random numbers, not the caller's
         try:
             model = build_model(facts)
         except (KeyError, TypeError, AttributeError) as error:

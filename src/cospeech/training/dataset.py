@@ -1,4 +1,4 @@
-"""What a run begins with: a recipe and a store, checked against each other and made into facts, statistics and batches."""
+"""The training set of a run: a recipe and a store are checked against each other, and give facts, statistics and batches."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ __all__ = ["ARRAY_SOURCES", "DIMENSIONS", "ArraySource", "TrainingSet", "check_s
 
 
 QUANTILES = 1001
-"""[ours] Quantiles of a speaker's poses: a lip that moves in 1 of 100 frames has ten of them."""
+"""[ours] Number of quantiles of a speaker's poses: a lip that moves in 1 of 100 frames has ten of them."""
 
 
 @dataclass(frozen=True)
@@ -62,14 +62,14 @@ class TrainingSet:
     moments: ClipNormaliser | None
 
     def examples(self) -> dict[str, Tensor]:
-        """What a bundle has to know of the data; nothing where there is no audio."""
+        """The data that a bundle needs; nothing without audio."""
         if "audio" not in self.standards:
             return {}
-        taken = examples_of(self.store, self.standards["pose"], self.standards["audio"], self.reduce, self.moments)
-        return {name: torch.from_numpy(array) for name, array in taken.items()}
+        arrays = examples_of(self.store, self.standards["pose"], self.standards["audio"], self.reduce, self.moments)
+        return {name: torch.from_numpy(array) for name, array in arrays.items()}
 
     def feed(self, model: Trainable, split: str, balanced: bool) -> BatchLoader:
-        """Batches of a split, as a model wants them."""
+        """Batches of a split, with the arrays and windows that a model needs."""
         windows = Windows(
             self.store, model.window, model.arrays, split=split, balanced=balanced, mirror=self.data.mirror is not False,
             held_out=self.data.validation, spare=model.optional_arrays,
@@ -81,11 +81,11 @@ class ArraySource(NamedTuple):
     """How an array is computed from the arrays of a store."""
 
     store: Store
-    """The same, with the array."""
+    """The same store, with the array."""
     normaliser: Normaliser | None = None
     """How the array is standardised; None: it is fed as it is."""
     statistics: Mapping[str, Array] = {}
-    """What a run keeps besides."""
+    """Further statistics that a run keeps."""
 
 
 def _control(store: Store, data: Data, config: Any) -> ArraySource:
@@ -103,11 +103,11 @@ def _cluster(store: Store, data: Data, config: Any) -> ArraySource:
 
 
 ARRAY_SOURCES: dict[str, Callable[[Store, Data, Any], ArraySource]] = {"control": _control, "text": _text, "cluster": _cluster}
-"""Array that a network may want and no store has → (store, [data] of the recipe, settings of the network) → its source."""
+"""Array that networks use and no store has → (store, [data] of the recipe, settings of the network) → its source."""
 
 
 def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
-    """Recipe and store together.
+    """Make the training set of a recipe and a store.
 
     Raises:
         InputError: they do not fit, or the model has no such settings.
@@ -129,18 +129,18 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
     own: dict[str, Array] = {}
     arrays = kind.arrays_for(config)
     for name in (name for name in ARRAY_SOURCES if name in arrays):
-        store, normaliser, kept = ARRAY_SOURCES[name](store, data, config)
-        own |= kept
+        store, normaliser, extras = ARRAY_SOURCES[name](store, data, config)
+        own |= extras
         if normaliser is not None:
             standards[name] = normaliser
     if kind.wants_quantiles:
         own["pose_quantiles"] = pose_quantiles(store)
     statistics = {f"{n}_{w}": torch.from_numpy(v) for n, s in standards.items() for w, v in s._asdict().items()}
     statistics |= {name: torch.from_numpy(array) for name, array in own.items()}
-    needs, known = _needs(recipe, store, statistics)
+    needs, need_facts = _needs(recipe, store, statistics)
     facts = {
         "cospeech": __version__, "torch": torch.__version__, "model": recipe.model, "config": asdict(config),
-        "sizes": _dimensions(kind.dimensions_for(config), store, data, standards), "needs": known,
+        "sizes": _dimensions(kind.dimensions_for(config), store, data, standards), "needs": need_facts,
         "recipe": recipe.to_dict(), "store": _facts_of(store),
     }  # fmt: skip
     moments = clip_moments(store, standards["pose"]) if data.per_clip_normalisation else None
@@ -148,25 +148,25 @@ def open_set(recipe: Recipe, store: Store, device: torch.device) -> TrainingSet:
 
 
 def pose_quantiles(store: Store) -> Array:
-    """(S, 1001, D) quantiles 0, 0.001 … 1 of each speaker's poses in the training split; of all clips where there are none."""
-    found = []
+    """(S, 1001, D) quantiles 0, 0.001 … 1 of each speaker's poses in the training split; without any there, of all clips."""
+    quantiles = []
     for speaker in store.speakers:
         own = [clip for clip in store.clips if clip.split == "train" and clip.speaker == speaker] or store.clips
         poses = np.concatenate([store.clip(clip)["pose"] for clip in own])
-        found.append(np.quantile(poses, np.linspace(0, 1, QUANTILES), axis=0))
-    return np.stack(found).astype(np.float32)
+        quantiles.append(np.quantile(poses, np.linspace(0, 1, QUANTILES), axis=0))
+    return np.stack(quantiles).astype(np.float32)
 
 
 def _check_store(data: Data, store: Store) -> None:
-    """Whether a store is what a recipe was written for.
+    """Check that a store is one that a recipe was written for.
 
     Raises:
         InputError: it is of another corpus, pose representation or rate.
     """
-    found = {"corpus": (data.corpus, store.corpus), "pose": (data.pose, store.pose), "fps": (data.fps, store.fps)}
-    for what, (wanted, has) in found.items():
-        if wanted and wanted != has:
-            problem = f"the recipe is for {what} {wanted!r}, the store {str(store.folder)!r} has {has!r}"
+    pairs = {"corpus": (data.corpus, store.corpus), "pose": (data.pose, store.pose), "fps": (data.fps, store.fps)}
+    for what, (value, has) in pairs.items():
+        if value and value != has:
+            problem = f"the recipe is for {what} {value!r}, the store {str(store.folder)!r} has {has!r}"
             fits = f"`{_command_for(data, store)}` makes one that fits"
             own = f"--set data.corpus={has} trains on this one" if what == "corpus" else ""
             raise InputError(problem, f"{own}; {fits}" if own else f"{fits}; or set data.{what}")
@@ -182,9 +182,9 @@ def _command_for(data: Data, store: Store) -> str:
 
 
 def _louder(store: Store, data: Data, standards: Mapping[str, Normaliser]) -> list[float]:
-    """By how much each standardised number of speech grows with 10 dB; None where unknown."""
-    found: list[float] = [] if data.audio is None else (np.array(louder(data.audio)) / standards["audio"].std).tolist()
-    return found
+    """By how much each standardised number of speech grows with 10 dB; empty where the audio has no reduction."""
+    gains: list[float] = [] if data.audio is None else (np.array(louder(data.audio)) / standards["audio"].std).tolist()
+    return gains
 
 
 DIMENSIONS: dict[str, Callable[[Store, Data, Mapping[str, Normaliser]], Any]] = {
@@ -198,48 +198,48 @@ DIMENSIONS: dict[str, Callable[[Store, Data, Mapping[str, Normaliser]], Any]] = 
     "louder": _louder,
     "representation": lambda store, data, standards: store.pose,
 }
-"""Keyword that a network may be built by → what the store says of it: D, A, S, different words, the columns of a pose that are
-hands, those of each part of the body, the width of a word vector (0: ids of subwords), how the speech grows with its level, and
-the name of the poses' representation."""
-_ALWAYS = ("pose", "audio", "speakers", "words")  # what every run keeps, whatever its network is built by
+"""Keyword of a network's constructor → its value for a store: D, A, S, number of different words, the pose columns of the hands
+and those of each part of the body, the width of a word vector (0: ids of subwords), how the speech grows with its level, and
+the name of the pose representation."""
+_ALWAYS = ("pose", "audio", "speakers", "words")  # every run keeps these, also where its network does not take them
 
 
-def _dimensions(wanted: Sequence[str], store: Store, data: Data, standards: Mapping[str, Normaliser]) -> dict[str, Any]:
+def _dimensions(names: Sequence[str], store: Store, data: Data, standards: Mapping[str, Normaliser]) -> dict[str, Any]:
     """Name → value of the dimensions that a run keeps.
 
     Raises:
-        InputError: a network asks for another.
+        InputError: a network takes another dimension.
     """
-    if unknown := [name for name in wanted if name not in DIMENSIONS]:
+    if unknown := [name for name in names if name not in DIMENSIONS]:
         raise InputError(f"no dimension is called {unknown[0]!r}", nearest(unknown[0], DIMENSIONS))
-    return {name: DIMENSIONS[name](store, data, standards) for name in dict.fromkeys((*_ALWAYS, *wanted))}
+    return {name: DIMENSIONS[name](store, data, standards) for name in dict.fromkeys((*_ALWAYS, *names))}
 
 
 def _check_encoder(encoder: str | None, store: Store) -> None:
-    """Whether a store was heard by the CNN of the wav2vec 2.0 whose transformer is trained.
+    """Check that the speech of a store went through the CNN of the wav2vec 2.0 model whose transformer is trained.
 
     Raises:
-        InputError: by that of another.
+        InputError: it went through that of another model.
     """
-    heard = {name.rpartition(" ")[0] for name in store.names.get("wav2vec", ())}
-    if encoder is not None and heard and heard != {own := Path(encoder).name}:
+    encoders = {name.rpartition(" ")[0] for name in store.names.get("wav2vec", ())}
+    if encoder is not None and encoders and encoders != {own := Path(encoder).name}:
         hint = f"prepare it with --wav2vec {encoder}, or set model.encoder"
-        raise InputError(f"the store {str(store.folder)!r} was heard by {heard.pop()!r}, the recipe has {own!r}", hint)
+        raise InputError(f"the store {str(store.folder)!r} was heard by {encoders.pop()!r}, the recipe has {own!r}", hint)
 
 
 def _reduction(name: str | None, store: Store) -> Reduce | None:
     """A reduction of the audio columns by its name.
 
     Raises:
-        InputError: the store has other columns than it is made of.
+        InputError: the store has other columns than the reduction takes.
     """
     if name is None:
         return None
-    if "audio" in store.arrays and (has := store.names["audio"]) != (wanted := audio_columns(name)):
+    if "audio" in store.arrays and (has := store.names["audio"]) != (columns := audio_columns(name)):
         fits = ", ".join(other for other in REDUCTIONS if audio_columns(other) == has)
         if preparation_option(name):
             raise InputError(f"the store has no {name!r}", f"prepare it again with {preparation_option(name)}")
-        problem = f"audio {name!r} is made of {len(wanted)} columns {wanted[0]!r} …, the store has {len(has)}, {has[0]!r} …"
+        problem = f"audio {name!r} is made of {len(columns)} columns {columns[0]!r} …, the store has {len(has)}, {has[0]!r} …"
         raise InputError(problem, f"set data.audio to {fits}" if fits else "leave data.audio out")
     return partial(reduce_audio, name=name)
 
@@ -255,8 +255,8 @@ def _facts_of(store: Store) -> dict[str, Any]:
 
 
 def _needs(recipe: Recipe, store: Store, own: Mapping[str, Tensor]) -> tuple[dict[str, nn.Module], dict[str, Any]]:
-    """The trained models of [needs], frozen, and what has to be known to build them again."""
-    models, known = dict[str, nn.Module](), {}
+    """The trained models of [needs], frozen, and the facts from which they can be built again."""
+    models, need_facts = dict[str, nn.Module](), {}
     for name, folder in recipe.needs.items():
         if not (Path(folder) / "config.json").is_file():
             first = f"`cospeech train {Path(folder).name}` makes it; --set needs.{name}=RUN names another"
@@ -272,29 +272,31 @@ def _needs(recipe: Recipe, store: Store, own: Mapping[str, Tensor]) -> tuple[dic
                 f"the run {folder!r} was trained on other poses than those of {str(store.folder)!r}", "train it anew"
             )
         models[name] = model.requires_grad_(False)
-        known[name] = {key: facts[key] for key in ("model", "config", "sizes", "needs")}
-    return models, known
+        need_facts[name] = {key: facts[key] for key in ("model", "config", "sizes", "needs")}
+    return models, need_facts
 
 
 def _alike(a: Mapping[str, Tensor], b: Mapping[str, Tensor], array: str) -> bool:
-    """Whether two statistics of an array are the same but for rounding."""
+    """Whether two statistics of an array are equal up to rounding."""
     names = [f"{array}_{what}" for what in ("mean", "std")]
     return all(n in a and n in b and a[n].shape == b[n].shape and torch.allclose(a[n], b[n], 1e-4, 1e-5) for n in names)
 
 
 def check_same(old: Mapping[str, Any], new: Mapping[str, Any], was: Mapping[str, Tensor], now: Mapping[str, Tensor]) -> None:
-    """Whether a run may go on: the same recipe, model and data, except what does not matter.
+    """Check that a run may continue: recipe, model and data are the same, except for what may change.
 
     Raises:
-        InputError: says what differs.
+        InputError: it names what differs.
     """
     new = json.loads(json.dumps(new))
-    found = list_changes(read_recipe(old["recipe"]).to_dict(), new["recipe"])  # what is newer than the run is as it was without
+    changes = list_changes(
+        read_recipe(old["recipe"]).to_dict(), new["recipe"]
+    )  # keys that are newer than the run have their defaults
     for part in ("config", "sizes", "store"):
-        found += list_changes({part: old[part]}, {part: new[part]})
-    if found:
-        more = f", and {len(found) - 1} more" if len(found) > 1 else ""
-        raise InputError(f"the run began with {found[0]}{more}", "a run keeps its recipe and store; --out begins another")
+        changes += list_changes({part: old[part]}, {part: new[part]})
+    if changes:
+        more = f", and {len(changes) - 1} more" if len(changes) > 1 else ""
+        raise InputError(f"the run began with {changes[0]}{more}", "a run keeps its recipe and store; --out begins another")
     for name, value in now.items():
         array = name.rpartition("_")[0]
         if name not in was or was[name].shape != value.shape or not torch.allclose(was[name], value, 1e-4, 1e-5):

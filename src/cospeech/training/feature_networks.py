@@ -1,4 +1,4 @@
-"""Networks that metrics measure with, from the folders of their runs."""
+"""Feature networks and classifiers for metrics, from the folders of their runs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["load_classifier", "load_features"]
 
 
 def _load(run: str | PathLike[str], which: str, build: Callable[..., FeatureNet]) -> FeatureNet:
-    """A network of a run, with what it was trained on."""
+    """The network of a run, with the poses, frame rate and statistics of its training."""
     net, facts = load_run(run, which)
     statistics, _ = read_tensors(Path(run) / "statistics.safetensors")
     try:

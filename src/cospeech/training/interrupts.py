@@ -1,4 +1,4 @@
-"""Signals that would end the program: which there are, and how what is under way is ended first, or given up in order."""
+"""Signals that would end the program: they are noted, so that the work can be finished, or given up in order."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["SignalWatch", "Stopped", "defer_signals", "list_stop_signals"]
 def list_stop_signals() -> list[signal.Signals]:
     """The signals of this system that ask a program to end: Ctrl-C, `kill`, and a terminal that is closed.
 
-    One that the program was started to ignore, as nohup asks for, is not among them.
+    Those that the program ignores from the start, as under nohup, are not among them.
     """
     names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # Windows has no SIGHUP, and SIGBREAK alone
     there = [getattr(signal, name) for name in names if hasattr(signal, name)]
@@ -22,14 +22,14 @@ def list_stop_signals() -> list[signal.Signals]:
 
 
 class Stopped(BaseException):
-    """A signal has asked to stop, within `SignalWatch.raise_at_once`; as KeyboardInterrupt no `Exception`."""
+    """A signal has asked to stop, within `SignalWatch.raise_at_once`. Like KeyboardInterrupt, it is no `Exception`."""
 
 
 class SignalWatch:
-    """The signal that came, if any.
+    """The signals that have come.
 
     Attributes:
-        heard: the number of the signal, once there was one.
+        numbers: the number of each signal; empty before the first one.
     """
 
     def __init__(self) -> None:
@@ -38,10 +38,10 @@ class SignalWatch:
 
     @contextmanager
     def raise_at_once(self, yes: bool = True) -> Iterator[None]:
-        """Within it a signal raises `Stopped` wherever the program is: for what is thrown away then.
+        """Within it, a signal raises `Stopped` at once, wherever the program is: for work that can be thrown away.
 
         Args:
-            yes: whether it does; else the signal is noted only.
+            yes: whether it does; False: the signal is only noted.
         """
         self._at_once = yes
         try:
@@ -52,7 +52,7 @@ class SignalWatch:
             self._at_once = False
 
     def note(self, number: int) -> None:
-        """A signal has come."""
+        """Note a signal that has come."""
         self.numbers.append(number)
         if self._at_once:
             self._at_once = False
@@ -61,7 +61,7 @@ class SignalWatch:
 
 @contextmanager
 def defer_signals(tell: Callable[[], None] | None = None) -> Iterator[SignalWatch]:
-    """Note a signal that would end the program; a second one ends it at once.
+    """Within it, note a signal that would end the program; a second one ends it at once.
 
     Args:
         tell: called when the first one comes.
@@ -82,7 +82,7 @@ def defer_signals(tell: Callable[[], None] | None = None) -> Iterator[SignalWatc
 
     if threading.current_thread() is threading.main_thread():
         for number in list_stop_signals():
-            if signal.getsignal(number) is not None:  # None: whoever runs Python handles it, and it could not be put back
+            if signal.getsignal(number) is not None:  # None: a handler outside of Python, which could not be put back
                 before[number] = signal.signal(number, note)
     try:
         yield watch

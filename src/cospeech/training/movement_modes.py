@@ -1,8 +1,9 @@
-"""Modes of movement, what the sub-generators of Mix-StAGE are each for: k-means of pose ⊕ velocity ⊕ speed (Ahuja et al. 2020).
+"""Modes of movement, one for each sub-generator of Mix-StAGE: k-means of pose ⊕ velocity ⊕ speed (Ahuja et al. 2020).
 
-A frame is the positions of a person's points, how they moved since the frame before (0 in the first of a clip), and how far:
-of the 48 key points of PATS 96 + 96 + 48 = 240 numbers, in pixels, as `cospeech.metrics.mode_f1.mode_features` has them; of a
-body in three dimensions metres, the joints relative to the hips, which stand as they do in the T-pose.
+A frame is the positions of a person's points, their differences to the frame before (0 in the first of a clip), and the lengths
+of these. For the 48 key points of PATS these are 96 + 96 + 48 = 240 numbers, in pixels, as in
+`cospeech.metrics.mode_f1.mode_features`. For a body in three dimensions, they are in metres: the joints relative to the hips,
+which are turned as in the T-pose.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ from ..motion.rotations import Array
 
 __all__ = ["find_centres", "movement", "with_modes"]
 
-FRAMES = 50_000  # ours: that k-means sees, drawn from the training split
+FRAMES = 50_000  # ours: frames for k-means, drawn from the training split
 SEED = 0  # ours: of the draw and of the first centres, so that a store always gives the same modes
 ROUNDS = 50  # ours: of Lloyd's algorithm, which has settled by then
 
 
 def _positions(vectors: Array, pose: Pose, fps: float) -> Array:
-    """(T, K, J) coordinates of the points, the order in which PATS has them: all x, then all y."""
+    """(T, K, J) coordinates of the points, in the order of PATS: all x, then all y."""
     vectors = np.asarray(vectors, np.float64)
     if pose.name == KEYPOINTS2D.name:
         return vectors.reshape(len(vectors), 2, -1)

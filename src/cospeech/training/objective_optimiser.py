@@ -1,4 +1,4 @@
-"""One objective under way: its parameters, their Adam, the schedule of its rate and the clipping of its gradients."""
+"""The optimiser of one objective: its parameters, their Adam, the schedule of its rate and the clipping of its gradients."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ def with_prefix(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
 
 
 def list_objectives(model: Trainable) -> list[tuple[str, Objective]]:
-    """Name and objective, of all that a network declares.
+    """Names and objectives that a network declares.
 
     Raises:
         InputError: it declares something else.
     """
-    found = model.objectives()
-    if isinstance(found, Mapping) and found and all(isinstance(part, Objective) for part in found.values()):
-        return [*found.items()]
-    given = f"{found!r}"[:80] if isinstance(found, Mapping) else type(found).__name__
+    objectives = model.objectives()
+    if isinstance(objectives, Mapping) and objectives and all(isinstance(part, Objective) for part in objectives.values()):
+        return [*objectives.items()]
+    description = f"{objectives!r}"[:80] if isinstance(objectives, Mapping) else type(objectives).__name__
     hint = 'a dict by name: {"pose": Objective(parameters, loss)} (docs/add_a_model.md)'
-    raise InputError(f"objectives() of {type(model).__name__} gives {given}", hint)
+    raise InputError(f"objectives() of {type(model).__name__} gives {description}", hint)
 
 
 class ObjectiveOptimiser:
@@ -41,7 +41,7 @@ class ObjectiveOptimiser:
     Args:
         name: of the objective.
         objective: what is minimised.
-        settings: how.
+        settings: how it is minimised.
 
     Raises:
         InputError: there is no such schedule.
@@ -55,7 +55,7 @@ class ObjectiveOptimiser:
         self.adam = torch.optim.Adam(self.parameters, settings.lr, settings.betas, settings.eps, settings.weight_decay)
 
     def active(self, step: int) -> bool:
-        """Whether it has begun and not ended, due or not."""
+        """Whether the objective has begun and not ended, even if it is not due in this step."""
         return self.objective.start <= step and (self.objective.stop is None or step < self.objective.stop)
 
     def terms(self, batch: Batch, step: int) -> dict[str, Tensor]:
@@ -64,16 +64,16 @@ class ObjectiveOptimiser:
         Raises:
             InputError: the loss of the model gives something else.
         """
-        found = self.objective.loss(batch, step)
-        fits = isinstance(found, Mapping) and found and all(isinstance(t, Tensor) and t.numel() == 1 for t in found.values())
+        terms = self.objective.loss(batch, step)
+        fits = isinstance(terms, Mapping) and terms and all(isinstance(t, Tensor) and t.numel() == 1 for t in terms.values())
         if not fits:
-            given = type(found).__name__ if not isinstance(found, Mapping) else f"{found!r}"[:80]
+            description = type(terms).__name__ if not isinstance(terms, Mapping) else f"{terms!r}"[:80]
             hint = 'a dict of terms, each a tensor of one number: {"pose": loss} (docs/add_a_model.md)'
-            raise InputError(f"the loss of the objective {self.name!r} gives a {given}", hint)
-        return found
+            raise InputError(f"the loss of the objective {self.name!r} gives a {description}", hint)
+        return terms
 
     def gradients(self, total: Tensor) -> list[Tensor]:
-        """Of a loss, for these parameters alone; one that is not in the loss has none, and is not moved.
+        """Gradients of a loss for these parameters alone; a parameter that is not in the loss has none, and is not moved.
 
         Raises:
             InputError: the loss depends on no parameter.
@@ -85,7 +85,7 @@ class ObjectiveOptimiser:
         return [p.grad for p in self.parameters if p.grad is not None]
 
     def update(self, step: int) -> float:
-        """Clip as the papers have it, each number first, then the norm of all; move the parameters; the learning rate."""
+        """Clip as in the papers, first each number, then the norm of all; move the parameters; return the learning rate."""
         if self.settings.clip_value:
             nn.utils.clip_grad_value_(self.parameters, self.settings.clip_value)
         if self.settings.clip_norm:
@@ -102,7 +102,7 @@ class ObjectiveOptimiser:
         return {f"adam.{self.name}.{k}.{what}": tensor for k, row in rows.items() for what, tensor in row.items()}
 
     def restore(self, tensors: dict[str, Tensor]) -> None:
-        """The moments of a checkpoint."""
+        """Restore the moments of a checkpoint."""
         rows: dict[int, dict[str, Tensor]] = {}
         for key, tensor in with_prefix(f"adam.{self.name}.", tensors).items():
             number, what = key.split(".")

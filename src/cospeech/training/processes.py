@@ -45,7 +45,7 @@ def _device(name: str, local: int) -> torch.device:
 
 @contextmanager
 def join(device: str) -> Iterator[Team]:
-    """This process's place in the team; alone where nobody else was started.
+    """Within it, this process has a place in the team; it is alone where no other was started.
 
     Raises:
         InputError: there is no such device.
@@ -57,7 +57,7 @@ def join(device: str) -> Iterator[Team]:
         dist.init_process_group("nccl" if place.type == "cuda" else "gloo")
         try:
             yield Team(dist.get_rank(), dist.get_world_size(), place)
-            dist.barrier()  # who ends while another still talks can be aborted by gloo's threads
+            dist.barrier()  # a process that ends while another still sends can be aborted by gloo's threads
         finally:
             dist.destroy_process_group()
     else:
@@ -91,19 +91,19 @@ def average(tensors: Iterable[Tensor], team: Team) -> None:
 
 @torch.no_grad()
 def mean_values(values: Sequence[Tensor | float], team: Team) -> list[float]:
-    """Means over all processes of single numbers, which all processes then know."""
+    """Means of single numbers over all processes; each process gets them."""
     kind = torch.float32 if team.device.type == "mps" else torch.float64
     row = torch.stack([torch.as_tensor(value, device=team.device).detach().to(kind) for value in values])
     if team.size > 1:
         dist.all_reduce(row)
         row /= team.size
-    found: list[float] = row.tolist()
-    return found
+    means: list[float] = row.tolist()
+    return means
 
 
 @contextmanager
 def surroundings(threads: int, device: torch.device) -> Iterator[None]:
-    """PyTorch's random numbers and its threads on the CPU, put back afterwards as they were; 0 threads: as it likes."""
+    """Within it, PyTorch has ``threads`` threads on the CPU (0: as it likes); these and its random numbers are put back."""
     before = torch.get_num_threads()
     if threads:
         torch.set_num_threads(threads)

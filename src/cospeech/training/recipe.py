@@ -40,12 +40,12 @@ __all__ = [
 SHIPPED = Path(__file__).with_name("recipes")
 """Where the recipes lie that come with the program: ``NAME.toml``."""
 
-_SENTENCE = re.compile(r"\.\s+(?=\D)")  # where one ends; "et al. 2022" is none
+_SENTENCE = re.compile(r"\.\s+(?=\D)")  # the end of a sentence; "et al. 2022" is none
 _KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "text in quotes", NoneType: "nothing"}
 FREE = ("data.store", "train.steps", "train.device", "train.threads", "train.save_every", "train.tensorboard")
-"""What may change when a run is resumed: it alters how far and where, not what is computed."""
+"""Keys that may change when a run is resumed: they alter how far and where it runs, not what it computes."""
 
-_LARGEST = 2**1000  # ours: whole numbers beyond are no floats
+_LARGEST = 2**1000  # ours: larger whole numbers are no floats
 T = TypeVar("T")
 
 
@@ -66,8 +66,8 @@ class Data:
     mirror: bool | None = None
     """true: the store must have mirrored clips; false: they are left out; None: as the store has it."""
     per_clip_normalisation: bool = False
-    """Poses of every recording by its own mean and deviation: how somebody stands and how large they move is then not
-    learnt but set, at run time by a speaker's or an example's own. Ours."""
+    """Standardise the poses of every recording by its own mean and deviation: how somebody stands and how large they move is
+    then not learnt. At run time, a speaker's own or an example's own values set it. Ours."""
     speakers: tuple[str, ...] = ()
     """Names of the speakers that are trained on, in the order in which the model numbers them; none: all of the store.
     Statistics and modes are then theirs alone."""
@@ -118,14 +118,14 @@ class Optimiser:
 
 @dataclass(frozen=True)
 class Train(Optimiser):
-    """[train]: the loop; what `Optimiser` has, and [train.NAME] with keys of it for the objective NAME alone."""
+    """[train]: the loop. It has the keys of `Optimiser`, too; [train.NAME] has those for the objective NAME alone."""
 
     steps: int = 1000
     batch: int = 64
     """Windows per step, over all processes together."""
     seed: int = 0
     ema: float = 0.0
-    """Decay of the running average of the parameters, which is what is validated and kept as best; 0: none."""
+    """Decay of the running average of the parameters; the average is validated, and kept as best; 0: none."""
     precision: str = "float32"
     """float32, or bfloat16: mixed precision by autocast."""
     device: str = "auto"
@@ -161,7 +161,7 @@ class Train(Optimiser):
 
 @dataclass(frozen=True)
 class Recipe:
-    """A recipe as read: the model's fields are checked when its `Config` is built of them, see `build`."""
+    """A recipe as it was read. The keys of its model are checked when the `Config` of the model is built, see `build`."""
 
     model: str
     config: Mapping[str, Any] = field(default_factory=dict)
@@ -171,7 +171,7 @@ class Recipe:
     train: Train = field(default_factory=Train)
 
     def to_dict(self) -> dict[str, Any]:
-        """As in the file: `read_recipe` of it is the same recipe."""
+        """The recipe as in a file: `read_recipe` makes the same recipe of it."""
         train, data = asdict(self.train), {k: v for k, v in asdict(self.data).items() if v is not None}
         train |= train.pop("objectives")
         model = {"name": self.model, **self.config}
@@ -179,7 +179,7 @@ class Recipe:
 
 
 def _check(settings: Any, low: Mapping[str, float]) -> None:
-    """Numbers are finite and not below what they can be."""
+    """Check that numbers are finite and not below their least value."""
     for name, least in low.items():
         value = vars(settings)[name]
         if not least <= value < float("inf"):
@@ -187,7 +187,7 @@ def _check(settings: Any, low: Mapping[str, float]) -> None:
 
 
 def _kind(hint: Any) -> str:
-    """What is expected, in words."""
+    """The kind of value that is expected, in words."""
     if get_origin(hint) in (Union, UnionType):
         return " or ".join(_kind(option) for option in get_args(hint) if option is not NoneType)
     if get_origin(hint) is tuple:
@@ -196,17 +196,17 @@ def _kind(hint: Any) -> str:
 
 
 def check_types(kind: type) -> None:
-    """Whether a recipe can hold the fields of the settings of a network.
+    """Check that a recipe can hold the settings of a network.
 
     Raises:
-        InputError: one has a type that it cannot hold.
+        InputError: a field has a type that no recipe holds.
     """
     hints = get_type_hints(kind)
     for name in (each.name for each in fields(kind)):
         if not _is_held(hints[name]):
-            shown = hints[name].__name__ if isinstance(hints[name], type) and not get_args(hints[name]) else hints[name]
+            text = hints[name].__name__ if isinstance(hints[name], type) and not get_args(hints[name]) else hints[name]
             hint = "int, float, bool, str, tuple[int, ...] and the like, and each of these with | None"
-            raise InputError(f"{kind.__qualname__}.{name} is of the type {shown}, which no recipe holds", hint)
+            raise InputError(f"{kind.__qualname__}.{name} is of the type {text}, which no recipe holds", hint)
 
 
 def _is_held(hint: Any) -> bool:
@@ -218,7 +218,7 @@ def _is_held(hint: Any) -> bool:
 
 
 def _fit(value: Any, hint: Any, where: str) -> Any:
-    """A value of TOML as a field's type; a whole number is a number, a list is a tuple."""
+    """A value of TOML in the type of a field: a whole number can be a float, a list is a tuple."""
     origin, inner = get_origin(hint), get_args(hint)
     if origin in (Union, UnionType):
         for option in inner:
@@ -240,7 +240,7 @@ def _fit(value: Any, hint: Any, where: str) -> Any:
 
 
 def build(kind: type[T], values: Mapping[str, Any], section: str) -> T:
-    """A dataclass of a section of a recipe.
+    """Build a dataclass from a section of a recipe.
 
     >>> build(Data, {"corpus": "ted", "fps": 15}, "data").fps
     15.0
@@ -249,24 +249,24 @@ def build(kind: type[T], values: Mapping[str, Any], section: str) -> T:
         InputError: an unknown key, a missing one, or a value of the wrong kind.
     """
     hints = get_type_hints(kind)
-    known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
+    entries = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
     for name in values:
-        if name not in known:
-            raise InputError(f"no key {section}.{name}", suggest_key(name, known))
-    missing = [n for n, f in known.items() if n not in values and f.default is MISSING and f.default_factory is MISSING]
+        if name not in entries:
+            raise InputError(f"no key {section}.{name}", suggest_key(name, entries))
+    missing = [n for n, f in entries.items() if n not in values and f.default is MISSING and f.default_factory is MISSING]
     if missing:
         raise InputError(f"the recipe has no {section}.{missing[0]}", f"it takes {_kind(hints[missing[0]])}")
     return kind(**{name: _fit(value, hints[name], f"{section}.{name}") for name, value in values.items()})
 
 
 def _train(values: Mapping[str, Any]) -> Train:
-    """[train] and its parts [train.NAME], which begin as [train] has it."""
+    """Read [train] and its parts [train.NAME], whose defaults are the values in [train]."""
     own = {name: value for name, value in values.items() if not isinstance(value, Mapping)}
     if "objectives" in own:
         raise InputError("no key train.objectives", "a section [train.NAME] is for one objective")
-    whole, shared = build(Train, own, "train"), {f.name: own[f.name] for f in fields(Optimiser) if f.name in own}
+    whole, defaults = build(Train, own, "train"), {f.name: own[f.name] for f in fields(Optimiser) if f.name in own}
     sections = {name: value for name, value in values.items() if name not in own}
-    return replace(whole, objectives={n: build(Optimiser, shared | dict(v), f"train.{n}") for n, v in sections.items()})
+    return replace(whole, objectives={n: build(Optimiser, defaults | dict(v), f"train.{n}") for n, v in sections.items()})
 
 
 def read_recipe(sections: Mapping[str, Any]) -> Recipe:
@@ -287,7 +287,7 @@ def read_recipe(sections: Mapping[str, Any]) -> Recipe:
 
 
 def _override(sections: dict[str, Any], text: str) -> None:
-    """Put in ``section.key=value``; the value as TOML has it, or text without quotes."""
+    """Set ``section.key=value``; the value is TOML, or text without quotes."""
     path, equals, raw = text.partition("=")
     *parents, key = (part.strip() for part in path.split("."))
     if not equals or not parents or not key:
@@ -316,11 +316,11 @@ def describe_recipe(name: str) -> str:
 
 
 def _file(path: str) -> Path:
-    """The file of a recipe; of a bare name, or of one in a folder ``recipes`` that is not there, the one that ships."""
-    asked = Path(path)
-    name = asked.name.removesuffix(".toml")
-    if asked.is_file() or name not in list_recipes() or asked.parent not in (Path(), Path("recipes")):
-        return asked
+    """The file of a recipe. A bare name, or ``recipes/NAME``, that is no file means the recipe that comes with the program."""
+    file = Path(path)
+    name = file.name.removesuffix(".toml")
+    if file.is_file() or name not in list_recipes() or file.parent not in (Path(), Path("recipes")):
+        return file
     return SHIPPED / f"{name}.toml"
 
 
@@ -344,31 +344,31 @@ def load_recipe(path: str | PathLike[str], overrides: Iterable[str] = ()) -> Rec
 
 
 def change_recipe(sections: Mapping[str, Any], overrides: Iterable[str]) -> Recipe:
-    """A recipe from the sections of a file, some keys changed: ``"section.key=value"``.
+    """A recipe from the sections of a file, with overrides: ``"section.key=value"``.
 
     Raises:
-        InputError: an override that is none, or no recipe; see `read_recipe`.
+        InputError: not an override, or not a recipe; see `read_recipe`.
     """
-    changed = deepcopy(dict(sections))
+    edition = deepcopy(dict(sections))
     for text in overrides:
-        _override(changed, text)
-    return read_recipe(changed)
+        _override(edition, text)
+    return read_recipe(edition)
 
 
 def _flat(sections: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for name, value in sections.items():
-        found |= _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {prefix + name: value}
-    return found
+        entries |= _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {prefix + name: value}
+    return entries
 
 
 def list_changes(
     old: Mapping[str, Any], new: Mapping[str, Any], free: Sequence[str] = FREE, form: str = "{}: {}, now {}"
 ) -> list[str]:
-    """The differences of two recipes as dicts, but for keys that may differ: ``["train.lr: 0.001, now 0.002"]``.
+    """The differences of two recipes, except for keys that may differ: ``["train.lr: 0.001, now 0.002"]``.
 
     Args:
-        old: a recipe.
+        old: a recipe, as a dict.
         new: another one.
         free: keys that may differ.
         form: of a difference: key, old value, new value.

@@ -21,11 +21,11 @@ class Board(Protocol):
 
 
 class RunLog:
-    """Rows go to the end of the log; what lies behind the step that a run goes on from is dropped first.
+    """Appends rows to the log; before that, it drops the rows after the step from which a run continues.
 
     Args:
         path: of ``log.jsonl``.
-        step: steps that are done.
+        step: number of steps that are done.
         board: TensorBoard's writer, or None.
     """
 
@@ -42,7 +42,7 @@ class RunLog:
         self._file = path.open("a", encoding="utf-8", newline="\n")
 
     def write(self, step: int, row: Mapping[str, Any]) -> None:
-        """A row: ``step``, and numbers or dicts of numbers."""
+        """Write a row: ``step``, and numbers or dicts of numbers."""
         self._file.write(json.dumps({"step": step, **row}) + "\n")
         self._file.flush()
         if self._board is None:

@@ -1,4 +1,4 @@
-"""The running average of a model's parameters: steadier than the last ones, and what is validated and kept."""
+"""The running average of a model's parameters. It is steadier than the last parameters; it is validated and kept."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class RunningAverage:
 
     Args:
         model: whose parameters are followed.
-        decay: d; 0: there is no average, and nothing here does anything.
+        decay: d; 0: there is no average, and no method does anything.
     """
 
     def __init__(self, model: nn.Module, decay: float) -> None:
@@ -27,20 +27,20 @@ class RunningAverage:
 
     @torch.no_grad()
     def follow(self, step: int) -> None:
-        """Take in the parameters of a step, the first being 0."""
+        """Add the parameters of a step to the average; the first step is 0."""
         share = 1 - min(self._decay, (1 + step) / (RAMP + step))
         for name, p in self._model.named_parameters() if self.values else ():
             self.values[name].lerp_(p, share)
 
     @torch.no_grad()
     def restore(self, values: dict[str, Tensor]) -> None:
-        """The average of a checkpoint."""
+        """Restore the average of a checkpoint."""
         for name, value in values.items():
             self.values[name].copy_(value)
 
     @contextmanager
     def instead(self) -> Iterator[None]:
-        """The model with the average for its parameters; buffers stay its own."""
+        """Within it, the model has the average as its parameters; its buffers stay the same."""
         own = {name: p.detach().clone() for name, p in self._model.named_parameters()} if self.values else {}
         self._model.load_state_dict(self.values, strict=False)
         try:

@@ -29,7 +29,7 @@ def constant(rate: Rate, step: int) -> float:
 
 
 def noam(rate: Rate, step: int) -> float:
-    """lr √w · min(n w^−1.5, n^−0.5) with n = step + 1: up to lr in w steps, then down with the root; then not below the floor.
+    """lr √w · min(n w^−1.5, n^−0.5) with n = step + 1: up to lr in w steps, then down with the root, not below the floor.
 
     Vaswani et al. 2017, section 5.3, scaled so that lr is the peak; the flow paper's section 4 by its authors' code.
     """

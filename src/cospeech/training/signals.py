@@ -1,4 +1,4 @@
-"""A backward pass that can be stopped: it is one long call, in which Python would hear no signal."""
+"""Lets signals stop a backward pass, which is one long call: Python handles no signal during it."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ _SPACING = 8  # [ours] Python runs at each eighth operation; at each one, this t
 
 
 def let_signals_in(total: Tensor) -> None:
-    """Have Python run for a moment now and then in the backward pass of a loss, so that it sees to signals.
+    """Call a Python function now and then in the backward pass of a loss, so that Python handles signals there.
 
     The gradients stay the same, bit for bit. It takes some microseconds at each of these operations.
     """
-    seen, waiting = set(), [total.grad_fn]
+    nodes, waiting = set(), [total.grad_fn]
     while waiting:
         node = waiting.pop()
-        if node is None or node in seen or type(node).__name__ == "AccumulateGrad":  # of a parameter, which outlives the loss
+        if node is None or node in nodes or type(node).__name__ == "AccumulateGrad":  # of a parameter, which outlives the loss
             continue
-        seen.add(node)
-        if len(seen) % _SPACING == 1:
+        nodes.add(node)
+        if len(nodes) % _SPACING == 1:
             node.register_prehook(_pass)
         waiting += [following for following, _ in node.next_functions]
 
 
 def _pass(gradients: tuple[Tensor, ...]) -> None:
-    """Changes nothing; Python's handlers of signals run when a function of Python is called."""
+    """Do nothing; Python runs its handlers of signals when a Python function is called."""

@@ -1,4 +1,4 @@
-"""Some speakers of a store as a store of its own: a view, nothing is copied but the statistics, which are theirs alone."""
+"""Some speakers of a store as a store of its own: a view that copies no data, with statistics of these speakers alone."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def of_speakers(store: Store, names: Sequence[str]) -> Store:
         names: of speakers, in the order in which they are to be numbered; a mirrored one, ``ann|mirror``, is one by itself.
 
     Returns:
-        a store with their clips, which lie where they lay, and with statistics over their training split (over all of theirs
+        a store with their clips, in the same rows, and with statistics over their training split (over all of their clips
         where there is none).
 
     Raises:

@@ -19,7 +19,7 @@ _TINY = 1e-6  # a control that varies by less is constant, and has deviation 1 a
 
 
 def with_controls(store: Store) -> Store:
-    """The same store with the array ``control`` (N, 3) and its statistics, worked out of its poses; the files stay as they are.
+    """The same store with the array ``control`` (N, 3), computed from its poses, and its statistics; the files stay.
 
     Raises:
         InputError: see `style_controls`.

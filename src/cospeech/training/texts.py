@@ -43,7 +43,7 @@ def with_vectors(store: Store, vectors: WordVectors) -> Store:
 
 
 def _with_text(store: Store, table: Array) -> Store:
-    """Looked up by ``word``; rows where words are not known have those of silence, and their clips no ``text``."""
+    """``text`` from a table, by ``word``. Rows without known words have that of silence, and their clips have no ``text``."""
     if "word" not in store.arrays or len(store.words) < 2:
         hint = "prepare it from a corpus with transcripts, or choose a model without text"
         raise InputError(f"the store {str(store.folder)!r} has no words", hint)

@@ -1,8 +1,8 @@
-"""The one training loop: a model says what is optimised (`cospeech.models.nn.objective`), this does it.
+"""The training loop of all models: a model declares objectives (`cospeech.models.nn.objective`), the loop minimises them.
 
-A step is, for each objective that is due: loss, gradients, their average over the processes, clipping, Adam. All that is random
-is a function of seed and step, so that a run that was killed and resumed is the run that was not. A run that is asked to stop
-gives up a step that takes long, puts back what was before it, and saves that.
+A step does this for each objective that is due: loss, gradients, their average over the processes, clipping, Adam. Random
+numbers depend on seed and step alone, so that a run that was killed and resumed gives the same as one that was not. A run that
+is asked to stop gives up a step that takes long, goes back to the state before it, and saves that.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ from .signals import let_signals_in
 __all__ = ["TrainReport", "train"]
 
 Tell = Callable[[float, float | None, str], None]
-Saved = tuple[dict[str, Tensor], dict[str, Any]]
-PROMPT = 0.5  # seconds; ours: who has asked to stop waits for the end of a step that takes no longer
-VALIDATION = 2**40  # "steps" from here on are validation batches: ours, no run gets that far
+Snapshot = tuple[dict[str, Tensor], dict[str, Any]]
+PROMPT = 0.5  # seconds; ours: a step that takes no longer is finished before a run stops
+VALIDATION = 2**40  # ours: "steps" from here on are validation batches; no run gets that far
 
 
 @dataclass(frozen=True)
@@ -53,13 +53,13 @@ class TrainReport:
     folder: Path
     step: int
     resumed: int
-    """Step that it went on from; 0: it began."""
+    """Step from which it continued; 0: it is a new run."""
     parameters: int
     best: dict[str, Any] | None
     """``name``, ``value`` and ``step`` of the best validation."""
     seconds: float
     rank: int
-    """Which process this is; 0 is the one that writes and speaks."""
+    """Number of this process; 0 is the one that writes files and reports."""
 
 
 class _Run:
@@ -86,46 +86,48 @@ class _Run:
                 f"no objective {min(unknown)!r} in [train]", suggest_key(min(unknown), [p.name for p in self.parts])
             )
         self.feed = work.feed(self.model, "train", self.settings.balance)
-        self.held: BatchLoader | None = work.feed(self.model, "validation", False) if self.settings.validate_every else None
+        self.validation: BatchLoader | None = (
+            work.feed(self.model, "validation", False) if self.settings.validate_every else None
+        )
         self.average = RunningAverage(self.model, self.settings.ema)
-        self.done = 0
-        self.saved, self.slow = 0, True  # the step that last.safetensors holds; whether steps take longer than `PROMPT`
+        self.steps_done = 0
+        self.steps_saved, self.slow = 0, True  # the step that last.safetensors holds; whether steps take longer than `PROMPT`
         self.best: dict[str, Any] | None = None
         self.latest: dict[str, dict[str, dict[str, float]]] = {}
         if there and (folder / "last.safetensors").exists():
             self._restore()
-        if self.done > self.total:
-            done = self.done - self.model.preliminary_steps
-            raise InputError(f"{str(folder)!r} has {done} steps already", "set more train.steps")
-        self.resumed = self.done
-        if mean_values([self.done], team) != [self.done]:  # all have looked before one writes
+        if self.steps_done > self.total:
+            steps = self.steps_done - self.model.preliminary_steps
+            raise InputError(f"{str(folder)!r} has {steps} steps already", "set more train.steps")
+        self.first_step = self.steps_done
+        if mean_values([self.steps_done], team) != [self.steps_done]:  # all have read before one writes
             raise InputError(f"processes see different runs in {str(folder)!r}", "it must be the same folder for all machines")
         if team.rank == 0 and not there:
             write_facts(folder, work.facts, {"statistics": work.statistics, "examples": work.examples()})
         elif team.rank == 0 and (facts := read_facts(folder))["recipe"] != (own := json.loads(json.dumps(recipe.to_dict()))):
-            write_facts(folder, facts | {"recipe": own}, {})  # steps, say: what was changed holds when it goes on again
+            write_facts(folder, facts | {"recipe": own}, {})  # changes, of steps say, hold when it continues again
 
     def _restore(self) -> None:
-        saved = read_tensors(self.folder / "last.safetensors")
+        snapshot = read_tensors(self.folder / "last.safetensors")
         try:
-            self._put_back(saved)
-            self.saved = self.done
+            self._put_back(snapshot)
+            self.steps_saved = self.steps_done
         except (KeyError, RuntimeError, TypeError, ValueError) as error:
             reason = (str(error).splitlines() or [type(error).__name__])[-1].strip()
             raise InputError(f"cannot go on with {str(self.folder)!r}: {reason}"[:200], "begin another run") from None
 
-    def _put_back(self, saved: Saved) -> None:
+    def _put_back(self, snapshot: Snapshot) -> None:
         """Restore the run to a `state`."""
-        tensors, state = saved
+        tensors, state = snapshot
         self.model.load_state_dict(with_prefix("model.", tensors))
-        self.done = int(state["step"]) + self.model.preliminary_steps
+        self.steps_done = int(state["step"]) + self.model.preliminary_steps
         self.best, self.latest = state["best"], state["latest"]
         self.average.restore(with_prefix("ema.", tensors))
         for part in self.parts:
             part.restore(tensors)
 
     def seed(self, step: int) -> None:
-        """Layers that draw by themselves, dropout say, depend on seed, step and process alone; see `surroundings`."""
+        """Seed layers that draw random numbers themselves, such as dropout, by seed, step and process; see `surroundings`."""
         torch.random.manual_seed(((self.settings.seed * 1_000_003 + step) * 1009 + self.team.rank * (step > 0)) % 2**63)
 
     def autocast(self) -> AbstractContextManager[Any]:
@@ -141,8 +143,8 @@ class _Run:
         return Batch(tensors, StepRandom(self.settings.seed, step, rank, size, device))
 
     def step(self, stop: bool) -> bool:
-        """One step; whether any process was asked to stop."""
-        step, stopping = self.done, False
+        """Do one step; return whether any process was asked to stop."""
+        step, stopping = self.steps_done, False
         self.seed(step + 1)
         batch = self.batch(self.feed, step)
         self.model.train()
@@ -157,25 +159,25 @@ class _Run:
             gradients = part.gradients(total)
             average(gradients, self.team)
             norm = torch.nn.utils.get_total_norm(gradients)
-            *values, size, asked = mean_values([*terms.values(), norm, float(stop)], self.team)
+            *values, size, stop_share = mean_values([*terms.values(), norm, float(stop)], self.team)
             for name, value in [*zip(terms, values, strict=True), ("gradient", size)]:
                 self._finite(value, f"{name!r} of the objective {part.name!r}", step + 1)
             losses = {f"{part.name}.{name}": value for name, value in zip(terms, values, strict=True)}
             latest = self.latest.setdefault(part.name, {"loss": {}, "gradient": {}, "rate": {}})
             latest["loss"] |= {part.name: sum(values), **losses}
             latest["gradient"][part.name], latest["rate"][part.name] = size, part.update(step)
-            stopping = stopping or asked > 0
-        self.average.follow(self.done)
-        self.done += 1
+            stopping = stopping or stop_share > 0
+        self.average.follow(self.steps_done)
+        self.steps_done += 1
         return stopping
 
     def row(self) -> dict[str, dict[str, float]]:
-        """The latest figures of the objectives under way: not every one, nor every term of one, is in every step."""
-        found: dict[str, dict[str, float]] = {"loss": {}, "gradient": {}, "rate": {}}
+        """The latest figures of the active objectives; an objective, or a term of it, need not be in every step."""
+        figures: dict[str, dict[str, float]] = {"loss": {}, "gradient": {}, "rate": {}}
         for part in self.parts:
-            for kind, figures in self.latest.get(part.name, {}).items() if part.active(self.done - 1) else ():
-                found[kind] |= figures
-        return found
+            for kind, values in self.latest.get(part.name, {}).items() if part.active(self.steps_done - 1) else ():
+                figures[kind] |= values
+        return figures
 
     def _describe_losses(self) -> str:
         losses = self.row()["loss"]
@@ -188,107 +190,111 @@ class _Run:
 
     @torch.no_grad()
     def validate(self) -> dict[str, float]:
-        """Means over the same batches of the validation split every time; keeps the best parameters."""
-        if self.held is None:
+        """Figures as means over the same batches of the validation split every time; the best parameters are kept."""
+        if self.validation is None:
             return {}
         self.model.eval()
         count, sums = self.settings.validate_batches, dict[str, Tensor | float]()
         with self.average.instead():
             for k in range(count):
-                for name, value in self._figures(self.batch(self.held, VALIDATION + k)).items():
+                for name, value in self._figures(self.batch(self.validation, VALIDATION + k)).items():
                     sums[name] = sums.get(name, 0.0) + value
             means = mean_values([total / count for total in sums.values()], self.team)
             figures = dict(zip(sums, means, strict=True))
             name = self.settings.best or next(iter(figures))
             if name not in figures:
                 stage = name.partition(".")[0]
-                if any(part.name == stage and not part.active(self.done - 1) for part in self.parts):
+                if any(part.name == stage and not part.active(self.steps_done - 1) for part in self.parts):
                     return figures  # it has not begun, or is over
                 raise InputError(f"train.best is {name!r}", nearest(name, figures))
-            self._finite(figures[name], f"the validation figure {name!r}", self.done)
+            self._finite(figures[name], f"the validation figure {name!r}", self.steps_done)
             if self.best is None or self.best["name"] != name or figures[name] < self.best["value"]:
-                self.best = {"name": name, "value": figures[name], "step": self.done}
+                self.best = {"name": name, "value": figures[name], "step": self.steps_done}
                 self._save_best()
         return figures
 
     def _figures(self, batch: Batch) -> dict[str, Tensor | float]:
-        """What the model itself measures, or its losses: of each objective under way the sum, and each term.
+        """The model's own measures, or else its losses: the sum and each term of each active objective.
 
-        Weights and choice of terms are those of the objective's first step, so that figures of all steps compare.
+        Weights and choice of terms are those of the objective's first step, so that figures of all steps can be compared.
         """
-        found: dict[str, Tensor | float] = {**self.model.validate(batch)}
-        for part in self.parts if not found else ():
-            if part.active(self.done - 1):
+        figures: dict[str, Tensor | float] = {**self.model.validate(batch)}
+        for part in self.parts if not figures else ():
+            if part.active(self.steps_done - 1):
                 with self.autocast():
                     terms = part.terms(batch, part.objective.start)
-                found[part.name] = torch.stack([term.float() for term in terms.values()]).sum()
-                found |= {f"{part.name}.{name}": term for name, term in terms.items()}
-        return found
+                figures[part.name] = torch.stack([term.float() for term in terms.values()]).sum()
+                figures |= {f"{part.name}.{name}": term for name, term in terms.items()}
+        return figures
 
     def _save_best(self) -> None:
         if self.team.rank == 0:
-            write_tensors(self.folder / "best.safetensors", self.model.state_dict(), {"step": self.done, "best": self.best})
+            write_tensors(
+                self.folder / "best.safetensors", self.model.state_dict(), {"step": self.steps_done, "best": self.best}
+            )
 
     def save(self) -> None:
-        """All that is needed to go on, as one file."""
+        """Save all that is needed to continue, as one file."""
         if self.team.rank != 0:
             return
-        if self.held is None:
+        if self.validation is None:
             with self.average.instead():
                 self._save_best()
         write_tensors(self.folder / "last.safetensors", *self.state())
-        self.saved = self.done
+        self.steps_saved = self.steps_done
 
-    def state(self) -> Saved:
+    def state(self) -> Snapshot:
         """Tensors and facts of everything that a step changes; not copied."""
         tensors = {f"model.{name}": tensor for name, tensor in self.model.state_dict().items()}
         tensors |= {f"ema.{name}": tensor for name, tensor in self.average.values.items()}
         for part in self.parts:
             tensors |= part.state()
-        return tensors, {"step": self.done - self.model.preliminary_steps, "best": self.best, "latest": self.latest}
+        return tensors, {"step": self.steps_done - self.model.preliminary_steps, "best": self.best, "latest": self.latest}
 
-    def _keep(self) -> Saved | None:
-        """A copy of `state`, to go back to; None where last.safetensors is that, or the step is over before anybody minds."""
-        validates = self.held is not None and (self.done + 1) % self.settings.validate_every == 0
-        if self.saved == self.done or not (self.slow or validates or self.done + 1 == self.total):
+    def _keep(self) -> Snapshot | None:
+        """A copy of `state`, to go back to; None where last.safetensors holds it, or the next step will be short."""
+        validates = self.validation is not None and (self.steps_done + 1) % self.settings.validate_every == 0
+        if self.steps_saved == self.steps_done or not (self.slow or validates or self.steps_done + 1 == self.total):
             return None
         tensors, state = self.state()
         return {name: tensor.detach().to("cpu", copy=True) for name, tensor in tensors.items()}, deepcopy(state)
 
     def loop(self, log: _Rows, watch: SignalWatch, progress: Tell | None) -> bool:
-        """All steps that are left; whether it was stopped before."""
+        """Do all steps that are left; return whether the run was stopped before the last one."""
         last, stopping, alone = self.total, False, self.team.size == 1
-        while self.done < last and not stopping and not (alone and watch.numbers):
-            began, kept = perf_counter(), self._keep() if alone else None
+        while self.steps_done < last and not stopping and not (alone and watch.numbers):
+            began, snapshot = perf_counter(), self._keep() if alone else None
             try:
-                with watch.raise_at_once(kept is not None or (alone and self.saved == self.done)):
+                with watch.raise_at_once(snapshot is not None or (alone and self.steps_saved == self.steps_done)):
                     stopping = self.step(bool(watch.numbers))
-                    end = stopping or self.done == last
+                    end = stopping or self.steps_done == last
                     log.step(self, end)
-                    if self.held is not None and (self.done % self.settings.validate_every == 0 or self.done == last):
-                        log.write(self.done, {"validation": self.validate()})
+                    if self.validation is not None and (
+                        self.steps_done % self.settings.validate_every == 0 or self.steps_done == last
+                    ):
+                        log.write(self.steps_done, {"validation": self.validate()})
             except Stopped:
-                if kept is not None:
-                    self._put_back(kept)
+                if snapshot is not None:
+                    self._put_back(snapshot)
                 else:
-                    self.done = self.saved
+                    self.steps_done = self.steps_saved
                 break
             self.slow = perf_counter() - began > PROMPT
-            if self.done % self.settings.save_every == 0 or end:
+            if self.steps_done % self.settings.save_every == 0 or end:
                 self.save()
             if progress is not None:
-                progress(self.done, last, self._describe_losses())
-        if alone and watch.numbers and self.saved != self.done:
+                progress(self.steps_done, last, self._describe_losses())
+        if alone and watch.numbers and self.steps_saved != self.steps_done:
             self.save()
-        mean_values([self.done], self.team)  # nobody leaves before all is saved
-        return stopping or bool(alone and watch.numbers and self.done < last)
+        mean_values([self.steps_done], self.team)  # nobody leaves before all is saved
+        return stopping or bool(alone and watch.numbers and self.steps_done < last)
 
 
 class _Rows:
-    """Writes rows of the log, in the process that has it."""
+    """Writes rows of the log, in the process that has the log."""
 
     def __init__(self, log: RunLog | None, run: _Run) -> None:
-        self._log, self._mark, self._settings = log, run.done, run.settings
+        self._log, self._mark, self._settings = log, run.steps_done, run.settings
         self._began = self._since = perf_counter()
 
     def write(self, step: int, row: dict[str, Any]) -> None:
@@ -297,12 +303,12 @@ class _Rows:
 
     def step(self, run: _Run, end: bool) -> None:
         """The figures of a step, where they are due."""
-        if self._log is None or not (run.done % self._settings.log_every == 0 or end):
+        if self._log is None or not (run.steps_done % self._settings.log_every == 0 or end):
             return
         now = perf_counter()
-        speed = (run.done - self._mark) * self._settings.batch / (now - self._since)
-        self.write(run.done, run.row() | {"seconds": now - self._began, "windows_per_second": speed})
-        self._mark, self._since = run.done, now
+        speed = (run.steps_done - self._mark) * self._settings.batch / (now - self._since)
+        self.write(run.steps_done, run.row() | {"seconds": now - self._began, "windows_per_second": speed})
+        self._mark, self._since = run.steps_done, now
 
 
 def _board(settings: Train, folder: Path, step: int) -> Board | None:
@@ -318,10 +324,10 @@ def _board(settings: Train, folder: Path, step: int) -> Board | None:
 
 
 def _run_loop(run: _Run, watch: SignalWatch, progress: Tell | None) -> bool:
-    """The loop, with its log; whether it was stopped."""
+    """Run the loop, with its log; return whether it was stopped."""
     log = None
     if run.team.rank == 0:
-        log = RunLog(run.folder / "log.jsonl", run.done, _board(run.settings, run.folder, run.done))
+        log = RunLog(run.folder / "log.jsonl", run.steps_done, _board(run.settings, run.folder, run.steps_done))
     try:
         return run.loop(_Rows(log, run), watch, progress)
     finally:
@@ -349,15 +355,15 @@ def train(
         store: what it is trained on.
         out: run folder, made where it is missing; docs/training.md says what it holds.
         resume: go on with the run in ``out``, where there is one.
-        progress: told (steps done, of how many, a word about the loss).
-        notice: told at once that it stops, when a signal asks for it, and then what was saved.
-        hint: how the user goes on with what was saved; told with it.
+        progress: is told (steps done, of how many, a word about the loss).
+        notice: is told that the run stops, as soon as a signal asks for it, and then what was saved.
+        hint: how the user can continue the run; told with what was saved.
 
     Raises:
-        InputError: recipe and store do not fit, or there is a run already, or one that cannot be gone on with.
+        InputError: recipe and store do not fit, there is a run already, or it cannot be continued.
         CospeechError: a loss or a gradient is no number any more; what was saved stays.
-        KeyboardInterrupt: Ctrl-C, after what was done is saved; a second one ends it at once. Of several processes each ends
-            the step first.
+        KeyboardInterrupt: Ctrl-C, after the steps that are done were saved; a second one ends it at once. With several
+            processes, each finishes its step first.
     """
     began, folder, run = perf_counter(), Path(out), None
     tell = notice or (lambda text: None)
@@ -370,11 +376,11 @@ def train(
         except Stopped:
             stopping = True
         if stopping:
-            done = run.saved if run is not None else 0
-            tell(f"saved at step {done}: {hint}" if done else "no step was done yet: there is nothing to save")
+            step = run.steps_saved if run is not None else 0
+            tell(f"saved at step {step}: {hint}" if step else "no step was done yet: there is nothing to save")
     if stopping or run is None:
         if watch.numbers:
-            signal.raise_signal(watch.numbers[0])  # what it would have done
+            signal.raise_signal(watch.numbers[0])  # as it would have ended the program
         raise KeyboardInterrupt
     count = sum(p.numel() for p in run.model.parameters())
-    return TrainReport(folder, run.done, run.resumed, count, run.best, perf_counter() - began, team.rank)
+    return TrainReport(folder, run.steps_done, run.first_step, count, run.best, perf_counter() - began, team.rank)

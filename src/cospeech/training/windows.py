@@ -1,4 +1,4 @@
-"""Training windows as a function of seed and step: nothing to save, nothing to lose, the same for any number of processes."""
+"""Training windows as a function of seed and step: there is no state to save, and any number of processes gets the same."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ class Windows:
         frames: of a window.
         arrays: which must be there.
         split: train or validation.
-        balanced: as many windows of each speaker in a batch, up to one.
-        mirror: whether mirrored clips are among them.
+        balanced: whether a batch has the same number of windows of each speaker, up to one.
+        mirror: whether windows of mirrored clips are among them.
         held_out: share of the training clips that count as validation split: every k-th, with its augmented copies.
-        spare: arrays that a clip may lack, whose values then say that they are none.
+        spare: arrays that a clip may lack; their values then mark them as missing.
 
     Raises:
         InputError: there is no such window.
@@ -50,14 +50,14 @@ class Windows:
         self.store, self.frames, self.arrays, self.balanced = store, frames, tuple(arrays), balanced
         if unknown := [name for name in self.arrays if name not in store.arrays]:
             raise InputError(f"the store has no {unknown[0]!r}", f"it has {', '.join(store.arrays)}{_say_source(unknown[0])}")
-        needed = [name for name in self.arrays if name not in spare]
-        numbers, self._offsets, self._counts = store.starts(frames, "train" if held_out else split, needed)
+        essential = [name for name in self.arrays if name not in spare]
+        numbers, self._offsets, self._counts = store.starts(frames, "train" if held_out else split, essential)
         names = [store.clips[k].name for k in numbers]
         good = np.array([mirror or not is_mirror_image(name) for name in names])
         if held_out:
             bases = list(dict.fromkeys(name.split("|")[0] for name in names))
-            chosen = {*bases[:: max(2, round(1 / held_out))]}
-            good &= np.array([(name.split("|")[0] in chosen) == (split == "validation") for name in names])
+            hold_out = {*bases[:: max(2, round(1 / held_out))]}
+            good &= np.array([(name.split("|")[0] in hold_out) == (split == "validation") for name in names])
         if not good.any():
             hint = _ALL_HELD_OUT if held_out and split == "train" else NO_WINDOW
             raise InputError(f"no window of {frames} frames in the {split} split of {str(store.folder)!r}", hint)
@@ -83,18 +83,18 @@ class Windows:
         return rng.integers(self._ends[first] - self._counts[first], self._ends[last])
 
     def at(self, batch: int, seed: int, step: int, *, rank: int = 0, parts: int = 1) -> dict[str, Array]:
-        """The batch of a step, or of it the rows ``rank · batch / parts`` … of one process.
+        """The batch of a step; for one of several processes, its share of the rows, from ``rank · batch / parts`` on.
 
         Returns:
             name → (rows, frames, …) for each array; ``"speaker"``, ``"clip"`` and ``"start"`` (rows,), as `Store.windows` has.
         """
-        drawn = self._draw(batch, np.random.default_rng([seed, step]))
+        numbers = self._draw(batch, np.random.default_rng([seed, step]))
         rows = batch // parts
-        drawn = drawn[rank * rows : (rank + 1) * rows]
-        which = np.searchsorted(self._ends, drawn, "right")
-        start = self._offsets[which] + drawn - (self._ends[which] - self._counts[which])
-        found = {name: gather(self.store.arrays[name], start, self.frames) for name in self.arrays}
-        return found | {"speaker": self._speakers[which], "clip": self.clips[which], "start": start}
+        numbers = numbers[rank * rows : (rank + 1) * rows]
+        which = np.searchsorted(self._ends, numbers, "right")
+        start = self._offsets[which] + numbers - (self._ends[which] - self._counts[which])
+        arrays = {name: gather(self.store.arrays[name], start, self.frames) for name in self.arrays}
+        return arrays | {"speaker": self._speakers[which], "clip": self.clips[which], "start": start}
 
 
 _ALL_HELD_OUT = "data.validation holds all clips out: leave it out, and set train.validate_every=0"

@@ -1,4 +1,4 @@
-"""Curves: what was measured at a few places between two named ends, a panel for each quantity."""
+"""Curves: values measured at a few places between two named ends, a panel for each quantity."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ class PlottedCurve:
     Args:
         title: above it.
         text: below the title.
-        good: whether the text says something good, which is green, or bad, red; None: neither.
+        good: whether the text is good news (green) or bad news (red); None: neither.
         x: (N,) places, rising; ``ends`` are written below the first and the last.
         y: (N,) values.
-        spread: (N,) half of each one's interval, drawn as a band.
-        ends: names.
-        marks: values of the ends themselves, measured elsewhere, drawn as rings; None: there are none.
+        spread: (N,) half of the interval of each value, drawn as a band.
+        ends: names of the two ends.
+        marks: values of the ends that were measured elsewhere, drawn as rings; None: there are none.
     """
 
     title: str
@@ -54,10 +54,10 @@ class PlottedCurve:
 
     @property
     def ticks(self) -> Array:
-        """Of the upright axis: round numbers that take in all that is drawn."""
-        shown = np.concatenate([self.y - self.spread, self.y + self.spread, self.marks or ()])
-        low, high = float(shown.min()), float(shown.max())
-        low = max(low, 0.0) if (self.y >= 0).all() else low  # an interval may reach below, what is measured cannot
+        """Ticks of the upright axis: round numbers around all that is drawn."""
+        limits = np.concatenate([self.y - self.spread, self.y + self.spread, self.marks or ()])
+        low, high = float(limits.min()), float(limits.max())
+        low = max(low, 0.0) if (self.y >= 0).all() else low  # an interval may reach below 0, the values cannot
         span = max(high - low, 1e-3 * abs(high), 1e-6)
         rough = span / (_TICKS - 1)
         unit = 10.0 ** np.floor(np.log10(rough))
@@ -85,7 +85,7 @@ def _panel(curve: PlottedCurve, width: int) -> Image.Image:
     above = [at(x, y) for x, y in zip(curve.x, curve.y + curve.spread, strict=True)]
     below = [at(x, y) for x, y in zip(curve.x, np.maximum(curve.y - curve.spread, ticks[0]), strict=True)]
     pen.polygon([*above, *below[::-1]], _BAND)
-    for y in (curve.y[0], curve.y[-1]):  # what both ends have, all the way across
+    for y in (curve.y[0], curve.y[-1]):  # the values of both ends, as lines across the field
         for k in range(0, big.width, 10 * _SCALE):
             pen.line([(k, at(0, y)[1]), (k + 4 * _SCALE, at(0, y)[1])], _GREY, _SCALE)
     places = [at(x, y) for x, y in zip(curve.x, curve.y, strict=True)]

@@ -1,8 +1,8 @@
 """Heat maps of gesture: where the arms move, right red, left blue, a cell for each style and speech (Mix-StAGE, figure 7).
 
-A cell shows a person from the front, so the right arm is to the left. Forearm and hand leave ink
-where they move, by the square of their speed: a stroke leaves much, an arm that rests none, one that trembles next to none,
-wherever it lies. Where both arms move, the inks mix.
+A cell shows a person from the front, so the right arm is on the left. Forearm and hand leave ink where they move, in proportion
+to the square of their speed. So a stroke leaves much ink, an arm at rest none, and an arm that trembles very little. Where both
+arms move, the inks mix.
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ _PAPER, _INK, _GREY, _EDGE = (255, 255, 255), (43, 49, 58), (126, 134, 146), (22
 _BONE, _BODY = (186, 192, 201), (238, 240, 243)
 _RED, _BLUE = (222, 58, 50), (38, 98, 204)  # as much ink as there is, on paper; figure 7: right red, left blue
 _SCALE = 4  # lines are drawn four times as large and shrunk
-_CELL, _GAP, _MARGIN, _LEGEND = 190, 8, 20, 56  # pixels: height of a cell or, where that is more, its width, and so on
+_CELL, _GAP, _MARGIN, _LEGEND = 190, 8, 20, 56  # pixels; _CELL: the shorter side of a cell
 _KEYS = 620  # pixels: width of the legend
 _BLUR = 0.055  # of the ink, in shoulders' breadths
 _POINTS, _STEPS = 9, 8  # along an arm, and between two frames, where ink is left
-_FULL, _GAMMA = 98.5, 0.52  # percentile of the fullest cell's ink that is in full colour, and how less is raised; by eye
+_FULL, _GAMMA = 98.5, 0.52  # percentile of the fullest cell's ink that has full colour; exponent for less ink; by eye
 _HEAD = 0.34  # radius, in shoulders' breadths; a head is 22 cm high, shoulders' joints are 35 cm apart
 _SPARE = 0.22  # around all that is shown, in shoulders' breadths
 
 
 @dataclass(frozen=True)
 class Figure:
-    """What the joints of a layout are.
+    """The joints of a layout.
 
     Args:
-        joints: how many there are.
+        joints: their number.
         root: the neck, which stands still.
         head: a joint about the middle of the head.
         right, left: joints along the arm: shoulder, elbow, wrist and on. From the elbow on they leave ink; the distance of the
@@ -89,13 +89,13 @@ class Frame:
         return float(self.size[0] / (self.high - self.low)[0])
 
     def pixels(self, points: Array) -> Array:
-        """(…, 2) places → columns and rows, not whole."""
+        """(…, 2) places → columns and rows, as fractions."""
         column = (points[..., 0] - self.low[0]) * self.scale
         return np.stack([column, (self.high[1] - points[..., 1]) * self.scale], -1)
 
 
 def _align_to_root(clips: Cell, figure: Figure) -> list[Array]:
-    """(T, J, 2) each, from the root, in shoulders' breadths of their median."""
+    """(T, J, 2) of each clip, relative to the root, in median shoulders' breadths."""
     whole = [np.asarray(clip, np.float64) for clip in clips]
     lines = np.concatenate([clip[:, figure.left[0]] - clip[:, figure.right[0]] for clip in whole])
     breadth = max(float(np.median(np.linalg.norm(lines, axis=-1))), 1e-9)
@@ -103,7 +103,7 @@ def _align_to_root(clips: Cell, figure: Figure) -> list[Array]:
 
 
 def _limb(points: Array, arm: Sequence[int]) -> Array:
-    """(T, `_POINTS`, 2) from the elbow on, evenly from joint to joint."""
+    """(T, `_POINTS`, 2) points of an arm from the elbow on, evenly spaced from joint to joint."""
     chain = points[:, list(arm[1:])]
     at = np.linspace(0, chain.shape[1] - 1, _POINTS)
     low = np.minimum(at.astype(int), chain.shape[1] - 2)
@@ -122,26 +122,26 @@ def _check(clips: Cell, figure: Figure) -> None:
 
 
 def frame_of(cells: Sequence[Cell], figure: Figure) -> Frame:
-    """What a cell has to show so that the mean figures and nearly all that the arms do are seen in all cells.
+    """The frame that shows, in all cells, the mean figures and nearly all places of the arms.
 
     Args:
-        cells: of two frames a clip at least.
-        figure: what the joints are.
+        cells: clips of two frames at least.
+        figure: of the joints.
 
     Raises:
         InputError: other shapes, numbers that are not finite, or no cell.
     """
-    seen = []
+    limits = []
     for clips in cells:
         _check(clips, figure)
         points = np.concatenate(_align_to_root(clips, figure))
         arms = np.concatenate([_limb(points, figure.right), _limb(points, figure.left)], 1).reshape(-1, 2)
         head = points[:, figure.head].mean(0)
         still = np.concatenate([points.mean(0), [head - _HEAD, head + _HEAD]])
-        seen.append(np.concatenate([still, np.percentile(arms, [0.2, 99.8], axis=0)]))
-    if not seen:
+        limits.append(np.concatenate([still, np.percentile(arms, [0.2, 99.8], axis=0)]))
+    if not limits:
         raise InputError("a heat map without cells", "one at least")
-    points = np.concatenate(seen)
+    points = np.concatenate(limits)
     low, high = points.min(0) - _SPARE, points.max(0) + _SPARE
     half = max(-low[0], high[0])  # the root in the middle, so that left and right can be compared
     low[0], high[0] = -half, half
@@ -150,7 +150,7 @@ def frame_of(cells: Sequence[Cell], figure: Figure) -> Frame:
 
 
 def _blur_ink(image: Array, sigma: float) -> Array:
-    """With a Gaussian, rows and columns; ink beyond the edge is lost."""
+    """Blur the rows and columns with a Gaussian; ink beyond the edge is lost."""
     reach = int(np.ceil(3 * sigma))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(sigma, 1e-6)) ** 2)
     kernel /= kernel.sum()
@@ -161,15 +161,15 @@ def _blur_ink(image: Array, sigma: float) -> Array:
 
 
 def heat(clips: Cell, figure: Figure, frame: Frame, fps: float) -> Array:
-    """(2, H, W) how much the right and the left arm move where: squared speed per area, in shoulders' breadths and seconds.
+    """(2, H, W) ink of the right and the left arm: squared speed per area, in shoulders' breadths and seconds.
 
-    Summed over the area (a pixel has 1 / scale²) it is the mean square of the speed of the points of the arm.
+    Its sum over the area (1 / scale² for a pixel) is the mean square of the speed of the points of the arm.
     """
-    placed, found = _align_to_root(clips, figure), []
+    poses, inks = _align_to_root(clips, figure), []
     wide, tall = frame.size
     part = ((np.arange(_STEPS) + 0.5) / _STEPS)[:, None, None, None]
     for arm in (figure.right, figure.left):
-        ways = [_limb(points, arm) for points in placed]
+        ways = [_limb(points, arm) for points in poses]
         step = np.concatenate([np.diff(way, axis=0) for way in ways])
         start = np.concatenate([way[:-1] for way in ways])
         energy = np.square(step * fps).sum(-1) / (len(step) * _STEPS * _POINTS)
@@ -177,19 +177,19 @@ def heat(clips: Cell, figure: Figure, frame: Frame, fps: float) -> Array:
         inside = ((places >= 0) & (places < [wide, tall])).all(1)
         amount = np.broadcast_to(energy, (_STEPS, *energy.shape)).ravel()[inside]
         ink = np.bincount(places[inside] @ [1, wide], amount, wide * tall).reshape(tall, wide)
-        found.append(_blur_ink(ink, _BLUR * frame.scale))
-    return np.stack(found) * frame.scale**2
+        inks.append(_blur_ink(ink, _BLUR * frame.scale))
+    return np.stack(inks) * frame.scale**2
 
 
 def _mix_ink(paper: Array, ink: Array) -> Array:
-    """(…, 3) paper under (…, 2) shares of red and blue ink, 0 … 1; where there is both, their colours mix."""
+    """(…, 3) paper under (…, 2) shares of red and blue ink, 0 … 1; where there are both, the colours mix."""
     cover = 1 - np.prod(1 - ink, -1, keepdims=True)
     colour = ink @ np.array([_RED, _BLUE], np.float64) / np.maximum(ink.sum(-1, keepdims=True), 1e-9)
     return np.asarray(paper * (1 - cover) + colour * cover)
 
 
 def _person(clips: Cell, figure: Figure, frame: Frame) -> Image.Image:
-    """The mean figure, faint: arms as they are on the mean, a chest as wide as the shoulders, a head."""
+    """The mean figure in pale colours: mean arms, a chest as wide as the shoulders, a head."""
     image = Image.new("RGB", (frame.size[0] * _SCALE, frame.size[1] * _SCALE), _PAPER)
     pen, unit = ImageDraw.Draw(image), frame.scale * _SCALE
     pose = frame.pixels(np.concatenate(_align_to_root(clips, figure)).mean(0)) * _SCALE
@@ -232,12 +232,12 @@ def draw_heat(
 
     Args:
         cells: rows of columns.
-        figure: what the joints are.
-        fps: of all of them.
-        columns: heads, of styles.
-        rows: labels; may have several lines.
-        title: above all.
-        frame: what every cell shows; None: what there is to be seen.
+        figure: of the joints.
+        fps: of all clips.
+        columns: heads of the columns, such as styles.
+        rows: labels of the rows; they may have several lines.
+        title: of the whole picture.
+        frame: what every cell shows; None: see `frame_of`.
 
     Raises:
         InputError: no cells, rows of different lengths, or labels that are more or fewer.

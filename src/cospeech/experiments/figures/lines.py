@@ -1,4 +1,4 @@
-"""Lines: figures of several systems under several conditions, with their intervals, a panel for each quantity."""
+"""Lines: values of several systems under several conditions, with their intervals, a panel for each quantity."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class Series:
     """One system.
 
     Args:
-        label: of it.
+        label: name of the system.
         names: (N,) conditions.
         y: (N,) values.
-        half: (N,) half of each one's interval.
+        half: (N,) half of the interval of each value.
     """
 
     label: str
@@ -53,7 +53,7 @@ class Lines:
 
 
 def _ticks(panel: Lines) -> Array:
-    """Round numbers that take in all that is drawn."""
+    """Round numbers around all that is drawn."""
     low = min(float((s.y - s.half).min()) for s in panel.series)
     high = max(float((s.y + s.half).max()) for s in panel.series)
     low = max(low, 0.0) if all((s.y >= 0).all() for s in panel.series) else low
@@ -64,7 +64,7 @@ def _ticks(panel: Lines) -> Array:
 
 
 def _field(panel: Lines, names: Sequence[str], ticks: Array) -> Image.Image:
-    """Lines of the ticks, and of each system dots, intervals and the line through them."""
+    """The field of a panel: lines of the ticks, and for each system its dots, their intervals and the line through them."""
     size = ((_WIDE - _LEFT) * _SCALE, _HIGH * _SCALE)
     image = Image.new("RGB", size, _PAPER)
     pen, edge = ImageDraw.Draw(image), 12 * _SCALE

@@ -22,7 +22,7 @@ _COLOURS = (
     (140, 108, 83), (122, 132, 145), (184, 186, 58), (38, 84, 124), (160, 36, 52), (122, 199, 79), (255, 140, 105),
     (84, 62, 140), (34, 110, 80),
 )  # fmt: skip
-"""Told apart by hue and by lightness; groups beyond the last begin again, with a ring for a dot."""
+"""They differ in hue and in lightness. With more groups, the colours begin again, with rings instead of dots."""
 _SCALE, _PANEL, _MARGIN, _TOP, _LEGEND = 4, 460, 26, 62, 190  # drawn times, and pixels
 _DOT = 4.6
 

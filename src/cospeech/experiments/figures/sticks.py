@@ -1,4 +1,4 @@
-"""Stick figures: bodies in space as lines, left and right in colours of their own, with the way that the hands have come."""
+"""Stick figures: bodies in space as lines, left and right in their own colours, with a trail behind the hands."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ Pictures = NDArray[np.uint8]
 _PAPER, _INK, _GREY = (255, 255, 255), (43, 49, 58), (126, 134, 146)
 _MIDDLE, _LEFT, _RIGHT = (74, 84, 99), (214, 92, 66), (52, 120, 176)
 _SCALE = 4  # drawn four times as large and shrunk
-_TURN, _TILT = np.radians(24.0), np.radians(8.0)  # of the camera, to the person's left and up, so that depth is seen
+_TURN, _TILT = np.radians(24.0), np.radians(8.0)  # of the camera, to the person's left and up, which shows depth
 _HEAD = 0.10  # metres, radius
-_TRAIL = 0.45  # seconds of the hands' way
-_NEAR = 0.35  # how much thicker a line is that lies a metre nearer
+_TRAIL = 0.45  # seconds of the trail of the hands
+_NEAR = 0.35  # by how much a line is thicker if it is half a metre nearer
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Sticks:
             )
 
     def colour(self, joint: int) -> tuple[int, int, int]:
-        """Of the line to a joint."""
+        """Colour of the line to a joint."""
         name = self.names[joint].lower()
         return _LEFT if name.startswith("left") else _RIGHT if name.startswith("right") else _MIDDLE
 
@@ -75,15 +75,15 @@ def _project(positions: Array) -> Array:
 
 
 def _mix_colour(colour: tuple[int, int, int], share: float) -> tuple[int, int, int]:
-    """A colour, thinned with paper."""
+    """A colour, mixed with paper."""
     return tuple(round(c * share + p * (1 - share)) for c, p in zip(colour, _PAPER, strict=True))  # type: ignore[return-value]
 
 
 class _Window:
-    """What part of space a cell shows: that in which the poses of all rows lie."""
+    """The part of space that each cell shows: it holds the poses of all rows."""
 
-    def __init__(self, seen: Sequence[Array], size: tuple[int, int]) -> None:
-        points = np.concatenate([poses[..., :2].reshape(-1, 2) for poses in seen])
+    def __init__(self, views: Sequence[Array], size: tuple[int, int]) -> None:
+        points = np.concatenate([poses[..., :2].reshape(-1, 2) for poses in views])
         low, high = points.min(0), points.max(0)
         self.middle = (low + high) / 2
         room = np.maximum(high - low + np.array([0.10, 2 * _HEAD + 0.08]), 0.5)
@@ -95,13 +95,13 @@ class _Window:
         return self.size[0] / 2 + float(x), self.size[1] / 2 - float(y)
 
 
-def _figure(sticks: Sticks, seen: Array, frame: int, trail: int, window: _Window) -> Image.Image:
+def _figure(sticks: Sticks, view: Array, frame: int, trail: int, window: _Window) -> Image.Image:
     """One pose in its cell: trails, then bones from back to front, then the head."""
     image = Image.new("RGB", window.size, _PAPER)
-    pen, pose = ImageDraw.Draw(image), seen[frame]
+    pen, pose = ImageDraw.Draw(image), view[frame]
     line = 0.026 * window.scale
     for hand in sticks.hands:
-        path = seen[max(0, frame - trail) : frame + 1, hand]
+        path = view[max(0, frame - trail) : frame + 1, hand]
         for k in range(len(path) - 1):
             share = 0.10 + 0.40 * (k + 1) / len(path)
             pen.line([window(path[k]), window(path[k + 1])], _mix_colour(sticks.colour(hand), share), max(1, round(line * 0.7)))
@@ -132,16 +132,16 @@ def draw_sticks(
     sound: Sound | None = None,
     words: Sequence[Word] = (),
 ) -> Pictures:
-    """Rows of stick figures above the speech that they go with, (H, W, 3).
+    """Rows of stick figures above their speech, (H, W, 3).
 
     Args:
-        rows: all of the same number of frames.
+        rows: all with the same number of frames.
         fps: frames per second.
         cells: moments shown, evenly over the time.
         width: of the picture, pixels.
         row_height: of one row, pixels.
-        sound: drawn as a waveform.
-        words: written below it; seconds from the first frame.
+        sound: the speech, drawn as a waveform.
+        words: written below the waveform; seconds from the first frame.
 
     Raises:
         InputError: no rows, rows of different lengths, or fewer frames than cells.
@@ -154,18 +154,18 @@ def draw_sticks(
     side = round(max(font.getlength(part) for row in rows for part in row.label.split("\n")) + 24)
     plan = StripLayout(width - side, 100, cells, 2)
     height = round(10.2 * plan.unit + plan.below + plan.margin) + row_height * len(rows)
-    for _ in range(3):  # the small print grows with the height, and the height with the small print
+    for _ in range(3):  # the size of the text depends on the height, and the height on the text
         plan = StripLayout(width - side, height, cells, 2 if words else 0)
         height = round(10.2 * plan.unit + plan.below + plan.margin) + row_height * len(rows)
     plan = StripLayout(width - side, height, cells, 2 if words else 0)
     wide, high = plan.cell
     pictures = np.full((cells, high, wide, 3), 255, np.uint8)
-    seen = [_project(row.positions) for row in rows]
-    window = _Window([poses[frames] for poses in seen], (wide, high // len(rows)))
+    views = [_project(row.positions) for row in rows]
+    window = _Window([poses[frames] for poses in views], (wide, high // len(rows)))
     for n, row in enumerate(rows):
         top = n * (high // len(rows))
         for k, frame in enumerate(frames):
-            figure = np.asarray(_figure(row, seen[n], int(frame), round(_TRAIL * fps), window))
+            figure = np.asarray(_figure(row, views[n], int(frame), round(_TRAIL * fps), window))
             pictures[k, top : top + figure.shape[0]] = figure
     strip = draw_strip(plan, pictures, [float(f / fps) for f in frames], lengths[0] / fps, sound, words)
     sheet = Image.new("RGB", (width, strip.shape[0]), _PAPER)

@@ -13,14 +13,14 @@ __all__ = ["COG"]
 PAPER = "Xu et al. 2024, Chain of Generation"
 STRIP = "Poses of each row above the speech that they go with"
 FGD, SRGR, BA = "fgd", "srgr_beat", "beat_align_beat"
-CHAIN, CAMN, MULTI, S2G, JOINED = "CoG", "CaMN", "MultiContext", "Speech2Gesture", "concatenation"
+CHAIN, CAMN, MULTI, S2G, CONCATENATION = "CoG", "CaMN", "MultiContext", "Speech2Gesture", "concatenation"
 SEQ2SEQ, A2G, TALKSHOW, DIFFUCLIP = "Seq2Seq", "Audio2Gestures", "TalkSHOW", "GestureDiffuCLIP"
 RECIPES = {
     CHAIN: "chain_of_generation_beat", CAMN: "camn_beat", MULTI: "multi_context_beat", S2G: "speech2gesture_beat",
     SEQ2SEQ: "seq2seq_beat", A2G: "audio2gestures_beat", TALKSHOW: "talkshow_beat", DIFFUCLIP: "gesturediffuclip_beat",
 }  # fmt: skip
 LABELS = ("face", "emotion", "speaker")
-"""What Chain of Generation plays without, as published: it makes them of the speech."""
+"""Inputs that Chain of Generation plays without, as published: it estimates them from the speech."""
 COLUMNS = {
     FGD: "FGD ↓", SRGR: "SRGR ↑", "srgr": "SRGR, of weights 1 ↑", BA: "BeatAlign ↑", "beat_align": "BA, lift ↑",
     "face_mse": "face MSE ↓",
@@ -32,13 +32,13 @@ OWN = (
 
 
 def _figures(*values: float | None) -> dict[str, float]:
-    """FGD, SRGR and BeatAlign as a line of the paper has them."""
+    """FGD, SRGR and BeatAlign of a line of the paper."""
     return {name: value for name, value in zip((FGD, SRGR, BA), values, strict=True) if value is not None}
 
 
 # table 1 ------------------------------------------------------------------------------------------------------------------
 
-_COMPARED: Mapping[str, dict[str, float]] = {
+_COMPARISON: Mapping[str, dict[str, float]] = {
     SEQ2SEQ: _figures(261.3, 0.173, 0.729),
     S2G: _figures(256.7, 0.092, 0.751),
     MULTI: _figures(176.2, 0.195, 0.776),
@@ -50,9 +50,9 @@ _COMPARED: Mapping[str, dict[str, float]] = {
 }
 
 
-_EXPECTED = {"+face": "holds", "+rhythm": "holds"}
-"""Ours, of 2026-11-22, before the first run: where brows and head go with the strokes, a face and the rhythm loss tell more."""
-_EXPECTED_1 = {MULTI: "holds", CAMN: "holds", CHAIN: "contradicted"}
+_EXPECTATIONS = {"+face": "holds", "+rhythm": "holds"}
+"""Ours, of 2026-11-22, before the first run: brows and head move with the strokes, so face and rhythm loss should help."""
+_EXPECTATIONS_1 = {MULTI: "holds", CAMN: "holds", CHAIN: "contradicted"}
 """Ours, of 2026-11-25, before the first run with five seeds: CaMN sees the recorded face and the labels, the chain does not."""
 
 
@@ -60,11 +60,11 @@ def _worse_to_better(
     names: tuple[str, ...],
     source: str,
     metrics: tuple[str, ...] = (FGD, SRGR, BA),
-    expected: Mapping[str, str] = _EXPECTED,
+    expectations: Mapping[str, str] = _EXPECTATIONS,
 ) -> tuple[Claim, ...]:
-    """That each is better than the one before it; ``expected`` has the words of the better ones, for all but beat alignment."""
+    """Claims that each is better than the one before it; ``expectations``: the better one → word, not for beat alignment."""
     return tuple(
-        Claim(m, better, worse, m != FGD, source, expected=expected.get(better, "") if m != BA else "")
+        Claim(m, better, worse, m != FGD, source, expected=expectations.get(better, "") if m != BA else "")
         for worse, better in pairwise(names)
         for m in metrics
     )
@@ -74,10 +74,10 @@ _TABLE_1 = TableSplit(
     "beat",
     tuple(
         TableSystem(name, RECIPES.get(name), figures, lacks={CHAIN: LABELS, TALKSHOW: ("face",)}.get(name, ()))
-        for name, figures in _COMPARED.items()
+        for name, figures in _COMPARISON.items()
     ),
     (
-        *_worse_to_better((S2G, MULTI, CAMN, CHAIN), "table 1", expected=_EXPECTED_1),
+        *_worse_to_better((S2G, MULTI, CAMN, CHAIN), "table 1", expectations=_EXPECTATIONS_1),
         *_worse_to_better((CAMN, TALKSHOW, CHAIN), "table 1", (FGD, BA)),
     ),
     OWN + " The row of GestureDiffuCLIP is a network of ours after that paper: its code was never published.",
@@ -90,30 +90,30 @@ _STEPS = (
         'model.name="chain-of-generation-extended"',
         "model.face_teacher_forcing=1.0",
         "model.face=0.0",
-    ),  # the recorded face is encoded, in training and when it plays: nothing makes one
+    ),  # it encodes the recorded face, in training and when it plays, and makes none
     ("model.attention=false",),
     ("model.style_injection=false",),
     ("model.rhythm=0.0",),
 )
-"""What each row of table 2 lacks of the next, and of all that follow it; section 4.4."""
-_ABLATED = {
+"""What each row of table 2 lacks, compared with the next row and all after it; section 4.4."""
+_ABLATION = {
     "−face": _figures(88.50, 0.228, 0.762),
     "+face": _figures(60.44, 0.240, 0.834),
     "+cw-attn": _figures(58.74, 0.238, 0.842),
     "+style": _figures(52.36, 0.241, 0.916),
     "+rhythm": _figures(45.87, 0.308, 0.931),
 }
-_ORDER = tuple(_ABLATED)
+_ORDER = tuple(_ABLATION)
 
 _TABLE_2 = TableSplit(
     "beat",
     tuple(
         TableSystem(name, RECIPES[CHAIN], figures, tuple(chain(*_STEPS[k:])), lacks=LABELS if k else LABELS[1:])
-        for k, (name, figures) in enumerate(_ABLATED.items())
+        for k, (name, figures) in enumerate(_ABLATION.items())
     ),
     (
         *_worse_to_better(_ORDER, "table 2", (FGD, BA)),
-        *(Claim(SRGR, b, a, True, "table 2") for a, b in pairwise(_ORDER) if b != "+cw-attn"),  # there the paper's own falls
+        *(Claim(SRGR, b, a, True, "table 2") for a, b in pairwise(_ORDER) if b != "+cw-attn"),  # where the paper's own falls
         *_worse_to_better((_ORDER[0], _ORDER[-1]), "table 2"),
     ),
     "Each row adds one part to the row above it. The first row gets the recorded face and generates none. " + OWN,
@@ -121,7 +121,7 @@ _TABLE_2 = TableSplit(
 
 # table 4 ------------------------------------------------------------------------------------------------------------------
 
-_WEIGHTED = {
+_WEIGHTINGS = {
     (500, 500, 500): _figures(58.67, 0.297, 0.924),
     (1000, 500, 500): _figures(64.32, 0.290, 0.924),
     (1000, 500, 100): _figures(56.21, 0.283, 0.925),
@@ -142,11 +142,11 @@ def _vary_weights(weights: tuple[int, int, int], figures: Mapping[str, float]) -
 
 _TABLE_4 = TableSplit(
     "beat",
-    tuple(_vary_weights(weights, figures) for weights, figures in _WEIGHTED.items()),
+    tuple(_vary_weights(weights, figures) for weights, figures in _WEIGHTINGS.items()),
     tuple(
         Claim(m, str(_BEST), str(w), m != FGD, "table 4", expected="contradicted" if m == FGD and w[2] == 500 else "undecided")
         for m in (FGD, SRGR)
-        for w in _WEIGHTED
+        for w in _WEIGHTINGS
         if w != _BEST
     ),
     "Weights of the reconstruction, of the face and of the rhythm. " + OWN,
@@ -159,7 +159,7 @@ _CONDITIONS = {"all": (), **{f"−{name}": (name,) for name in FOUR}, "−all fo
 _SYSTEMS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     CHAIN: (RECIPES[CHAIN], ()),
     CAMN: (RECIPES[CAMN], ()),
-    JOINED: (RECIPES[MULTI], ("model.emotion=8", "model.face=32")),  # of CaMN's widths
+    CONCATENATION: (RECIPES[MULTI], ("model.emotion=8", "model.face=32")),  # of CaMN's widths
 }
 
 _FIGURE_1 = TableSplit(
@@ -171,7 +171,7 @@ _FIGURE_1 = TableSplit(
     ),
     tuple(
         Claim(cost, f"{CHAIN}: {what}", f"{other}: {what}", False, "figure 1", expected="holds")
-        for other in (CAMN, JOINED)
+        for other in (CAMN, CONCATENATION)
         for what in ("−all four", *(f"−{name}" for name in FOUR))
         for cost in ("fgd_cost", "srgr_cost")
     ),

@@ -1,4 +1,4 @@
-"""Control rows of a table: the order in which they take other clips, and what metrics make of them."""
+"""Control rows of a table: the order in which they take other clips, and the faults of metrics on them."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from .paper_tables import Cells
 __all__ = ["ORACLE", "check_oracle", "far_rows", "faults_of", "oracle_key", "order_apart"]
 
 ORACLE = "oracle: the same speech, another take"
-"""Row of a synthetic corpus: what the rules do to the same speech with another seed; no system can be expected to be nearer."""
+"""Row of a synthetic corpus: the rules perform the same speech with another seed; no system can be expected to be nearer."""
 
 
 def check_oracle(store: Store, other: Store) -> None:
-    """Whether two stores have the same clips.
+    """Check that two stores have the same clips.
 
     Raises:
-        InputError: they have not.
+        InputError: they have other clips, poses or frame rates.
     """
     ours, theirs = ([(clip.name, clip.frames) for clip in each.clips] for each in (store, other))
     if ours != theirs or store.pose != other.pose or store.fps != other.fps:
@@ -38,7 +38,7 @@ def check_oracle(store: Store, other: Store) -> None:
 
 
 def oracle_key(folder: str | PathLike[str] | None) -> list[str]:
-    """What scores of control rows are cached by, beside the store: the oracle's poses; nothing where there is none."""
+    """Key of the oracle in the cache of control rows: a digest of its poses; empty without an oracle."""
     if folder is None:
         return []
     store = Store(folder)
@@ -47,26 +47,26 @@ def oracle_key(folder: str | PathLike[str] | None) -> list[str]:
 
 
 def order_apart(count: int) -> Array:
-    """(count,) an order in which neighbours are about half of all apart."""
+    """(count,) an order in which neighbours are about half of the clips apart."""
     step = next(s for s in range(count // 2 or 1, count + 1) if gcd(s, count) == 1)
     return np.arange(count) * step % count
 
 
 def far_rows(clips: Sequence[Clip]) -> dict[str, list[Clip]]:
-    """All control rows, by name, as the clips are ordered. "Another clip" is one from far away: half of all lie between."""
+    """All control rows, by name, in the order of the clips. "Another clip" is from far away: half of all clips lie between."""
     order = order_apart(len(clips))
     rows, back = control_rows([clips[k] for k in order]), np.argsort(order)
-    return {name: [made[k] for k in back] for name, made in rows.items()}
+    return {name: [row[k] for k in back] for name, row in rows.items()}
 
 
 def faults_of(controls: Mapping[str, Cells], columns: Sequence[str]) -> dict[str, list[str]]:
     """What each metric puts in the wrong order among the control rows."""
-    found = {}
+    faults = {}
     for metric in columns:
         scores: dict[str, Score | None] = {
             name: Score(cells[metric]["value"], tuple(ends) if (ends := cells[metric]["interval"]) else None)
             if "value" in cells[metric] else None
             for name, cells in controls.items()
         }  # fmt: skip
-        found[metric] = faults_of_order(load_metric(metric).about, scores)
-    return found
+        faults[metric] = faults_of_order(load_metric(metric).about, scores)
+    return faults

@@ -3,8 +3,8 @@
     rows of a clip   … [ history, BEFORE ][ made, `made` frames ][ look-ahead, AFTER ] …
     what is scored               [ given ][ made               ]
 
-As in the flow paper a window has its first poses given; of those the last ``given`` are scored along with what was made, as
-its authors' code does (34 frames of 42 for TED, `GFGE cal_metrics.py`).
+As in the flow paper, a system is given the first poses of a window. The last ``given`` of them are scored together with those
+that it makes, as in the authors' code (34 frames of 42 for TED, `GFGE cal_metrics.py`).
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from .inputs import StoreInputs
 __all__ = ["AFTER", "BEFORE", "PROTOCOLS", "Excerpts", "Protocol", "restrict_joints"]
 
 BEFORE, AFTER = 12, 20
-"""Frames that every window has before and after what is made: as many as the longest history (stylised flow, TED) and
-look-ahead (MoGlow; stylised flow, Trinity) want, so that all systems make the same frames."""
-MOST = 2000  # ours: of more windows so many are taken, evenly; a pass over TED's 26,245 would take hours for the same figure
+"""Frames that every window has before and after those that are made: the longest history (stylised flow, TED) and the longest
+look-ahead (MoGlow; stylised flow, Trinity), so that all systems make the same frames."""
+MOST = 2000  # ours: most windows, evenly spread; a pass over TED's 26,245 would take hours for the same figure
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ PROTOCOLS: dict[str, Protocol] = {
 
 
 def restrict_joints(sample: Sample, joints: tuple[str, ...]) -> Sample:
-    """Without the joints that a representation does not move (legs, fingers), which would always be right."""
+    """The sample without the joints that a representation does not move (legs, fingers): they would always be right."""
     keep = [0, *(sample.names.index(name) for name in joints if sample.names.index(name))]
     positions, rotations = sample.positions, sample.rotations
     assert positions is not None
@@ -73,10 +73,10 @@ class Excerpts:
 
     Args:
         folder: of the store.
-        raw: the corpus that it was made from, for the sound; None: nothing is heard.
+        raw: the corpus that it was made from, for the sound; None: no sound.
 
     Raises:
-        InputError: not a store, of a corpus without a protocol, or too short a test split.
+        InputError: not a store, a corpus without a protocol, or a test split that is too short.
     """
 
     def __init__(self, folder: str | PathLike[str], raw: str | PathLike[str] | None = None) -> None:
@@ -89,8 +89,8 @@ class Excerpts:
         first = [offset + np.arange(0, count, self.protocol.stride) for offset, count in zip(offsets, counts, strict=True)]
         clips = np.repeat(numbers, [len(f) for f in first])
         self.total = len(clips)
-        chosen = np.unique(np.linspace(0, self.total - 1, min(self.total, MOST)).round().astype(int))
-        self.clips, self.starts = clips[chosen], np.concatenate(first)[chosen] + BEFORE
+        which = np.unique(np.linspace(0, self.total - 1, min(self.total, MOST)).round().astype(int))
+        self.clips, self.starts = clips[which], np.concatenate(first)[which] + BEFORE
         if len(self) < 2:
             raise InputError(f"{len(self)} test window of {span} frames in {str(folder)!r}", "a longer test split")
 
@@ -106,24 +106,24 @@ class Excerpts:
         """(N, before + made + after, …) of an array of the store.
 
         Raises:
-            InputError: a system wants more than there is.
+            InputError: more frames before or after than the windows have.
         """
         self.check_context(before, after)
         return gather(self.store.arrays[array], self.starts - before, before + self.protocol.made + after)
 
     @staticmethod
     def check_context(before: int, after: int) -> None:
-        """Whether every window has so many frames before and after what is made.
+        """Check that every window has so many frames before and after those that are made.
 
         Raises:
-            InputError: a system wants more than there is.
+            InputError: a system needs more.
         """
         if before > BEFORE or after > AFTER:
             raise InputError(f"a history of {before} and a look-ahead of {after} frames", f"{BEFORE} and {AFTER} at most")
 
     @cached_property
     def inputs(self) -> StoreInputs:
-        """What systems are given of the store."""
+        """The inputs of systems, from the store."""
         return StoreInputs(self.store)
 
     def speakers(self) -> list[str]:
@@ -146,24 +146,24 @@ class Excerpts:
         return Clip(f"{k}", entry.speaker, self.store.corpus, speech, **kind)
 
     def _sample(self, clip: Clip, condition: str, name: str = "") -> Sample:
-        # hips and arms are for metrics that hear, and costly where a skeleton has to be retargeted
+        # only metrics that hear use the track (hips and arms), and retargeting a skeleton is slow
         hears = clip.speech is not None and int(condition) % self.protocol.apart == 0
         sample = sample_of(clip, condition=condition, seed_frames=self.protocol.given, track=hears)
         joints = getattr(self.pose, "joints", None)
         sample = sample if joints is None else restrict_joints(sample, joints)
         return replace(sample, name=name or clip.name)
 
-    def samples(self, made: Array, which: Array | None = None, take: int = 1) -> list[Sample]:
-        """Poses that were made (N, made, D), as metrics see them, behind the poses that were given.
+    def samples(self, vectors: Array, which: Array | None = None, take: int = 1) -> list[Sample]:
+        """Poses that a system made, behind those that it was given, as metrics see them.
 
         Args:
-            made: in the units of the store.
-            which: of which windows; None: of all.
+            vectors: (N, made, D) poses in the units of the store.
+            which: numbers of their windows; None: all.
             take: number of the performance.
         """
-        given = self.rows("pose", self.protocol.given, 0)[:, : self.protocol.given]
-        chosen = np.arange(len(self)) if which is None else which
-        clips = [self._clip(k, np.concatenate([given[k], poses])) for k, poses in zip(chosen, made, strict=True)]
+        seeds = self.rows("pose", self.protocol.given, 0)[:, : self.protocol.given]
+        numbers = np.arange(len(self)) if which is None else which
+        clips = [self._clip(k, np.concatenate([seeds[k], poses])) for k, poses in zip(numbers, vectors, strict=True)]
         return [self._sample(clip, clip.name, f"{clip.name}.{take}") for clip in clips]
 
     @cached_property

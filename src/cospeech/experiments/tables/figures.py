@@ -1,4 +1,4 @@
-"""Figures of a table: poses of all systems above their speech (figure 5 of the paper), latents in the plane (figure 8)."""
+"""Figures of a table: poses of all systems above their speech (figure 5 of the paper), latents in two dimensions (figure 8)."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ __all__ = ["choose_excerpt", "draw_latents", "draw_poses", "write_picture"]
 
 Pictures = NDArray[np.uint8]
 
-SECONDS, CELLS = 6.0, 10  # of speech shown, and moments; ours
+SECONDS, CELLS = 6.0, 10  # seconds of speech and number of moments that are shown; ours
 SOUND_STEP = 0.02  # s, of the waveform
-_BARE = 0.08  # ours: how loud speech is drawn at its quietest where only its energy is known
+_BARE = 0.08  # ours: level of the quietest speech in the picture, where only its energy is known
 
 
 class TestData(Protocol):
-    """Where what is shown was recorded."""
+    """The data that a figure shows."""
 
     store: Store
     pose: Any
@@ -48,13 +48,13 @@ class TestData(Protocol):
 
 
 def choose_excerpt(entries: Sequence[Entry], fps: float, before: int, after: int) -> tuple[Entry, int]:
-    """The longest of some clips, and how many frames of it are shown, from the frame ``before`` on."""
+    """The longest of some clips, and how many of its frames are shown, from frame ``before`` on."""
     entry = max(entries, key=lambda clip: clip.frames)
     return entry, min(round(SECONDS * fps), entry.frames - before - after)
 
 
 def _words(excerpts: TestData, entry: Entry, first: int, frames: int) -> list[Word]:
-    """Words of the frames shown, from the store; seconds from the first."""
+    """Words of the frames that are shown, from the store; seconds from the first frame."""
     store = excerpts.store
     if "word" not in entry.has:
         return []
@@ -65,7 +65,7 @@ def _words(excerpts: TestData, entry: Entry, first: int, frames: int) -> list[Wo
 
 
 def _sound(excerpts: TestData, entry: Entry, first: int, frames: int) -> Sound:
-    """The waveform of the frames shown; where there is no sound, from the energy of the store's frames."""
+    """The waveform of the frames that are shown; without sound, from the energy of the frames in the store."""
     fps = excerpts.store.fps
     if excerpts.raw is None:
         column = excerpts.store.names["audio"].index("energy") if "energy" in excerpts.store.names["audio"] else 0
@@ -100,36 +100,36 @@ def _sticks(excerpts: TestData, label: str, vectors: Array) -> Sticks:
             raise InputError(f"stick figures of {excerpts.store.pose}", "they are of bodies in space")
         return Sticks(label, body.values, PARENTS, JOINTS)
     skeleton = body.skeleton
-    shown = getattr(excerpts.pose, "joints", skeleton.names)
-    keep = [k for k, name in enumerate(skeleton.names) if k == 0 or name in shown]
+    joints = getattr(excerpts.pose, "joints", skeleton.names)
+    keep = [k for k, name in enumerate(skeleton.names) if k == 0 or name in joints]
     parents = [_find_parent(k, skeleton.parents, keep) for k in keep]
     positions = body.positions()[:, keep]
     return Sticks(label, positions - positions[:, :1], parents, [skeleton.names[k] for k in keep])
 
 
-def draw_poses(made: Mapping[str, Array], data: TestData, entry: Entry, before: int) -> Pictures:
-    """The recording and what each system makes of its speech, above it.
+def draw_poses(systems: Mapping[str, Array], data: TestData, entry: Entry, before: int) -> Pictures:
+    """The recording, and the poses that each system makes for its speech, above that speech.
 
     Args:
-        made: label of a row → (T, D) poses in the units of the store, all of the same frames.
+        systems: label of a row → (T, D) poses in the units of the store, all of the same frames.
         data: the store.
         entry: the clip that is shown.
         before: frames of it before the first that is shown.
     """
-    first, frames = entry.offset + before, min(map(len, made.values()))
+    first, frames = entry.offset + before, min(map(len, systems.values()))
     rows = [_sticks(data, "recording", data.store.arrays["pose"][first : first + frames])]
-    rows += [_sticks(data, label, poses[:frames]) for label, poses in made.items()]
+    rows += [_sticks(data, label, poses[:frames]) for label, poses in systems.items()]
     words, sound = _words(data, entry, first, frames), _sound(data, entry, first, frames)
     return draw_sticks(rows, data.store.fps, cells=CELLS, sound=sound, words=words)
 
 
 def draw_latents(players: Mapping[str, PlayableRun], excerpts: Excerpts, cells: Mapping[str, Mapping[str, Any]]) -> Pictures:
-    """Latents by t-SNE, coloured by speaker, a panel for each system, and one for the mean poses themselves.
+    """Latents by t-SNE, coloured by speaker: a panel for each system, and one for the mean poses.
 
     Args:
         players: title of a panel → a trained system.
         excerpts: of the store.
-        cells: title → column → cell of the table, whose silhouette stands below the title.
+        cells: title → column → cell of the table; the silhouette is written below the title.
     """
     speakers = excerpts.speakers()
     groups = [speakers[k].rstrip("_") for k in excerpts.apart]
@@ -144,7 +144,7 @@ def draw_latents(players: Mapping[str, PlayableRun], excerpts: Excerpts, cells: 
 
 
 def write_picture(picture: Pictures, path: str | PathLike[str]) -> None:
-    """As PNG."""
+    """Write a picture as PNG."""
     from PIL import Image
 
     with atomic(path) as temporary:

@@ -1,4 +1,4 @@
-"""Tables of the flow paper: its rows, its published figures, and what it claims of them."""
+"""Tables of the flow paper: rows, published figures, and claims."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ STRIP = "Poses of each row above the speech that they go with"
 OURS, MOGLOW = "stylised flow", "MoGlow"
 LIKELIHOODS = {LIKELIHOOD: "NLL ↓", HEARING: "hearing, nats ↑"}
 ALIKE = 0.5
-"""Nats per frame, ours: rows whose NLL differs by less count as equal. It is half of what the speech gave a flow of the small
-scale that was trained on 5 hours (hearing gain 1.01, one seed, 2026-11-22)."""
+"""Nats per frame, ours: rows whose NLL differs by less count as equal. It is half the hearing gain of a flow of the small scale
+that was trained on 5 hours (1.01, one seed, 2026-11-22)."""
 SOURCE = "of likelihood, ours"
 
 
@@ -42,10 +42,10 @@ _TED_1 = TableSplit(
         )
     ) + (Claim(LIKELIHOOD, OURS, MOGLOW, False, SOURCE, expected="holds"),),
 )  # fmt: skip
-# Likelihood, expected on 2026-11-25, before the first run of the design: with one seed, 1 hour of speech and 2,000 steps, the
-# flow had a log-likelihood of 36.5 nats per frame on the test split, MoGlow 31.7 (2026-11-22). The others, on 2026-11-27,
-# before the first run in which both rows follow the speech: as the figures were when they did not (FGD 2.18 and 2.01, PCK .863
-# and .858, MM 33.5 and 36.1).
+# The likelihood was expected on 2026-11-25, before the first run of the design: with one seed, 1 hour of speech and 2,000
+# steps, the flow had a log-likelihood of 36.5 nats per frame on the test split, MoGlow 31.7 (2026-11-22). The others were
+# expected on 2026-11-27, before the first run in which both rows follow the speech: as in an earlier run, in which they did
+# not (FGD 2.18 and 2.01, PCK .863 and .858, MM 33.5 and 36.1).
 
 _TRINITY_1 = TableSplit(
     "trinity",
@@ -67,7 +67,7 @@ FULL, NO_PERCEPTUAL, NO_ENCODER, BASELINE = "proposed (full)", "without L_gp", "
 
 
 def _ablations(corpus: str, *figures: tuple[float, float, float], source: str) -> TableSplit:
-    """Rows of table 2 with a corpus's recipes."""
+    """Table 2 with the recipes of a corpus."""
     names = {FULL: "", NO_PERCEPTUAL: "_no_perceptual", NO_ENCODER: "_no_encoder", BASELINE: "_baseline"}
     values = [*figures, *[()] * (len(names) - len(figures))]
     rows = tuple(
@@ -75,8 +75,8 @@ def _ablations(corpus: str, *figures: tuple[float, float, float], source: str) -
         for (name, end), value in zip(names.items(), values, strict=True)
     )
     order = ((FULL, NO_PERCEPTUAL), (NO_PERCEPTUAL, NO_ENCODER), (FULL, NO_ENCODER), (FULL, BASELINE))
-    expected = ("undecided", "holds", "holds", "")  # 2026-11-22: L_gp changes nothing at .1, the encoder helps
-    claims = [Claim("fgd", *pair, False, source, expected=word) for pair, word in zip(order, expected, strict=True)]
+    words = ("undecided", "holds", "holds", "")  # 2026-11-22: L_gp changes nothing at .1, the encoder helps
+    claims = [Claim("fgd", *pair, False, source, expected=word) for pair, word in zip(order, words, strict=True)]
     claims += [Claim("diversity_gfge", FULL, worse, True, source) for worse in (NO_PERCEPTUAL, NO_ENCODER, BASELINE)]
     claims += [  # 2026-11-25, before the first run: the encoder helps; L_gp at .1 changes nothing
         Claim(LIKELIHOOD, FULL, NO_ENCODER, False, SOURCE, expected="holds"),

@@ -1,4 +1,4 @@
-"""Where rows of the flow paper's tables are judged: performances of windows (tables 1 and 2), latents of windows (table 3)."""
+"""Scores the rows of the flow paper's tables: performances of windows (tables 1 and 2), latents of windows (table 3)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = ["Latents", "Performances"]
 
 
 class _Flows:
-    """What both have in common."""
+    """What both benches have in common."""
 
     def __init__(self, paper_table: PaperTable, part: TableSplit, runs: Runs, raw: str | PathLike[str] | None) -> None:
         self.paper_table, self.runs = paper_table, runs
@@ -35,7 +35,7 @@ class _Flows:
 
     @property
     def windows(self) -> str:
-        """How many, of how many frames."""
+        """The number of windows and of their frames, in words."""
         count, total = len(self.excerpts), self.excerpts.total
         some = f"{count} of " if total > count else ""
         return f"{some}{say_count(total, 'test window')} of {self.excerpts.protocol.made} frames"
@@ -52,17 +52,17 @@ class _Flows:
         return cache_result(Path(self.runs.runs) / "scores", [*own, *key], work)
 
     def _players(self, table: Mapping[str, Any]) -> dict[str, PlayableRun]:
-        """Of each row the run with the first seed."""
+        """For each row, the run with the first seed."""
         rows = {name: row["recipe"] for name, row in table["rows"].items() if row.get("cells")}
         return {name: self.runs.player(recipe, table["seeds"][0]) for name, recipe in rows.items()}
 
 
 class Performances(_Flows):
-    """Motion that is made of every window, beside the recordings."""
+    """Motion that systems make for every window, beside the recordings."""
 
     @cached_property
     def tools(self) -> Tools:
-        """The feature network, trained where it is not there."""
+        """The feature network; it is trained if it is missing."""
         return Tools(features=self.runs.features())
 
     @property
@@ -72,7 +72,7 @@ class Performances(_Flows):
         return self.tools.features.name
 
     def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
-        """One performance of every window, and several of some."""
+        """Scores of one performance of every window, and of several performances of some."""
         assert row.recipe is not None
         player, runs = self.runs.player(row.recipe, seed), self.runs
 
@@ -87,7 +87,7 @@ class Performances(_Flows):
         return cells, player.summary
 
     def controls(self) -> dict[str, Cells]:
-        """As in all tables; where rows have a likelihood, a predictor that knows nothing but the last pose as well."""
+        """Scores as in all tables; where rows have a likelihood, also of a predictor that knows the last pose alone."""
 
         def work() -> dict[str, Cells]:
             rows = {**self.excerpts.controls()}
@@ -97,16 +97,16 @@ class Performances(_Flows):
                 name: score_columns(self.columns, samples, samples, self.excerpts, self.tools) for name, samples in rows.items()
             }
 
-        found: dict[str, Cells] = self._cache(self.features, ["controls", *oracle_key(self.runs.oracle)], work)
+        scores: dict[str, Cells] = self._cache(self.features, ["controls", *oracle_key(self.runs.oracle)], work)
         if not self.likely:
-            return found
+            return scores
         still = self._cache("likelihood", ["controls"], lambda: score_still(self.excerpts))
         motionless = {name: {"why": "it foretells motion and makes none"} for name in self.columns}
         unlikely = {name: {"why": "motion alone has no likelihood"} for name in COLUMNS}
-        return {name: cells | unlikely for name, cells in found.items()} | {STILL: motionless | still}
+        return {name: cells | unlikely for name, cells in scores.items()} | {STILL: motionless | still}
 
     def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
-        """Of all columns but the likelihood."""
+        """Faults of all columns except the likelihood."""
         return faults_of(controls, self.columns)
 
     def picture(self, table: Mapping[str, Any]) -> Pictures:
@@ -114,21 +114,23 @@ class Performances(_Flows):
         store, seed = self.excerpts.store, table["seeds"][0]
         clips = [clip for clip in store.clips if clip.split == "test" and "audio" in clip.has]
         entry, frames = choose_excerpt(clips, store.fps, BEFORE, AFTER)
-        first, given = np.array([entry.offset + BEFORE]), self.excerpts.protocol.given
-        made = {
-            name: generate_rows(player, self.excerpts.inputs, first, frames, [entry.speaker], given=given, seed=seed)[0]
+        first, seed_frames = np.array([entry.offset + BEFORE]), self.excerpts.protocol.given
+        poses = {
+            name: generate_rows(
+                player, self.excerpts.inputs, first, frames, [entry.speaker], seed_frames=seed_frames, seed=seed
+            )[0]
             for name, player in self._players(table).items()
         }
-        return draw_poses(made, self.excerpts, entry, BEFORE)
+        return draw_poses(poses, self.excerpts, entry, BEFORE)
 
 
 class Latents(_Flows):
-    """Where the recordings lie in a system's latents."""
+    """Where the recordings lie among the latents of a system."""
 
     features = "latents, mean over the frames made"
 
     def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
-        """Clusters of windows that do not overlap."""
+        """Scores of the clusters of windows that do not overlap."""
         assert row.recipe is not None
         player = self.runs.player(row.recipe, seed)
 
@@ -138,17 +140,17 @@ class Latents(_Flows):
         return self._cache("latents", [player.fingerprint], work), player.summary
 
     def controls(self) -> dict[str, Cells]:
-        """Mean poses themselves, and numbers that know nothing."""
+        """Scores of the mean poses themselves, and of random numbers."""
 
         def work() -> dict[str, Cells]:
             points = controls_of_latents(self.excerpts)
             return {name: score_latents(self.columns, p, self.excerpts, name) for name, p in points.items()}
 
-        found: dict[str, Cells] = self._cache("latents", ["controls"], work)
-        return found
+        scores: dict[str, Cells] = self._cache("latents", ["controls"], work)
+        return scores
 
     def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
-        """None: these rows are no order."""
+        """None: these control rows have no order."""
         return {}
 
     def picture(self, table: Mapping[str, Any]) -> Pictures:

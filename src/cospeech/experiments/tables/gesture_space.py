@@ -1,9 +1,9 @@
-"""The gesture space (Mix-StAGE, figure 2): what a network makes, in the plane, for each speaker's own speech and for others'.
+"""The gesture space (Mix-StAGE, figure 2): motion of a network as points in the plane, for own speech and for others' speech.
 
 A point is a window of 64 frames *as it was made*: mean and deviation of each number of its standardised poses over the window.
-The paper draws "the gesture space generated from the audio content and style" and does not say which numbers of the network
-those are; of the poses themselves the picture can be made for any network and compared between networks, and Φ or Z of one have
-no counterpart in another.
+The paper draws "the gesture space generated from the audio content and style". It does not say which numbers of the network
+these are. We take the poses: every network has them, so that networks can be compared. Φ or Z of one network have no
+counterpart in another.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["GestureSpace", "draw_gesture_space", "gesture_space"]
 
 Pictures = NDArray[np.uint8]
 
-WINDOWS = 48  # ours: of each style, at most, in each of the two panels; t-SNE is quadratic in all of them
+WINDOWS = 48  # ours: at most, of each style in each of the two panels; t-SNE is quadratic in their number
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,15 +45,15 @@ class GestureSpace:
     transferred_styles: tuple[str, ...]
 
     def hits(self) -> tuple[float, float]:
-        """Share of the preserved windows, and of the transferred ones, whose nearest (other) preserved one has their style."""
+        """Share of the preserved and of the transferred windows whose nearest (other) preserved window has the same style."""
         styles = np.array(self.preserved_styles)
-        found = []
+        shares = []
         for points, own in ((self.preserved, styles), (self.transferred, np.array(self.transferred_styles))):
             gap = np.square(points).sum(1)[:, None] + np.square(self.preserved).sum(1) - 2 * points @ self.preserved.T
             if points is self.preserved:
                 np.fill_diagonal(gap, np.inf)
-            found.append(float((styles[gap.argmin(1)] == own).mean()))
-        return found[0], found[1]
+            shares.append(float((styles[gap.argmin(1)] == own).mean()))
+        return shares[0], shares[1]
 
 
 def _features(poses: Array) -> Array:
@@ -63,13 +63,13 @@ def _features(poses: Array) -> Array:
 
 
 def gesture_space(player: PlayableRun, store: Store, speakers: Sequence[str] = (), *, seed: int = 0) -> GestureSpace:
-    """What a network makes of the test clips: of each style with its own speaker's speech, and with that of all others.
+    """Motion of a network for the test clips: each style with the speech of its own speaker, and with that of all others.
 
     Args:
         player: a network played by windows (`cospeech.models.nn.windowed.Windowed`).
-        store: its test clips give the speech.
-        speakers: whose styles and speech; (): all that the network knows.
-        seed: which windows.
+        store: the speech is that of its test clips.
+        speakers: whose styles and speech; (): all speakers of the network.
+        seed: of the choice of windows.
 
     Raises:
         InputError: fewer than two speakers, one that network or store does not know, or another network.
@@ -86,15 +86,15 @@ def gesture_space(player: PlayableRun, store: Store, speakers: Sequence[str] = (
         own = starts[name]
         strange = np.concatenate([rows for other, rows in starts.items() if other != name])
         some = np.random.default_rng([seed, *name.encode()]).permutation(len(strange))[: len(own)]  # as many as of its own
-        for k, chosen in enumerate((own, strange[np.sort(some)])):
-            audio = player.audio(gather(store.arrays["audio"], chosen, FRAMES))
+        for k, firsts in enumerate((own, strange[np.sort(some)])):
+            audio = player.audio(gather(store.arrays["audio"], firsts, FRAMES))
             spaces[k].append(_features(play(player.net, audio, player.style(name))))
-            labels[k].extend([name] * len(chosen))
+            labels[k].extend([name] * len(firsts))
     return GestureSpace(np.concatenate(spaces[0]), np.concatenate(spaces[1]), tuple(labels[0]), tuple(labels[1]))
 
 
 def draw_gesture_space(player: PlayableRun, store: Store, speakers: Sequence[str] = (), *, seed: int = 0) -> Pictures:
-    """Own speech beside others' speech, a colour for each style; all windows are embedded by one t-SNE.
+    """A panel of own speech beside one of others' speech, a colour for each style; one t-SNE embeds all windows.
 
     Args:
         player, store, speakers, seed: as of `gesture_space`.

@@ -21,14 +21,14 @@ __all__ = ["FRAMES", "draw_heatmaps", "draw_recordings", "window_points", "windo
 Pictures = NDArray[np.uint8]
 
 FRAMES = 64  # authors' code: of a window, 4.3 s at 15 frames per second
-SECONDS = 60.0  # ours: in each cell, at most; where arms move does not change with more
+SECONDS = 60.0  # ours: in each cell, at most; more does not change where arms move
 
 
 def windows_of(store: Store, speaker: str, most: int, seed: int, split: str | None = "test") -> Array:
-    """(n,) first rows of windows of `FRAMES` frames of a speaker's clips, which do not overlap; ``most`` at random.
+    """(n,) first rows of windows of `FRAMES` frames that do not overlap, in a speaker's clips: ``most`` of them, at random.
 
     Raises:
-        InputError: there is none.
+        InputError: there is no window.
     """
     numbers, offsets, counts = store.starts(FRAMES, split, ("pose", "audio"))
     own = [
@@ -39,19 +39,19 @@ def windows_of(store: Store, speaker: str, most: int, seed: int, split: str | No
     if not own:
         raise InputError(f"no {split or ''} clip of {speaker!r} has {FRAMES} frames".replace("  ", " "), "a longer split")
     starts = np.concatenate(own)
-    chosen = np.random.default_rng([seed, *speaker.encode()]).permutation(len(starts))[:most]
-    return np.asarray(starts[np.sort(chosen)])
+    indices = np.random.default_rng([seed, *speaker.encode()]).permutation(len(starts))[:most]
+    return np.asarray(starts[np.sort(indices)])
 
 
 def window_points(store: Store, rows: Array) -> tuple[list[Array], str]:
     """Poses in the units of a store (n, T, D) as key points (T, J, 2 or 3) of each window, and their layout."""
-    pose, found, layout = find_pose(store.pose), [], "pats"
+    pose, key_points, layout = find_pose(store.pose), [], "pats"
     for window in rows:
         body = pose.decode(np.asarray(window, np.float64), store.fps)
         points = body if isinstance(body, Points) else points_of(body)
-        found.append(points.values)
+        key_points.append(points.values)
         layout = points.layout
-    return found, layout
+    return key_points, layout
 
 
 def _load_recordings(store: Store, speaker: str, seed: int, split: str | None) -> tuple[list[Array], str]:
@@ -66,12 +66,12 @@ def draw_recordings(store: Store, speakers: Sequence[str] = (), *, rows: int = 2
     Args:
         store: the recordings.
         speakers: columns; (): all.
-        rows: how many minutes; each is drawn by lot, so that they differ as much as minutes do.
-        title: above all.
-        seed: of the lot.
+        rows: number of minutes; each is drawn at random, so that they differ as much as minutes do.
+        title: of the whole picture.
+        seed: of the draw.
 
     Raises:
-        InputError: a speaker of whom there is nothing.
+        InputError: a speaker without windows.
     """
     columns = list(speakers or store.speakers)
     grid = [[_load_recordings(store, name, seed + row, None) for name in columns] for row in range(rows)]
@@ -88,15 +88,15 @@ def draw_heatmaps(
     title: str = "Where the arms move: a style in each column, whose speech in each row",
     seed: int = 0,
 ) -> Pictures:
-    """Where the arms move, of every voice in every style, below the recordings of the styles' own speakers.
+    """Where the arms move for every voice in every style, below the recordings of the speakers of the styles.
 
     Args:
         player: a network played by windows (`cospeech.models.nn.windowed.Windowed`).
-        store: its test clips give the speech.
-        styles: speakers, a column each; (): all that the network knows.
-        voices: whose speech, a row each; (): the styles'.
-        title: above all, such as the network's name.
-        seed: which windows of the test clips, a minute of each voice.
+        store: the speech is that of its test clips.
+        styles: speakers, a column each; (): all speakers of the network.
+        voices: speakers of the speech, a row each; (): those of the styles.
+        title: of the whole picture, such as the name of the network.
+        seed: of the choice of windows, a minute of each voice.
 
     Raises:
         InputError: a speaker that the network or the store does not know, or another network.
@@ -104,12 +104,12 @@ def draw_heatmaps(
     from ..playing import play
 
     columns = list(styles or player.speakers)
-    known, most = [player.style(name) for name in columns], max(1, round(SECONDS * store.fps / FRAMES))
-    recorded = [_load_recordings(store, name, seed, "test") for name in columns]
-    cells, rows, layout = [[points for points, _ in recorded]], ["recordings"], recorded[0][1]
+    codes, most = [player.style(name) for name in columns], max(1, round(SECONDS * store.fps / FRAMES))
+    recordings = [_load_recordings(store, name, seed, "test") for name in columns]
+    cells, rows, layout = [[points for points, _ in recordings]], ["recordings"], recordings[0][1]
     for voice in voices or columns:
         audio = player.audio(gather(store.arrays["audio"], windows_of(store, voice, most, seed), FRAMES))
-        made = [player.unpose(play(player.net, audio, style)) for style in known]
-        cells.append([window_points(store, vectors)[0] for vectors in made])
+        motions = [player.unpose(play(player.net, audio, style)) for style in codes]
+        cells.append([window_points(store, vectors)[0] for vectors in motions])
         rows.append(f"{voice}'s speech")
     return draw_heat(cells, FIGURES[layout], store.fps, columns=columns, rows=rows, title=title)

@@ -1,11 +1,11 @@
-"""Likelihood of the test windows: how well a flow foretells recorded motion, and how much of that it owes to the speech.
+"""Likelihood of the test windows: how well a flow predicts recorded motion, and how much of that is due to the speech.
 
     nll          = −1/(N F) Σ ln p(x_t | the recorded poses before it, its speech)
     hearing gain = nll with the speech of another window of the same speaker − nll with the own speech
 
-Both are in nats per frame, exact, and need no sampling. p is the density of poses standardised by the *store*: where a run
-was standardised in another way, the logarithm of the determinant is added, so that rows can be compared. The difference to
-the last pose (``residual``) has the density of the pose, because a shift has the determinant 1.
+Both are in nats per frame, exact, and need no sampling. p is the density of poses standardised by the *store*. Where a run
+has another standardisation, the logarithm of the determinant is added, so that rows can be compared. A network that predicts
+the difference to the last pose (``residual``) has the same density, because a shift has the determinant 1.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ __all__ = ["COLUMNS", "STILL", "order_within_speakers", "score_likelihood", "sco
 
 COLUMNS = (LIKELIHOOD, HEARING)
 STILL = "the last pose, and a normal step"
-"""Control row: it knows how far a pose is from the last one, on average, and nothing else."""
+"""Control row: it knows the mean and the deviation of the step from pose to pose, and nothing else."""
 STEP_FLOOR = 1e-3
-"""Least deviation of a step, of the deviation of the poses; ours: a number that never moves would have no limit."""
+"""Least deviation of a step, in deviations of the poses; ours: the density of a number that never moves has no limit."""
 
 
 def order_within_speakers(speakers: Sequence[str]) -> Array:
-    """(N,) for each window another one of the same speaker, half of the speaker's windows away; half of all, where it has one.
+    """(N,) for each window another window of the same speaker, half of the speaker's windows away.
 
-    So what differs is what is said and when, not the voice.
+    A speaker's only window gets one half of all windows away. So the words and their times differ, not the voice.
     """
     order, names = np.roll(np.arange(len(speakers)), len(speakers) // 2), np.array(speakers)
     for name in dict.fromkeys(speakers):
@@ -48,7 +48,7 @@ def order_within_speakers(speakers: Sequence[str]) -> Array:
 
 
 def score_likelihood(player: PlayableRun, excerpts: Excerpts, *, threads: int = 0) -> Cells:
-    """Both columns of a run; the same windows as those that systems make motion for."""
+    """Both columns of a run, on the windows for which systems make motion."""
     from ..playing import threads as limited
 
     if not hasattr(player.net, "log_prob"):
@@ -59,19 +59,19 @@ def score_likelihood(player: PlayableRun, excerpts: Excerpts, *, threads: int = 
     arrays = excerpts.inputs.gather(player, excerpts.starts - before, frames, speakers)
     try:
         with limited(threads):
-            found = measure_likelihood(player.net, arrays, order_within_speakers(speakers))
+            likelihoods = measure_likelihood(player.net, arrays, order_within_speakers(speakers))
     except InputError as problem:
         return {name: {"why": str(problem)} for name in COLUMNS}
     ours, theirs = player.statistics["pose_std"], standard_pose(excerpts.store).std
     determinant = float(np.log(np.asarray(ours, np.float64)).sum() - np.log(np.asarray(theirs, np.float64)).sum())
     return {
-        LIKELIHOOD: _over_clips(determinant - found.own, excerpts),
-        HEARING: _over_clips(found.own - found.other, excerpts),
+        LIKELIHOOD: _over_clips(determinant - likelihoods.own, excerpts),
+        HEARING: _over_clips(likelihoods.own - likelihoods.other, excerpts),
     }
 
 
 def score_still(excerpts: Excerpts) -> Cells:
-    """Both columns of `STILL`: normal, each number for itself, with mean and deviation of the steps of the training split."""
+    """Both columns of `STILL`: independent normal steps, with the mean and deviation of the steps in the training split."""
     store, standard = excerpts.store, standard_pose(excerpts.store)
     poses = [standard(store.clip(clip)["pose"]).astype(np.float64) for clip in store.clips if clip.split == "train"]
     steps = np.concatenate([np.diff(clip, axis=0) for clip in poses])
@@ -82,7 +82,7 @@ def score_still(excerpts: Excerpts) -> Cells:
 
 
 def _over_clips(values: Array, excerpts: Excerpts) -> dict[str, Any]:
-    """The mean of (N, F) values. Whole clips are drawn, not windows: windows of a clip overlap."""
+    """The mean of (N, F) values. The bootstrap draws whole clips, because windows of a clip overlap."""
     _, place, counts = np.unique(excerpts.clips, return_inverse=True, return_counts=True)
     means = np.bincount(place, values.mean(1)) / counts
     return as_cell(

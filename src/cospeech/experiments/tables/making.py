@@ -1,4 +1,4 @@
-"""Making a table: train what is not trained yet, score every row and seed, and put the paper's figures beside them."""
+"""Making a table: train the runs that are missing, score every row and seed, and put the paper's figures beside them."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ Tell = Callable[[str], None]
 
 
 def part_of(name: str, store: Store) -> tuple[PaperTable, TableSplit]:
-    """A table and what it is on a store.
+    """A table, and its part for a store.
 
     Raises:
-        InputError: no such table, or not of that corpus, or of other speakers.
+        InputError: no such table, or none for the corpus or the speakers of the store.
     """
     if name not in TABLES:
         raise InputError(f"no table is called {name!r}", nearest(name, TABLES))
@@ -61,60 +61,60 @@ def part_of(name: str, store: Store) -> tuple[PaperTable, TableSplit]:
 def _row(
     row: TableSystem, bench: Bench, paper_table: PaperTable, runs: Runs, seeds: Sequence[int], tell: Tell, step: str
 ) -> tuple[dict[str, Any], list[Cells]]:
-    """A row of the table, and its scores with each seed; or the published figures alone."""
-    told: dict[str, Any] = {"recipe": row.recipe, "published": dict(row.published)}
+    """A row of the table, and its scores with each seed; without scores, the published figures alone."""
+    entry: dict[str, Any] = {"recipe": row.recipe, "published": dict(row.published)}
     if row.recipe is None:
-        return told, []
+        return entry, []
     if not (Path(runs.recipes) / f"{row.recipe}.toml").is_file():
-        return told | {"missing": f"no recipe {row.recipe}.toml"}, []
+        return entry | {"missing": f"no recipe {row.recipe}.toml"}, []
     store, audio = runs.store, runs.recipe(row.recipe).data.audio
     option = "" if audio is None else preparation_option(audio)
     if option and with_audio(store, audio) is store:
-        return told | {"missing": f"the store was prepared without {option}"}, []
+        return entry | {"missing": f"the store was prepared without {option}"}, []
     scores, facts = [], ""
     for seed in seeds:
         tell(f"{step}: {row.name}, seed {seed}")
         cells, facts = bench.row(row, seed)
         scores.append(cells)
-    return told | {"cells": {metric: summary(scores, metric) for metric in paper_table.columns}, "facts": facts}, scores
+    return entry | {"cells": {metric: summary(scores, metric) for metric in paper_table.columns}, "facts": facts}, scores
 
 
 def choose_rows(rows: Sequence[TableSystem], only: Sequence[str]) -> set[str]:
-    """Names of the rows that are made: those that hold one of the texts, or all. A hyphen stands for a minus, too.
+    """Names of the rows that are made: those that contain one of the texts, or all. A hyphen can stand for a minus.
 
     Raises:
-        InputError: a text that no row holds.
+        InputError: no row contains one of the texts.
     """
     names = {row.name: replace_minus(row.name) for row in rows}
     texts = [replace_minus(text) for text in only]
-    for text, given in zip(texts, only, strict=True):
+    for text, part in zip(texts, only, strict=True):
         if not any(text in name for name in names.values()):
-            raise InputError(f"no row of the table is called {given!r}", nearest(given, names))
+            raise InputError(f"no row of the table is called {part!r}", nearest(part, names))
     return {row for row, name in names.items() if not texts or any(text in name for text in texts)}
 
 
-def _check_changes(runs: Runs, rows: Sequence[TableSystem], chosen: Collection[str]) -> None:
-    """Every change is of something that the table trains, before anything is trained.
+def _check_changes(runs: Runs, rows: Sequence[TableSystem], names: Collection[str]) -> None:
+    """Check, before training, that the table trains what each override changes.
 
     Raises:
-        InputError: it is of another recipe, or its recipe cannot be changed so.
+        InputError: an override of another recipe, or one that its recipe cannot take.
     """
     there = [row for row in rows if row.recipe and (Path(runs.recipes) / f"{row.recipe}.toml").is_file()]
-    shared = [path.stem for path in Path(runs.recipes).glob(f"*_{runs.store.corpus}.toml") if path.stem.startswith(SHARED)]
-    known = [*dict.fromkeys(row.recipe for row in there if row.recipe), *shared]
+    common = [path.stem for path in Path(runs.recipes).glob(f"*_{runs.store.corpus}.toml") if path.stem.startswith(SHARED)]
+    recipes = [*dict.fromkeys(row.recipe for row in there if row.recipe), *common]
     for text in runs.overrides:
         recipe, colon, _ = text.partition("=")[0].rpartition(":")
-        if colon and recipe not in known:
-            raise InputError(f"{text!r}: no row of this table has the recipe {recipe!r}", nearest(recipe, known))
-        if recipe in shared:
+        if colon and recipe not in recipes:
+            raise InputError(f"{text!r}: no row of this table has the recipe {recipe!r}", nearest(recipe, recipes))
+        if recipe in common:
             runs.recipe(recipe)
     for row in there:
-        if row.recipe and (not chosen or row.name in chosen):
+        if row.recipe and (not names or row.name in names):
             runs.recipe(row.recipe, 0, row.overrides)
 
 
 def _head(runs: Runs, bench: Bench, seeds: Sequence[int], only: Sequence[str]) -> str:
-    """Of what and with what the table was made, in a line."""
+    """The data, the scale and the settings of a table, in a line."""
     store = runs.store
     scale = (
         "SMALL SCALE (--small: narrow networks, few steps; not the paper's systems)" if runs.small else "the recipes' own scale"
@@ -132,7 +132,7 @@ def _head(runs: Runs, bench: Bench, seeds: Sequence[int], only: Sequence[str]) -
 
 
 def _describe_origin(runs: Runs, bench: Bench, rows: Sequence[TableSystem], raw: str | PathLike[str] | None) -> dict[str, Any]:
-    """What tells a table from all others of its name, but for the seeds: its store, the rows that are made, and how."""
+    """What tells a table from others of its name, apart from the seeds: its store, the rows that are made, and the settings."""
     return {
         "store": runs.fingerprint,
         "rows": {row.name: runs.folder_of(row.recipe, 0, row.overrides).name for row in rows if row.recipe},
@@ -150,28 +150,28 @@ def make_table(
     trained: bool = True,
     tell: Tell,
 ) -> dict[str, Any]:
-    """A table of `TABLES`, as a plain dictionary; `report.to_text` and so on tell it.
+    """Make a table of `TABLES`, as a plain dictionary; `report.to_text` and `report.to_markdown` print it.
 
     Args:
         name: of the table.
-        runs: the store, where runs lie, and at what scale.
+        runs: the store, the folder of the runs, and their scale.
         raw: the corpus of the store, for metrics that hear.
-        seeds: one run of every row with each.
-        only: texts; rows are made whose names hold one of them, of the others there are published figures alone. None: all.
+        seeds: every row has one run with each of them.
+        only: texts; rows whose names contain one of them are made, others have published figures alone; (): all are made.
         trained: whether rows are trained and scored; False: control rows alone, and what each metric can tell apart.
-        tell: told what is being done.
+        tell: is told what is being done.
 
     Raises:
-        InputError: no such table, a store that does not fit, a recipe that is not there, a run that cannot be gone on with, or
-            an oracle that is no store of the same clips.
+        InputError: no such table, a store that does not fit, a missing recipe, a run that cannot continue, or an oracle that is
+            no store of the same clips.
     """
     paper_table, part = part_of(name, runs.store)
     if not seeds or min(seeds) < 0 or len(set(seeds)) < len(seeds):
         raise InputError(f"seeds {', '.join(map(str, seeds))}", "whole numbers, each once")
     if runs.oracle is not None:
         check_oracle(runs.store, Store(runs.oracle))
-    chosen = choose_rows(part.rows, only) if trained else set()
-    _check_changes(runs, part.rows, chosen)
+    names = choose_rows(part.rows, only) if trained else set()
+    _check_changes(runs, part.rows, names)
     bench = paper_table.bench(paper_table, part, runs, raw)
     tell("control rows")
     controls = bench.controls()
@@ -179,9 +179,9 @@ def make_table(
     rows: dict[str, dict[str, Any]] = {}
     scores: dict[str, list[Cells]] = {}
     for row in part.rows:
-        if row.name in chosen:
+        if row.name in names:
             rows[row.name], scores[row.name] = _row(
-                row, bench, paper_table, runs, seeds, tell, f"row {next(steps)} of {len(chosen)}"
+                row, bench, paper_table, runs, seeds, tell, f"row {next(steps)} of {len(names)}"
             )
         else:
             rows[row.name] = {"recipe": row.recipe, "published": dict(row.published)}
@@ -201,7 +201,7 @@ def make_table(
 
 
 def check_figure(path: str | PathLike[str]) -> None:
-    """Whether a figure can be written there, before it is made.
+    """Check, before a figure is made, that it can be written.
 
     Raises:
         InputError: another suffix than ``.png``, or no file can be written there.
@@ -214,7 +214,7 @@ def check_figure(path: str | PathLike[str]) -> None:
 def draw_table(
     table: Mapping[str, Any], runs: Runs, path: str | PathLike[str], *, raw: str | PathLike[str] | None = None
 ) -> None:
-    """The figure of a table that was made, as PNG: of each row the run with the first seed.
+    """Draw the figure of a table as PNG: for each row, the run with the first seed.
 
     Raises:
         InputError: another suffix, or the picture cannot be written.
@@ -225,16 +225,16 @@ def draw_table(
 
 
 def _find_differences(path: Path, table: Mapping[str, Any]) -> list[str]:
-    """What the table of a file has, in words, that one which takes its name lacks; nothing where it has all of it."""
+    """What the table in a file has, in words, that a new table of the same name lacks; empty if it lacks nothing."""
     own = table["origin"]
     try:
-        told = json.loads(path.read_text("utf-8"))
-        old = told["origin"]
+        other = json.loads(path.read_text("utf-8"))
+        old = other["origin"]
         if old["store"] != own["store"]:
             return ["another store"]
         differences = {
             "other rows or recipes": not old["rows"].items() <= own["rows"].items(),
-            "other seeds": not {*told["seeds"]} <= {*table["seeds"]},
+            "other seeds": not {*other["seeds"]} <= {*table["seeds"]},
             "other settings": old["settings"] != own["settings"],
         }
     except (OSError, ValueError, LookupError, TypeError, AttributeError):  # no table, or one of an older version
@@ -243,7 +243,7 @@ def _find_differences(path: Path, table: Mapping[str, Any]) -> list[str]:
 
 
 def _keep_other(table: Mapping[str, Any], paths: Sequence[Path]) -> None:
-    """Give files of another table, whose names a table takes, other names; and a note says which.
+    """Rename the files of another table where the new one takes their names; a warning says so.
 
     Raises:
         InputError: they cannot be renamed.
@@ -254,22 +254,22 @@ def _keep_other(table: Mapping[str, Any], paths: Sequence[Path]) -> None:
         return
     try:
         digest = blake2b(there[0].read_bytes(), digest_size=4).hexdigest()  # ours: short, and some ten tables share a name
-        for old in reversed(there):  # the JSON last: as long as it is there, the table is found
+        for old in reversed(there):  # the JSON last: the table is found as long as it exists
             old.replace(old.with_name(f"{old.stem}-kept-{digest}{old.suffix}"))
     except OSError as error:
         hint = "move it elsewhere, or name another folder with --runs"
         raise InputError(f"{str(path)!r} holds another table and cannot be renamed: {describe_os_error(error)}", hint) from None
-    kept = f"{path.stem}-kept-{digest}{path.suffix}"
+    name = f"{path.stem}-kept-{digest}{path.suffix}"
     what = f"{str(path)!r} held a table of {' and '.join(differences)}"
-    warnings.warn(f"{what}; it is kept as {kept!r}", CospeechWarning, stacklevel=3)
+    warnings.warn(f"{what}; it is kept as {name!r}", CospeechWarning, stacklevel=3)
 
 
 def write_table(table: Mapping[str, Any], folder: str | PathLike[str]) -> tuple[Path, Path]:
-    """``TABLE-POSE.json`` and ``.md`` in a folder, and which they are.
+    """Write ``TABLE-POSE.json`` and ``.md`` to a folder, and return their paths.
 
-    Of the small scale, the name goes on with ``-small``; where not all rows are made, with ``-part``. Files of that name that
-    hold another table (of another store, or with rows, seeds or settings that this one lacks) are renamed to ``…-kept-DIGEST``,
-    and a note says so.
+    At the small scale, ``-small`` is added to the name; where not all rows are made, ``-part``. Files of that name that hold
+    another table (of another store, or with rows, seeds or settings that this one lacks) are renamed to ``…-kept-DIGEST``, and
+    a warning says so.
 
     Raises:
         InputError: the folder cannot be made, or files of another table cannot be renamed.

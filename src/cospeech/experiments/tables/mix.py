@@ -33,8 +33,8 @@ class Attribute:
 
     Args:
         name: of the attribute.
-        poles: what each of the two stands for.
-        pair: the two.
+        poles: the value of each speaker.
+        pair: the two speakers.
     """
 
     name: str
@@ -44,14 +44,14 @@ class Attribute:
 
 @dataclass(frozen=True)
 class SpeakerSet:
-    """Who plays in the tables: eight speakers, of whom the smaller sets are the first, and the pairs of attributes."""
+    """The speakers of the tables: eight, the first of whom are the smaller sets, and the pairs of attributes."""
 
     eight: tuple[str, ...]
     attributes: tuple[Attribute, ...]
-    ablated: tuple[str, ...]
-    """Whose networks table 6 is the mean of; the paper: of all 25."""
+    ablation: tuple[str, ...]
+    """Speakers over whose networks table 6 is the mean; in the paper, all 25."""
     own: bool
-    """Whether the paper's figures of single speakers are theirs."""
+    """Whether the paper has figures of these single speakers."""
 
     @property
     def everybody(self) -> tuple[str, ...]:
@@ -80,11 +80,12 @@ OURS = SpeakerSet(
     ("ada", "dan", "ben", "cleo"),
     False,
 )
-"""The synthetic speakers (`cospeech.rules.styles`): ada lively and dan a southpaw begin, as unlike as the paper's first two."""
+"""The synthetic speakers (`cospeech.rules.styles`). First come ada, who is lively, and dan, who is left-handed: they are as
+different as the paper's first two."""
 
 
 def _pairs(*figures: float) -> dict[str, dict[str, float]]:
-    """PCK and F1 of the five systems, as a line of tables 1, 4 and 5 has them."""
+    """PCK and F1 of the five systems, in a line of tables 1, 4 and 5."""
     systems = (*SINGLE, *MULTI)
     return {name: {PCK: figures[2 * k], F1: figures[2 * k + 1]} for k, name in enumerate(systems)}
 
@@ -147,12 +148,12 @@ TABLE_6 = {S2G: (0.189, 0.366), 1: (0.266, 0.379), 4: (0.277, 0.366), 8: (0.280,
 
 
 def _of(
-    system: str, label: str, speakers: tuple[str, ...], published: Mapping[str, float], scored_speakers: tuple[str, ...] = ()
+    system: str, label: str, speakers: tuple[str, ...], figures: Mapping[str, float], scored_speakers: tuple[str, ...] = ()
 ) -> TableSystem:
-    """A system trained on these speakers: a network for each, or one for all."""
+    """A system that is trained on these speakers: a network for each, or one for all."""
     single = system in SINGLE
     runs = tuple((name,) for name in speakers) if single else (speakers,)
-    return TableSystem(f"{system}, {label}", (SINGLE | MULTI)[system], published, runs=runs, scored_speakers=scored_speakers)
+    return TableSystem(f"{system}, {label}", (SINGLE | MULTI)[system], figures, runs=runs, scored_speakers=scored_speakers)
 
 
 def _size(count: int) -> str:
@@ -167,10 +168,10 @@ def _make_table_1(speaker_set: SpeakerSet) -> TableSplit:
     ]
     rows.append(TableSystem(f"{AUTHORS}, {_size(8)}", "mix_stage_pats_authors", runs=(speaker_set.eight,)))
     orders = [(MIX_STAGE, STAGE, F1), (STAGE, MUNIT, F1), (MIX_STAGE, S2G, PCK), (MIX_STAGE, S2G, F1), (CMIX, S2G, F1)]
-    expected = ("holds", "not assayed", "not assayed", "holds", "undecided")  # 2026-11-22 the first, 2026-11-25 the others
+    words = ("holds", "not assayed", "not assayed", "holds", "undecided")  # 2026-11-22 the first, 2026-11-25 the others
     claims = tuple(
         Claim(m, f"{a}, {_size(8)}", f"{b}, {_size(8)}", True, "table 1", expected=word)
-        for (a, b, m), word in zip(orders, expected, strict=True)
+        for (a, b, m), word in zip(orders, words, strict=True)
     )
     return TableSplit("pats", tuple(rows), claims, speakers=speaker_set.eight)
 
@@ -238,7 +239,7 @@ def _make_table_6(speaker_set: SpeakerSet) -> TableSplit:
         f1, pck = TABLE_6[key]  # type: ignore[index]
         return {F1: f1, PCK: pck}
 
-    runs = tuple((name,) for name in speaker_set.ablated)
+    runs = tuple((name,) for name in speaker_set.ablation)
     rows = [TableSystem(S2G, SINGLE[S2G], of(S2G), runs=runs)]
     for modes in MODES:
         change = () if modes == 8 else (f"model.modes={modes}",)  # 8 is the recipe's own, of table 1
@@ -248,7 +249,7 @@ def _make_table_6(speaker_set: SpeakerSet) -> TableSplit:
         Claim(F1, _modes(8), _modes(1), True, "table 6", expected="undecided"),
         Claim(F1, _modes(8), _modes(12), True, "section 6.1", margin=SAME_F1, expected="undecided"),
     ]
-    note = f"Means over networks of {', '.join(speaker_set.ablated)}; the paper's over 25 speakers."
+    note = f"Means over networks of {', '.join(speaker_set.ablation)}; the paper's over 25 speakers."
     return TableSplit("pats", tuple(rows), tuple(claims), note, speaker_set.eight)
 
 
@@ -258,7 +259,7 @@ def _modes(count: int) -> str:
 
 # tables -------------------------------------------------------------------------------------------------------------------
 
-KEPT = {PCK: "PCK ↑", F1: "F1 ↑", "pck_2d": "PCK, plain mean ↑", "mode_f1": "F1, clips apart ↑"}
+PRESERVATION = {PCK: "PCK ↑", F1: "F1 ↑", "pck_2d": "PCK, plain mean ↑", "mode_f1": "F1, clips apart ↑"}
 
 
 def _paper_tables() -> Iterator[PaperTable]:
@@ -266,15 +267,15 @@ def _paper_tables() -> Iterator[PaperTable]:
     parts = {k: tuple(make(speaker_set) for speaker_set in (THEIRS, OURS)) for k, make in enumerate(
         (_make_table_1, _make_table_2, _make_table_3, _make_table_4, _make_table_5, _make_table_6), 1
     )}  # fmt: skip
-    yield PaperTable("mix-1", f"{title}table 1, style preservation", KEPT, parts[1], StylePreservation, STYLES)
-    moved = {
+    yield PaperTable("mix-1", f"{title}table 1, style preservation", PRESERVATION, parts[1], StylePreservation, STYLES)
+    transfer = {
         IS: "IS ↑", "inception_score": "IS, in parts ↑", "score_of_set": "IS, of the set ↑",
         "named": "clips named right ↑", "named_windows": "windows named right ↑", "beat_align": "BA, lift ↑",
     }  # fmt: skip
     yield PaperTable(
-        "mix-2", f"{title}table 2, style transfer", moved, parts[2], partial(StyleTransfer, draw=draw_space), SPACE
+        "mix-2", f"{title}table 2, style transfer", transfer, parts[2], partial(StyleTransfer, draw=draw_space), SPACE
     )
-    measured = {
+    attributes = {
         "rate": "strokes a minute",
         "amplitude": "amplitude",
         "right_share": "right arm's share",
@@ -283,12 +284,12 @@ def _paper_tables() -> Iterator[PaperTable]:
     yield PaperTable(
         "mix-3",
         f"{title}supplement, table 3, attributes of style",
-        measured,
+        attributes,
         parts[3],
         partial(Measured, draw=draw_heat_of_pairs),
         HEAT,
     )
-    few = {name: KEPT[name] for name in (PCK, F1)}
+    few = {name: PRESERVATION[name] for name in (PCK, F1)}
     yield PaperTable(
         "mix-4", f"{title}supplement, table 4, style preservation by attribute", few, parts[4], StylePreservation, STYLES
     )
@@ -296,7 +297,7 @@ def _paper_tables() -> Iterator[PaperTable]:
         "mix-5", f"{title}supplement, table 5, style preservation by speaker", few, parts[5], StylePreservation, STYLES
     )
     yield PaperTable(
-        "mix-6", f"{title}supplement, table 6, number of sub-generators", KEPT, parts[6], StylePreservation, STYLES
+        "mix-6", f"{title}supplement, table 6, number of sub-generators", PRESERVATION, parts[6], StylePreservation, STYLES
     )
 
 

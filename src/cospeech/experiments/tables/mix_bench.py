@@ -1,4 +1,4 @@
-"""Where rows of Mix-StAGE's tables are judged: a speaker's own style kept, and styles moved to other speakers' speech."""
+"""Scores the rows of Mix-StAGE's tables: speakers in their own style, and styles transferred to the speech of others."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ...metrics.controls import CONTROLS, control_rows
 from ...motion.rotations import Array
 from .controls import ORACLE, far_rows, faults_of, oracle_key
 from .mix_figures import draw_styles
-from .mix_scores import NAMED, mean_cells, score_cells, score_target_style
+from .mix_scores import OWN_COLUMNS, mean_cells, score_cells, score_target_style
 from .mix_windows import MixWindows
 from .paper_tables import Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .runs import CLASSIFIER, PlayableRun, Runs, of_speakers
@@ -29,11 +29,11 @@ __all__ = ["Measured", "StylePreservation", "StyleTransfer"]
 
 
 Draw = Callable[[Mapping[str, PlayableRun], MixWindows], Pictures]
-"""Label → system, and the windows → picture."""
+"""(label → system, windows) → picture."""
 
 
 class TransferOutput(NamedTuple):
-    """What was made of windows: their numbers (n,), poses (n, 64, D) in the units of the store, whose style each is in."""
+    """Motion for windows: their numbers (n,), poses (n, 64, D) in the units of the store, and the speaker of each style."""
 
     which: Array
     poses: Array
@@ -41,7 +41,7 @@ class TransferOutput(NamedTuple):
 
 
 class _Windowed:
-    """What all have in common."""
+    """What all benches have in common."""
 
     columns: tuple[str, ...]
 
@@ -61,7 +61,7 @@ class _Windowed:
 
     @property
     def windows(self) -> str:
-        """How many, of how many frames."""
+        """The number of windows and of their frames, in words."""
         return f"{say_count(len(self.data), 'test window')} of 64 frames, one after another"
 
     def _cache(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
@@ -81,36 +81,36 @@ class _Windowed:
         )
 
     def play(self, player: PlayableRun, which: Array, style: str) -> TransferOutput:
-        """What a system makes of windows in a speaker's style."""
+        """Motion of a system for windows, in the style of a speaker."""
         from ..playing import play, threads
 
         with threads(self.runs.threads):
-            made = play(player.net, player.audio(self.data.rows("audio", which)), player.style(style))
-        return TransferOutput(which, player.unpose(made), [style] * len(which))
+            poses = play(player.net, player.audio(self.data.rows("audio", which)), player.style(style))
+        return TransferOutput(which, player.unpose(poses), [style] * len(which))
 
     def _label(self, row: TableSystem) -> str:
-        """Of the system in the figure; of rows with one label the first is shown."""
+        """Label of the system in the figure; of rows with the same label, the first is shown."""
         return row.name.partition(",")[0]
 
     def picture(self, table: Mapping[str, Any]) -> Pictures:
-        """Of each system the network with the most speakers."""
-        shown: dict[str, PlayableRun] = {}
-        made = [row for row in self.part.rows if table["rows"].get(row.name, {}).get("cells")]
-        for row in sorted(made, key=lambda row: -len(row.runs[0])):
-            if self._label(row) not in shown:
-                shown[self._label(row)] = self._player(row, row.runs[0], table["seeds"][0])
-        return self.draw(shown, self.data)
+        """The figure: for each system, the network with the most speakers."""
+        players: dict[str, PlayableRun] = {}
+        rows = [row for row in self.part.rows if table["rows"].get(row.name, {}).get("cells")]
+        for row in sorted(rows, key=lambda row: -len(row.runs[0])):
+            if self._label(row) not in players:
+                players[self._label(row)] = self._player(row, row.runs[0], table["seeds"][0])
+        return self.draw(players, self.data)
 
 
 class StylePreservation(_Windowed):
-    """Every speaker in their own style, beside the recording: tables 1, 4, 5 and 6. Figures are plain means over speakers."""
+    """Every speaker in the own style, beside the recording: tables 1, 4, 5 and 6. Figures are plain means over speakers."""
 
     @cached_property
     def tools(self) -> Tools:
-        """The centres of F1, of the store."""
+        """The centres of F1, from the store."""
         key = ["centres", self.runs.fingerprint]
-        found = cache_result(Path(self.runs.runs) / "scores", key, lambda: self.data.centres().tolist())
-        return Tools(centres=np.asarray(found))
+        centres = cache_result(Path(self.runs.runs) / "scores", key, lambda: self.data.centres().tolist())
+        return Tools(centres=np.asarray(centres))
 
     def _score(self, player: PlayableRun, speaker: str) -> Cells:
         which = self.data.of([speaker])
@@ -122,42 +122,42 @@ class StylePreservation(_Windowed):
         return {metric: cell(metric, samples, truth, self.tools) for metric in self.columns}
 
     def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
-        """The mean over the speakers that are judged."""
-        judged = row.scored_speakers or tuple(name for run in row.runs for name in run)
-        parts, runs = [], [run for run in row.runs if {*run} & {*judged}]
+        """Scores of a row: the mean over the speakers that are scored."""
+        speakers = row.scored_speakers or tuple(name for run in row.runs for name in run)
+        parts, runs = [], [run for run in row.runs if {*run} & {*speakers}]
         for run in runs:
             player = self._player(row, run, seed)
-            for name in (name for name in run if name in judged):
+            for name in (name for name in run if name in speakers):
                 parts.append(self._cache([player.fingerprint, name], partial(self._score, player, name)))
-        return self._with_controls(mean_cells(parts), judged), self._facts(player, len(runs))
+        return self._with_controls(mean_cells(parts), speakers), self._facts(player, len(runs))
 
-    def _with_controls(self, cells: Cells, judged: Sequence[str]) -> Cells:
-        """With values of control rows over the same speakers, where those are not all: one who hardly moves is easily met."""
-        if {*judged} == {*self.part.speakers}:
+    def _with_controls(self, cells: Cells, speakers: Sequence[str]) -> Cells:
+        """Cells with the values of control rows over the same speakers, unless these are all: one who hardly moves is easy."""
+        if {*speakers} == {*self.part.speakers}:
             return cells
-        values = {name: known for name, known in self._control_rows(judged).items() if not name.startswith(ORACLE)}
-        found = {
-            metric: {name: known[metric]["value"] for name, known in values.items() if "value" in known[metric]}
+        values = {name: control for name, control in self._control_rows(speakers).items() if not name.startswith(ORACLE)}
+        values_of = {
+            metric: {name: control[metric]["value"] for name, control in values.items() if "value" in control[metric]}
             for metric in cells
         }
-        return {metric: {**cell, "controls": found[metric]} for metric, cell in cells.items()}
+        return {metric: {**cell, "controls": values_of[metric]} for metric, cell in cells.items()}
 
     def controls(self) -> dict[str, Cells]:
-        """Of all speakers of the table."""
+        """Scores of the control rows over all speakers of the table."""
         return self._control_rows(self.part.speakers)
 
     def _control_rows(self, speakers: Sequence[str]) -> dict[str, Cells]:
-        """Of each speaker alone: the frozen pose is the speaker's own mean."""
+        """Means over the control rows of each speaker alone: the frozen pose is the speaker's own mean."""
 
         def work(speaker: str) -> dict[str, Cells]:
             which = self.data.of([speaker])
-            found = {}
+            rows = {}
             for name, clips in far_rows(self.data.load_recordings(which)).items():
                 vectors = np.stack([self.data.pose.encode(clip.points) for clip in clips])
-                found[name] = self._score_samples(self.data.samples(vectors, which), which)
+                rows[name] = self._score_samples(self.data.samples(vectors, which), which)
             if self._oracle is not None:
-                found[ORACLE] = self._score_samples(self.data.samples(self._oracle.rows("pose", which), which), which)
-            return found
+                rows[ORACLE] = self._score_samples(self.data.samples(self._oracle.rows("pose", which), which), which)
+            return rows
 
         key = oracle_key(self.runs.oracle)
         each = [self._cache(["controls", name, *key], partial(work, name)) for name in speakers]
@@ -168,16 +168,16 @@ class StylePreservation(_Windowed):
         return None if self.runs.oracle is None else MixWindows(self.runs.oracle, self.data.raw)
 
     def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
-        """Of all columns."""
+        """Faults of all columns."""
         return faults_of(controls, self.columns)
 
 
 class StyleTransfer(_Windowed):
-    """Every speaker's speech in every other speaker's style: table 2."""
+    """The speech of every speaker in the style of every other: table 2."""
 
     @cached_property
     def classifier(self) -> PlayableRun:
-        """Of all speakers of the store, derived speakers among them; trained where it is not there."""
+        """The classifier of all speakers of the store, derived ones among them; it is trained if it is missing."""
         return self.runs.player(f"{CLASSIFIER}_pats")
 
     @property
@@ -192,7 +192,7 @@ class StyleTransfer(_Windowed):
         return recognise(self.classifier.net, self.classifier.pose(poses))
 
     def transfer(self, player: PlayableRun, speakers: Sequence[str]) -> TransferOutput:
-        """All windows of these speakers in the styles of all others of them."""
+        """All windows of these speakers, in the styles of all others of them."""
         parts = []
         for style in speakers:
             which = self.data.of([name for name in speakers if name != style])
@@ -200,13 +200,13 @@ class StyleTransfer(_Windowed):
         which, poses = (np.concatenate([part[k] for part in parts]) for k in (0, 1))  # type: ignore[misc]
         return TransferOutput(which, poses, [name for part in parts for name in part.styles])
 
-    def score(self, made: TransferOutput, speakers: Sequence[str]) -> Cells:
-        """All but what is heard."""
-        classes, names = self.classes(made.poses), self.classifier.speakers
+    def score(self, output: TransferOutput, speakers: Sequence[str]) -> Cells:
+        """Scores without those of metrics that hear."""
+        classes, names = self.classes(output.poses), self.classifier.speakers
         own = classes[:, [names.index(name) for name in speakers]]
         own = own / np.maximum(own.sum(1, keepdims=True), 1e-12)
-        groups = [(int(clip), style) for clip, style in zip(self.data.clips[made.which], made.styles, strict=True)]
-        target = np.array([[*speakers].index(style) for style in made.styles])
+        groups = [(int(clip), style) for clip, style in zip(self.data.clips[output.which], output.styles, strict=True)]
+        target = np.array([[*speakers].index(style) for style in output.styles])
         return score_cells(classes, own, self.classifier.fingerprint) | score_target_style(own, target, groups)
 
     def _score_sound(self, clips: Sequence[Clip]) -> dict[str, Any]:
@@ -215,22 +215,22 @@ class StyleTransfer(_Windowed):
         return cell("beat_align", [self.data.in_metres(clip) for clip in clips], (), Tools())
 
     def _speaking(self, player: PlayableRun, speakers: Sequence[str]) -> list[Clip]:
-        """Whole test clips, each in the style of the speaker after its own."""
+        """Whole test clips, each in the style of the next speaker."""
         from ..playing import play, threads
 
         if self.data.raw is None:
             return []
-        made = []
+        clips = []
         for clip in self.data.load_test_clips(speakers):
             style = speakers[([*speakers].index(clip.speaker) + 1) % len(speakers)]
             with threads(self.runs.threads):
                 poses = play(player.net, player.audio(self.data.audio_of(clip.name)[None]), player.style(style))
             points = self.data.clip(player.unpose(poses)[0], clip.name, style).points
-            made.append(replace(clip, points=points))
-        return made
+            clips.append(replace(clip, points=points))
+        return clips
 
     def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
-        """Of one network."""
+        """Scores of one network."""
         (speakers,) = row.runs
         player = self._player(row, speakers, seed)
 
@@ -241,26 +241,26 @@ class StyleTransfer(_Windowed):
         return self._cache([player.fingerprint], work), self._facts(player, 1)
 
     def _score_recordings(self, speakers: Sequence[str]) -> dict[str, Cells]:
-        """Control rows of a set of speakers: everyone in their own style, and beside their own speech."""
-        found: dict[str, list[TransferOutput]] = {name: [] for name in CONTROLS}
-        heard: dict[str, list[Clip]] = {name: [] for name in CONTROLS}
+        """Scores of the control rows of a set of speakers, each in the own style and beside the own speech."""
+        outputs: dict[str, list[TransferOutput]] = {name: [] for name in CONTROLS}
+        sounds: dict[str, list[Clip]] = {name: [] for name in CONTROLS}
         for speaker in speakers:
             which = self.data.of([speaker])
             for name, clips in control_rows(self.data.load_recordings(which)).items():
                 poses = np.stack([self.data.pose.encode(clip.points) for clip in clips])
-                found[name].append(TransferOutput(which, poses, [speaker] * len(which)))
+                outputs[name].append(TransferOutput(which, poses, [speaker] * len(which)))
             if self.data.raw is not None:
                 for name, clips in control_rows(self.data.load_test_clips([speaker])).items():
-                    heard[name] += clips
+                    sounds[name] += clips
         rows = {}
-        for name, parts in found.items():
+        for name, parts in outputs.items():
             which, poses = np.concatenate([p.which for p in parts]), np.concatenate([p.poses for p in parts])
-            made = TransferOutput(which, poses, [style for p in parts for style in p.styles])
-            rows[name] = self.score(made, speakers) | {"beat_align": self._score_sound(heard[name])}
+            output = TransferOutput(which, poses, [style for p in parts for style in p.styles])
+            rows[name] = self.score(output, speakers) | {"beat_align": self._score_sound(sounds[name])}
         return rows
 
     def controls(self) -> dict[str, Cells]:
-        """Of the largest set all, of the others the recordings alone."""
+        """Scores of all control rows of the largest set; of the other sets, those of the recordings alone."""
         sets = list(dict.fromkeys(row.runs[0] for row in self.part.rows))
         largest = max(sets, key=len)
         rows: dict[str, Cells] = self._cache(["controls", largest], lambda: self._score_recordings(largest))
@@ -271,25 +271,25 @@ class StyleTransfer(_Windowed):
         return rows
 
     def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
-        """Of the largest set, and of what is a metric of its own."""
+        """Faults on the largest set, of the columns that are metrics."""
         own = {name: cells for name, cells in controls.items() if name in CONTROLS}
-        return faults_of(own, [name for name in self.columns if name not in NAMED])
+        return faults_of(own, [name for name in self.columns if name not in OWN_COLUMNS])
 
 
 class Measured(_Windowed):
-    """How often, how large, with which arm, turned where: in speakers' recordings, and moved to another's speech. Table 3."""
+    """Gesture rate, amplitude, arm and orientation, in recordings and in styles transferred to other speech: table 3."""
 
     def _label(self, row: TableSystem) -> str:
         return " and ".join(row.runs[0])
 
     def _measure(self, poses: Array) -> Cells:
-        """Of windows (n, 64, D) in the units of the store."""
+        """Attributes of windows (n, 64, D) in the units of the store."""
         bodies = [body_of(self.data.body(window)) for window in poses]
-        found = attributes_of([body for body, _ in bodies], bodies[0][1], self.data.store.fps)
-        return {name: {"value": float(getattr(found, name)), "interval": None, "note": ""} for name in self.columns}
+        attributes = attributes_of([body for body, _ in bodies], bodies[0][1], self.data.store.fps)
+        return {name: {"value": float(getattr(attributes, name)), "interval": None, "note": ""} for name in self.columns}
 
     def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
-        """The other speakers' speech in the style of the one who is judged."""
+        """Attributes of the other speakers' speech in the style of the speaker that is scored."""
         (speakers,), (style,) = row.runs, row.scored_speakers
         player = self._player(row, speakers, seed)
 
@@ -300,7 +300,7 @@ class Measured(_Windowed):
         return self._cache([player.fingerprint, style], work), self._facts(player, 1)
 
     def controls(self) -> dict[str, Cells]:
-        """The recordings of each."""
+        """Attributes of the recordings of each speaker."""
         styles = dict.fromkeys(row.scored_speakers[0] for row in self.part.rows)
 
         def work(name: str) -> Cells:

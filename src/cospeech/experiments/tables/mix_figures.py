@@ -18,12 +18,12 @@ from .runs import PlayableRun
 
 __all__ = ["draw_heat_of_pairs", "draw_space", "draw_styles"]
 
-STYLES, CELLS = 4, 10  # shown of each system, and moments; ours
+STYLES, CELLS = 4, 10  # number of styles of each system, and of moments; ours
 _SIDES = {"R": "right", "L": "left"}
 
 
 def _name(joint: str) -> str:
-    """As stick figures know sides, heads and wrists."""
+    """Name of a joint as stick figures know sides, heads and wrists."""
     return "head" if joint == "Nose" else _SIDES[joint[0]] + joint[1:] if joint[0] in _SIDES and joint[1].isupper() else joint
 
 
@@ -34,7 +34,7 @@ def _sticks(data: MixWindows, label: str, vectors: Array) -> Sticks:
 
 
 def draw_styles(players: Mapping[str, PlayableRun], data: MixWindows) -> Pictures:
-    """The first test window as it was recorded, and in the first styles that each system knows.
+    """The first test window as it was recorded, and in the first styles of each system.
 
     Args:
         players: label → system of several speakers.
@@ -46,14 +46,14 @@ def draw_styles(players: Mapping[str, PlayableRun], data: MixWindows) -> Picture
     rows = [_sticks(data, f"{data.speaker(0)}, recorded", data.rows("pose", which)[0])]
     for label, player in players.items():
         for style in player.speakers[:STYLES]:
-            made = play(player.net, player.audio(data.rows("audio", which)), player.style(style))
-            rows.append(_sticks(data, f"{label}\nas {style}", player.unpose(made)[0]))
+            poses = play(player.net, player.audio(data.rows("audio", which)), player.style(style))
+            rows.append(_sticks(data, f"{label}\nas {style}", player.unpose(poses)[0]))
     assert len(rows[0].positions) == FRAMES
     return draw_sticks(rows, data.store.fps, cells=CELLS)
 
 
 def draw_space(players: Mapping[str, PlayableRun], data: MixWindows) -> Pictures:
-    """The gesture space of the last system, which is the table's own: figure 2."""
+    """The gesture space of the last system, which is that of the paper: figure 2."""
     return draw_gesture_space([*players.values()][-1], data.store)
 
 

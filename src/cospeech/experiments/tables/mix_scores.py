@@ -1,4 +1,4 @@
-"""Scores of Mix-StAGE's tables that are not of pairs of clips: means over speakers, what a classifier says of windows."""
+"""Scores of Mix-StAGE's tables that do not compare pairs of clips: means over speakers, and those of a classifier."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from ...motion.rotations import Array
 from .paper_tables import Cells
 from .scores import cell
 
-__all__ = ["NAMED", "mean_cells", "score_cells", "score_target_style"]
+__all__ = ["OWN_COLUMNS", "mean_cells", "score_cells", "score_target_style"]
 
-NAMED = ("score_of_set", "named", "named_windows")
+OWN_COLUMNS = ("score_of_set", "named", "named_windows")
 """Columns that are no metric of `cospeech.metrics.METRICS`."""
 
 
 def mean_cells(parts: Sequence[Cells]) -> Cells:
-    """The plain mean of each metric over speakers; without a figure where one has none."""
-    found: Cells = {}
+    """The plain mean of each metric over speakers; no figure where a speaker has none."""
+    means: Cells = {}
     for metric in parts[0]:
         lacking = next((part[metric] for part in parts if "value" not in part[metric]), None)
         if lacking is not None:
-            found[metric] = lacking
+            means[metric] = lacking
         elif len(parts) == 1:
-            found[metric] = parts[0][metric]
+            means[metric] = parts[0][metric]
         else:
             value = float(np.mean([part[metric]["value"] for part in parts]))
-            found[metric] = {"value": value, "interval": None, "note": parts[0][metric]["note"]}
+            means[metric] = {"value": value, "interval": None, "note": parts[0][metric]["note"]}
             draws = [part[metric].get("draws") or [] for part in parts]
             if draws[0] and len({*map(len, draws)}) == 1:
-                found[metric]["draws"] = np.mean(draws, 0).tolist()
-    return found
+                means[metric]["draws"] = np.mean(draws, 0).tolist()
+    return means
 
 
 def _cell(value: float) -> dict[str, Any]:
@@ -45,29 +45,29 @@ def score_cells(classes: Array, own: Array, name: str) -> Cells:
     """Inception scores of windows.
 
     Args:
-        classes: (N, C) probabilities of all speakers that the classifier knows.
-        own: (N, S) of those alone that the system was trained on, which sum to 1.
+        classes: (N, C) probabilities of all speakers of the classifier.
+        own: (N, S) probabilities of the speakers of the system alone, which sum to 1.
         name: of the classifier.
     """
     net = FeatureNet(name, lambda windows: windows[:, 0], 1, 1, lambda sample: classes[int(sample.name)][None])
     still = np.zeros((1, 2, 3))
     samples = [Sample(str(k), 15.0, positions=still) for k in range(len(classes))]
     tools = Tools(classifier=net)
-    found = {metric: cell(metric, samples, (), tools) for metric in ("inception_score_published", "inception_score")}
-    return found | {"score_of_set": _cell(score_of_classes(own, EPS))}
+    scores = {metric: cell(metric, samples, (), tools) for metric in ("inception_score_published", "inception_score")}
+    return scores | {"score_of_set": _cell(score_of_classes(own, EPS))}
 
 
 def score_target_style(own: Array, target: Array, groups: Sequence[Hashable]) -> Cells:
-    """Shares of windows, and of clips by the mean over their windows, in which the style is the likeliest of all.
+    """Shares of windows, and of clips (by the mean over their windows), whose style is the most probable one.
 
     Args:
         own: (N, S) probabilities.
         target: (N,) number of the style.
-        groups: (N,) which windows are of one clip and style.
+        groups: (N,) clip and style of each window.
     """
     right = own.argmax(1) == target
     clips: dict[Hashable, list[int]] = {}
     for k, group in enumerate(groups):
         clips.setdefault(group, []).append(k)
-    named = [own[rows].mean(0).argmax() == target[rows[0]] for rows in clips.values()]
-    return {"named": _cell(float(np.mean(named))), "named_windows": _cell(float(right.mean()))}
+    clip_hits = [own[rows].mean(0).argmax() == target[rows[0]] for rows in clips.values()]
+    return {"named": _cell(float(np.mean(clip_hits))), "named_windows": _cell(float(right.mean()))}

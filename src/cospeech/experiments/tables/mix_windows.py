@@ -1,4 +1,4 @@
-"""Windows of a store of PATS in which every system makes the same frames: 64 of the test split, one after another.
+"""Windows of a store of PATS for which every system makes the same frames: 64 frames of the test split, one after another.
 
 Figures are of key points in pixels, neck to right shoulder 167 px (``pose/normalize``), as the published centres are.
 """
@@ -34,7 +34,7 @@ class MixWindows:
 
     Args:
         folder: of the store.
-        raw: the corpus that it was made from, for the sound; None: nothing is heard.
+        raw: the corpus that it was made from, for the sound; None: no sound.
 
     Raises:
         InputError: not a store of PATS' key points, or no test clip of so many frames.
@@ -56,7 +56,7 @@ class MixWindows:
         """Numbers of the windows of these speakers.
 
         Raises:
-            InputError: one has none.
+            InputError: a speaker has none.
         """
         whose = [self.store.clips[k].speaker for k in self.clips]
         lacking = next((name for name in speakers if name not in whose), None)
@@ -74,16 +74,16 @@ class MixWindows:
 
     def body(self, vectors: Array) -> Points:
         """Poses of the store (T, D) as key points."""
-        found = self.pose.decode(np.asarray(vectors, np.float64), self.store.fps)
-        assert isinstance(found, Points)
-        return found
+        points = self.pose.decode(np.asarray(vectors, np.float64), self.store.fps)
+        assert isinstance(points, Points)
+        return points
 
     def clip(self, vectors: Array, name: str, speaker: str) -> Clip:
-        """The same as a recording without sound."""
+        """Poses of the store as a recording without sound."""
         return Clip(name, speaker, self.store.corpus, None, points=self.body(vectors))
 
     def samples(self, vectors: Array, which: Array) -> list[Sample]:
-        """Poses that were made for windows (n, 64, D), in the units of the store, as metrics see them."""
+        """Poses for windows (n, 64, D), in the units of the store, as metrics see them."""
         clips = [self.clip(poses, str(k), self.speaker(k)) for k, poses in zip(which, vectors, strict=True)]
         return [sample_of(clip, track=False) for clip in clips]
 
@@ -95,12 +95,12 @@ class MixWindows:
     def centres(self) -> Array:
         """(8, 240) centres of F1: of the training clips of all speakers, derived speakers (``"dan|mirror"``) left out."""
         clips = [c for c in self.store.clips if c.split == "train" and "|" not in c.speaker]
-        found = []
+        features = []
         for entry in clips:
             points = sample_of(self.clip(self.store.clip(entry)["pose"], entry.name, entry.speaker), track=False).points
             assert points is not None
-            found.append(mode_features(points))
-        return find_centres(np.concatenate(found), MODES)
+            features.append(mode_features(points))
+        return find_centres(np.concatenate(features), MODES)
 
     # whole clips, which are heard -----------------------------------------------------------------------------------
 
@@ -110,15 +110,15 @@ class MixWindows:
 
     def load_test_clips(self, speakers: Sequence[str]) -> list[Clip]:
         """The test clips of these speakers that have speech."""
-        named = (clip for clip in self._sounding.values() if clip.speaker in speakers)
-        return [clip for clip in named if clip.speech is not None]
+        clips = (clip for clip in self._sounding.values() if clip.speaker in speakers)
+        return [clip for clip in clips if clip.speech is not None]
 
     def audio_of(self, name: str) -> Array:
         """(T, A) rows of a clip."""
         return np.asarray(self.store.clip(name)["audio"])
 
     def in_metres(self, clip: Clip) -> Sample:
-        """A clip whose arms are measured in metres, as metrics of strokes want them."""
+        """A clip with its arms in metres, as metrics of strokes need them."""
         sample = sample_of(clip)
         track = sample.track
         assert track is not None

@@ -1,4 +1,4 @@
-"""What a table of a paper consists of: rows with published figures, claims, and the bench on which rows are judged."""
+"""The parts of a paper's table: rows with published figures, claims, and the bench that scores the rows."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ Cells = dict[str, dict[str, Any]]
 """Metric → ``value``, ``interval`` over windows and ``note``, or ``why`` there is none."""
 
 COSTS = {"fgd_cost": ("fgd", 1.0), "srgr_cost": ("srgr_beat", -1.0)}
-"""Column → metric and sign: by how much it is worse than with all inputs, of one network; no metric of its own."""
+"""Column → metric and sign: by how much a network is worse by this metric than with all inputs."""
 
 LIKELIHOOD, HEARING = "nll", "hearing_gain"
-"""Columns of networks that have an exact likelihood: no metrics of motion, see `likelihood`."""
+"""Columns of networks with an exact likelihood. They are no metrics of motion, see `likelihood`."""
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,12 @@ class TableSystem:
 
     Args:
         name: of the system, as the paper has it.
-        recipe: name of a recipe; None: not run here, the row has published figures alone.
+        recipe: name of a recipe; None: the row is not run here and has published figures alone.
         published: metric → the paper's figure.
-        overrides: ``"model.modes=4"``, what is changed in the recipe.
-        runs: speakers of each run that the row is made of; ``((),)``: one run of all.
-        scored_speakers: speakers whose mean the figures are; (): all of its runs.
-        lacks: inputs that it is played without.
+        overrides: changes of the recipe, such as ``"model.modes=4"``.
+        runs: speakers of each run of the row; ``((),)``: one run with all.
+        scored_speakers: the figures are means over these speakers; (): over all of its runs.
+        lacks: inputs without which it is played.
     """
 
     name: str
@@ -55,15 +55,15 @@ class TableSystem:
 
 @dataclass(frozen=True)
 class Claim:
-    """That one row is better than another by a metric; ``higher`` says which way is better *here*, as the paper reads it.
+    """The claim that one row is better than another by a metric, as the paper reads this metric.
 
     Args:
-        metric: by which.
+        metric: name of the metric.
         better, worse: names of rows.
-        higher: whether more is better.
+        higher: whether the paper takes more as better.
         source: where the paper claims it.
-        margin: 0, or the claim is an equality: the rows differ by less than this.
-        expected: what was expected before the first run of the design, a word of `verdicts`; "": nothing.
+        margin: above 0: the claim is an equality, the rows differ by less than this.
+        expected: the verdict that we expected before the first run of the design, a word of `verdicts`; "": none.
     """
 
     metric: str
@@ -82,13 +82,13 @@ class Claim:
 
 @dataclass(frozen=True)
 class TableSplit:
-    """A table on one corpus; without ``published`` figures in its rows where the paper has not run it there.
+    """A table on one corpus. Its rows have no ``published`` figures where the paper has none for this corpus.
 
     Args:
         corpus: of the store.
         rows, claims: of the table.
-        note: below it.
-        speakers: that the store must have; the first part of a table whose speakers it has is what is made.
+        note: text below it.
+        speakers: those that the store must have; the first part of a table that fits the store is made.
     """
 
     corpus: str
@@ -98,12 +98,12 @@ class TableSplit:
     speakers: tuple[str, ...] = ()
 
     def fits(self, store: Store) -> bool:
-        """Whether it can be made on a store."""
+        """Whether the table can be made on a store."""
         return store.corpus == self.corpus and {*self.speakers} <= {*store.speakers}
 
 
 def replace_minus(name: str) -> str:
-    """The name of a row with the minus that a keyboard has, and the letters of pictures, in place of U+2212.
+    """The name of a row with the minus of keyboards and of picture fonts in place of U+2212.
 
     >>> replace_minus("−face")
     '-face'
@@ -112,20 +112,20 @@ def replace_minus(name: str) -> str:
 
 
 class Bench(Protocol):
-    """How rows are judged and drawn, on one store."""
+    """Scores and draws the rows of a table, on one store."""
 
     @property
     def windows(self) -> str:
-        """Of what figures are, in words."""
+        """The data that the figures are computed from, in words."""
         ...
 
     @property
     def features(self) -> str:
-        """With which network or measure, in words; "": none."""
+        """The feature network or measure, in words; "": none."""
         ...
 
     def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
-        """Scores of a row with one seed, and with what it was trained."""
+        """Scores of a row with one seed, and facts of its training."""
         ...
 
     def controls(self) -> dict[str, Cells]:
@@ -133,7 +133,7 @@ class Bench(Protocol):
         ...
 
     def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
-        """What each metric puts in the wrong order among them."""
+        """What each metric puts in the wrong order among the control rows."""
         ...
 
     def picture(self, table: Mapping[str, Any]) -> Pictures:
@@ -147,11 +147,11 @@ class PaperTable:
 
     Args:
         name: after ``--table``.
-        title: what it is.
+        title: of the table.
         columns: metric → head of its column.
-        parts: what it is on each corpus, or set of speakers.
-        bench: (table, part, runs, raw corpus or None) → what scores its rows.
-        shown: what its figure shows.
+        parts: the table on each corpus, or set of speakers.
+        bench: (table, part, runs, raw corpus or None) → the bench that scores its rows.
+        shown: what its figure shows, as caption.
     """
 
     name: str

@@ -1,6 +1,6 @@
-"""A table as it is told: means over seeds with their intervals, published figures beside them, verdicts on the paper's claims.
+"""A table as text: means over seeds with their intervals, published figures beside them, verdicts on the paper's claims.
 
-The table is a plain dictionary, which is what the JSON file holds; text and markdown are made of it alone.
+The table is a plain dictionary, as in the JSON file. Text and markdown are made from it alone.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["summary", "to_markdown", "to_text"]
 _T = (12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131, 2.120, 2.110,
       2.101, 2.093)  # fmt: skip
 """97.5 % points of Student's t with 1, 2, … degrees of freedom (any table of it); 1.96 beyond."""
-_NOTHING = 1e-9  # rounding of what is equal
+_NOTHING = 1e-9  # rounding error of equal values
 BELOW = "‡"
 
 
@@ -32,21 +32,21 @@ def _half(values: Sequence[float]) -> float | None:
 
 
 def summary(runs: Sequence[Cells], metric: str, *, draws: bool = True) -> dict[str, Any]:
-    """One cell over seeds: ``mean``, ``half``, ``values``, ``note``; or ``why`` there is none.
+    """One cell over seeds: ``mean``, ``half``, ``values``, ``note``; or ``why`` it has no value.
 
-    With ``draws`` those of clips too, as their means over seeds: verdicts need no more of them.
+    With ``draws``, also the draws of clips, as means over seeds, which is all that verdicts need.
     """
     values = [cells[metric]["value"] for cells in runs if "value" in cells[metric]]
     if len(values) < len(runs) or not values:
         return {"why": next((cells[metric]["why"] for cells in runs if "why" in cells[metric]), "no run")}
     note = runs[0][metric].get("note", "")
-    found = {"mean": float(np.mean(values)), "half": _half(values), "values": values, "note": note}
+    entry = {"mean": float(np.mean(values)), "half": _half(values), "values": values, "note": note}
     if controls := runs[0][metric].get("controls"):
-        found["controls"] = controls
-    drawn = [cells[metric].get("draws") or () for cells in runs]
-    if not draws or not all(len(each) == len(drawn[0]) > 1 for each in drawn):
-        return found
-    return found | {"draws": [float(f"{draw:.6g}") for draw in np.mean(drawn, 0)]}
+        entry["controls"] = controls
+    samples = [cells[metric].get("draws") or () for cells in runs]
+    if not draws or not all(len(each) == len(samples[0]) > 1 for each in samples):
+        return entry
+    return entry | {"draws": [float(f"{draw:.6g}") for draw in np.mean(samples, 0)]}
 
 
 def _number(cell: Mapping[str, Any]) -> str:
@@ -57,7 +57,7 @@ def _number(cell: Mapping[str, Any]) -> str:
 
 
 def _cells(table: Mapping[str, Any]) -> Iterable[list[str]]:
-    """Rows of text: head, then for each row ours and, where the paper has figures, theirs."""
+    """Rows of text: the head, then for each row our figures and, where there are some, those of the paper."""
     columns = table["columns"]
     yield ["", *columns.values()]
     for name, row in table["rows"].items():
@@ -73,7 +73,7 @@ def _cells(table: Mapping[str, Any]) -> Iterable[list[str]]:
 
 
 def _notes(table: Mapping[str, Any]) -> list[str]:
-    """Below the table: what the figures mean and do not."""
+    """Notes below the table: how to read the figures."""
     notes = [
         f"± half of the 95 % interval over {len(table['seeds'])} seeds (Student's t)." if len(table["seeds"]) > 1 else
         "One seed: no intervals.",
@@ -85,20 +85,20 @@ def _notes(table: Mapping[str, Any]) -> list[str]:
     if table.get("note"):
         notes.append(table["note"])
     facts = {name: row["facts"] for name, row in table["rows"].items() if row.get("facts")}
-    notes += dict.fromkeys(f"{name.partition(',')[0]}: {told}" for name, told in facts.items())  # rows of one system share it
+    notes += dict.fromkeys(f"{name.partition(',')[0]}: {fact}" for name, fact in facts.items())  # rows of one system share it
     reasons: dict[tuple[str, str], list[str]] = {}
     for name, cells in [(n, r["cells"]) for n, r in table["rows"].items() if r.get("cells")] + [*table["controls"].items()]:
         for metric, cell in cells.items():
             if "why" in cell:
                 reasons.setdefault((metric, cell["why"]), []).append(name)
-    shared: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    groups: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     for (metric, why), names in reasons.items():
-        shared.setdefault((why, tuple(names)), []).append(table["columns"][metric])
-    notes += [f"– {', '.join(heads)}: {why} ({', '.join(names)})" for (why, names), heads in shared.items()]
-    notes += [f"headroom of {table['columns'][m]}: {told}" for m, told in table.get("headroom", {}).items()]
-    faults = {m: told for m, told in table.get("faults", {}).items() if told}
-    for m, told in faults.items():
-        wrong, unsure = ([each for each in told if (WRONG in each) is sure] for sure in (True, False))
+        groups.setdefault((why, tuple(names)), []).append(table["columns"][metric])
+    notes += [f"– {', '.join(heads)}: {why} ({', '.join(names)})" for (why, names), heads in groups.items()]
+    notes += [f"headroom of {table['columns'][m]}: {text}" for m, text in table.get("headroom", {}).items()]
+    faults = {m: problems for m, problems in table.get("faults", {}).items() if problems}
+    for m, problems in faults.items():
+        wrong, unsure = ([each for each in problems if (WRONG in each) is sure] for sure in (True, False))
         if wrong:
             notes.append(f"! {table['columns'][m]} puts the control rows in the wrong order: {'; '.join(wrong)}")
         if unsure:
@@ -107,15 +107,15 @@ def _notes(table: Mapping[str, Any]) -> list[str]:
 
 
 def _verdict_lines(table: Mapping[str, Any]) -> list[str]:
-    return [f"{told['verdict']}: {_claim(told)}: {told['because']}" for told in table["verdicts"]]
+    return [f"{verdict['verdict']}: {_claim(verdict)}: {verdict['because']}" for verdict in table["verdicts"]]
 
 
-def _claim(told: Mapping[str, str]) -> str:
-    return told["claim"] + (f" [expected: {told['expected']}]" if "expected" in told else "")
+def _claim(verdict: Mapping[str, str]) -> str:
+    return verdict["claim"] + (f" [expected: {verdict['expected']}]" if "expected" in verdict else "")
 
 
 def to_text(table: Mapping[str, Any]) -> str:
-    """For the terminal."""
+    """The table for a terminal."""
     rows = [*_cells(table)]
     sizes = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     lines = [table["title"], table["head"], ""]
@@ -126,11 +126,11 @@ def to_text(table: Mapping[str, Any]) -> str:
 
 
 def to_markdown(table: Mapping[str, Any]) -> str:
-    """For the documentation."""
+    """The table for the documentation."""
     head, *rows = ([cell.replace("|", "\\|") for cell in row] for row in _cells(table))
     lines = [f"### {table['title']}", "", table["head"], ""]
     lines += ["| " + " | ".join(head) + " |", "|---" + "|---:" * (len(head) - 1) + "|"]
     lines += ["| " + " | ".join(row) + " |" for row in rows]
     lines += ["", *(f"* {note}" for note in _notes(table)), ""]
-    lines += [f"* **{told['verdict']}**: {_claim(told)}: {told['because']}" for told in table["verdicts"]]
+    lines += [f"* **{verdict['verdict']}**: {_claim(verdict)}: {verdict['because']}" for verdict in table["verdicts"]]
     return "\n".join(lines).rstrip() + "\n"

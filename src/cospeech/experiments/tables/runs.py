@@ -1,6 +1,6 @@
-"""Runs: the runs that a table is made of: the feature networks first, then every row with every seed.
+"""The runs of a table: the feature networks first, then every row with every seed.
 
-A run that is there is not trained again, one that was cut off goes on. Torch is imported when the first run is wanted.
+A finished run is not trained again; an interrupted run continues. Torch is imported when the first run is needed.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ OMEGA, FEATURES, CLASSIFIER = "gesture_autoencoder", "fgd", "speaker_classifier"
 SHARED = (OMEGA, FEATURES, CLASSIFIER)
 _UNPLAYED = dict.fromkeys(
     ("stylised-flow", "stylised-flow-extended", "moglow"), ("style",)
-)  # `PlayableRun` knows neither these nor a clip's own moments
+)  # `PlayableRun` supports neither these nor the moments of single clips
 
 _SMALL_OF_RECIPE: Mapping[str, dict[str, dict[str, Any]]] = {
     "mix_stage_pats_authors": {"model": {"curriculum": 7}},  # 1000 of 60,000 steps, as many of 400
     "fgd_beat": {"model": {"channels": 48, "hidden": 192, "code": 32}},  # 32: test clips have some hundred windows
 }
-"""Recipe → what ``--small`` changes beside that of its model; sections as in the file. [ours]"""
+"""Recipe → what ``--small`` changes in it, beside the changes of its model; sections as in the file. [ours]"""
 
 Tell = Callable[[str], None]
 
@@ -48,8 +48,8 @@ class PlayableRun:
         net: the network.
         facts: of its run.
         statistics: ``pose_mean`` and so on.
-        fingerprint: digest of its weights, by which scores are cached.
-        stretches: (speakers, n, T, D) of standardised poses of each speaker; None where it was trained without speech.
+        fingerprint: digest of its weights, part of the key of cached scores.
+        stretches: (speakers, n, T, D) standardised poses of each speaker; None where it was trained without speech.
     """
 
     net: Any
@@ -60,17 +60,17 @@ class PlayableRun:
 
     @property
     def speakers(self) -> tuple[str, ...]:
-        """That it was trained on."""
+        """The speakers that it was trained on."""
         return tuple(self.facts["store"]["speakers"])
 
     @property
     def parameters(self) -> int:
-        """How many the network has."""
+        """The number of parameters of the network."""
         return sum(p.numel() for p in self.net.parameters())
 
     @property
     def summary(self) -> str:
-        """What it was trained with, and its size, in a line."""
+        """Steps of its training, and its size, in a line."""
         config, train = self.facts["config"], self.facts["recipe"]["train"]
         units = next(f"{config[name]} {name}" for name in ("hidden", "channels") if name in config)
         size = f"K {config['steps']}, {config['hidden']} units" if "steps" in config else units
@@ -87,12 +87,12 @@ class PlayableRun:
         """Rows of a store, standardised."""
         return (rows - self.statistics["pose_mean"]) / self.statistics["pose_std"]
 
-    def unpose(self, made: Array) -> Array:
-        """What the network makes, in the units of the store."""
-        return made * self.statistics["pose_std"] + self.statistics["pose_mean"]
+    def unpose(self, poses: Array) -> Array:
+        """Standardised poses in the units of the store."""
+        return poses * self.statistics["pose_std"] + self.statistics["pose_mean"]
 
     def style(self, speaker: str) -> Array:
-        """(styles,) what a network of windows takes for a speaker's own style.
+        """(styles,) the style of a speaker, as a network of windows takes it.
 
         Raises:
             InputError: it was not trained on this speaker.
@@ -113,8 +113,8 @@ class PlayableRun:
         return (rows - self.statistics["audio_mean"]) / self.statistics["audio_std"]
 
 
-_opened: dict[tuple[Path, str], PlayableRun] = {}
-"""Runs that were opened last: rows and tables share them."""
+_open_runs: dict[tuple[Path, str], PlayableRun] = {}
+"""The runs that were opened last: rows and tables share them."""
 _OPEN = 20_000_000  # parameters of all of them, 80 MB [ours]
 
 
@@ -136,7 +136,7 @@ def _digest(*parts: bytes) -> str:
 
 
 def of_speakers(speakers: Sequence[str]) -> tuple[str, ...]:
-    """What is changed in a recipe so that a run is of these speakers alone; of none: nothing, it is of all."""
+    """Overrides of a recipe for a run with these speakers alone; (): none, it has all."""
     return (f"data.speakers={json.dumps([*speakers])}",) if speakers else ()
 
 
@@ -170,14 +170,14 @@ class Runs:
 
     Args:
         folder: of the store.
-        runs: where run folders lie, or are made.
-        recipes: folder of the recipes; those that ship, where not given.
+        runs: folder of the run folders.
+        recipes: folder of the recipes; default: those that come with the program.
         small: whether rows are trained at small scale, see `small_scale`.
-        overrides: ``"train.steps=…"``, of every row, or ``"camn_beat:train.steps=…"``, of the rows of a recipe; see
+        overrides: ``"train.steps=…"`` for every row, or ``"camn_beat:train.steps=…"`` for the rows of a recipe; see
             `cospeech.training.recipe.load_recipe`.
         threads: of PyTorch; 0: as many as it likes.
         oracle: folder of the store of the same speech with other gestures; None: no such row.
-        about: what the store is, where it does not say it itself: "synthetic"; printed at the head of the table.
+        about: a word about the store that it does not hold itself, such as "synthetic"; printed at the head of the table.
         tell: is told what is being done.
     """
 
@@ -203,24 +203,24 @@ class Runs:
         return f"{store.corpus}-{store.pose}-{digest}"
 
     def folder_of(self, name: str, seed: int, more: Sequence[str] = ()) -> Path:
-        """Folder of a run: store, scale, recipe and a digest of all that is in it, seed."""
+        """Folder of a run: store, scale, recipe with a digest of its contents, seed."""
         recipe = replace(self._recipe(name, seed, more), needs={})
-        told = list_changes(
+        changes = list_changes(
             Recipe(recipe.model).to_dict(), recipe.to_dict()
-        )  # from the defaults: what is added later is no change
-        own = _digest(*(text.encode() for text in [recipe.model, str(recipe.train.steps), *told]))
+        )  # compared with the defaults, so that a key that is added later is no change
+        own = _digest(*(text.encode() for text in [recipe.model, str(recipe.train.steps), *changes]))
         return Path(self.runs) / self.fingerprint / ("small" if self.small else "paper") / f"{name}-{own}-{seed}"
 
     def recipe(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> Recipe:
-        """A recipe as it is trained here.
+        """A recipe as the table trains it.
 
         Args:
             name: of its file.
             seed: of the run.
-            more: ``"model.modes=4"``, what a row changes in it.
+            more: changes of a row, such as ``"model.modes=4"``.
 
         Raises:
-            InputError: there is no such recipe, or it cannot be changed so.
+            InputError: there is no such recipe, or it cannot take the changes.
         """
         recipe = self._recipe(name, seed, more)
         if "omega" in recipe.needs:
@@ -228,7 +228,7 @@ class Runs:
         return recipe
 
     def _recipe(self, name: str, seed: int, more: Sequence[str] = ()) -> Recipe:
-        """The same, but for where the runs lie that it needs."""
+        """As `recipe`, without the folders of the runs that it needs."""
         path = Path(self.recipes) / f"{name}.toml"
         if not path.is_file():
             raise InputError(f"there is no recipe {str(path)!r}", "--recipes names a folder that has it")
@@ -251,21 +251,21 @@ class Runs:
         return recipe
 
     def _overrides_of(self, name: str) -> Iterator[str]:
-        """What is changed in a recipe; in those that all rows share, only what is asked of them by name.
+        """The overrides of a recipe; recipes that all rows share take only those with their name.
 
         Raises:
-            InputError: a change of a recipe that is not there.
+            InputError: an override of a recipe that does not exist.
         """
         for text in self.overrides:
             recipe, colon, _ = text.partition("=")[0].rpartition(":")
             if colon and not (Path(self.recipes) / f"{recipe}.toml").is_file():
-                known = sorted(path.stem for path in Path(self.recipes).glob("*.toml"))
-                raise InputError(f"{text!r} is of no recipe", nearest(recipe, known))
+                recipes = sorted(path.stem for path in Path(self.recipes).glob("*.toml"))
+                raise InputError(f"{text!r} is of no recipe", nearest(recipe, recipes))
             if recipe == name or (not recipe and not name.startswith(SHARED)):
                 yield text.removeprefix(f"{recipe}:")
 
     def run(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> Path:
-        """The folder of a run that is trained to its last step."""
+        """Train a run to its last step, and return its folder."""
         recipe, folder = self.recipe(name, seed, more), self.folder_of(name, seed, more)
         for what, path in recipe.needs.items():
             if what == "omega" and Path(path) == self.folder_of(f"{OMEGA}_{self.store.corpus}", 0):
@@ -285,34 +285,34 @@ class Runs:
         return folder
 
     def is_done(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> bool:
-        """Whether a run is there, trained to its last step."""
+        """Whether a run exists and is trained to its last step."""
         return self._is_done(self.folder_of(name, seed, more), self.recipe(name, seed, more))
 
     def _is_done(self, folder: Path, recipe: Recipe) -> bool:
-        """Whether a run is there, of this recipe, with all its steps."""
+        """Whether a run exists that has this recipe and all its steps."""
         if not (folder / "last.safetensors").exists():
             return False
         from ...training.checkpoint import read_facts, read_state
 
         differs = list_changes(read_recipe(read_facts(folder)["recipe"]).to_dict(), recipe.to_dict())
-        if any(not text.startswith("needs.") for text in differs):  # where the runs lay is no matter
+        if any(not text.startswith("needs.") for text in differs):  # the folders of needed runs do not matter
             return False  # resuming says what differs
         return int(read_state(folder / "last.safetensors")["step"]) >= recipe.train.steps
 
     def player(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> PlayableRun:
-        """A row's run, trained where it is not there."""
+        """The run of a row; it is trained if it is missing."""
         folder = self.run(name, seed, more)
         from ...training.checkpoint import stands_for
 
         fingerprint = _digest((folder / f"{stands_for(folder)}.safetensors").read_bytes())
-        found = _opened.pop((folder, fingerprint), None) or _open_run(folder, fingerprint)
-        _opened[folder, fingerprint] = found  # the last one that was asked for
-        while len(_opened) > 1 and sum(each.parameters for each in _opened.values()) > _OPEN:
-            del _opened[next(iter(_opened))]
-        return found
+        player = _open_runs.pop((folder, fingerprint), None) or _open_run(folder, fingerprint)
+        _open_runs[folder, fingerprint] = player  # now the most recent
+        while len(_open_runs) > 1 and sum(each.parameters for each in _open_runs.values()) > _OPEN:
+            del _open_runs[next(iter(_open_runs))]
+        return player
 
     def features(self) -> FeatureNet:
-        """The feature network of FGD, of this store's training split; one for all rows and seeds."""
+        """The feature network of FGD, trained on this store; one for all rows and seeds."""
         from ...models.feature_net import feature_net
 
         player = self.player(f"{FEATURES}_{self.store.corpus}")

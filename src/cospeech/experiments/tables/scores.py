@@ -1,4 +1,4 @@
-"""Scores of one row and seed: what a system makes of the excerpts, judged by a table's columns. Kept on disk by content."""
+"""Scores of one row and seed: a system plays the excerpts, and the columns of a table score them. Results are cached."""
 
 from __future__ import annotations
 
@@ -33,23 +33,23 @@ __all__ = [
     "score_latents",
 ]
 
-SCORING = 3  # counts up when scores are worked out in another way, so that kept ones are not used
-TAKES, SPEECHES = 5, 100  # of multimodality: performances, and windows that are performed so often; ours
+SCORING = 3  # counts up when the computation of scores changes, so that cached ones are not used
+TAKES, SPEECHES = 5, 100  # of multimodality: performances of a window, and number of such windows; ours
 
 
 def cache_result(folder: Path, key: Sequence[object], work: Callable[[], Any]) -> Any:
-    """What ``work`` gives, as JSON: from ``folder`` where it was worked out before with the same key."""
+    """The result of ``work``, as JSON; read from ``folder`` where it was computed before with the same key."""
     name = blake2b(json.dumps([SCORING, *map(str, key)]).encode(), digest_size=10).hexdigest()
     path = folder / f"{name}.json"
     try:
         return json.loads(path.read_text("utf-8"))
     except (OSError, ValueError):
         pass
-    found = work()
+    result = work()
     make_folder(folder)
     with atomic(path) as temporary:
-        temporary.write_text(json.dumps(found, indent=1) + "\n", "utf-8", newline="\n")
-    return found
+        temporary.write_text(json.dumps(result, indent=1) + "\n", "utf-8", newline="\n")
+    return result
 
 
 def cell(metric: str, generated: Sequence[Sample], truth: Sequence[Sample], tools: Tools) -> dict[str, Any]:
@@ -61,27 +61,27 @@ def cell(metric: str, generated: Sequence[Sample], truth: Sequence[Sample], tool
 
 
 def as_cell(score: Score) -> dict[str, Any]:
-    """A score as tables keep it."""
-    found = {"value": score.value, "interval": score.interval, "note": score.note}
-    return found | ({"draws": [float(f"{draw:.6g}") for draw in score.draws]} if score.draws else {})
+    """A score as a cell of a table."""
+    entry = {"value": score.value, "interval": score.interval, "note": score.note}
+    return entry | ({"draws": [float(f"{draw:.6g}") for draw in score.draws]} if score.draws else {})
 
 
 class Recordings(Protocol):
-    """Windows or clips that were recorded, and what is known of them."""
+    """Recorded windows or clips."""
 
     @property
     def raw(self) -> Any:
-        """The corpus, for the sound; None: nothing is heard."""
+        """The corpus, for the sound; None: no sound."""
         ...
 
     @property
     def truth(self) -> Sequence[Sample]:
-        """The recordings, whose conditions are their numbers."""
+        """The recordings; the condition of each is its number."""
         ...
 
     @property
     def apart(self) -> Array:
-        """Numbers of those that do not overlap."""
+        """Numbers of recordings that do not overlap."""
         ...
 
 
@@ -94,32 +94,32 @@ def score_columns(
         columns: metrics.
         samples: one of every window.
         takes: several of some windows, for metrics of variety.
-        excerpts: what was recorded.
+        excerpts: the recordings.
         tools: the feature network.
     """
     apart = {str(k) for k in excerpts.apart}
-    heard = [sample for sample in samples if sample.condition in apart]
-    heard_truth = [sample for sample in excerpts.truth if sample.condition in apart]
+    apart_samples = [sample for sample in samples if sample.condition in apart]
+    apart_truth = [sample for sample in excerpts.truth if sample.condition in apart]
     cells: Cells = {}
     for metric in columns:
         if load_metric(metric).about.hears:
             if excerpts.raw is None:
                 cells[metric] = {"why": "a store keeps no sound; --raw names the corpus that it was made from"}
             else:
-                cells[metric] = cell(metric, heard, heard_truth, tools)
+                cells[metric] = cell(metric, apart_samples, apart_truth, tools)
         else:
             cells[metric] = cell(metric, takes if metric == "multimodality" else samples, excerpts.truth, tools)
     return cells
 
 
 def generate_windows(player: PlayableRun, excerpts: Excerpts, *, seed: int, which: Array | None = None) -> Array:
-    """(N, made, D) what a system makes of the windows, in the units of the store, with ``seed``; see `generate_rows`."""
-    chosen, given = np.arange(len(excerpts)) if which is None else which, excerpts.protocol.given
-    excerpts.check_context(*find_context(player, given))
+    """(N, made, D) poses of a system for the windows, in the units of the store, with ``seed``; see `generate_rows`."""
+    numbers, seed_frames = np.arange(len(excerpts)) if which is None else which, excerpts.protocol.given
+    excerpts.check_context(*find_context(player, seed_frames))
     everyone = excerpts.speakers()
-    speakers = [everyone[k] for k in chosen]
+    speakers = [everyone[k] for k in numbers]
     return generate_rows(
-        player, excerpts.inputs, excerpts.starts[chosen], excerpts.protocol.made, speakers, given=given, seed=seed
+        player, excerpts.inputs, excerpts.starts[numbers], excerpts.protocol.made, speakers, seed_frames=seed_frames, seed=seed
     )
 
 
@@ -135,8 +135,8 @@ def score(
         if "multimodality" in columns:
             some = np.unique(np.linspace(0, len(excerpts) - 1, min(SPEECHES, len(excerpts))).round().astype(int))
             for take in range(TAKES):
-                made = generate_windows(player, excerpts, seed=seed * TAKES + take, which=some)
-                takes += excerpts.samples(made, some, take + 1)
+                poses = generate_windows(player, excerpts, seed=seed * TAKES + take, which=some)
+                takes += excerpts.samples(poses, some, take + 1)
         return score_columns(columns, samples, takes, excerpts, tools)
 
 
@@ -144,7 +144,7 @@ def score(
 
 
 def latents(player: PlayableRun, excerpts: Excerpts) -> Array:
-    """(N, D) latents of windows that do not overlap, each the mean over the frames made (authors' code, 30 frames)."""
+    """(N, D) latents of windows that do not overlap, each the mean over the generated frames (authors' code, 30 frames)."""
     from ..playing import codes
 
     before, after = player.context
@@ -154,7 +154,7 @@ def latents(player: PlayableRun, excerpts: Excerpts) -> Array:
 
 
 def controls_of_latents(excerpts: Excerpts) -> Mapping[str, Array]:
-    """What the latents of a model are to be compared with: the mean poses themselves, and numbers that know nothing."""
+    """Controls for the latents of a model: the mean poses themselves, and random numbers."""
     mean, std = excerpts.store.statistics("pose")
     poses = excerpts.rows("pose", 0, 0)[excerpts.apart].mean(1)
     noise = np.random.default_rng(0).normal(size=(len(poses), poses.shape[1]))
@@ -162,7 +162,7 @@ def controls_of_latents(excerpts: Excerpts) -> Mapping[str, Array]:
 
 
 def score_latents(columns: Sequence[str], points: Array, excerpts: Excerpts, name: str) -> Cells:
-    """Scores of clusters: with speakers as labels, and as published, on a picture by t-SNE with labels of k-means.
+    """Scores of clusters: with speakers as labels; and as published, on a t-SNE picture with labels of k-means.
 
     Args:
         columns: metrics of `cospeech.metrics.clustering`.

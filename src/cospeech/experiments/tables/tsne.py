@@ -1,9 +1,9 @@
-"""t-SNE, exact: points of many dimensions in the plane, so that near ones stay near (van der Maaten & Hinton 2008).
+"""Exact t-SNE: maps points of many dimensions to the plane, so that near points stay near (van der Maaten & Hinton 2008).
 
     p_{j|i} ∝ exp(−|x_i − x_j|² / 2σ_i²),  p = (p_{j|i} + p_{i|j}) / 2N,  q ∝ (1 + |y_i − y_j|²)⁻¹,  minimise KL(p‖q)
 
-Distances in the picture, sizes of groups and gaps between them mean nothing by themselves: it is to look at. Quadratic in the
-number of points, in memory and time: a few thousand at most.
+The picture is to look at: its distances, the sizes of groups and the gaps between them mean nothing by themselves. Memory and
+time are quadratic in the number of points: a few thousand at most.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def _begin(x: Array) -> Array:
 
 
 def tsne(points: Array, *, perplexity: float = PERPLEXITY) -> Array:
-    """(N, D) → (N, 2); the same points give the same picture.
+    """Map points (N, D) to (N, 2); the same points give the same picture.
 
     Args:
         points: rows.

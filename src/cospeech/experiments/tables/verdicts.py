@@ -1,12 +1,12 @@
 """Verdicts on the claims of a table: paired by seed and by test clip, corrected for how many claims there are.
 
-A claim says that row A is better than row B by a metric. With seeds s = 1 … n and draws k of test clips, which are the same
-draws for both rows,
+A claim says that row A is better than row B by a metric. It is tested by Student's t, over seeds s = 1 … n and draws k of test
+clips, which are the same draws for both rows:
 
     d_s = A_s − B_s,    D = mean d_s,    V = var(d_s) / n + var_k(mean_s (A_sk − B_sk)),    t = D / √V
 
-is judged by Student's t. Its degrees of freedom are those of Satterthwaite: n − 1 for the seeds, no limit for the clips. The p
-values of a table are corrected by Holm 1979. Equality is claimed within a margin, by two one-sided tests (Schuirmann 1987).
+The degrees of freedom are those of Satterthwaite: n − 1 for the seeds, no limit for the clips. The p values of a table are
+corrected by Holm 1979. Equality within a margin is tested by two one-sided tests (Schuirmann 1987).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Difference(NamedTuple):
         mean: over seeds.
         error: standard error, over seeds and clips.
         freedom: degrees of freedom; inf where clips alone vary.
-        seeds: how many.
+        seeds: number of seeds.
     """
 
     mean: float
@@ -54,18 +54,18 @@ class Difference(NamedTuple):
     seeds: int
 
     def above(self, limit: float) -> float:
-        """One-sided p value of a difference that is not above ``limit``."""
+        """One-sided p value for a difference above ``limit``: the null hypothesis is that it is not."""
         if self.error == 0:
             return float(self.mean <= limit)
         return float(scipy("stats").t.sf((self.mean - limit) / self.error, self.freedom))
 
     def below(self, limit: float) -> float:
-        """One-sided p value of a difference that is not below ``limit``."""
+        """One-sided p value for a difference below ``limit``: the null hypothesis is that it is not."""
         return Difference(-self.mean, self.error, self.freedom, self.seeds).above(-limit)
 
     @property
     def differs(self) -> float:
-        """Two-sided p value of no difference."""
+        """Two-sided p value for a difference: the null hypothesis is that there is none."""
         return min(1.0, 2 * min(self.above(0.0), self.below(0.0)))
 
     @property
@@ -76,17 +76,17 @@ class Difference(NamedTuple):
 
 
 def compare(a: Sequence[Mapping[str, Any]], b: Sequence[Mapping[str, Any]]) -> Difference:
-    """Cells of two rows by one metric, one of each seed, in the same order of seeds.
+    """The difference of two rows by one metric, from cells of the same seeds in the same order.
 
     Args:
         a, b: cells with ``value``, and ``draws`` where clips were drawn.
     """
     gaps = np.array([x["value"] - y["value"] for x, y in zip(a, b, strict=True)], np.float64)
     seeds = gaps.var(ddof=1) / len(gaps) if len(gaps) > 1 else 0.0
-    drawn = [(x.get("draws") or (), y.get("draws") or ()) for x, y in zip(a, b, strict=True)]
+    draws = [(x.get("draws") or (), y.get("draws") or ()) for x, y in zip(a, b, strict=True)]
     clips = 0.0
-    if all(len(x) == len(y) > 1 for x, y in drawn):
-        means = np.mean([np.subtract(x, y) for x, y in drawn], 0)
+    if all(len(x) == len(y) > 1 for x, y in draws):
+        means = np.mean([np.subtract(x, y) for x, y in draws], 0)
         means = means[np.isfinite(means)]
         clips = float(means.var(ddof=1)) if len(means) > 1 else 0.0
     total = seeds + clips
@@ -96,7 +96,7 @@ def compare(a: Sequence[Mapping[str, Any]], b: Sequence[Mapping[str, Any]]) -> D
 
 @dataclass(frozen=True)
 class Evidence:
-    """What verdicts are made of.
+    """The scores and facts that verdicts are made from.
 
     Args:
         rows: name of a row → its cells with each seed; rows that were not run are missing. A cell has ``controls``, the
@@ -104,7 +104,7 @@ class Evidence:
         controls: name of a control row → its cells.
         heads: metric → head of its column.
         faults: metric → what it puts in the wrong order among the control rows.
-        leak: why the test tells nothing of new speech; nothing where it does.
+        leak: why the test says nothing about new speech; "": it does.
     """
 
     rows: Mapping[str, Sequence[Cells]]
@@ -114,11 +114,11 @@ class Evidence:
     leak: str = ""
 
     def mean(self, row: str, metric: str) -> float:
-        """Of a row over its seeds."""
+        """Mean of a row over its seeds."""
         return float(np.mean([cells[metric]["value"] for cells in self.rows[row]]))
 
     def values_of_controls(self, row: str, metric: str) -> Mapping[str, float]:
-        """Name of a control row → its value: over the clips of this row where those are fewer than all, else over all."""
+        """Name of a control row → its value, over the clips of ``row`` alone where these are fewer than all."""
         own: Mapping[str, float] | None = self.rows[row][0].get(metric, {}).get("controls")
         return own or self.values_over_all(metric)
 
@@ -128,7 +128,7 @@ class Evidence:
 
 
 def _rivals(metric: str, controls: Mapping[str, Cells]) -> list[str]:
-    """Control rows that a system has to beat by a metric: those that know nothing, or have nothing to do with the speech."""
+    """Control rows that a system has to beat by a metric: those without information, or without relation to the speech."""
     truth, frozen, noise, shuffled, another = CONTROLS
     about = load_metric(metric).about if metric in METRICS else None
     rivals = {frozen, noise}
@@ -136,8 +136,8 @@ def _rivals(metric: str, controls: Mapping[str, Cells]) -> list[str]:
         rivals |= {shuffled, another}
     if about is not None and about.paired:
         rivals |= {another}
-    known = {truth, frozen, noise, shuffled, another}
-    others = [name for name in controls if name not in known and not name.startswith(("ground truth", "recordings", ORACLE))]
+    standard = {truth, frozen, noise, shuffled, another}
+    others = [name for name in controls if name not in standard and not name.startswith(("ground truth", "recordings", ORACLE))]
     return [name for name in controls if name in rivals] + others
 
 
@@ -147,71 +147,71 @@ def below_controls(metric: str, higher: bool, row: str, evidence: Evidence) -> s
 
 
 def _unbeaten(value: float, metric: str, higher: bool, values: Mapping[str, float], evidence: Evidence) -> str | None:
-    """The best control row, of those with these values, if ``value`` is not better; else None."""
+    """The best of the control rows with these values, if ``value`` is not better than it; else None."""
     sign = 1 if higher else -1
-    found = [name for name in _rivals(metric, evidence.controls) if name in values]
-    best = max(found, key=lambda name: sign * values[name], default=None)
+    rivals = [name for name in _rivals(metric, evidence.controls) if name in values]
+    best = max(rivals, key=lambda name: sign * values[name], default=None)
     return None if best is None or sign * value > sign * values[best] else best
 
 
 def below(claims: Sequence[Claim], evidence: Evidence) -> dict[str, dict[str, str]]:
-    """Row → metric → the control row that it does not beat, of the metrics of the claims."""
-    found: dict[str, dict[str, str]] = {}
+    """Row → metric → the control row that it does not beat, for the metrics of the claims."""
+    rows: dict[str, dict[str, str]] = {}
     for metric, higher in dict.fromkeys((claim.metric, claim.higher) for claim in claims):
         for row, scores in evidence.rows.items():
             if metric in evidence.heads and all("value" in cells.get(metric, {}) for cells in scores):
                 control = below_controls(metric, higher, row, evidence)
                 if control is not None:
-                    found.setdefault(row, {})[metric] = control
-    return found
+                    rows.setdefault(row, {})[metric] = control
+    return rows
 
 
 def _lack_headroom(metric: str, evidence: Evidence) -> str | None:
     """Why a metric cannot tell real motion from a control row; None: it can.
 
-    The recordings must be better than the control rows, and so must an oracle: the recordings are compared with themselves, the
-    oracle is another real performance of the same speech.
+    The recordings must be better than the control rows, but they are compared with themselves. An oracle, another real
+    performance of the same speech, must be better, too.
     """
     metric = COSTS[metric][0] if metric in COSTS else metric
-    told = [fault for fault in evidence.faults.get(metric, ()) if fault.endswith(CONTROLS[0])]
-    why = told[0] if told else _weak_oracle(metric, evidence)
+    faults = [fault for fault in evidence.faults.get(metric, ()) if fault.endswith(CONTROLS[0])]
+    why = faults[0] if faults else _weak_oracle(metric, evidence)
     return f"the metric has no headroom: {why}" if why else None
 
 
 def _weak_oracle(metric: str, evidence: Evidence) -> str | None:
     """The control row that an oracle does not beat, and both values; None: it beats all, or there is no oracle."""
     better = load_metric(metric).about.better if metric in METRICS else ""
-    known = evidence.values_over_all(metric)
-    oracle = next((name for name in known if name.startswith(ORACLE)), None)
+    values = evidence.values_over_all(metric)
+    oracle = next((name for name in values if name.startswith(ORACLE)), None)
     if oracle is None or better not in ("higher", "lower"):
         return None
-    best = _unbeaten(known[oracle], metric, better == "higher", known, evidence)
-    return None if best is None else f"the oracle ({known[oracle]:.3g}) is not better than {best} ({known[best]:.3g})"
+    best = _unbeaten(values[oracle], metric, better == "higher", values, evidence)
+    return None if best is None else f"the oracle ({values[oracle]:.3g}) is not better than {best} ({values[best]:.3g})"
 
 
 def headroom(evidence: Evidence) -> dict[str, str]:
-    """Metric → by how much the recordings, and an oracle, are from the best control row; or why the metric tells nothing."""
-    found = {}
+    """Metric → the values of the recordings, of an oracle and of the control rows; or why the metric cannot tell them apart."""
+    texts = {}
     for metric in evidence.heads:
-        known = evidence.values_over_all(metric)
-        best = [name for name in known if name.startswith((CONTROLS[0], ORACLE))]
+        values = evidence.values_over_all(metric)
+        best = [name for name in values if name.startswith((CONTROLS[0], ORACLE))]
         why = _lack_headroom(metric, evidence)
         if why is None and best:
-            rivals = ", ".join(f"{name} {known[name]:.3g}" for name in _rivals(metric, evidence.controls) if name in known)
-            why = f"{', '.join(f'{name} {known[name]:.3g}' for name in best)} against {rivals}"
+            rivals = ", ".join(f"{name} {values[name]:.3g}" for name in _rivals(metric, evidence.controls) if name in values)
+            why = f"{', '.join(f'{name} {values[name]:.3g}' for name in best)} against {rivals}"
         if why is not None:
-            found[metric] = why
-    return found
+            texts[metric] = why
+    return texts
 
 
 def _whole(row: str, metric: str, evidence: Evidence) -> str:
-    """The row that must follow the speech: for the cost of a missing input the system with all inputs, else the row itself."""
+    """The row that must follow the speech: the row itself; for the cost of a missing input, the system with all inputs."""
     whole = f"{row.partition(': ')[0]}: all"
     return whole if metric in COSTS and whole in evidence.rows else row
 
 
 def _deaf(row: str, evidence: Evidence) -> str | None:
-    """Why the likelihood of a row owes nothing to the speech; None: its hearing gain is above 0, over seeds and clips."""
+    """Why the likelihood of a row does not depend on the speech; None: its hearing gain is above 0, over seeds and clips."""
     gains = [cells.get(HEARING, {"why": ""}) for cells in evidence.rows[row]]
     if any("value" not in gain for gain in gains):
         return None
@@ -223,10 +223,10 @@ def _deaf(row: str, evidence: Evidence) -> str | None:
 
 
 def _gate(claim: Claim, evidence: Evidence) -> str | None:
-    """Why the systems of a claim are no fair test of it; None: they are."""
-    told = evidence.leak or _lack_headroom(claim.metric, evidence)
-    if told:
-        return told
+    """Why the systems of a claim cannot test it; None: they can."""
+    reason = evidence.leak or _lack_headroom(claim.metric, evidence)
+    if reason:
+        return reason
     rows = [_whole(row, claim.metric, evidence) for row in (claim.better, claim.worse)]
     for row in rows if claim.metric not in COSTS else ():
         control = below_controls(claim.metric, claim.higher, row, evidence)
@@ -258,7 +258,7 @@ def _reason(difference: Difference, p: float) -> str:
 
 
 def _decide(claim: Claim, difference: Difference, p: float, against: float) -> str:
-    """The word: ``p`` speaks for what is claimed, ``against`` for the opposite; both corrected."""
+    """The verdict: ``p`` is the p value for the claim, ``against`` that for the opposite; both are corrected."""
     if claim.alike:
         return HOLDS if p < LEVEL else CONTRADICTED if against < LEVEL else UNDECIDED
     if p >= LEVEL:
@@ -267,7 +267,7 @@ def _decide(claim: Claim, difference: Difference, p: float, against: float) -> s
 
 
 def _chances(claim: Claim, difference: Difference) -> tuple[float, float]:
-    """p values for what is claimed, and of an equality for its opposite."""
+    """p values for the claim, and, where it is an equality, for the opposite; else 1."""
     if not claim.alike:
         return difference.differs, 1.0
     outside = min(1.0, 2 * min(difference.above(claim.margin), difference.below(-claim.margin)))
@@ -275,33 +275,33 @@ def _chances(claim: Claim, difference: Difference) -> tuple[float, float]:
 
 
 def judge(claims: Sequence[Claim], evidence: Evidence) -> list[dict[str, Any]]:
-    """One of four words for each claim whose rows were run, and why.
+    """A verdict, one of four words, and its reason, for each claim whose rows were run.
 
     Returns:
-        For each claim ``claim``, ``verdict``, ``because``, and ``expected`` where something was expected before the run.
+        For each claim ``claim``, ``verdict``, ``because``, and ``expected`` where a verdict was expected before the run.
     """
-    found: list[dict[str, Any]] = []
-    tested: list[tuple[Claim, dict[str, Any], Difference, float, float]] = []
+    verdicts: list[dict[str, Any]] = []
+    tests: list[tuple[Claim, dict[str, Any], Difference, float, float]] = []
     for claim in claims:
         if claim.metric not in evidence.heads or not {claim.better, claim.worse} <= {*evidence.rows}:
             continue
-        told: dict[str, Any] = {"claim": _text(claim, evidence.heads)} | (
+        verdict: dict[str, Any] = {"claim": _text(claim, evidence.heads)} | (
             {"expected": claim.expected} if claim.expected else {}
         )
-        found.append(told)
+        verdicts.append(verdict)
         pair = [[cells[claim.metric] for cells in evidence.rows[row]] for row in (claim.better, claim.worse)]
         lacking = next((cell["why"] for cells in pair for cell in cells if "value" not in cell), None)
         why = lacking or _gate(claim, evidence)
         if why is not None:
-            told |= {"verdict": NOT_ASSAYED, "because": why}
+            verdict |= {"verdict": NOT_ASSAYED, "because": why}
         elif len(pair[0]) < LEAST_SEEDS:
-            told |= {"verdict": UNDECIDED, "because": f"{say_count(len(pair[0]), 'seed')}; a verdict takes {LEAST_SEEDS}"}
+            verdict |= {"verdict": UNDECIDED, "because": f"{say_count(len(pair[0]), 'seed')}; a verdict takes {LEAST_SEEDS}"}
         else:
             difference = compare(*pair)
-            tested.append((claim, told, difference, *_chances(claim, difference)))
-    chances = correct([p for *_, p, _ in tested])
-    against = correct([p for *_, p in tested])
-    for (claim, told, difference, *_), p, q in zip(tested, chances, against, strict=True):
+            tests.append((claim, verdict, difference, *_chances(claim, difference)))
+    chances = correct([p for *_, p, _ in tests])
+    against = correct([p for *_, p in tests])
+    for (claim, verdict, difference, *_), p, q in zip(tests, chances, against, strict=True):
         word = _decide(claim, difference, p, q)
-        told |= {"verdict": word, "because": _reason(difference, q if word == CONTRADICTED and claim.alike else p)}
-    return found
+        verdict |= {"verdict": word, "because": _reason(difference, q if word == CONTRADICTED and claim.alike else p)}
+    return verdicts

@@ -1,3 +1,3 @@
-"""A training run as a bundle: graphs, statistics and facts."""
+"""Makes a bundle of a training run: graphs, statistics and facts."""
 
 __all__: list[str] = []

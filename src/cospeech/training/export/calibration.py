@@ -18,11 +18,13 @@ from ..train import Tell
 
 __all__ = ["calibrate", "difference", "relative_error", "stretch_rows"]
 
-GAINS = (0.5, 2.0)  # ours: what a network hardly moves is not magnified without end
-FASTER = 1.1  # ours: times the speaker's own speed that a column is magnified to at most; a head that nods too fast is seen
+GAINS = (0.5, 2.0)  # ours: a column that a network hardly moves is not magnified without limit
+FASTER = (
+    1.1  # ours: times the speaker's own speed, to which a column is magnified at most; a head that nods too fast is visible
+)
 APART, NOISE_GAINS = 0.7, (1.0, 2.0)
-"""How far takes are to lie from each other, in standard deviations within a window, and by what noise is multiplied for it;
-ours: independent takes would lie √2 apart. With more than twice the noise that it knows, a network hears the speech less: the
+"""Target distance of takes, in standard deviations within a window, and limits of the factor of the noise that gives it; ours:
+independent takes would lie √2 apart. With more than twice the noise of its training, a network follows the speech less: the
 beat lift of one was .143 at 1, .144 at 2 and .100 at 3.8 (8 minutes of speech that no training had)."""
 DIGITS = 6  # of the measured error
 
@@ -47,29 +49,29 @@ def calibrate(
     networks: Mapping[str, Network], statistics: Statistics, examples: Mapping[str, Array], fps: float, *, columns: int,
     measures_noise: bool, progress: Tell | None = None,
 ) -> Statistics:  # fmt: skip
-    """Statistics with the mean of what each network makes in each style, and by what its poses are multiplied.
+    """Statistics with the mean poses of each network in each style, and the gains by which its poses are multiplied.
 
     Args:
         networks: those that play.
         statistics: without these.
         examples: of the run folder.
         fps: of the poses.
-        columns: of style controls.
-        measures_noise: whether noise is multiplied so that takes lie `APART`.
+        columns: number of style controls.
+        measures_noise: whether noise gets a gain with which takes lie `APART`.
         progress: is told how many windows are played, of how many by this network.
     """
-    found, gains = dict[str, Array](), np.ones(2, np.float32)
+    results, gains = dict[str, Array](), np.ones(2, np.float32)
     for name, prefix, place in (("make", "", 0), ("live", "live_", 1)):
         if name not in networks:
             continue
-        measured = _Measured(networks[name], statistics, examples, fps, columns, 1 + measures_noise, progress)
-        if measures_noise and measured.noise.shape[-1]:
-            gains[place:] = measured.find_noise_gain()
-        found |= zip((f"{prefix}model_mean", f"{prefix}style_gain"), measured.compare(gains[place]), strict=True)
-    return replace(statistics, noise_gain=gains, **found)
+        playback = _Playback(networks[name], statistics, examples, fps, columns, 1 + measures_noise, progress)
+        if measures_noise and playback.noise.shape[-1]:
+            gains[place:] = playback.find_noise_gain()
+        results |= zip((f"{prefix}model_mean", f"{prefix}style_gain"), playback.compare(gains[place]), strict=True)
+    return replace(statistics, noise_gain=gains, **results)
 
 
-class _Measured:
+class _Playback:
     """Windows of all speakers' speech, played by a network in each style."""
 
     def __init__(
@@ -90,35 +92,35 @@ class _Measured:
         width, count = signature.width("noise"), len(self.rows)
         noise = smooth_gumbel(StepRandom(0, 0), takes * count, width, frames, SECONDS * fps) if width else np.zeros(0)
         self.noise = np.asarray(noise).reshape(takes, count, width, frames).swapaxes(2, 3) if width else np.zeros((1, 1, 1, 0))
-        self.played, self.progress = 0, progress
+        self.position, self.progress = 0, progress
         self.plays = count * (1 if len(self.noise) == 1 else 3)  # `compare` plays each window once, `find_noise_gain` twice
 
     def find_noise_gain(self) -> float:
-        """The factor of the noise with which two takes differ by `APART` times the movement of one; it grows nearly in
-        proportion to the noise."""
+        """The factor of the noise with which two takes differ by `APART` times the movement of one; the difference grows
+        nearly in proportion to the noise."""
         take, other = (np.stack([*self.play_styles(self.codes[:1], noise)]) for noise in self.noise)
-        apart, moved = np.sqrt(np.square(take - other).mean()), np.sqrt(take.var(2, ddof=1).mean())
-        return float(np.clip(APART * moved / max(apart, 1e-6), *NOISE_GAINS))
+        apart, spread = np.sqrt(np.square(take - other).mean()), np.sqrt(take.var(2, ddof=1).mean())
+        return float(np.clip(APART * spread / max(apart, 1e-6), *NOISE_GAINS))
 
     def compare(self, gain: float) -> tuple[Array, Array]:
-        """(S, D) mean of what is made in each style; and by what it is multiplied: the standard deviation in a window of the
-        speakers' own poses, in that of what is made; but no column becomes faster than `FASTER` times the speaker's."""
-        made = np.stack([*self.play_styles(self.codes, gain * self.noise[0])])  # (n, S, T, D)
-        wanted, moved = np.sqrt(self.own.var(2, ddof=1).mean(1)), np.sqrt(made.var(2, ddof=1).mean(0))
-        fast, faster = (np.sqrt(np.square(np.diff(x, axis=2)).mean((k, 2))) for k, x in ((1, self.own), (0, made)))
-        ratio = np.minimum(wanted / np.maximum(moved, 1e-6), FASTER * fast / np.maximum(faster, 1e-6))
-        return made.mean((0, 2)).astype(np.float32), np.clip(ratio, *GAINS).astype(np.float32)
+        """(S, D) mean of the network's poses in each style; and their gain: the standard deviation within a window of the
+        speaker's own poses over that of the network's. No column becomes faster than `FASTER` times the speaker's."""
+        poses = np.stack([*self.play_styles(self.codes, gain * self.noise[0])])  # (n, S, T, D)
+        own_spread, spread = np.sqrt(self.own.var(2, ddof=1).mean(1)), np.sqrt(poses.var(2, ddof=1).mean(0))
+        fast, faster = (np.sqrt(np.square(np.diff(x, axis=2)).mean((k, 2))) for k, x in ((1, self.own), (0, poses)))
+        ratio = np.minimum(own_spread / np.maximum(spread, 1e-6), FASTER * fast / np.maximum(faster, 1e-6))
+        return poses.mean((0, 2)).astype(np.float32), np.clip(ratio, *GAINS).astype(np.float32)
 
     def play_styles(self, codes: Array, noise: Array) -> Iterator[Array]:
-        """(S, T, D) of each window, one take in each of these styles (S, C)."""
+        """(S, T, D) for each window: one take in each of these styles (S, C)."""
         for k, rows in enumerate(self.rows):
             style = [np.broadcast_to(codes[:, None], (len(codes), len(rows), codes.shape[1]))]
             style.append(np.broadcast_to(self.moods[k], (len(codes), *self.moods[k].shape)))
             each = np.broadcast_to(noise[k % len(noise)], (len(codes), len(rows), noise.shape[-1]))
             yield play(self.network, rows, np.concatenate(style, -1), each)
-            self.played += 1
+            self.position += 1
             if self.progress is not None:
-                self.progress(self.played, self.plays, "measuring how it moves")
+                self.progress(self.position, self.plays, "measuring how it moves")
 
 
 def play(network: Network, rows: Array, style: Array, noise: Array) -> Array:
@@ -128,12 +130,12 @@ def play(network: Network, rows: Array, style: Array, noise: Array) -> Array:
     shape = len(style), len(rows), network.signature.width("poses")
     if network.signature.window is not None:
         return np.broadcast_to(network.run(rows=rows[None], **ports)["poses"], shape)
-    state, made = network.begin(len(style)), []
+    state, frames = network.begin(len(style)), []
     for k, row in enumerate(rows):
-        found = network.run(rows=row[None], **{name: x[:, k] for name, x in ports.items()}, **state)
-        state = {name: found[f"next.{name}"] for name in state}
-        made.append(np.broadcast_to(found["poses"], (shape[0], shape[2])))
-    return np.stack(made, 1)
+        outputs = network.run(rows=row[None], **{name: x[:, k] for name, x in ports.items()}, **state)
+        state = {name: outputs[f"next.{name}"] for name in state}
+        frames.append(np.broadcast_to(outputs["poses"], (shape[0], shape[2])))
+    return np.stack(frames, 1)
 
 
 def relative_error(exact: Network, other: Network, rows: Array, styles: Array) -> float:
@@ -142,17 +144,17 @@ def relative_error(exact: Network, other: Network, rows: Array, styles: Array) -
     Args:
         exact, other: of one signature.
         rows: (S, F, R) of speech.
-        styles: (S, C) of the speakers, what they lack are emotions: neutral ones.
+        styles: (S, C) of the speakers; columns that they lack are emotions, and set to neutral.
     """
     signature, pairs = exact.signature, []
     frames = rows.shape[1] // signature.multiple * signature.multiple
-    frames = signature.probe if signature.multiple == signature.window else frames  # it may make no other number of frames
-    for heard, code in zip(rows[:, :frames], styles, strict=True):
+    frames = signature.probe if signature.multiple == signature.window else frames  # it makes whole windows alone
+    for speech, code in zip(rows[:, :frames], styles, strict=True):
         style = np.zeros((1, frames, signature.width("style")), np.float32)
         style[..., : len(code)] = code
         style[..., len(code) : len(code) + 1] = 1  # the first emotion is the neutral one
         noise = np.zeros((1, frames, signature.width("noise")), np.float32)
-        pairs.append([play(network, heard, style, noise) for network in (exact, other)])
+        pairs.append([play(network, speech, style, noise) for network in (exact, other)])
     return difference(pairs)
 
 

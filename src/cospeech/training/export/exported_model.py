@@ -1,4 +1,4 @@
-"""A trained network as graphs that play without PyTorch, with their signatures."""
+"""Exports a trained network as graphs that play without PyTorch, with their signatures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = ["ExportedModel", "export_model"]
 
 @dataclass(frozen=True)
 class ExportedModel:
-    """Graphs, and what a bundle says of them."""
+    """Graphs, with their signatures, weights and words."""
 
     signatures: Mapping[str, Signature]
     graphs: Mapping[str, bytes]
@@ -34,28 +34,28 @@ class ExportedModel:
 
 
 def export_model(model: Any, name: str) -> ExportedModel | None:
-    """A network that makes motion, as graphs; None for a flow, whose step is an engine of its own.
+    """A network that makes motion, as graphs; None for a flow, which has an engine of its own.
 
     Args:
         model: of a run.
         name: of the model, for messages.
 
     Raises:
-        InputError: it makes no motion, or what no bundle can hold.
+        InputError: it makes no motion, or needs something that no bundle can hold.
     """
     if isinstance(model, MoGlow | StylisedFlow):
         return None
     whole = _check_chain(model, name) if isinstance(model, ChainOfGeneration) else model
     words = _word_rows(whole, name)
-    exported = export_graphs(model.export_module())
-    return ExportedModel(exported.signatures, exported.graphs, exported.weights, words)
+    export = export_graphs(model.export_module())
+    return ExportedModel(export.signatures, export.graphs, export.weights, words)
 
 
 def _check_chain(model: Any, name: str) -> Any:
-    """The network that reads for a Chain of Generation: itself, or its teacher.
+    """The network that reads the words for a Chain of Generation: itself, or its teacher.
 
     Raises:
-        InputError: it is no whole system.
+        InputError: it lacks a teacher, attention or style.
     """
     whole = model
     if isinstance(model, ChainLive):

@@ -1,8 +1,8 @@
 """The graph that a bundle holds, written from the graph that PyTorch exports; it computes the same, quickly.
 
 Values over frames, (n, C, T) or (n, T, C), become pictures (n, C, 1, T): onnxruntime has its fastest convolutions for pictures
-with time along their rows. What is the same for all takes is worked out for one take. Weights lie outside of the graph.
-What happens to each operator: `cospeech.training.export.frame_operators`.
+with time along their rows. Values that are the same for all takes are computed for one take. Weights lie outside of the graph.
+`cospeech.training.export.frame_operators` writes each operator.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ class Value:
     layout: str
     """``waves``: (n, C, 1, T), which PyTorch has as (n, C, T); ``rows``: the same, there (n, T, C); ``plain``: as there."""
     shared: bool
-    """Whether it is of one take, which stands for all."""
+    """Whether it is the same for all takes, and computed for one."""
 
 
 @dataclass(frozen=True)
 class Joined:
-    """Channels side by side, of which some are the same for all takes and others are not."""
+    """Channels side by side, some of which are the same for all takes."""
 
     parts: tuple[tuple[Value, int], ...]
     """Values of one layout, and how many channels each has."""
@@ -56,12 +56,12 @@ class Padded:
 
 
 class FrameGraph(GraphBuilder):
-    """The new graph, of the nodes that its outputs need.
+    """The new graph, with the nodes that its outputs need.
 
     Args:
-        model: the exported one; each input has N takes.
-        inputs: name → shape; the first size 1: the input is the same for all takes.
-        store: where weights are put.
+        model: the graph that PyTorch exported; each input has N takes.
+        inputs: name → shape; a first size of 1: the input is the same for all takes.
+        store: the weights are added to it.
         prefix: of their names.
     """
 
@@ -70,7 +70,7 @@ class FrameGraph(GraphBuilder):
         self._store, self._prefix, self._inputs = store, prefix, inputs
         graph = model.graph
         self._nodes: list[NodeProto] = [*graph.node]
-        self._made_by: dict[str, NodeProto] = {name: node for node in graph.node for name in node.output}
+        self._producers: dict[str, NodeProto] = {name: node for node in graph.node for name in node.output}
         self._constants: dict[str, Array | None] = {each.name: numpy_helper.to_array(each) for each in graph.initializer}
         self._dims = {each.name: _dims(each) for each in (*graph.input, *graph.output, *graph.value_info)}
         self._uses: dict[str, int] = {}
@@ -78,8 +78,8 @@ class FrameGraph(GraphBuilder):
             for name in node.input:
                 self._uses[name] = self._uses.get(name, 0) + 1
         self._values: dict[str, Any] = {}
-        self._outputs: dict[str, str] = {}  # a value → the output that it has become
-        self._lifted: dict[tuple[str, str], Value] = {}
+        self._outputs: dict[str, str] = {}  # value → the output that it has become
+        self._pictures: dict[tuple[str, str], Value] = {}
 
     # the exported graph ---------------------------------------------------------------------------------------------
 
@@ -89,20 +89,20 @@ class FrameGraph(GraphBuilder):
         return tuple(constant.shape) if constant is not None else self._dims[name]
 
     def constant(self, name: str) -> Array | None:
-        """A value that does not depend on any input."""
+        """The array of a value that does not depend on any input; None: it does."""
         if name not in self._constants:
-            node, found = self._made_by.get(name), None
-            known = None if node is None else [self.constant(each) for each in node.input if each]
-            if node is not None and known is not None and all(each is not None for each in known):
-                feeds = dict(zip([each for each in node.input if each], known, strict=True))
-                found = dict(zip(node.output, ReferenceEvaluator(node).run(None, feeds), strict=True))
-            for each in [name] if found is None or node is None else node.output:
-                self._constants[each] = None if found is None else found[each]
+            node, results = self._producers.get(name), None
+            inputs = None if node is None else [self.constant(each) for each in node.input if each]
+            if node is not None and inputs is not None and all(each is not None for each in inputs):
+                feeds = dict(zip([each for each in node.input if each], inputs, strict=True))
+                results = dict(zip(node.output, ReferenceEvaluator(node).run(None, feeds), strict=True))
+            for each in [name] if results is None or node is None else node.output:
+                self._constants[each] = None if results is None else results[each]
         return self._constants[name]
 
     def shape_in(self, name: str) -> Dims | None:
-        """The shape that a value holds, computed from shapes of others; None: of something else."""
-        constant, node = self.constant(name), self._made_by.get(name)
+        """The shape that a value holds, if it is computed from shapes of others; None: it is not."""
+        constant, node = self.constant(name), self._producers.get(name)
         if constant is not None:
             return tuple(constant.ravel().tolist())
         if node is None:
@@ -123,12 +123,12 @@ class FrameGraph(GraphBuilder):
         return first if node.op_type in ("Reshape", "Squeeze", "Unsqueeze") else None
 
     def maker(self, name: str) -> NodeProto | None:
-        """The node that makes a value which nothing else reads."""
-        return self._made_by.get(name) if self._uses.get(name) == 1 else None
+        """The node that makes a value, if the value is read only once; else None."""
+        return self._producers.get(name) if self._uses.get(name) == 1 else None
 
     def is_zero(self, name: str) -> bool:
         """Whether a value is zeros whatever the inputs are."""
-        constant, node = self.constant(name), self._made_by.get(name)
+        constant, node = self.constant(name), self._producers.get(name)
         if constant is not None:
             return not constant.any()
         if node is None or node.op_type not in _REARRANGE:
@@ -140,26 +140,26 @@ class FrameGraph(GraphBuilder):
     # values of the new graph ----------------------------------------------------------------------------------------
 
     def write(self, outputs: Mapping[str, Dims]) -> set[str]:
-        """All nodes and the outputs; the names of outputs that are the same for all takes.
+        """Write all nodes and outputs; return the names of outputs that are the same for all takes.
 
         Raises:
             InputError: an operator has no place in a bundle.
         """
         from .frame_operators import OPERATORS, plain
 
-        needed, waiting = set[str](), [*outputs]
+        live, waiting = set[str](), [*outputs]
         while waiting:
             name = waiting.pop()
-            if name not in needed and name in self._made_by and self.constant(name) is None:
-                needed.add(name)
-                waiting += self.inputs_of(self._made_by[name])
+            if name not in live and name in self._producers and self.constant(name) is None:
+                live.add(name)
+                waiting += self.inputs_of(self._producers[name])
         for node in self._nodes:
-            if needed & {*node.output} and not all(0 in self.dims(name) for name in node.output):
+            if live & {*node.output} and not all(0 in self.dims(name) for name in node.output):
                 self._values.update(zip(node.output, OPERATORS.get(node.op_type, plain)(self, node), strict=False))
         return {name for name, shape in outputs.items() if self._write_output(name, shape)}
 
     def inputs_of(self, node: NodeProto) -> list[str]:
-        """What a node's result depends on: no shapes, which are known, and no memory that begins with zeros."""
+        """The inputs on which a node's result depends: no shapes, which are constants, and no first states that are zeros."""
         if node.op_type in ("Reshape", "Expand"):
             return [node.input[0]]
         if node.op_type == "Concat":
@@ -167,7 +167,7 @@ class FrameGraph(GraphBuilder):
         return [name for name in node.input if name and not (node.op_type in ("LSTM", "GRU") and self.is_zero(name))]
 
     def value(self, name: str) -> Any:
-        """What stands for a value of PyTorch's: a `Value`, a `Joined`, or None where it has no width."""
+        """The new value of a value in PyTorch: a `Value`, a `Joined`, or None where it has no width."""
         if name not in self._values:
             if 0 in self.dims(name):
                 self._values[name] = None
@@ -178,12 +178,12 @@ class FrameGraph(GraphBuilder):
         return self._values[name]
 
     def hold(self, value: Array) -> str:
-        """A constant: a weight where it has numbers enough, else it lies in the graph."""
+        """The name of a constant: a weight, or, for a single number and other types than float32, a constant of the graph."""
         value = np.asarray(value)
         if value.dtype != np.float32 or value.size == 1:
             return self.const(value, value.dtype)
-        for name, known in self._store.items():
-            if known.shape == value.shape and np.array_equal(known, value):
+        for name, array in self._store.items():
+            if array.shape == value.shape and np.array_equal(array, value):
                 return self.weight(name)
         name = f"{self._prefix}.{sum(key.startswith(f'{self._prefix}.') for key in self._store)}"
         self._store[name] = np.ascontiguousarray(value)
@@ -199,14 +199,14 @@ class FrameGraph(GraphBuilder):
         if value.layout == layout:
             return value  # type: ignore[no-any-return]
         key = (value.name, layout)
-        if key not in self._lifted:
+        if key not in self._pictures:
             if value.layout != "plain":  # frames become channels
                 name = self.node("Transpose", value.name, perm=[0, 3, 2, 1])
             else:
-                turned = value.name if layout == "waves" else self.node("Transpose", value.name, perm=[0, 2, 1])
-                name = self.reshape(turned, [0, 0, 1, -1])
-            self._lifted[key] = Value(name, layout, value.shared)
-        return self._lifted[key]
+                rows = value.name if layout == "waves" else self.node("Transpose", value.name, perm=[0, 2, 1])
+                name = self.reshape(rows, [0, 0, 1, -1])
+            self._pictures[key] = Value(name, layout, value.shared)
+        return self._pictures[key]
 
     def plain(self, value: Any, order: Sequence[int] | None = None) -> Value:
         """A value as PyTorch has it; ``order``: with its axes in this order."""
@@ -231,7 +231,7 @@ class FrameGraph(GraphBuilder):
         return value  # type: ignore[no-any-return]
 
     def spread(self, value: Value, rank: int = 4) -> Value:
-        """A value that is the same for all takes, for each of them.
+        """Repeat a value that is the same for all takes for each of them.
 
         Args:
             value: a picture, or a plain value.
@@ -246,23 +246,23 @@ class FrameGraph(GraphBuilder):
         return Value(self.node("Add", value.name, zero), value.layout, False)
 
     def _write_output(self, name: str, shape: Dims) -> bool:
-        """An output of PyTorch's as one of the new graph.
+        """Write an output of PyTorch as one of the new graph.
 
         Returns:
-            Whether it is of one take, which stands for all.
+            Whether it is the same for all takes.
         """
         value = self.value(name)
         value = self.whole(value)
         if value.shared and shape[0] != 1:
             value = self.spread(self.lift(value, "rows"))
-        made = self.plain(value)
-        if made.name in self._outputs or made.name in self._inputs:  # a value of another name has to be made by a node
-            made = Value(self.reshape(self._outputs.get(made.name, made.name), [0] * len(shape)), "plain", made.shared)
+        output = self.plain(value)
+        if output.name in self._outputs or output.name in self._inputs:  # a value of another name needs a node
+            output = Value(self.reshape(self._outputs.get(output.name, output.name), [0] * len(shape)), "plain", output.shared)
         for node in self.nodes:
             for names in (node.input, node.output):
-                names[:] = [name if each == made.name else each for each in names]
-        self._outputs[made.name] = name
-        return made.shared
+                names[:] = [name if each == output.name else each for each in names]
+        self._outputs[output.name] = name
+        return output.shared
 
 
 def attributes(node: NodeProto) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""How each operator of an exported graph is written in the new one: `cospeech.training.export.frame_graph`."""
+"""Writes each operator of an exported graph to the new one: `cospeech.training.export.frame_graph`."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from .frame_graph import FrameGraph, Joined, Padded, Value, attributes, refuse
 
 __all__ = ["OPERATORS", "plain"]
 
-Made = list[Any]
+Values = list[Any]
 _CHANNELS, _FRAMES = 1, 3  # axes of a picture
 
 
-def plain(b: FrameGraph, node: NodeProto) -> Made:
-    """An operator as it is."""
-    given = [Value("", "plain", True) if not name else b.plain(b.value(name)) for name in node.input]
-    names = b.node(node.op_type, *(each.name for each in given), outputs=len(node.output), **attributes(node))
-    shared = all(each.shared for each in given)
-    return [Value(name, "plain", shared) for name in ([names] if isinstance(names, str) else names)]
+def plain(b: FrameGraph, node: NodeProto) -> Values:
+    """Write an operator as it is."""
+    inputs = [Value("", "plain", True) if not name else b.plain(b.value(name)) for name in node.input]
+    names = b.node(node.op_type, *(each.name for each in inputs), outputs=len(node.output), **attributes(node))
+    is_shared = all(each.shared for each in inputs)
+    return [Value(name, "plain", is_shared) for name in ([names] if isinstance(names, str) else names)]
 
 
 def _layout(*values: Any) -> str:
-    """The layout of values of which some are pictures; none: plain."""
-    found = [
+    """The layout of the pictures among some values; "plain" where there are none."""
+    members = [
         value.parts[0][0] if isinstance(value, Joined) else value.value if isinstance(value, Padded) else value
         for value in values
     ]
-    return next((value.layout for value in found if value.layout != "plain"), "plain")
+    return next((value.layout for value in members if value.layout != "plain"), "plain")
 
 
 def _axis(axis: int, layout: str) -> int:
@@ -39,18 +39,18 @@ def _axis(axis: int, layout: str) -> int:
     return ((0, _CHANNELS, _FRAMES) if layout == "waves" else (0, _FRAMES, _CHANNELS))[axis]
 
 
-def _each(b: FrameGraph, node: NodeProto) -> Made:
+def _each(b: FrameGraph, node: NodeProto) -> Values:
     """An operator on every number."""
     value = b.whole(b.value(node.input[0]))
     return [Value(b.node(node.op_type, value.name, **attributes(node)), value.layout, value.shared)]
 
 
-def _identity(b: FrameGraph, node: NodeProto) -> Made:
+def _identity(b: FrameGraph, node: NodeProto) -> Values:
     """The value itself."""
     return [b.value(node.input[0])]
 
 
-def _softmax(b: FrameGraph, node: NodeProto) -> Made:
+def _softmax(b: FrameGraph, node: NodeProto) -> Values:
     value, axis = b.value(node.input[0]), attributes(node).get("axis", -1)
     if _layout(value) == "plain":
         return plain(b, node)
@@ -58,38 +58,38 @@ def _softmax(b: FrameGraph, node: NodeProto) -> Made:
     return [Value(b.node("Softmax", value.name, axis=_axis(axis, value.layout)), value.layout, value.shared)]
 
 
-def _both(b: FrameGraph, node: NodeProto) -> Made:
+def _both(b: FrameGraph, node: NodeProto) -> Values:
     """An operator on two values, of which one may be broadcast."""
     constants = [b.constant(name) for name in node.input]
-    biased = _add_bias(b, node, constants)
-    if biased is not None:
-        return biased
+    outputs = _add_bias(b, node, constants)
+    if outputs is not None:
+        return outputs
     values = [None if each is not None else b.value(name) for name, each in zip(node.input, constants, strict=True)]
-    known = [value for value in values if value is not None]
-    layout = _layout(*known)
+    operands = [value for value in values if value is not None]
+    layout = _layout(*operands)
     dims = [b.dims(name) for name in node.input]
     pairs = zip(dims, constants, strict=True)
     ranks = [3 if constant is not None and len(size) <= 3 else len(size) for size, constant in pairs]
     if layout == "plain" or ranks != [3, 3]:
         return plain(b, node)
-    lifted = [
+    pictures = [
         b.lift(value, layout) if constant is None else Value(b.hold(_as_picture(constant, layout)), layout, True)
         for value, constant in zip(values, constants, strict=True)
     ]
-    name = b.node(node.op_type, *(each.name for each in lifted))
-    return [Value(name, layout, all(each.shared for each in lifted))]
+    name = b.node(node.op_type, *(each.name for each in pictures))
+    return [Value(name, layout, all(each.shared for each in pictures))]
 
 
 def _as_picture(constant: Array, layout: str) -> Array:
-    """A constant that is broadcast, as one of pictures."""
+    """A constant in the shape that broadcasts over pictures."""
     if constant.size == 1:
         return constant.reshape(())
     whole = constant.reshape((1,) * (3 - constant.ndim) + constant.shape)
     return (whole if layout == "waves" else whole.swapaxes(1, 2))[:, :, None]
 
 
-def _add_bias(b: FrameGraph, node: NodeProto, constants: list[Array | None]) -> Made | None:
-    """A product with weights and a sum with a bias: one convolution."""
+def _add_bias(b: FrameGraph, node: NodeProto, constants: list[Array | None]) -> Values | None:
+    """One convolution for a product with weights and a sum with a bias; None: the node is something else."""
     for name, bias in zip(node.input, reversed(constants), strict=True):
         inner = b.maker(name)
         if node.op_type == "Add" and bias is not None and inner is not None and inner.op_type == "MatMul":
@@ -99,7 +99,7 @@ def _add_bias(b: FrameGraph, node: NodeProto, constants: list[Array | None]) -> 
     return None
 
 
-def _matmul(b: FrameGraph, node: NodeProto) -> Made:
+def _matmul(b: FrameGraph, node: NodeProto) -> Values:
     left, right = (b.constant(name) for name in node.input)
     if right is not None and right.ndim == 2 and len(b.dims(node.input[0])) == 3:
         return [_convolve(b, b.lift(b.value(node.input[0]), "rows"), right.T[:, :, None, None])]
@@ -109,12 +109,12 @@ def _matmul(b: FrameGraph, node: NodeProto) -> Made:
 
 
 def _convolve(b: FrameGraph, x: Value, weight: Array, bias: Array | None = None, **options: Any) -> Value:
-    given = [b.hold(weight)] + ([] if bias is None else [b.hold(bias)])
+    weights = [b.hold(weight)] + ([] if bias is None else [b.hold(bias)])
     options = {"kernel_shape": list(weight.shape[2:]), **options}
-    return Value(b.node("Conv", x.name, *given, **options), x.layout, x.shared)
+    return Value(b.node("Conv", x.name, *weights, **options), x.layout, x.shared)
 
 
-def _conv(b: FrameGraph, node: NodeProto) -> Made:
+def _conv(b: FrameGraph, node: NodeProto) -> Values:
     weight = b.constant(node.input[1])
     bias = b.constant(node.input[2]) if len(node.input) > 2 and node.input[2] else None
     if weight is None:
@@ -134,32 +134,32 @@ def _conv(b: FrameGraph, node: NodeProto) -> Made:
         return [_convolve(b, b.lift(value, "waves"), weight, bias, **options)]
     kernels = np.split(weight, np.cumsum([width for _, width in value.parts])[:-1], 1)
     total: Value | None = None
-    for shared in (True, False):  # a convolution of channels side by side is the sum of those of each
-        chosen = [k for k, (part, _) in enumerate(value.parts) if part.shared == shared]
-        names = [b.lift(value.parts[k][0], "waves").name for k in chosen]
-        x = Value(names[0] if len(names) == 1 else b.node("Concat", *names, axis=1), "waves", shared)
-        made = _convolve(b, x, np.concatenate([kernels[k] for k in chosen], 1), bias if shared else None, **options)
-        total = made if total is None else Value(b.node("Add", total.name, made.name), "waves", False)
+    for is_shared in (True, False):  # a convolution of channels side by side is the sum of those of its parts
+        indices = [k for k, (part, _) in enumerate(value.parts) if part.shared == is_shared]
+        names = [b.lift(value.parts[k][0], "waves").name for k in indices]
+        x = Value(names[0] if len(names) == 1 else b.node("Concat", *names, axis=1), "waves", is_shared)
+        term = _convolve(b, x, np.concatenate([kernels[k] for k in indices], 1), bias if is_shared else None, **options)
+        total = term if total is None else Value(b.node("Add", total.name, term.name), "waves", False)
     return [total]
 
 
-def _conv_transpose(b: FrameGraph, node: NodeProto) -> Made:
+def _conv_transpose(b: FrameGraph, node: NodeProto) -> Values:
     weight = b.constant(node.input[1])
     bias = b.constant(node.input[2]) if len(node.input) > 2 and node.input[2] else None
     if weight is None or weight.ndim != 3:
         raise refuse(node)
     x, own = b.lift(b.value(node.input[0]), "waves"), attributes(node)
     before, after = own.get("pads", [0, 0])
-    given = [b.hold(weight[:, :, None])] + ([] if bias is None else [b.hold(bias)])
+    weights = [b.hold(weight[:, :, None])] + ([] if bias is None else [b.hold(bias)])
     name = b.node(
-        "ConvTranspose", x.name, *given, kernel_shape=[1, weight.shape[2]], strides=[1, *own.get("strides", [1])],
+        "ConvTranspose", x.name, *weights, kernel_shape=[1, weight.shape[2]], strides=[1, *own.get("strides", [1])],
         pads=[0, before, 0, after], group=own.get("group", 1), dilations=[1, *own.get("dilations", [1])],
         output_padding=[0, *own.get("output_padding", [0])],
     )  # fmt: skip
     return [Value(str(name), "waves", x.shared)]
 
 
-def _concat(b: FrameGraph, node: NodeProto) -> Made:
+def _concat(b: FrameGraph, node: NodeProto) -> Values:
     names = [name for name in node.input if 0 not in b.dims(name)]
     zeros, rank = [b.is_zero(name) for name in names], len(b.dims(names[0]))
     values = [b.value(name) for name, zero in zip(names, zeros, strict=True) if not zero]
@@ -167,38 +167,38 @@ def _concat(b: FrameGraph, node: NodeProto) -> Made:
     if len(names) == 1:
         return values
     if rank != 3:
-        given = [b.plain(b.value(name)) for name in names]
-        if len({value.shared for value in given}) > 1:
-            given = [b.spread(value, rank) for value in given]
-        return [Value(b.node("Concat", *(each.name for each in given), axis=axis), "plain", given[0].shared)]
+        inputs = [b.plain(b.value(name)) for name in names]
+        if len({value.shared for value in inputs}) > 1:
+            inputs = [b.spread(value, rank) for value in inputs]
+        return [Value(b.node("Concat", *(each.name for each in inputs), axis=axis), "plain", inputs[0].shared)]
     if axis == 2 and any(zeros):
-        (kept,) = (k for k, zero in enumerate(zeros) if not zero)
+        (index,) = (k for k, zero in enumerate(zeros) if not zero)
         sizes = [b.dims(name)[2] for name in names]
-        return [Padded(b.lift(b.value(names[kept]), "waves"), sum(map(int, sizes[:kept])), sum(map(int, sizes[kept + 1 :])))]
+        return [Padded(b.lift(b.value(names[index]), "waves"), sum(map(int, sizes[:index])), sum(map(int, sizes[index + 1 :])))]
     layout = layout if layout != "plain" else ("waves" if axis == 1 else "rows")
-    lifted = [b.lift(value, layout) for value in values]
+    pictures = [b.lift(value, layout) for value in values]
     place = _axis(axis, layout)
-    if len({value.shared for value in lifted}) > 1:
+    if len({value.shared for value in pictures}) > 1:
         if place == _CHANNELS:
-            return [Joined(tuple(zip(lifted, [int(b.dims(name)[axis]) for name in names], strict=True)))]
-        lifted = [b.spread(value) for value in lifted]
-    return [Value(b.node("Concat", *(each.name for each in lifted), axis=place), layout, lifted[0].shared)]
+            return [Joined(tuple(zip(pictures, [int(b.dims(name)[axis]) for name in names], strict=True)))]
+        pictures = [b.spread(value) for value in pictures]
+    return [Value(b.node("Concat", *(each.name for each in pictures), axis=place), layout, pictures[0].shared)]
 
 
-def _split(b: FrameGraph, node: NodeProto) -> Made:
+def _split(b: FrameGraph, node: NodeProto) -> Values:
     value, axis = b.value(node.input[0]), attributes(node).get("axis", 0) % len(b.dims(node.input[0]))
     widths, layout = [int(b.dims(name)[axis]) for name in node.output], _layout(value)
     value = b.plain(value) if layout == "plain" else b.lift(value, layout)
-    kept = [width for width in widths if width]
+    sizes = [width for width in widths if width]
     names = [value.name]
-    if len(kept) > 1:
+    if len(sizes) > 1:
         place = axis if layout == "plain" else _axis(axis, layout)
-        names = b.node("Split", value.name, b.const(kept, np.int64), outputs=len(kept), axis=place)
+        names = b.node("Split", value.name, b.const(sizes, np.int64), outputs=len(sizes), axis=place)
     each = iter(names)
     return [Value(next(each), layout, value.shared) if width else None for width in widths]
 
 
-def _slice(b: FrameGraph, node: NodeProto) -> Made:
+def _slice(b: FrameGraph, node: NodeProto) -> Values:
     value = b.value(node.input[0])
     layout, constants = _layout(value), [each for name in node.input[1:] if (each := b.constant(name)) is not None]
     if len(constants) < max(3, len(node.input) - 1):
@@ -210,7 +210,7 @@ def _slice(b: FrameGraph, node: NodeProto) -> Made:
     return [Value(b.node("Slice", value.name, *edges), layout, value.shared)]
 
 
-def _gather(b: FrameGraph, node: NodeProto) -> Made:
+def _gather(b: FrameGraph, node: NodeProto) -> Values:
     value, places = b.value(node.input[0]), b.constant(node.input[1])
     layout, axis = _layout(value), attributes(node).get("axis", 0)
     if places is None or layout == "plain" or places.ndim != 1:
@@ -220,7 +220,7 @@ def _gather(b: FrameGraph, node: NodeProto) -> Made:
     return [Value(name, layout, value.shared)]
 
 
-def _transpose(b: FrameGraph, node: NodeProto) -> Made:
+def _transpose(b: FrameGraph, node: NodeProto) -> Values:
     value, order = b.value(node.input[0]), [*attributes(node)["perm"]]
     if order != [0, 2, 1]:
         return [b.plain(value, order)]
@@ -230,42 +230,42 @@ def _transpose(b: FrameGraph, node: NodeProto) -> Made:
 
 
 def _turn(value: Value) -> Value:
-    """A picture as PyTorch has it with frames and channels exchanged."""
+    """A picture of the value with frames and channels exchanged: the picture stays, its layout in PyTorch is the other one."""
     return Value(value.name, "waves" if value.layout == "rows" else "rows", value.shared)
 
 
-def _reshape(b: FrameGraph, node: NodeProto) -> Made:
+def _reshape(b: FrameGraph, node: NodeProto) -> Values:
     value, before = b.value(node.input[0]), b.dims(node.input[0])
     shape = b.shape_in(node.input[1]) if node.op_type == "Reshape" else None
     after = shape if shape and -1 not in shape and 0 not in shape else b.dims(node.output[0])
-    lifted = _layout(value) == "waves"
-    if lifted:
+    is_picture = _layout(value) == "waves"
+    if is_picture:
         value = b.lift(value, "waves")  # lies in memory as in PyTorch
         value = Value(value.name, "plain", value.shared)
-    target = _target(before, after, node, 2 if lifted else len(before))  # a picture's third size is another
+    target = _target(before, after, node, 2 if is_picture else len(before))  # a picture's third size is another
     if len(after) == 3 and len(before) == 2 and target[0] == 0:  # of a state: a picture at once
         return [Value(b.reshape(b.plain(value).name, [*target[:2], 1, target[2]]), "waves", value.shared)]
     return [Value(b.reshape(b.plain(value).name, target), "plain", value.shared)]
 
 
-def _expand(b: FrameGraph, node: NodeProto) -> Made:
+def _expand(b: FrameGraph, node: NodeProto) -> Values:
     if b.dims(node.input[0]) != b.dims(node.output[0]):
         raise refuse(node)
     return [b.value(node.input[0])]
 
 
 def _target(before: tuple[Any, ...], after: tuple[Any, ...], node: NodeProto, most: int = 8) -> list[int]:
-    """A shape as ONNX' Reshape takes it: 0 for a size as it was, of the first ``most``; −1 for one that follows from others."""
-    kept = 0
-    while kept < min(len(before), len(after), most) and before[kept] == after[kept]:
-        kept += 1
-    target = [0] * kept + [size if isinstance(size, int) else -1 for size in after[kept:]]
+    """A shape for ONNX' Reshape: 0 for sizes that stay, among the first ``most``; −1 for one that follows from the others."""
+    count = 0
+    while count < min(len(before), len(after), most) and before[count] == after[count]:
+        count += 1
+    target = [0] * count + [size if isinstance(size, int) else -1 for size in after[count:]]
     if target.count(-1) > 1:
         raise refuse(node)
     return target
 
 
-def _squeeze(b: FrameGraph, node: NodeProto) -> Made:
+def _squeeze(b: FrameGraph, node: NodeProto) -> Values:
     """Remove an axis of one band: a picture becomes a value over frames."""
     value, before, after = b.value(node.input[0]), b.dims(node.input[0]), b.dims(node.output[0])
     if len(before) == 4 and before[2] == 1 and after == (*before[:2], before[3]):
@@ -273,7 +273,7 @@ def _squeeze(b: FrameGraph, node: NodeProto) -> Made:
     return _reshape(b, node)
 
 
-def _reduce(b: FrameGraph, node: NodeProto) -> Made:
+def _reduce(b: FrameGraph, node: NodeProto) -> Values:
     """ReduceMean or ReduceMax over frames."""
     value, axes, rank = b.value(node.input[0]), b.constant(node.input[1]), len(b.dims(node.input[0]))
     layout, keep = _layout(value), attributes(node).get("keepdims", 1)
@@ -284,8 +284,8 @@ def _reduce(b: FrameGraph, node: NodeProto) -> Made:
     return [Value(name, layout if keep else "plain", value.shared)]
 
 
-def _sum(b: FrameGraph, node: NodeProto) -> Made:
-    """A sum one by one: ReduceSum rounds otherwise for one take than for several."""
+def _sum(b: FrameGraph, node: NodeProto) -> Values:
+    """A sum, added one by one: ReduceSum rounds differently for one take and for several."""
     value, axes, dims = b.plain(b.value(node.input[0])), b.constant(node.input[1]), b.dims(node.input[0])
     if axes is None or axes.size != 1 or not isinstance(dims[int(axes.item())], int):
         raise refuse(node)
@@ -299,7 +299,7 @@ def _sum(b: FrameGraph, node: NodeProto) -> Made:
     return [Value(total, "plain", value.shared)]
 
 
-def _pool(b: FrameGraph, node: NodeProto) -> Made:
+def _pool(b: FrameGraph, node: NodeProto) -> Values:
     value, own = b.lift(b.value(node.input[0]), "waves"), attributes(node)
     before, after = own.pop("pads", [0, 0])
     shapes: Any = {name: [1, *own.pop(name)] for name in ("kernel_shape", "strides", "dilations") if name in own}
@@ -307,7 +307,7 @@ def _pool(b: FrameGraph, node: NodeProto) -> Made:
     return [Value(name, "waves", value.shared)]
 
 
-def _resize(b: FrameGraph, node: NodeProto) -> Made:
+def _resize(b: FrameGraph, node: NodeProto) -> Values:
     scales = b.constant(node.input[2]) if len(node.input) > 2 and node.input[2] else None
     if scales is None:
         raise refuse(node)
@@ -321,7 +321,7 @@ def _resize(b: FrameGraph, node: NodeProto) -> Made:
 _RESIZE = ("coordinate_transformation_mode", "mode", "nearest_mode")
 
 
-def _pad(b: FrameGraph, node: NodeProto) -> Made:
+def _pad(b: FrameGraph, node: NodeProto) -> Values:
     pads, value = b.constant(node.input[1]), b.value(node.input[0])
     if pads is None or len(pads) != 6:
         raise refuse(node)
@@ -330,13 +330,13 @@ def _pad(b: FrameGraph, node: NodeProto) -> Made:
     return [Value(name, "waves", value.shared)]
 
 
-def _instance_norm(b: FrameGraph, node: NodeProto) -> Made:
+def _instance_norm(b: FrameGraph, node: NodeProto) -> Values:
     value = b.lift(b.value(node.input[0]), "waves")
-    given = [b.value(name).name for name in node.input[1:]]
-    return [Value(b.node(node.op_type, value.name, *given, **attributes(node)), "waves", value.shared)]
+    parameters = [b.value(name).name for name in node.input[1:]]
+    return [Value(b.node(node.op_type, value.name, *parameters, **attributes(node)), "waves", value.shared)]
 
 
-def _group_norm(b: FrameGraph, node: NodeProto) -> Made:
+def _group_norm(b: FrameGraph, node: NodeProto) -> Values:
     """Of one group: all channels of a take together."""
     own, channels = attributes(node), int(b.dims(node.input[0])[1])
     scale, shift = (b.constant(name) for name in node.input[1:])
@@ -349,18 +349,18 @@ def _group_norm(b: FrameGraph, node: NodeProto) -> Made:
     return [Value(b.node("Add", name, b.hold(shift[:, None, None])), "waves", value.shared)]
 
 
-def _recurrent(b: FrameGraph, node: NodeProto) -> Made:
-    """LSTM or GRU, without what it begins with where that is zeros."""
-    given = [b.plain(b.value(name)) if name in b.inputs_of(node) else None for name in node.input]
-    while given and given[-1] is None:
-        given.pop()
-    names = b.node(node.op_type, *("" if each is None else each.name for each in given), outputs=len(node.output),
+def _recurrent(b: FrameGraph, node: NodeProto) -> Values:
+    """LSTM or GRU, without its first state where that is zeros."""
+    inputs = [b.plain(b.value(name)) if name in b.inputs_of(node) else None for name in node.input]
+    while inputs and inputs[-1] is None:
+        inputs.pop()
+    names = b.node(node.op_type, *("" if each is None else each.name for each in inputs), outputs=len(node.output),
                    **attributes(node))  # fmt: skip
-    shared = all(each is None or each.shared for each in given)
-    return [Value(name, "plain", shared) for name in ([names] if isinstance(names, str) else names)]
+    is_shared = all(each is None or each.shared for each in inputs)
+    return [Value(name, "plain", is_shared) for name in ([names] if isinstance(names, str) else names)]
 
 
-OPERATORS: dict[str, Callable[[FrameGraph, NodeProto], Made]] = {
+OPERATORS: dict[str, Callable[[FrameGraph, NodeProto], Values]] = {
     **dict.fromkeys(("Relu", "LeakyRelu", "Sigmoid", "Tanh", "Exp", "Sqrt", "Abs"), _each),
     **dict.fromkeys(("Add", "Sub", "Mul", "Div", "Max", "Min"), _both),
     **dict.fromkeys(("AveragePool", "MaxPool"), _pool),

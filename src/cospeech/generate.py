@@ -119,7 +119,7 @@ def generate_files(
         takes=takes, parts=tuple(parts), face_gain=face_gain, face=face, continue_from=continue_from)  # fmt: skip
     silence = Fraction(tail).limit_denominator(1000)
     lister = partial(_list_gestures, instance, model, audio, transcript, transcribe, language, silence)
-    options = with_plan(options, plan, plan_edits, audio, transcript, wanted=plan_out is not None, list_gestures=lister)
+    options = with_plan(options, plan, plan_edits, audio, transcript, writes_plan=plan_out is not None, list_gestures=lister)
     old, original_style = keep_stretches(keep, keep_from, options.fps), options.style
     options, target, character = _check_files(options, skeleton, bone_map, avatar, files)
     names = [take_path(path, take, takes) for take in range(1, takes + 1) for path in files]

@@ -1,4 +1,4 @@
-"""Functions are verbs, and names that were given up stay out of code, recipes, tests and documents."""
+"""Functions are verbs, values are no participles, and names that were given up stay out of code, recipes, tests and documents."""
 
 import ast
 import re
@@ -32,6 +32,14 @@ NO_PARTICIPLE = frozenset(
     {"bed", "bleed", "embed", "exceed", "feed", "need", "proceed", "red", "seed", "shed", "speed", "ted", "reseed"}
 )
 """Words in -ed that are none; "ted" is the corpus."""
+FIELD_TERMS = frozenset({
+    "aligned", "balanced", "bound", "centred", "closed", "frozen", "hidden", "locked", "mirrored", "muted", "normalized",
+    "padded", "paired", "seated", "shuffled", "unpaced", "voiced",  # states, masks and rows of tables
+    "left",  # the side
+    "averted", "aimed",  # of eyes
+    "coded", "expected", "generated", "given", "preserved", "spoken", "trained", "transferred",  # known to papers and plug-ins
+})  # fmt: skip
+"""Participles that name values all the same."""
 PREDICATES = ("is", "has", "was")
 PUBLISHED = "published"
 """The last word of functions of `cospeech.metrics` that follow a paper's code to the letter: they carry the metric's name."""
@@ -46,6 +54,17 @@ def bare_participle(name: str) -> bool:
     """Whether a function's name is a participle, or begins or ends with one, and is no predicate."""
     words = [word for word in name.strip("_").split("_") if not word.isdigit()]
     return bool(words) and words[0] not in PREDICATES and (participle(words[0]) or participle(words[-1]))
+
+
+def values(source: str) -> Iterator[str]:
+    """Name of each value in the functions of a source: of parameters, and of what is assigned."""
+    for function in ast.walk(ast.parse(source)):
+        if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            for node in ast.walk(function):
+                if isinstance(node, ast.arg):
+                    yield node.arg
+                elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                    yield node.id
 
 
 def is_property(function: ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
@@ -72,6 +91,17 @@ def test_the_rule_finds_participles(name):
 )
 def test_the_rule_leaves_verbs_and_nouns(name):
     assert not bare_participle(name)
+
+
+def test_no_value_is_named_by_a_past_participle_alone():
+    """`made` or `found` tells nobody what it is. Fields are left out: some are keys of files."""
+    names = {
+        f"{path.relative_to(PACKAGE)}: {name}"
+        for path in sorted(PACKAGE.rglob("*.py"))
+        for name in values(path.read_text("utf-8"))
+        if "_" not in name.strip("_") and participle(name.strip("_")) and name.strip("_") not in FIELD_TERMS
+    }
+    assert sorted(names) == []
 
 
 def test_no_function_is_named_by_a_past_participle():

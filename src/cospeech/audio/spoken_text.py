@@ -53,7 +53,7 @@ def list_tokens(text: str, *, prose: bool = False) -> list[str]:
     """The tokens of a text that are said, and a `LAUGHTER` for each laugh between them.
 
     >>> list_tokens("Hello [laughter]. It's (sighs) <i>huge</i>, *really*.")
-    ['Hello.', '[laughter]', "It's", 'huge,', 'really*.']
+    ['Hello.', '[laughter]', "It's", 'huge,', '*really*.']
 
     Args:
         text: of an entry of a transcript, or the whole of one without times.

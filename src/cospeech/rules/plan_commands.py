@@ -83,7 +83,7 @@ NO_EDITS = PlanCommands()
 
 def with_plan(
     options: GenerationOptions, plan: str | PathLike[str] | Plan | None, edits: PlanCommands,
-    audio: str | PathLike[str], transcript: str | PathLike[str] | None, *, wanted: bool,
+    audio: str | PathLike[str], transcript: str | PathLike[str] | None, *, writes_plan: bool,
     list_gestures: Callable[[GenerationOptions], Plan],
 ) -> GenerationOptions:  # fmt: skip
     """Options with the plan that is played; unchanged if no plan is wanted.
@@ -93,13 +93,13 @@ def with_plan(
         plan: a plan, or the file of one.
         edits: of the plan.
         audio, transcript: files whose words are read, if an edit names one.
-        wanted: whether a plan is wanted, although none is given.
+        writes_plan: whether a plan is written; then there is one, although none was given.
         list_gestures: gives the plan of a performance with all its gestures; used if an edit names one and no plan is given.
 
     Raises:
         InputError: the plan cannot be read, edited or played with these options.
     """
-    if plan is None and not edits.any and not wanted:
+    if plan is None and not edits.any and not writes_plan:
         return options
     from .plan_edits import Plan
 

@@ -65,7 +65,7 @@ def _buckets(word: str) -> tuple[int, ...]:
 def subwords(word: str | None) -> NDArray[np.int32]:
     """(GRAMS,) rows 1 … BUCKETS of the table that stand for a word: the whole word's first, 0 behind the last; no word: all 0.
 
-    >>> subwords("Hello!")[:3].tolist() == subwords("hello")[:3].tolist(), subwords("...").any(), len(subwords(None))
+    >>> subwords("Hello!")[:3].tolist() == subwords("hello")[:3].tolist(), bool(subwords("...").any()), len(subwords(None))
     (True, False, 12)
     """
     plain = plain_word(word) if word else ""

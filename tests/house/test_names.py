@@ -1,4 +1,4 @@
-"""Functions are verbs, values are no participles, and names that were given up stay out of code, recipes, tests and documents."""
+"""Functions are verbs, values are no participles, and names that were given up stay out of code, recipes, tests, documents."""
 
 import ast
 import re

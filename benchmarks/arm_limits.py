@@ -44,16 +44,16 @@ def main() -> None:
     parser.add_argument("speech", type=Path, nargs="*", default=[EXAMPLE])
     parser.add_argument("--models", default="stylised-flow,mix-stage,chain-of-generation")
     parser.add_argument("--seed", type=int, default=1)
-    asked = parser.parse_args()
-    speech = [Speech(samples, RATE) for samples in recordings(asked.speech)]
+    arguments = parser.parse_args()
+    speech = [Speech(samples, RATE) for samples in recordings(arguments.speech)]
     print("| model | limits | " + " | ".join(GROUPS) + " |")
     print("|---|---|" + "---:|" * len(GROUPS))
-    for name in asked.models.split(","):
+    for name in arguments.models.split(","):
         model = load(name)
-        for kept in (False, True):
-            options = {**model.for_files, "arm_limits": kept}
-            made = [model.generate(each, seed=asked.seed + k, **options) for k, each in enumerate(speech)]
-            print("| " + " | ".join([name, "yes" if kept else "no", *measure(made)]) + " |", flush=True)
+        for has_limits in (False, True):
+            options = {**model.for_files, "arm_limits": has_limits}
+            motions = [model.generate(each, seed=arguments.seed + k, **options) for k, each in enumerate(speech)]
+            print("| " + " | ".join([name, "yes" if has_limits else "no", *measure(motions)]) + " |", flush=True)
 
 
 if __name__ == "__main__":

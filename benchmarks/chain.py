@@ -64,7 +64,7 @@ def untrained(recipe: Recipe, **needs: Any) -> Any:
 
 def system_of(recipe: Recipe, net: Any) -> tuple[System, int]:
     """A bundle's contents, whose poses move by tenths; and the number of its parameters."""
-    exported = export_graphs(net.export_module())
+    export = export_graphs(net.export_module())
     pose, audio = find_pose(recipe.data.pose).dimensions, audio_width(recipe.data.audio)
     d, a = np.ones(pose, np.float32), np.ones(audio, np.float32)
     words = (net.teacher if hasattr(net, "teacher") else net).word.table.weight.detach().numpy().copy()
@@ -77,9 +77,9 @@ def system_of(recipe: Recipe, net: Any) -> tuple[System, int]:
     system = System(
         name="random", pose=data.pose, fps=data.fps, audio=data.audio, smooth=1, styles=styles, style=styles[0],
         style_space="speaker-emotion", controls=(), vocabulary=None, card="", statistics=statistics.complete(one_hot=True),
-        networks={name: open_network(exported, name, pose) for name in exported.graphs},
+        networks={name: open_network(export, name, pose) for name in export.graphs},
     )  # fmt: skip
-    return system, sum(value.size for value in exported.weights.values())
+    return system, sum(value.size for value in export.weights.values())
 
 
 def speech_of(seconds: float) -> Speech:
@@ -97,18 +97,18 @@ class Timed:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._inner, name)
 
-    def _told(self, run: Callable[..., Any], *given: Any) -> Any:
-        begun = time.process_time()
-        made = run(*given)
-        made = list(made) if isinstance(made, Iterator) else made
-        self.taken += time.process_time() - begun
-        return made
+    def _measure_run(self, run: Callable[..., Any], *arguments: Any) -> Any:
+        began = time.process_time()
+        result = run(*arguments)
+        result = list(result) if isinstance(result, Iterator) else result
+        self.taken += time.process_time() - began
+        return result
 
-    def push(self, *given: Any) -> Any:
-        return self._told(self._inner.push, *given)
+    def push(self, *arguments: Any) -> Any:
+        return self._measure_run(self._inner.push, *arguments)
 
-    def finish(self, *given: Any) -> Any:
-        return self._told(self._inner.finish, *given)
+    def finish(self, *arguments: Any) -> Any:
+        return self._measure_run(self._inner.finish, *arguments)
 
 
 def by_part(system: System, speech: Speech) -> dict[str, float]:
@@ -119,28 +119,28 @@ def by_part(system: System, speech: Speech) -> dict[str, float]:
     options = GenerationOptions(look_ahead=inf)
     decoder = start_decoder(system, space, resolved_style.blend, frontend.silence, options, NOTHING)
     face = RuleBasedModel(open_default_mouth).session(parts=("face",), fps=FPS, emotion=decoder.moods or "auto", aimed=False)
-    shared = SharedProsody()
+    prosody = SharedProsody()
     for each in (frontend, face):
-        each.share(shared)
-    timed = {"features and words": Timed(frontend), "classifier and network": Timed(decoder), "face": Timed(face)}
+        each.share(prosody)
+    timers = {"features and words": Timed(frontend), "classifier and network": Timed(decoder), "face": Timed(face)}
     session: Any = TrainedSession(
         system,
-        *list(timed.values())[:2],
-        [timed["face"]],
+        *list(timers.values())[:2],
+        [timers["face"]],
         fps=FPS,
         parts=PARTS,
         resolved_style=resolved_style,
         direct=lambda style: resolved_style,
         layers=[LayerStack()],
-        prosody=shared,
+        prosody=prosody,
     )  # type: ignore[arg-type]
-    begun = time.process_time()
+    began = time.process_time()
     for chunk in speech.chunks(2.0):
         list(session.push(chunk))
     list(session.finish())
-    whole = time.process_time() - begun
-    taken = {name: each.taken for name, each in timed.items()}
-    return taken | {"smoothing and decoding": whole - sum(taken.values()), "all": whole}
+    whole = time.process_time() - began
+    seconds = {name: each.taken for name, each in timers.items()}
+    return seconds | {"smoothing and decoding": whole - sum(seconds.values()), "all": whole}
 
 
 def live(gesturer: TrainedModel, speech: Speech, **options: Any) -> tuple[np.ndarray, np.ndarray, float]:
@@ -148,21 +148,21 @@ def live(gesturer: TrainedModel, speech: Speech, **options: Any) -> tuple[np.nda
     session = gesturer.session(fps=FPS, **options)
     work, clock = [], []
     for chunk in speech.chunks(PIECE):
-        begun, worked = time.perf_counter(), time.process_time()
+        clock_start, work_start = time.perf_counter(), time.process_time()
         list(session.push(chunk))
-        work.append((time.process_time() - worked) * 1e3)
-        clock.append((time.perf_counter() - begun) * 1e3)
+        work.append((time.process_time() - work_start) * 1e3)
+        clock.append((time.perf_counter() - clock_start) * 1e3)
     list(session.finish())
     return np.array(work[60:]), np.array(clock[60:]), session.latency  # two seconds on, all parts are at work
 
 
 def eager(net: Any) -> Callable[[], object]:
     """The same by PyTorch."""
-    given = [torch.randn(1, net.window, width) for width in (net.audio, net.styles, net.modes)]
-    return torch.no_grad()(lambda: net.make(*given))
+    inputs = [torch.randn(1, net.window, width) for width in (net.audio, net.styles, net.modes)]
+    return torch.no_grad()(lambda: net.make(*inputs))
 
 
-def told_live(gesturer: TrainedModel, speech: Speech) -> None:
+def report_live(gesturer: TrainedModel, speech: Speech) -> None:
     live(gesturer, speech.window(0, 5))
     for what, parts in (("face, body and hands", PARTS), ("body and hands", ("body", "hands"))):
         runs = [live(gesturer, speech, parts=parts) for _ in range(3)]
@@ -175,13 +175,13 @@ def told_live(gesturer: TrainedModel, speech: Speech) -> None:
 
 def memory(gesturer: TrainedModel, minutes: int = 10) -> None:
     """Of this process, over a long speech that comes in seconds."""
-    session, second, seen = gesturer.session(fps=FPS), speech_of(60), []
+    session, second, megabytes = gesturer.session(fps=FPS), speech_of(60), []
     for _ in range(minutes):
         for chunk in second.chunks(1.0):
             list(session.push(chunk))
-        seen.append(resident())
-    print(f"        memory after {1} and {minutes} minutes of speech: {seen[0]:.0f} and {seen[-1]:.0f} MB")
-    verdict("memory that 9 more minutes take", seen[-1] - seen[0], 5, " MB")
+        megabytes.append(resident())
+    print(f"        memory after {1} and {minutes} minutes of speech: {megabytes[0]:.0f} and {megabytes[-1]:.0f} MB")
+    verdict("memory that 9 more minutes take", megabytes[-1] - megabytes[0], 5, " MB")
 
 
 def main() -> None:
@@ -193,10 +193,10 @@ def main() -> None:
     }
     teacher = untrained(recipes["chain_of_generation_humanoid"])
     net = untrained(recipes["chain_live_humanoid"], teacher=teacher)
-    system, played = system_of(recipes["chain_live_humanoid"], net)
+    system, size = system_of(recipes["chain_live_humanoid"], net)
     gesturer, speech = TrainedModel(system), speech_of(SECONDS)
     print(
-        f"        {played:,} parameters to play, of both networks and classifier, and {system.statistics.words.size:,} of words"
+        f"        {size:,} parameters to play, of both networks and classifier, and {system.statistics.words.size:,} of words"
     )
     by_part(system, speech.window(0, 5))
     rounds = [by_part(system, speech) for _ in range(5)]
@@ -204,7 +204,7 @@ def main() -> None:
     for name, value in factor.items():
         print(f"        offline, {name}: real-time factor {value:.4f}")
     verdict("real-time factor, offline, everything but files", factor["all"], 0.01, "")
-    told_live(gesturer, speech)
+    report_live(gesturer, speech)
     large = load_recipe(SHIPPED / "chain_of_generation_beat.toml")
     paper = untrained(large)
     network = open_network(export_graphs(paper.export_module()), "make", find_pose(large.data.pose).dimensions)

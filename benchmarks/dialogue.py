@@ -39,21 +39,21 @@ def compose(first: Path, second: Path, minutes: float) -> Array:
     readers, rng, at, turns = [list(utterances(folder)) for folder in (first, second)], Random(1), RATE // 2, []
     while at < minutes * 60 * RATE:
         own = readers[len(turns) % 2]
-        said = own[len(turns) // 2 % len(own)]
-        turns.append((at, said * (_LEVEL / np.sqrt(np.mean(np.square(said))))))
-        at += len(said) + round(rng.uniform(0.1, 0.9) * RATE)
+        samples = own[len(turns) // 2 % len(own)]
+        turns.append((at, samples * (_LEVEL / np.sqrt(np.mean(np.square(samples))))))
+        at += len(samples) + round(rng.uniform(0.1, 0.9) * RATE)
     tracks = np.zeros((at + RATE, 2), np.float32)
-    for k, (begin, said) in enumerate(turns):
-        tracks[begin : begin + len(said), k % 2] = said
+    for k, (begin, samples) in enumerate(turns):
+        tracks[begin : begin + len(samples), k % 2] = samples
     return tracks + _LEAK * tracks[:, ::-1] + np.random.default_rng(1).normal(0, 2e-4, tracks.shape).astype(np.float32)
 
 
 def inside(times: Array, stretches: list[tuple[float, float]]) -> Array:
     """(T,) whether a moment lies in one of them."""
-    found = np.zeros(len(times), bool)
+    is_inside = np.zeros(len(times), bool)
     for low, high in stretches:
-        found |= (times >= low) & (times < high)
-    return found
+        is_inside |= (times >= low) & (times < high)
+    return is_inside
 
 
 def answered(nods: Array, pauses: Array, seconds: float) -> tuple[float, float]:
@@ -104,21 +104,21 @@ def main() -> None:
     parser.add_argument("--models", default="rules,chain-of-generation,stylised-flow,mix-stage")
     parser.add_argument("--minutes", type=float, default=10)
     parser.add_argument("--seed", type=int, default=1)
-    asked = parser.parse_args()
+    options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        first, second = asked.sounds[0], asked.sounds[-1]
+        first, second = options.sounds[0], options.sounds[-1]
         tracks = (VoiceTrack(first, 0), VoiceTrack(first, 1)) if first == second else (VoiceTrack(first), VoiceTrack(second))
         if first.is_dir():
             path = Path(folder) / "conversation.wav"
-            soundfile.write(path, compose(first, second, asked.minutes), RATE)
+            soundfile.write(path, compose(first, second, options.minutes), RATE)
             tracks = (VoiceTrack(path, 0), VoiceTrack(path, 1))
         one, other = hear_conversation(*tracks)
         print("| model | person | responses a minute | pauses with a nod | by chance | head °/s, listening | speaking | "
               "gaze at the other, listening | speaking |")  # fmt: skip
         print("|---|---|---:|---:|---:|---:|---:|---:|---:|")
-        for name in asked.models.split(","):
+        for name in options.models.split(","):
             for own, partner in ((one, other), (other, one)):
-                print("| " + " | ".join(measure(name, own, partner, asked.seed)) + " |", flush=True)
+                print("| " + " | ".join(measure(name, own, partner, options.seed)) + " |", flush=True)
 
 
 if __name__ == "__main__":

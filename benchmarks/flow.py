@@ -57,9 +57,9 @@ def random_arrays(s: FlowSizes, seed: int = 0, strength: float = 1.0) -> dict[st
             for name, shape in (("weight_ih", (s.gates, s.hidden if layer else context)), ("weight_hh", (s.gates, s.hidden))):
                 out[f"{at}coupling.net.rnn.{name}_l{layer}"] = uniform(*shape)
                 out[f"{at}coupling.net.rnn.{name.replace('weight', 'bias')}_l{layer}"] = uniform(s.gates)
-        moved = s.pose - s.first_half
-        out |= {f"{at}coupling.net.out.weight": uniform(2 * moved, s.hidden) * strength}
-        out |= {f"{at}coupling.net.out.bias": uniform(2 * moved) * strength}
+        second_half = s.pose - s.first_half
+        out |= {f"{at}coupling.net.out.weight": uniform(2 * second_half, s.hidden) * strength}
+        out |= {f"{at}coupling.net.out.bias": uniform(2 * second_half) * strength}
         # a rotation times one near it: L U with unit diagonals, and signs all positive
         lower, upper = (np.tril(rng.normal(0, 0.1, (s.pose, s.pose)), -1).astype(np.float32) for _ in range(2))
         out |= {f"{at}mix.permutation": np.eye(s.pose, dtype=np.float32)[rng.permutation(s.pose)], f"{at}mix.lower": lower}
@@ -74,16 +74,16 @@ def _encoder(s: FlowSizes, uniform: Callable[..., np.ndarray]) -> dict[str, np.n
     shapes = {"first": (s.channels, 0, 4), "last": (CODE, s.channels, 4)}
     for side, width in (("poses", s.pose), ("speech", s.audio)):
         blocks = {f"blocks.{n}.conv": (s.channels, s.channels, 3) for n in range(s.blocks)}
-        for name, (made, taken, kernel) in (shapes | blocks).items():
-            taken = taken or width
+        for name, (outputs, inputs, kernel) in (shapes | blocks).items():
+            inputs = inputs or width
             norm = f"{name}_norm" if "." not in name else name.replace("conv", "norm")
-            out[f"encoder.{side}.{name}.weight"] = uniform(made, taken, kernel, scale=(taken * kernel) ** -0.5)
+            out[f"encoder.{side}.{name}.weight"] = uniform(outputs, inputs, kernel, scale=(inputs * kernel) ** -0.5)
             at = f"encoder.{side}.{norm}."
-            out |= {f"{at}weight": np.ones(made, np.float32), f"{at}bias": uniform(made, scale=0.1)}
-            out |= {f"{at}running_mean": uniform(made, scale=0.1), f"{at}running_var": np.ones(made, np.float32)}
-    for number, (taken, made) in {0: (2 * CODE, s.channels), 2: (s.channels,) * 2, 4: (s.channels, s.feature)}.items():
-        out[f"encoder.full.{number}.weight"] = uniform(made, taken, scale=taken**-0.5)
-        out[f"encoder.full.{number}.bias"] = uniform(made, scale=0.1)
+            out |= {f"{at}weight": np.ones(outputs, np.float32), f"{at}bias": uniform(outputs, scale=0.1)}
+            out |= {f"{at}running_mean": uniform(outputs, scale=0.1), f"{at}running_var": np.ones(outputs, np.float32)}
+    for number, (inputs, outputs) in {0: (2 * CODE, s.channels), 2: (s.channels,) * 2, 4: (s.channels, s.feature)}.items():
+        out[f"encoder.full.{number}.weight"] = uniform(outputs, inputs, scale=inputs**-0.5)
+        out[f"encoder.full.{number}.bias"] = uniform(outputs, scale=0.1)
     return out
 
 
@@ -105,10 +105,10 @@ class Material:
 
 def stepping(engine: FlowEngine, takes: int) -> Callable[[], object]:
     """One run of ``FRAMES`` frames, speech included."""
-    made = Material(engine.sizes, takes, FRAMES)
-    performance = engine.begin(made.history)
-    windows = engine.windows(made.audio)
-    return lambda: performance.frames(windows, made.z)
+    material = Material(engine.sizes, takes, FRAMES)
+    performance = engine.begin(material.history)
+    windows = engine.windows(material.audio)
+    return lambda: performance.frames(windows, material.z)
 
 
 def eager(arrays: dict[str, np.ndarray], s: FlowSizes, *, keep_inverses: bool) -> Callable[[], object] | None:
@@ -129,8 +129,8 @@ def eager(arrays: dict[str, np.ndarray], s: FlowSizes, *, keep_inverses: bool) -
     if keep_inverses:
         for step in model.flow.steps:
             step.mix.inverse = _kept(torch.linalg.inv(step.mix.weight().detach()).T.contiguous())
-    made = Material(s, 1, FRAMES)
-    z, history, audio = (torch.from_numpy(v) for v in (made.z, made.history, made.audio[None]))
+    material = Material(s, 1, FRAMES)
+    z, history, audio = (torch.from_numpy(v) for v in (material.z, material.history, material.audio[None]))
     return lambda: model.sample(z, history, audio)
 
 
@@ -147,55 +147,55 @@ def medians(runs: dict[str, Callable[[], object]], rounds: int = ROUNDS, frames:
         rounds: turns of each.
         frames: of a run; 1: what is told is a whole run's time.
     """
-    taken: dict[str, list[tuple[float, float]]] = {name: [] for name in runs}
+    times: dict[str, list[tuple[float, float]]] = {name: [] for name in runs}
     for turn in range(rounds + 1):
         for name, run in runs.items():
             work, clock = time.process_time(), time.perf_counter()
             run()
             if turn:  # the first one warms up
-                taken[name].append((time.process_time() - work, time.perf_counter() - clock))
-    found = {}
-    for name, values in taken.items():
+                times[name].append((time.process_time() - work, time.perf_counter() - clock))
+    result = {}
+    for name, values in times.items():
         ms = np.array(values) * 1e3 / frames
-        (found[name], clock), least, most = np.median(ms, 0).tolist(), ms[:, 0].min(), ms[:, 0].max()
+        (result[name], clock), least, most = np.median(ms, 0).tolist(), ms[:, 0].min(), ms[:, 0].max()
         each = " a frame" if frames > 1 else ""
-        print(f"        {name}: {found[name]:.4g} ms{each} ({least:.4g} … {most:.4g}; {clock:.4g} on the clock)")
-    return found
+        print(f"        {name}: {result[name]:.4g} ms{each} ({least:.4g} … {most:.4g}; {clock:.4g} on the clock)")
+    return result
 
 
 def errors(engines: dict[bool, FlowEngine], frames: int = 30) -> tuple[float, float]:
     """Relative errors |int8 − float32| / |float32| of generated poses: a free run, and each frame after the true history."""
     s = engines[True].sizes
-    made = Material(s, 1, frames, seed=2)
-    free, fed = {}, {}
+    material = Material(s, 1, frames, seed=2)
+    free, stepwise = {}, {}
     for kind, engine in engines.items():
-        windows = engine.windows(made.audio)
-        free[kind] = engine.begin(made.history).frames(windows, made.z)
-    truth = np.concatenate([made.history, free[False]], 1)
+        windows = engine.windows(material.audio)
+        free[kind] = engine.begin(material.history).frames(windows, material.z)
+    truth = np.concatenate([material.history, free[False]], 1)
     for kind, engine in engines.items():
-        windows = engine.windows(made.audio)
-        takes = engine.begin(made.history)
+        windows = engine.windows(material.audio)
+        takes = engine.begin(material.history)
         rows = []
         for t in range(frames):
             takes.history[:] = truth[:, t : t + s.history].reshape(1, -1)
-            rows.append(takes.frames(windows[t : t + 1], made.z[:, t : t + 1]))
-        fed[kind] = np.concatenate(rows, 1)
-    return tuple(float(np.linalg.norm(x[True] - x[False]) / np.linalg.norm(x[False])) for x in (free, fed))  # type: ignore[return-value]
+            rows.append(takes.frames(windows[t : t + 1], material.z[:, t : t + 1]))
+        stepwise[kind] = np.concatenate(rows, 1)
+    return tuple(float(np.linalg.norm(x[True] - x[False]) / np.linalg.norm(x[False])) for x in (free, stepwise))  # type: ignore[return-value]
 
 
 def paced(engine: FlowEngine, fps: float = 60.0, seconds: float = 10.0) -> tuple[float, float]:
     """Median and 99th percentile of milliseconds a frame in a loop that sleeps until each is due, as a stage would run it."""
     s, count = engine.sizes, int(fps * seconds)
-    made = Material(s, 1, count)
-    takes, windows = engine.begin(made.history), engine.windows(made.audio)
-    taken, due = [], time.perf_counter()
+    material = Material(s, 1, count)
+    takes, windows = engine.begin(material.history), engine.windows(material.audio)
+    times, due = [], time.perf_counter()
     for t in range(count):
         due += 1 / fps
         time.sleep(max(0.0, due - time.perf_counter()))
-        begun = time.perf_counter()
-        takes.frames(windows[t : t + 1], made.z[:, t : t + 1])
-        taken.append((time.perf_counter() - begun) * 1e3)
-    return float(np.median(taken)), float(np.percentile(taken, 99))
+        began = time.perf_counter()
+        takes.frames(windows[t : t + 1], material.z[:, t : t + 1])
+        times.append((time.perf_counter() - began) * 1e3)
+    return float(np.median(times)), float(np.percentile(times, 99))
 
 
 def processor() -> str:
@@ -235,9 +235,9 @@ def paper_size() -> None:
         print("  skip  faster than PyTorch eager: PyTorch is not installed")
     verdict("a frame", ms["int8"], 14, " ms")
     verdict("8 takes, in single ones", ms["int8, 8 takes"] / ms["int8"], 2.5, "×")
-    free, fed = errors(engines)
+    free, stepwise = errors(engines)
     verdict("relative error of int8, 30 frames running free", 100 * free, 2, " %")
-    verdict("relative error of int8, a frame after the true history", 100 * fed, 2, " %")
+    verdict("relative error of int8, a frame after the true history", 100 * stepwise, 2, " %")
 
 
 def shipped_size() -> None:
@@ -256,14 +256,14 @@ def endless(frames: int) -> None:
     engine = make_engine(arrays, sizes)
     draw, block = StudentT(sizes.pose, 1, seed=0), 1000
     takes = engine.begin(np.zeros((1, sizes.history, sizes.pose)))
-    begun, still = time.perf_counter(), 0
+    began, still = time.perf_counter(), 0
     for number in range(frames // block):
         audio = 100 * Material(sizes, 1, block, seed=number).audio
-        made = takes.frames(engine.windows(audio), draw.draw(block)[None])[0]
-        if not np.isfinite(made).all() or np.abs(made).max() > BOUND:
+        poses = takes.frames(engine.windows(audio), draw.draw(block)[None])[0]
+        if not np.isfinite(poses).all() or np.abs(poses).max() > BOUND:
             sys.exit(f"FAIL  frame {number * block} … : not finite or beyond the bounds")
-        still += int((made.std(0) < 1e-3).any())
-    seconds = time.perf_counter() - begun
+        still += int((poses.std(0) < 1e-3).any())
+    seconds = time.perf_counter() - began
     print(f"  {'pass' if not still else 'FAIL'}  {frames:,} frames of a hostile network: all finite and within bounds, "
           f"{still} of {frames // block} stretches stood still, {seconds:.0f} s")  # fmt: skip
 
@@ -277,17 +277,17 @@ def endless_speech(frames: int) -> None:
     rows = reduce_audio(audio_features(speech, int(speech.duration * system.fps), system.fps), system.audio)
     windows = system.flow.windows(np.concatenate([(rows - s.audio_mean) / s.audio_std] * 2))[: len(rows)]
     takes, draw = system.flow.begin(s.histories[:1], s.style_codes[:1]), StudentT(sizes.pose, sizes.nu, seed=0)
-    spreads, begun, done = [], time.perf_counter(), 0
-    while done < frames:
-        made = np.concatenate([takes.frames(windows, draw.draw(len(windows))[None])[0] for _ in range(20)])
-        if not np.isfinite(made).all():
-            sys.exit(f"FAIL  not finite before frame {done + len(made)}")
-        spreads.append(made.std(0).mean())
-        done += len(made)
+    spreads, began, total = [], time.perf_counter(), 0
+    while total < frames:
+        poses = np.concatenate([takes.frames(windows, draw.draw(len(windows))[None])[0] for _ in range(20)])
+        if not np.isfinite(poses).all():
+            sys.exit(f"FAIL  not finite before frame {total + len(poses)}")
+        spreads.append(poses.std(0).mean())
+        total += len(poses)
     first, last = np.mean(spreads[:5]), np.mean(spreads[-5:])
-    verdict(f"deviation of the poses at the end of {done:,} frames, of that at the beginning ({first:.2f})", last / first, 0.8,
+    verdict(f"deviation of the poses at the end of {total:,} frames, of that at the beginning ({first:.2f})", last / first, 0.8,
             "×", at_least=True)  # fmt: skip
-    print(f"        least of all stretches {min(spreads):.2f}, most {max(spreads):.2f}; {time.perf_counter() - begun:.0f} s")
+    print(f"        least of all stretches {min(spreads):.2f}, most {max(spreads):.2f}; {time.perf_counter() - began:.0f} s")
 
 
 def main() -> None:

@@ -86,9 +86,9 @@ def measure(pairs: Sequence[tuple[np.ndarray, Motion]], exempt: Sequence[str] = 
     old = mean_rows([w for _, motion in pairs for w in window_statistics(motion)])
     rows["head speed median, deg/s"] = old["head speed 50 %, deg/s"]
     rows |= {name: old[name] for name in SHOWN}
-    counted = [name for name in REFERENCE if name not in exempt]
-    rows["old rows inside, %"] = 100 * float(np.mean([REFERENCE[n].holds(old.get(n, np.nan)) for n in counted]))
-    far = [min(REFERENCE[n].distance(old[n]), MOST_FAR) for n in counted if np.isfinite(old.get(n, np.nan))]
+    names = [name for name in REFERENCE if name not in exempt]
+    rows["old rows inside, %"] = 100 * float(np.mean([REFERENCE[n].holds(old.get(n, np.nan)) for n in names]))
+    far = [min(REFERENCE[n].distance(old[n]), MOST_FAR) for n in names if np.isfinite(old.get(n, np.nan))]
     rows["old rows, distance from the mean"] = float(np.mean(far))
     return rows
 
@@ -122,8 +122,8 @@ def print_table(columns: Mapping[str, Mapping[str, float]]) -> None:
         print(f"{name:36s} {ends:>16s}  " + " ".join(cells))
     inside = []
     for rows in columns.values():
-        known = [target.holds(rows[name]) for name, target in targets.items() if np.isfinite(rows.get(name, np.nan))]
-        inside.append(f"{sum(known)}/{len(known)} ")
+        hits = [target.holds(rows[name]) for name, target in targets.items() if np.isfinite(rows.get(name, np.nan))]
+        inside.append(f"{sum(hits)}/{len(hits)} ")
     print(f"{'inside':36s} {'':>16s}  " + " ".join(f"{cell:>11s}" for cell in inside))
     print("* outside the target")
 
@@ -140,7 +140,7 @@ def main() -> int:
     parser.add_argument("--takes", nargs="*", type=Path, default=[], help="recorded takes (.npy, .bvh) to measure beside")
     parser.add_argument("--json", action="store_true", help="everything as JSON on stdout")
     options = parser.parse_args()
-    begun = time.perf_counter()
+    began = time.perf_counter()
     columns: dict[str, dict[str, float]] = {path.stem: of_take(path) for path in options.takes}
     speech = recordings(options.speech)
     speech = [speech[k] for k in options.recordings] if options.recordings else speech
@@ -163,7 +163,7 @@ def main() -> int:
     short = "" if seconds >= WANTED else f" (at least {WANTED:g} s are wanted)"
     print(f"{seconds:.0f} s of speech in {len(speech)} recordings{short}, model {options.model}, seeds {options.seeds}\n")
     print_table(columns)
-    print(f"{time.perf_counter() - begun:.0f} s")
+    print(f"{time.perf_counter() - began:.0f} s")
     return 0
 
 

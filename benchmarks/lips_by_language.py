@@ -48,12 +48,12 @@ def speak(voice: str, text: str, path: Path) -> Speech:
 
 def closures(speech: Speech) -> list[float]:
     """The times of b, p and m, in seconds; phones of a word share its time equally."""
-    found = []
+    times = []
     for word in speech.words or ():
         phones = graphemes_to_phones(word.text, word.language)
         length = (word.end - word.start) / max(len(phones), 1)
-        found += [word.start + (k + 0.5) * length for k, phone in enumerate(phones) if phone in ("b", "p", "m")]
-    return found
+        times += [word.start + (k + 0.5) * length for k, phone in enumerate(phones) if phone in ("b", "p", "m")]
+    return times
 
 
 def gaps(speech: Speech, times: list[float]) -> list[float]:
@@ -74,7 +74,7 @@ def main() -> None:
             assert {word.language for word in speech.words} == {language}, language
             times = closures(speech)
             alone = Speech(speech.samples, speech.rate)
-            cells = [f"{np.mean(found):.3f}, {max(found):.3f}" for found in (gaps(alone, times), gaps(speech, times))]
+            cells = [f"{np.mean(values):.3f}, {max(values):.3f}" for values in (gaps(alone, times), gaps(speech, times))]
             print(f"| {language} | {len(times)} | {' | '.join(cells)} |", flush=True)
 
 

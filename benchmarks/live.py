@@ -65,14 +65,14 @@ def jumps(rotations: Array) -> Array:
 def interrupt(model: object, speech: Speech, at: float, seed: int) -> tuple[Motion, int]:
     """Speech up to a time, an interruption, two seconds of silence, other speech; and the first frame of the interruption."""
     live = cospeech.open_live_session(model, fps=30, seed=seed)  # type: ignore[arg-type]
-    made = [motion for piece in speech.window(0, at).chunks(PIECE) for motion in live.push(piece)]
-    first = sum(map(len, made))
+    motions = [motion for piece in speech.window(0, at).chunks(PIECE) for motion in live.push(piece)]
+    first = sum(map(len, motions))
     live.interrupt()
     for sound in (np.zeros(2 * speech.rate, np.float32), speech.window(3, 6).samples):
         for piece in Speech(sound, speech.rate).chunks(PIECE):
-            made += live.push(piece.samples, speech.rate)
-    made += live.finish()
-    return Motion.concatenate(made), first
+            motions += live.push(piece.samples, speech.rate)
+    motions += live.finish()
+    return Motion.concatenate(motions), first
 
 
 def report_interrupts(name: str, count: int) -> None:
@@ -134,7 +134,7 @@ def report_idle(name: str, minutes: float, fps: float, seed: int) -> None:
             assert motion.face is not None
             faces.append(motion.face)
     q, face = np.concatenate(rotations).astype(float), np.concatenate(faces)
-    used = time.process_time() - began
+    work = time.process_time() - began
     part = round(600 * fps)
     rates = [60 * len(blinks_of(face[k : k + part], fps).widths) / (len(face[k : k + part]) / fps)
              for k in range(0, len(face), part)]  # fmt: skip
@@ -142,7 +142,7 @@ def report_idle(name: str, minutes: float, fps: float, seed: int) -> None:
     alike = {joint: resemblance(np.degrees(quat_to_rotvec(q[:, k])), fps) for k, joint in enumerate(WATCHED)}
     worst = max(alike, key=lambda joint: alike[joint])
     most, lag = alike[worst]
-    print(f"{name}: {minutes:g} minutes of idling at {fps:g} fps, {used / minutes / 0.6:.1f} % of a core. "
+    print(f"{name}: {minutes:g} minutes of idling at {fps:g} fps, {work / minutes / 0.6:.1f} % of a core. "
           f"Blinks a minute, by ten minutes: {min(rates):.1f} … {max(rates):.1f}. Longest rest of a joint: {still:.2f} s. "
           f"Largest autocorrelation after a minute or more: {most:.2f} ({worst}, at {lag:.0f} s)")  # fmt: skip
 
@@ -151,17 +151,17 @@ class Recorder:
     """Stands where a receiver would: when each frame leaves."""
 
     def __init__(self) -> None:
-        self.left: list[tuple[float, float]] = []
+        self.departures: list[tuple[float, float]] = []
 
     def send(self, frame: Motion) -> None:
-        self.left.append((time.monotonic(), frame.start))
+        self.departures.append((time.monotonic(), frame.start))
 
 
 def report_pace(name: str, seconds: float, look_ahead: float | None) -> None:
     parts = ("face",) if name == "speech-to-face" else PARTS
     live = cospeech.open_live_session(name, fps=60, look_ahead=look_ahead, parts=parts)
     live.warm_up()
-    speech, recorder, took, used = Speech.load(example()[0]), Recorder(), list[float](), list[float]()
+    speech, recorder, took, work = Speech.load(example()[0]), Recorder(), list[float](), list[float]()
     pacer = FramePacer([recorder], live.latency + PIECE + SHORT_MARGIN)  # type: ignore[list-item]
     pieces = list(speech.chunks(PIECE))[:-1]
     begin = time.monotonic()
@@ -169,18 +169,18 @@ def report_pace(name: str, seconds: float, look_ahead: float | None) -> None:
     for k in range(round(seconds / PIECE)):
         if (rest := begin + (k + 1) * PIECE - time.monotonic()) > 0:
             time.sleep(rest)
-        started, worked = time.perf_counter(), time.thread_time()
+        clock_start, work_start = time.perf_counter(), time.thread_time()
         for motion in live.push(pieces[k % len(pieces)].samples, speech.rate):
             pacer.push(motion)
-        took.append(1e3 * (time.perf_counter() - started))
-        used.append(1e3 * (time.thread_time() - worked))
+        took.append(1e3 * (time.perf_counter() - clock_start))
+        work.append(1e3 * (time.thread_time() - work_start))
     pace = pacer.close(drop=True)
-    left = np.array(recorder.left)
-    gaps = 1e3 * np.abs(np.diff(left[:, 0]) - np.diff(left[:, 1]))
-    lag = left[:, 0] - begin - left[:, 1]
-    wall, cpu, gap = np.percentile(took, 99), np.percentile(used, 99), np.percentile(gaps, 99)
+    departures = np.array(recorder.departures)
+    gaps = 1e3 * np.abs(np.diff(departures[:, 0]) - np.diff(departures[:, 1]))
+    lag = departures[:, 0] - begin - departures[:, 1]
+    wall, cpu, gap = np.percentile(took, 99), np.percentile(work, 99), np.percentile(gaps, 99)
     print(f"{name}, look-ahead {look_ahead}: a push takes {np.median(took):.2f} ms, p99 {wall:.1f} ms on the clock, "
-          f"{np.median(used):.2f} and {cpu:.1f} ms of the processor, the first {took[0]:.1f} ms; jitter of the time between "
+          f"{np.median(work):.2f} and {cpu:.1f} ms of the processor, the first {took[0]:.1f} ms; jitter of the time between "
           f"frames p99 {gap:.2f} ms; a frame leaves {np.median(lag):.3f} s behind its sound, {lag.max():.3f} s at most; "
           f"{pace.late} of {pace.frames} frames late; load {os.getloadavg()[0]:.1f}", flush=True)  # fmt: skip
 
@@ -214,18 +214,18 @@ def main() -> None:
     parser.add_argument("--fps", type=float, default=30.0, help="of idling")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--models", nargs="+", default=list(MODELS))
-    given = parser.parse_args()
-    little = not (given.interrupts or given.idle or given.warm or given.pace)
+    options = parser.parse_args()
+    little = not (options.interrupts or options.idle or options.warm or options.pace)
     print(machine(), flush=True)
-    for name in given.models:
-        if given.warm or little:
-            report_warm(name, given.look_ahead)
-        if given.pace or little:
-            report_pace(name, given.pace or 10.0, given.look_ahead)
-        if given.interrupts or little:
-            report_interrupts(name, given.interrupts or 10)
-    if given.idle or little:
-        report_idle(given.models[0], given.idle or 5.0, given.fps, given.seed)
+    for name in options.models:
+        if options.warm or little:
+            report_warm(name, options.look_ahead)
+        if options.pace or little:
+            report_pace(name, options.pace or 10.0, options.look_ahead)
+        if options.interrupts or little:
+            report_interrupts(name, options.interrupts or 10)
+    if options.idle or little:
+        report_idle(options.models[0], options.idle or 5.0, options.fps, options.seed)
 
 
 if __name__ == "__main__":

@@ -39,12 +39,12 @@ BODY = ("body", "hands")
 
 def play(name: str, look_ahead: float | None, speech: Sequence[Array], parts: tuple[str, ...]) -> tuple[list[Motion], float]:
     """The motion of every recording, and the latency."""
-    model, made = load(name), list[Motion]()
+    model, motions = load(name), list[Motion]()
     for seed, samples in enumerate(speech):
         session = model.session(seed=seed, fps=30, parts=parts, look_ahead=look_ahead)
         pieces = [motion for piece in Speech(samples, RATE).chunks(1.0) for motion in session.push(piece)]
-        made.append(Motion.concatenate([*pieces, *session.finish()]))
-    return made, session.latency
+        motions.append(Motion.concatenate([*pieces, *session.finish()]))
+    return motions, session.latency
 
 
 def alike(a: Array, b: Array) -> float:
@@ -63,13 +63,13 @@ def angles(motion: Motion) -> Array:
 def report_body(name: str, speech: Sequence[Array]) -> None:
     usual: list[Motion] | None = None
     for setting in SETTINGS.get(name, (None,)):
-        made, latency = play(name, setting, speech, BODY)
-        lift = beat_lift([(samples, RATE, motion) for samples, motion in zip(speech, made, strict=True)])
-        speed = np.mean([wrist_speeds(Track.of(motion)).mean() for motion in made])
-        usual = made if usual is None else usual
-        same = np.mean([alike(angles(a), angles(b)) for a, b in zip(usual, made, strict=True)])
-        shown = "usual" if setting is None else f"{setting:g} s"
-        print(f"| {name} | {shown} | {latency:.2f} s | {lift.far:+.0%} ({lift.interval[0]:+.0%} … {lift.interval[1]:+.0%}) "
+        motions, latency = play(name, setting, speech, BODY)
+        lift = beat_lift([(samples, RATE, motion) for samples, motion in zip(speech, motions, strict=True)])
+        speed = np.mean([wrist_speeds(Track.of(motion)).mean() for motion in motions])
+        usual = motions if usual is None else usual
+        same = np.mean([alike(angles(a), angles(b)) for a, b in zip(usual, motions, strict=True)])
+        label = "usual" if setting is None else f"{setting:g} s"
+        print(f"| {name} | {label} | {latency:.2f} s | {lift.far:+.0%} ({lift.interval[0]:+.0%} … {lift.interval[1]:+.0%}) "
               f"| {lift.near:+.0%} | {lift.lag:+.2f} s | {speed:.2f} | {same:.2f} |", flush=True)  # fmt: skip
 
 
@@ -77,15 +77,15 @@ def report_face(speech: Sequence[Array]) -> None:
     usual: list[Array] = []
     mouth = [k for k, name in enumerate(ARKIT) if name.startswith(("jaw", "mouth"))]
     for setting in FACES:
-        made, latency = play("rules", setting, speech, ("face",))
-        faces = [motion.face[:, mouth].astype(float) for motion in made if motion.face is not None]
+        motions, latency = play("rules", setting, speech, ("face",))
+        faces = [motion.face[:, mouth].astype(float) for motion in motions if motion.face is not None]
         usual = usual or faces
         jaw = mouth.index(ARKIT_INDEX["jawOpen"])
         off = np.mean([np.abs(a - b).mean() for a, b in zip(usual, faces, strict=True)])
         jaws = np.mean([np.corrcoef(a[:, jaw], b[:, jaw])[0, 1] for a, b in zip(usual, faces, strict=True)])
         jerks = np.mean([np.abs(np.diff(face, 2, 0)).mean() for face in faces])
-        shown = "usual" if setting is None else f"{setting:g} s"
-        print(f"| face | {shown} | {latency:.2f} s | jaw {jaws:.3f} | mouth {off:.4f} | second differences {jerks:.5f} |",
+        label = "usual" if setting is None else f"{setting:g} s"
+        print(f"| face | {label} | {latency:.2f} s | jaw {jaws:.3f} | mouth {off:.4f} | second differences {jerks:.5f} |",
               flush=True)  # fmt: skip
 
 
@@ -95,19 +95,19 @@ def main() -> None:
     parser.add_argument("--models", nargs="*", default=list(SETTINGS))
     parser.add_argument("--minutes", type=float, default=6.0, help="of speech, at most")
     parser.add_argument("--face", action="store_true")
-    given = parser.parse_args()
-    speech, left = list[Array](), given.minutes * 60 * RATE
-    for samples in recordings(given.speech):
-        if left > 0:
-            speech.append(samples[: int(left)])
-            left -= len(samples)
+    options = parser.parse_args()
+    speech, remaining = list[Array](), options.minutes * 60 * RATE
+    for samples in recordings(options.speech):
+        if remaining > 0:
+            speech.append(samples[: int(remaining)])
+            remaining -= len(samples)
     print(f"{sum(map(len, speech)) / RATE / 60:.1f} minutes of speech; {machine()}\n")
-    if given.face:
+    if options.face:
         report_face(speech)
         return
     print("| model | look-ahead | behind the sound | beat lift | near | wrists after accents | wrist speed | like the first |")
     print("|---|---|---:|---:|---:|---:|---:|---:|")
-    for name in given.models:
+    for name in options.models:
         report_body(name, speech)
 
 

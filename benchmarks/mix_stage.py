@@ -46,10 +46,10 @@ def paper_size() -> MixStage:
     return MixStage(MixStageConfig(), pose=POSE, audio=AUDIO, speakers=SPEAKERS)
 
 
-def open_network(exported: Exported, name: str, pose: int) -> Network:
+def open_network(export: Exported, name: str, pose: int) -> Network:
     """One network of an export, whose poses have so many numbers."""
     edge = np.full(pose, BOUND)
-    return Network(exported.signatures[name], exported.graphs[name], exported.weights, {"poses": (-edge, edge)})
+    return Network(export.signatures[name], export.graphs[name], export.weights, {"poses": (-edge, edge)})
 
 
 def system_of(network: Network) -> System:
@@ -72,8 +72,8 @@ def playing(network: Network, frames: int, takes: int) -> Callable[[], object]:
     """One pass over so many frames of speech."""
     rng, sizes = np.random.default_rng(0), {"N": takes, "T": frames}
     shapes = {name: tuple(sizes.get(size, size) for size in port) for name, port in network.signature.inputs.items()}
-    given = {name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()}
-    return lambda: network.run(**given)
+    inputs = {name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()}
+    return lambda: network.run(**inputs)
 
 
 def paced(network: Network, seconds: float = 20.0) -> tuple[float, float, float, int]:
@@ -88,16 +88,16 @@ def paced(network: Network, seconds: float = 20.0) -> tuple[float, float, float,
     for first in range(0, len(rows) - setting.hop + 1, setting.hop):
         due += setting.hop / FPS / 4  # four times as fast as people speak: as demanding, and over sooner
         time.sleep(max(0.0, due - time.perf_counter()))
-        begun, worked = time.perf_counter(), time.process_time()
-        made = decoder.push(rows[first : first + setting.hop])
-        if made.shape[1]:
-            work.append((time.process_time() - worked) * 1e3)
-            clock.append((time.perf_counter() - begun) * 1e3)
+        clock_start, work_start = time.perf_counter(), time.process_time()
+        poses = decoder.push(rows[first : first + setting.hop])
+        if poses.shape[1]:
+            work.append((time.process_time() - work_start) * 1e3)
+            clock.append((time.perf_counter() - clock_start) * 1e3)
     late = float(np.percentile(clock, 99))
     return float(np.median(work)) / setting.hop, float(np.median(clock)), late, setting.hop
 
 
-def training(dtype: torch.dtype, *, mixed: bool = False) -> Callable[[], object]:
+def training(dtype: torch.dtype, *, mixed_precision: bool = False) -> Callable[[], object]:
     """One step, as `cospeech.training.train.train` takes it."""
     net = paper_size().to(dtype).train()
     objectives = net.objectives()
@@ -114,7 +114,7 @@ def training(dtype: torch.dtype, *, mixed: bool = False) -> Callable[[], object]
     def step() -> None:
         for name, objective in objectives.items():
             movers[name].zero_grad()
-            with torch.autocast("cpu", torch.bfloat16, enabled=mixed):
+            with torch.autocast("cpu", torch.bfloat16, enabled=mixed_precision):
                 terms = objective.loss(Batch(arrays, StepRandom(0, 0)), 0)
                 total = torch.stack(list(terms.values())).sum()
             total.backward()
@@ -125,8 +125,8 @@ def training(dtype: torch.dtype, *, mixed: bool = False) -> Callable[[], object]
 
 def eager(net: MixStage) -> Callable[[], object]:
     """The pass of `playing`, by PyTorch."""
-    heard, style, mode_noise = (torch.randn(1, FRAMES, width) for width in (AUDIO, SPEAKERS, net.modes))
-    return torch.no_grad()(lambda: net.make(heard, style, mode_noise))
+    speech, style, mode_noise = (torch.randn(1, FRAMES, width) for width in (AUDIO, SPEAKERS, net.modes))
+    return torch.no_grad()(lambda: net.make(speech, style, mode_noise))
 
 
 def load() -> str:
@@ -138,10 +138,10 @@ def main() -> None:
     torch.set_num_threads(1)
     print(f"Mix-StAGE of the paper's size, one core of {processor()}, onnxruntime; {load()}")
     net = paper_size().eval()
-    exported = export_graphs(net.export_module())
-    network = open_network(exported, "make", POSE)
-    played = sum(value.size for value in exported.weights.values())
-    print(f"        {sum(p.numel() for p in net.parameters()):,} parameters, {played:,} of them to play; "
+    export = export_graphs(net.export_module())
+    network = open_network(export, "make", POSE)
+    size = sum(value.size for value in export.weights.values())
+    print(f"        {sum(p.numel() for p in net.parameters()):,} parameters, {size:,} of them to play; "
           f"a frame hears {network.signature.reach} frames to either side")  # fmt: skip
     runs = {"10 s offline": playing(network, FRAMES, 1), "8 takes": playing(network, FRAMES, 8)}
     runs |= {"a window of 64 frames": playing(network, 64, 1), "10 s by PyTorch eager": eager(net)}
@@ -155,7 +155,7 @@ def main() -> None:
     verdict("live, 99th percentile of a window, of the time that its frames last", 100 * late / (1e3 * hop / FPS), 100, " %")
     print(f"training step; {load()}")
     runs = {"float32": training(torch.float32), "float64": training(torch.float64)}
-    ms = medians(runs | {"bfloat16, mixed": training(torch.float32, mixed=True)}, 5, 1)
+    ms = medians(runs | {"bfloat16, mixed": training(torch.float32, mixed_precision=True)}, 5, 1)
     verdict("float32 faster than float64", ms["float64"] / ms["float32"], 3, "×", at_least=True)
     verdict("bfloat16 faster than float64", ms["float64"] / ms["bfloat16, mixed"], 3, "×", at_least=True)
 

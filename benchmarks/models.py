@@ -73,8 +73,8 @@ def print_speeds(path: str) -> None:
     samples = np.resize(one.samples, SECONDS * one.rate)
     speech = cospeech.Speech(samples, one.rate)
     print(f"{platform.processor() or platform.machine()}, load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores\n")
-    shipped = [name for name in MODELS if name not in NETWORKS or (SHIPPED / f"{name}.cospeech").is_file()]
-    rows = {"`rules`, mouth by rule": RuleBasedModel} | {f"`{name}`": partial(cospeech.load, name) for name in shipped}
+    names = [name for name in MODELS if name not in NETWORKS or (SHIPPED / f"{name}.cospeech").is_file()]
+    rows = {"`rules`, mouth by rule": RuleBasedModel} | {f"`{name}`": partial(cospeech.load, name) for name in names}
     for name, make in rows.items():
         factor, fps = measure_speed(make(), speech)
         print(f"| {name} | {factor:.2g} | {fps:g} |", flush=True)
@@ -92,8 +92,8 @@ def read_recordings(folder: Path) -> Iterable[cospeech.Speech]:
 
 def held_out(folder: Path, split: str, share: float) -> list[cospeech.Speech]:
     """Recordings of a split, in pieces, with a share of pauses put into them."""
-    found = read_recordings(folder)
-    return cut_pieces(found if split == "all" else split_recordings(found)[split], PIECE, share)
+    speeches = read_recordings(folder)
+    return cut_pieces(speeches if split == "all" else split_recordings(speeches)[split], PIECE, share)
 
 
 def speeds(motion: cospeech.Motion) -> np.ndarray:
@@ -109,43 +109,45 @@ def pauses_of(speech: cospeech.Speech) -> list[tuple[float, float]]:
     return find_pauses(energy, RATE, shortest=SHORTEST)
 
 
-def silence_ratios(speeches: Sequence[cospeech.Speech], moved: Sequence[np.ndarray]) -> tuple[float, float]:
+def silence_ratios(speeches: Sequence[cospeech.Speech], movements: Sequence[np.ndarray]) -> tuple[float, float]:
     """Speed in settled pauses, and in all of the pauses, by that in speech."""
-    settled, paused, spoken = list[np.ndarray](), list[np.ndarray](), list[np.ndarray]()
-    for speech, speed in zip(speeches, moved, strict=True):
+    in_settled, in_pauses, in_speech = list[np.ndarray](), list[np.ndarray](), list[np.ndarray]()
+    for speech, speed in zip(speeches, movements, strict=True):
         where = np.zeros(len(speed), int)
         for start, end in pauses_of(speech):
             where[round(start * RATE) : round(end * RATE)] = 1
             first = 0.0 if start < 0.1 else start + AFTER
             last = end if end > speech.seconds - 0.1 else end - BEFORE
             where[round(first * RATE) : round(max(last, first) * RATE)] = 2
-        for found, kinds in ((settled, (2,)), (paused, (1, 2)), (spoken, (0,))):
-            found.append(speed[np.isin(where, kinds)])
-    speech_speed = np.concatenate(spoken).mean()
-    still, all_pauses = (np.concatenate(found).mean() if sum(map(len, found)) else np.nan for found in (settled, paused))
+        for values, kinds in ((in_settled, (2,)), (in_pauses, (1, 2)), (in_speech, (0,))):
+            values.append(speed[np.isin(where, kinds)])
+    speech_speed = np.concatenate(in_speech).mean()
+    still, all_pauses = (
+        np.concatenate(values).mean() if sum(map(len, values)) else np.nan for values in (in_settled, in_pauses)
+    )
     return float(still / speech_speed), float(all_pauses / speech_speed)
 
 
-def own_beats_others(speeches: Sequence[cospeech.Speech], moved: Sequence[np.ndarray]) -> float:
+def own_beats_others(speeches: Sequence[cospeech.Speech], movements: Sequence[np.ndarray]) -> float:
     """Share of pairs in which motion goes better with its own speech."""
-    heard = [energy_envelope(speech.samples, speech.rate) for speech in speeches]
-    won = [
-        match(speed, heard[a][: len(heard[b])]) > match(speed, heard[b][: len(heard[a])])
-        for a, speed in enumerate(moved)
-        for b in range(len(heard))
+    envelopes = [energy_envelope(speech.samples, speech.rate) for speech in speeches]
+    wins = [
+        match(speed, envelopes[a][: len(envelopes[b])]) > match(speed, envelopes[b][: len(envelopes[a])])
+        for a, speed in enumerate(movements)
+        for b in range(len(envelopes))
         if a != b
     ]
-    return float(np.mean(won))
+    return float(np.mean(wins))
 
 
 def match(speed: np.ndarray, envelope: np.ndarray) -> float:
     """Best correlation of a speed with an envelope of energy, both at `RATE`, over the lags of beat lift."""
-    found = []
+    correlations = []
     for lag in np.round(LAGS * RATE).astype(int):
         a, b = (speed[: len(speed) + lag], envelope[-lag:]) if lag < 0 else (speed[lag:], envelope)
         count = min(len(a), len(b))
-        found.append(np.corrcoef(a[:count], b[:count])[0, 1])
-    return float(np.nanmax(found))
+        correlations.append(np.corrcoef(a[:count], b[:count])[0, 1])
+    return float(np.nanmax(correlations))
 
 
 def describe_gains(model: Any) -> str:
@@ -171,24 +173,24 @@ def players(bundles: Sequence[str] | None, options: dict[str, Any]) -> Iterator[
             yield f"{Path(file).stem}, live", model, options
 
 
-def print_following(chosen: argparse.Namespace) -> None:
+def print_following(arguments: argparse.Namespace) -> None:
     """A row for each model, the rules first."""
-    speeches = held_out(Path(chosen.speech), chosen.split, chosen.pauses)
+    speeches = held_out(Path(arguments.speech), arguments.split, arguments.pauses)
     seconds = sum(speech.seconds for speech in speeches)
-    print(f"{len(speeches)} recordings, {seconds / 60:.1f} min with pauses, split {chosen.split}\n")
-    bare = {"temperature": chosen.temperature, "calibrated": not chosen.bare}
-    rows: list[Player] = [("rules", RuleBasedModel(), {}), *players(chosen.bundle, bare)]
+    print(f"{len(speeches)} recordings, {seconds / 60:.1f} min with pauses, split {arguments.split}\n")
+    bare = {"temperature": arguments.temperature, "calibrated": not arguments.bare}
+    rows: list[Player] = [("rules", RuleBasedModel(), {}), *players(arguments.bundle, bare)]
     print("| | silence ratio | beat lift | of the rules' | own | gains |\n|---|---|---|---|---|---|")
-    first, count, spoken = 0.0, len(speeches), speeches * chosen.takes
+    first, count, takes = 0.0, len(speeches), speeches * arguments.takes
     for name, model, options in rows:
-        made = [model.generate(speech, seed=k, **BODY, **options) for k, speech in enumerate(spoken)]
-        moved = [speeds(motion) for motion in made]
-        lift = beat_lift([(s.samples, s.rate, m) for s, m in zip(spoken, made, strict=True)])
+        motions = [model.generate(speech, seed=k, **BODY, **options) for k, speech in enumerate(takes)]
+        movements = [speeds(motion) for motion in motions]
+        lift = beat_lift([(s.samples, s.rate, m) for s, m in zip(takes, motions, strict=True)])
         first = first or lift.far
-        settled, paused = silence_ratios(spoken, moved)
-        own = np.mean([own_beats_others(speeches, moved[k : k + count]) for k in range(0, len(moved), count)])
+        settled_ratio, pause_ratio = silence_ratios(takes, movements)
+        own = np.mean([own_beats_others(speeches, movements[k : k + count]) for k in range(0, len(movements), count)])
         half = (lift.interval[1] - lift.interval[0]) / 2
-        figures = f"{settled:.3f} ({paused:.3f}) | {lift.far:.3f} ± {half:.2g} | {lift.far / first:.0%} | {own:.0%}"
+        figures = f"{settled_ratio:.3f} ({pause_ratio:.3f}) | {lift.far:.3f} ± {half:.2g} | {lift.far / first:.0%} | {own:.0%}"
         print(f"| {name} | {figures} | {describe_gains(model)} |", flush=True)
 
 
@@ -202,11 +204,11 @@ def main() -> None:
     parser.add_argument("--takes", type=int, default=1, help="of each recording, with other seeds")
     parser.add_argument("--temperature", type=float, default=1.0, help="of the trained models")
     parser.add_argument("--bare", action="store_true", help="networks alone, without what was measured at bundling")
-    chosen = parser.parse_args()
-    if chosen.follow:
-        print_following(chosen)
+    arguments = parser.parse_args()
+    if arguments.follow:
+        print_following(arguments)
     else:
-        print_speeds(chosen.speech)
+        print_speeds(arguments.speech)
 
 
 if __name__ == "__main__":

@@ -38,21 +38,21 @@ ALIKE = 0.25  # contempt and disgust differ by no more than this share
 
 def utterances(folder: Path) -> list[np.ndarray]:
     """Mono utterances of a folder's files at RATE, of one loudness; the same recording at another rate is taken once."""
-    loaded = []
+    sounds = []
     for path in sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES) if folder.is_dir() else [folder]:
         samples, rate = soundfile.read(path, dtype="float32", always_2d=True)
-        loaded.append(soxr.resample(samples.mean(1), rate, RATE))
-    kept: dict[int, np.ndarray] = {}
+        sounds.append(soxr.resample(samples.mean(1), rate, RATE))
+    unique: dict[int, np.ndarray] = {}
     heads: list[np.ndarray] = []
-    for k in sorted(range(len(loaded)), key=lambda k: -len(loaded[k])):
-        if len(loaded[k]) < 1.2 * RATE:
+    for k in sorted(range(len(sounds)), key=lambda k: -len(sounds[k])):
+        if len(sounds[k]) < 1.2 * RATE:
             continue
-        head = energy_envelope(loaded[k][: int(1.5 * RATE)], RATE)[:115]
+        head = energy_envelope(sounds[k][: int(1.5 * RATE)], RATE)[:115]
         if any(np.corrcoef(head, other)[0, 1] > 0.98 for other in heads):
             continue
         heads.append(head)
-        kept[k] = loaded[k] * (0.05 / max(float(np.sqrt(np.mean(loaded[k] ** 2))), 1e-9))
-    return [kept[k] for k in sorted(kept)]
+        unique[k] = sounds[k] * (0.05 / max(float(np.sqrt(np.mean(sounds[k] ** 2))), 1e-9))
+    return [unique[k] for k in sorted(unique)]
 
 
 def recordings(paths: Sequence[Path]) -> list[np.ndarray]:
@@ -98,13 +98,13 @@ def judge_style(speech: Sequence[np.ndarray], style: str, emotion: str, seed: in
     exempt = set(STYLES[style].exempt)
     if unknown := exempt - set(REFERENCE):
         raise SystemExit(f"style {style!r} is exempt from rows that do not exist: {', '.join(sorted(unknown))}")
-    counted = [name for name in REFERENCE if name not in exempt]
-    inside = [name for name in counted if REFERENCE[name].holds(rows.get(name, np.nan))]
+    names = [name for name in REFERENCE if name not in exempt]
+    inside = [name for name in names if REFERENCE[name].holds(rows.get(name, np.nan))]
     lift = beat_lift([(samples, RATE, motion) for samples, motion in pairs])
-    share = len(inside) / len(counted)
+    share = len(inside) / len(names)
     return {
         "rows": rows,
-        "outside": [name for name in counted if name not in inside],
+        "outside": [name for name in names if name not in inside],
         "exempt": sorted(exempt),
         "share": share,
         "lift": asdict(lift),
@@ -155,8 +155,8 @@ def print_styles(results: dict[str, dict]) -> None:
     print(f"{'style':12s} {'rows inside':>18s} {'far lift':>9s} {'95 % interval':>16s} {'near lift':>10s} {'lag, s':>7s}")
     for name, result in results.items():
         lift = BeatLift(**result["lift"])
-        counted = len(REFERENCE) - len(result["exempt"])
-        inside = f"{counted - len(result['outside'])} of {counted}, {result['share']:.0%}"
+        count = len(REFERENCE) - len(result["exempt"])
+        inside = f"{count - len(result['outside'])} of {count}, {result['share']:.0%}"
         interval = f"{lift.interval[0]:+.0%} … {lift.interval[1]:+.0%}"
         verdict = "ok" if result["passed"] else "FAILS"
         print(f"{name:12s} {inside:>18s} {lift.far:>+9.0%} {interval:>16s} {lift.near:>+10.0%} {lift.lag:>+7.2f}  {verdict}")
@@ -186,7 +186,7 @@ def main() -> int:
     parser.add_argument("--no-emotions", action="store_true", help="leave out the table of emotions")
     parser.add_argument("--json", action="store_true", help="everything as JSON on stdout")
     options = parser.parse_args()
-    begun = time.perf_counter()
+    began = time.perf_counter()
     speech = sorted(recordings(options.speech), key=len, reverse=True)
     if not speech:
         parser.error(f"no speech in {', '.join(map(str, options.speech))}")
@@ -196,24 +196,24 @@ def main() -> int:
     seeds = [options.seed] if options.quick else [options.seed, options.seed + 1, options.seed + 2]
     emotions = None if options.no_emotions else judge_emotions(speech[:1] if options.quick else speech[:2], default, seeds)
     seconds = sum(map(len, speech)) / RATE
-    passed = all(r["passed"] for r in styles.values()) and (emotions is None or emotions["passed"])
+    success = all(r["passed"] for r in styles.values()) and (emotions is None or emotions["passed"])
     if options.json:
         report = {
             "speech_seconds": seconds,
             "recordings": len(speech),
             "styles": styles,
             "emotions": emotions,
-            "passed": passed,
+            "passed": success,
         }
         print(json.dumps(report, indent=1, ensure_ascii=False))
-        return 0 if passed else 1
+        return 0 if success else 1
     print(f"{seconds:.0f} s of speech in {len(speech)} recordings, emotion {options.emotion}, seed {options.seed}\n")
     print_styles(styles)
     if emotions:
         print(f"emotions on the same speech, style {default}:")
         print_emotions(emotions)
-    print(f"{'passed' if passed else 'FAILED'} in {time.perf_counter() - begun:.0f} s")
-    return 0 if passed else 1
+    print(f"{'passed' if success else 'FAILED'} in {time.perf_counter() - began:.0f} s")
+    return 0 if success else 1
 
 
 if __name__ == "__main__":

@@ -43,20 +43,20 @@ def play(show: Show, numbers: list[int], begin: float) -> tuple[list[float], lis
     pieces = [Speech(speech.samples[at : at + size]) for at in range(0, len(speech) - size, size)]
     model = load(show.model)
     sessions = {number: model.session(seed=number, fps=show.fps) for number in numbers}
-    took, waited = list[float](), list[float]()
+    took, waits = list[float](), list[float]()
     zero = time.perf_counter() + begin - time.time()
     for slot in range(round(show.minutes * 60 * show.fps)):
         for number, session in sessions.items():
             due = zero + (slot + number / show.sessions) / show.fps
             if (early := due - time.perf_counter()) > 0:
                 time.sleep(early)
-            started = time.perf_counter()
+            start = time.perf_counter()
             for _ in session.push(pieces[(slot + 97 * number) % len(pieces)]):
                 pass
-            done = time.perf_counter()
-            took.append(done - started)
-            waited.append(done - due)
-    return took, waited
+            end = time.perf_counter()
+            took.append(end - start)
+            waits.append(end - due)
+    return took, waits
 
 
 def main() -> None:
@@ -66,23 +66,23 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=5.0)
     parser.add_argument("--model", default="rules")
     parser.add_argument("--processes", type=int, default=len(os.sched_getaffinity(0)), help="one for each core where not given")
-    given = parser.parse_args()
-    show = Show(given.model, given.sessions, given.fps, given.minutes)
-    count = min(given.processes, show.sessions)
+    options = parser.parse_args()
+    show = Show(options.model, options.sessions, options.fps, options.minutes)
+    count = min(options.processes, show.sessions)
     print(f"{show.sessions} sessions of {show.model} at {show.fps:g} frames a second for {show.minutes:g} minutes, "
           f"{count} processes; {machine()}; load {os.getloadavg()[0]:.1f}", flush=True)  # fmt: skip
     shares = [list(range(first, show.sessions, count)) for first in range(count)]
     begin = time.time() + 5.0  # all have loaded their model by then
     with multiprocessing.get_context("spawn").Pool(count) as pool:
-        played = pool.starmap(play, [(show, numbers, begin) for numbers in shares])
-    busy = max(sum(each[0]) for each in played) / (60 * show.minutes)
-    took, waited = (1e3 * np.concatenate([np.array(each[k]) for each in played]) for k in (0, 1))
-    late = waited > 1e3 / show.fps
+        results = pool.starmap(play, [(show, numbers, begin) for numbers in shares])
+    busy = max(sum(each[0]) for each in results) / (60 * show.minutes)
+    took, waits = (1e3 * np.concatenate([np.array(each[k]) for each in results]) for k in (0, 1))
+    late = waits > 1e3 / show.fps
     p50, p99, p999 = np.percentile(took, (50, 99, 99.9))
     print(f"a push: p50 {p50:.2f} ms, p99 {p99:.2f} ms, p99.9 {p999:.2f} ms, at most {took.max():.1f} ms; "
           f"a core is busy for {100 * busy:.0f} % of the time")  # fmt: skip
     print(f"late frames: {late.sum()} of {len(late):,} ({100 * late.mean():.4f} %); "
-          f"a frame is ready after {np.percentile(waited, 99.9):.1f} ms (p99.9), {waited.max():.1f} ms at most")  # fmt: skip
+          f"a frame is ready after {np.percentile(waits, 99.9):.1f} ms (p99.9), {waits.max():.1f} ms at most")  # fmt: skip
 
 
 if __name__ == "__main__":

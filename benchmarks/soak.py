@@ -29,53 +29,53 @@ MOST_DRIFT = 1e-6  # seconds
 def day_of_speech(hours: float, piece: float) -> Iterator[Speech]:
     """The example over and over in pieces of so many seconds; words travel with the piece in which they start."""
     audio, words = example()
-    said = Speech.load(audio, transcript=words)
-    at, left = 0, round(hours * 3600 * said.rate)
-    step, turn = round(piece * said.rate), 0
-    while left > 0:
+    speech = Speech.load(audio, transcript=words)
+    at, remaining = 0, round(hours * 3600 * speech.rate)
+    step, turn = round(piece * speech.rate), 0
+    while remaining > 0:
         turn += 1
-        rest = round((SILENCE if turn % EVERY == 0 else PAUSE) * said.rate)
-        samples = np.concatenate([said.samples, np.zeros(rest, np.float32)])[:left]
-        begun = at / said.rate
-        words_here = [Word(w.text, begun + w.start, begun + w.end) for w in said.words or ()]
+        rest = round((SILENCE if turn % EVERY == 0 else PAUSE) * speech.rate)
+        samples = np.concatenate([speech.samples, np.zeros(rest, np.float32)])[:remaining]
+        offset = at / speech.rate
+        words_here = [Word(w.text, offset + w.start, offset + w.end) for w in speech.words or ()]
         for first in range(0, len(samples), step):
             part = samples[first : first + step]
-            until = begun + (first + len(part)) / said.rate
+            until = offset + (first + len(part)) / speech.rate
             count = next((k for k, word in enumerate(words_here) if word.start >= until), len(words_here))
-            yield Speech(part, said.rate, tuple(words_here[:count]), start=begun + first / said.rate)
+            yield Speech(part, speech.rate, tuple(words_here[:count]), start=offset + first / speech.rate)
             del words_here[:count]
-        at, left = at + len(samples), left - len(samples)
+        at, remaining = at + len(samples), remaining - len(samples)
 
 
-def verdict(what: str, good: bool, told: str) -> bool:
-    print(f"  {'pass' if good else 'FAIL'}  {what}: {told}", flush=True)
+def verdict(what: str, good: bool, text: str) -> bool:
+    print(f"  {'pass' if good else 'FAIL'}  {what}: {text}", flush=True)
     return good
 
 
 def soak(model: str, hours: float, piece: float, fps: float) -> bool:
     """Play, tell, judge."""
     session = load(model).session(fps=fps, seed=1)
-    heard, frames, drift, ahead, warm, most, mark = 0, 0, 0.0, 0.0, 0.0, 0.0, WARM
-    begun = time.process_time()
+    samples, frames, drift, ahead, warm, most, mark = 0, 0, 0.0, 0.0, 0.0, 0.0, WARM
+    began = time.process_time()
     for chunk in day_of_speech(hours, piece):
-        heard += len(chunk)
-        for made in session.push(chunk):
-            drift = max(drift, abs(made.start - frames / fps))
-            frames += len(made)
-        ahead = max(ahead, heard / chunk.rate - frames / fps)
-        if heard >= mark * 3600 * chunk.rate:
+        samples += len(chunk)
+        for motion in session.push(chunk):
+            drift = max(drift, abs(motion.start - frames / fps))
+            frames += len(motion)
+        ahead = max(ahead, samples / chunk.rate - frames / fps)
+        if samples >= mark * 3600 * chunk.rate:
             warm = warm or resident()
             most = max(most, resident() - warm)
-            work = time.process_time() - begun
-            print(f"{heard / chunk.rate / 3600:7.2f} h  {frames:>9,} frames  {resident():6.1f} MB, "
+            work = time.process_time() - began
+            print(f"{samples / chunk.rate / 3600:7.2f} h  {frames:>9,} frames  {resident():6.1f} MB, "
                   f"{resident() - warm:+5.1f} MB since the warm-up  drift {drift:.1e} s  "
                   f"sound ahead {ahead:.3f} s  {work:.0f} s of work", flush=True)  # fmt: skip
             mark = 1.0 if mark < 1 else mark + 1.0
     most = max(most, resident() - warm) if warm else np.inf  # shorter than the warm-up: it says nothing
-    for made in session.finish():
-        drift = max(drift, abs(made.start - frames / fps))
-        frames += len(made)
-    due = count_frames(Fraction(heard, chunk.rate), fps)
+    for motion in session.finish():
+        drift = max(drift, abs(motion.start - frames / fps))
+        frames += len(motion)
+    due = count_frames(Fraction(samples, chunk.rate), fps)
     late = session.latency + piece
     return all([
         verdict("frames", frames == due, f"{frames:,} of {due:,}"),
@@ -91,9 +91,9 @@ def main() -> None:
     parser.add_argument("--model", default="rules")
     parser.add_argument("--piece", type=float, default=1.0, help="seconds of speech that come at once")
     parser.add_argument("--fps", type=float, default=30.0)
-    given = parser.parse_args()
-    print(f"{given.hours:g} h of speech through {given.model}, {given.piece:g} s at once; {machine()}")
-    sys.exit(0 if soak(given.model, given.hours, given.piece, given.fps) else 1)
+    options = parser.parse_args()
+    print(f"{options.hours:g} h of speech through {options.model}, {options.piece:g} s at once; {machine()}")
+    sys.exit(0 if soak(options.model, options.hours, options.piece, options.fps) else 1)
 
 
 if __name__ == "__main__":

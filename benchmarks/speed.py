@@ -60,18 +60,18 @@ def long_speech(path: Path, hours: float) -> None:
 
 def memory_over(hours: float) -> list[tuple[float, float]]:
     """(share of the speech done, MB) at 10 %, 50 % and the end of generating from a long recording."""
-    seen: list[tuple[float, float]] = []
+    readings: list[tuple[float, float]] = []
     marks = [0.1, 0.5, 0.999]
 
-    def watch(done: float, total: float | None) -> None:
-        if marks and total and done / total >= marks[0]:
-            seen.append((marks.pop(0), resident()))
+    def watch(position: float, total: float | None) -> None:
+        if marks and total and position / total >= marks[0]:
+            readings.append((marks.pop(0), resident()))
 
     with tempfile.TemporaryDirectory() as folder:
         audio = Path(folder) / "long.flac"
         long_speech(audio, hours)
         generate_files(audio, [Path(folder) / f"talk{suffix}" for suffix in (".bvh", ".glb", ".npz")], progress=watch)
-    return seen
+    return readings
 
 
 def file_times(suffix: str, seconds: float = 60.0) -> tuple[float, float]:
@@ -107,38 +107,38 @@ def film_times(seconds: float, look: list[str]) -> tuple[float, float]:
             steps.append(["render", motion, film, "--audio", str(audio), *look])
         for step in steps:
             subprocess.run([sys.executable, "-m", "cospeech", *step], check=True, stdout=subprocess.DEVNULL)
-        after, ended = os.times(), time.perf_counter()
-    used = after.children_user + after.children_system - before.children_user - before.children_system
-    return used, ended - began
+        after, finish = os.times(), time.perf_counter()
+    work = after.children_user + after.children_system - before.children_user - before.children_system
+    return work, finish - began
 
 
 def main() -> None:
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--seconds", type=float, default=60.0)
-    options.add_argument("--hours", type=float, default=0.0)
-    options.add_argument("--film", type=float, default=0.0)
-    options.add_argument("--camera")
-    options.add_argument("--avatar")
-    chosen = options.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--hours", type=float, default=0.0)
+    parser.add_argument("--film", type=float, default=0.0)
+    parser.add_argument("--camera")
+    parser.add_argument("--avatar")
+    options = parser.parse_args()
     print(f"{machine()}, {time.strftime('%Y-%m-%d')}\n")
-    if chosen.film:
-        names = {"--camera": chosen.camera, "--avatar": chosen.avatar}
+    if options.film:
+        names = {"--camera": options.camera, "--avatar": options.avatar}
         look = [word for name, value in names.items() if value for word in (name, value)]
-        used, took = film_times(chosen.film, look)
-        print(f"{chosen.film:g} s of speech to .mp4: {used:.1f} s of processor time, {took:.1f} s of waiting")
+        work, took = film_times(options.film, look)
+        print(f"{options.film:g} s of speech to .mp4: {work:.1f} s of processor time, {took:.1f} s of waiting")
         return
     print("| what | value | |\n|---|---:|---|")
-    for row in measure(chosen.seconds):
+    for row in measure(options.seconds):
         print(f"| {row['what']} | {row['value']:.3g} {row['unit']} | {row['note']} |")
     for suffix in (".bvh", ".npz"):
-        written, read = file_times(suffix)
-        print(f"| motion of BEAT's size, {suffix} | {written:.3f} | of real time to write, {read:.3f} to read |")
-    if chosen.hours:
+        write, read = file_times(suffix)
+        print(f"| motion of BEAT's size, {suffix} | {write:.3f} | of real time to write, {read:.3f} to read |")
+    if options.hours:
         began = time.perf_counter()
-        seen = memory_over(chosen.hours)
+        readings = memory_over(options.hours)
         took = time.perf_counter() - began
-        text = ", ".join(f"{megabytes:.0f} MB at {share:.0%}" for share, megabytes in seen)
-        print(f"| {chosen.hours:g} h of speech to .bvh, .glb and .npz | {took:.0f} s | memory {text} |")
+        text = ", ".join(f"{megabytes:.0f} MB at {share:.0%}" for share, megabytes in readings)
+        print(f"| {options.hours:g} h of speech to .bvh, .glb and .npz | {took:.0f} s | memory {text} |")
 
 
 if __name__ == "__main__":

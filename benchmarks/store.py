@@ -41,10 +41,10 @@ def main() -> None:
         batches = store.windows(FRAMES, batch=BATCH, arrays=("pose",))
         best = 0.0
         for _ in range(3):
-            begun, count = time.perf_counter(), 0
-            while time.perf_counter() - begun < SECONDS / 3:
+            began, count = time.perf_counter(), 0
+            while time.perf_counter() - began < SECONDS / 3:
                 count += len(next(batches)["pose"])
-            best = max(best, count / (time.perf_counter() - begun))
+            best = max(best, count / (time.perf_counter() - began))
     print(f"{best:,.0f} random windows of {FRAMES} × {COLUMNS} float32 a second from {frames:,} frames, one core")
 
 

@@ -33,11 +33,11 @@ SYSTEMS = "abc"
 LEAST, MOST = 0.001, 0.05  # of p, with Holm's correction: a difference that is found, and one that is not
 
 
-def opinions(plan: StudyPlan, trial: Trial, draw: Random, planted: float) -> dict[tuple[str, int], int]:
+def opinions(plan: StudyPlan, trial: Trial, draw: Random, effect: float) -> dict[tuple[str, int], int]:
     """Preferences of a person to whom system a seems better."""
     if trial.check:
         return right_answers(plan, trial)
-    lean = [planted if system == "a" else 0.0 for system in trial.systems]
+    lean = [effect if system == "a" else 0.0 for system in trial.systems]
     return {key: min(2, max(-2, round(draw.gauss(lean[-1] - lean[0], 1)))) for key in answer_keys(plan, trial)}
 
 
@@ -58,26 +58,26 @@ def main() -> int:
     parser.add_argument("--raters", type=int, default=40)
     parser.add_argument("--stimuli", type=int, default=20)
     parser.add_argument("--planted", type=float, default=1.2)
-    chosen = parser.parse_args()
+    options = parser.parse_args()
     with tempfile.TemporaryDirectory() as place, open_chromium() as browser:
-        study = make_study(Path(place), chosen.stimuli)
+        study = make_study(Path(place), options.stimuli)
         plan, began = load_plan(study), time.monotonic()
         with serving(study) as port:
-            for number in range(chosen.raters):
+            for number in range(options.raters):
                 trials, draw = make_session(plan, number), Random(number)
                 context = browser.new_context()
                 page = context.new_page()
                 page.goto(f"http://127.0.0.1:{port}/")
-                take_part(page, trials, [opinions(plan, trial, draw, chosen.planted) for trial in trials])
+                take_part(page, trials, [opinions(plan, trial, draw, options.planted) for trial in trials])
                 context.close()
-                print(f"\rrater {number + 1} of {chosen.raters}", end="", file=sys.stderr, flush=True)
+                print(f"\rrater {number + 1} of {options.raters}", end="", file=sys.stderr, flush=True)
         text, findings = report_study(study)
         minutes = (time.monotonic() - began) / 60
     print(f"\n{text}\n\n{len(findings.raters.kept)} raters, {minutes:.1f} min in the page")
-    found = all(findings.chances[question.name, "a", other] < LEAST for question in plan.questions for other in "bc")
+    is_found = all(findings.chances[question.name, "a", other] < LEAST for question in plan.questions for other in "bc")
     alike = all(findings.chances[question.name, "b", "c"] > MOST for question in plan.questions)
-    print(f"the planted effect is {'found' if found else 'NOT found'}; b and c are {'alike' if alike else 'NOT alike'}")
-    return 0 if found and alike else 1
+    print(f"the planted effect is {'found' if is_found else 'NOT found'}; b and c are {'alike' if alike else 'NOT alike'}")
+    return 0 if is_found and alike else 1
 
 
 if __name__ == "__main__":

@@ -45,25 +45,25 @@ def main() -> None:
     parser.add_argument("speech", type=Path, help="a folder of recordings")
     parser.add_argument("--bundle", action="append", help="a file; those that ship where not given")
     parser.add_argument("--bare", action="store_true", help="networks alone, without what was measured at bundling")
-    chosen = parser.parse_args()
+    arguments = parser.parse_args()
     people = choose_speakers(SPEAKERS, SEED)
-    pieces = held_out(chosen.speech, "all", 0.0)
-    taught, tested = pieces[::2], pieces[1::2]
-    if not tested:
-        parser.error(f"{chosen.speech} has fewer than two pieces of 13 s or more")
-    judge = teach_judge(RuleBasedModel(), taught, people)
-    print(f"the judge learnt from {len(taught)} pieces; {len(tested)} others in {SPEAKERS} styles\n")
+    pieces = held_out(arguments.speech, "all", 0.0)
+    train_pieces, test_pieces = pieces[::2], pieces[1::2]
+    if not test_pieces:
+        parser.error(f"{arguments.speech} has fewer than two pieces of 13 s or more")
+    judge = teach_judge(RuleBasedModel(), train_pieces, people)
+    print(f"the judge learnt from {len(train_pieces)} pieces; {len(test_pieces)} others in {SPEAKERS} styles\n")
     print("| | named | named by a judge of its own | chance |\n|---|---|---|---|")
-    bare = {"calibrated": not chosen.bare, "stance": False}
-    rows: list[Player] = [("rules, other seeds", RuleBasedModel(), {}), *players(chosen.bundle, bare)]
+    bare = {"calibrated": not arguments.bare, "stance": False}
+    rows: list[Player] = [("rules, other seeds", RuleBasedModel(), {}), *players(arguments.bundle, bare)]
     for name, model, options in rows:
-        own = teach_judge(model, taught, people, arms=False, **options)
-        performed = list(perform(model, tested, people, 50_000, **options))
-        said = [[(who, each.name(motion)) for who, motion in performed] for each in (judge, own)]
-        print(f"| {name} | {' | '.join(map(share_right, said))} | {1 / SPEAKERS:.0%} |", flush=True)
+        own = teach_judge(model, train_pieces, people, arms=False, **options)
+        performances = list(perform(model, test_pieces, people, 50_000, **options))
+        answers = [[(who, each.name(motion)) for who, motion in performances] for each in (judge, own)]
+        print(f"| {name} | {' | '.join(map(share_right, answers))} | {1 / SPEAKERS:.0%} |", flush=True)
         if isinstance(model, RuleBasedModel):
-            lot = np.random.default_rng(0).permutation([who for who, _ in performed])
-            by_lot = share_right(list(zip(lot, (named for _, named in said[0]), strict=True)))
+            lot = np.random.default_rng(0).permutation([who for who, _ in performances])
+            by_lot = share_right(list(zip(lot, (answer for _, answer in answers[0]), strict=True)))
             print(f"| the same, styles by lot | {by_lot} | | |", flush=True)
 
 
@@ -77,7 +77,7 @@ def teach_judge(
 
 def share_right(pairs: list[tuple[int, int]]) -> str:
     """How often a judge was right, with its interval of 95 %."""
-    right = np.array([who == said for who, said in pairs])
+    right = np.array([who == answer for who, answer in pairs])
     return f"{right.mean():.0%} ± {1.96 * right.std() / len(right) ** 0.5:.0%}"
 
 

@@ -41,7 +41,7 @@ CUTTINGS = {
 }
 
 
-def recordings(shared: Path | None) -> Iterator[tuple[str, Speech, list[Word]]]:
+def recordings(folder: Path | None) -> Iterator[tuple[str, Speech, list[Word]]]:
     """(set, speech, words with their true times)."""
     sound, grid = example()
     speech = Speech.load(sound, transcript=grid)
@@ -49,18 +49,18 @@ def recordings(shared: Path | None) -> Iterator[tuple[str, Speech, list[Word]]]:
     assert speech.words is not None
     assert len(texts) == len(speech.words)
     yield "our example", speech, [Word(text, w.start, w.end) for text, w in zip(texts, speech.words, strict=True)]
-    if shared is None:
+    if folder is None:
         return
-    for path in sorted((shared / "data" / "speech" / "librivox").glob("*.json")):
+    for path in sorted((folder / "data" / "speech" / "librivox").glob("*.json")):
         if not path.with_suffix(".txt").is_file():  # phones
             continue
         rows = json.loads(path.read_text("utf-8").splitlines()[0])["w"]
         words = [Word(r["t"].split("(")[0], r["b"], r["b"] + r["d"]) for r in rows if r["t"][0] not in "<["]
-        said = path.with_suffix(".txt").read_text("utf-8").split()
-        if len(said) == len(words):  # with the signs that end sentences
-            words = [Word(text, w.start, w.end) for text, w in zip(said, words, strict=True)]
+        tokens = path.with_suffix(".txt").read_text("utf-8").split()
+        if len(tokens) == len(words):  # with the signs that end sentences
+            words = [Word(text, w.start, w.end) for text, w in zip(tokens, words, strict=True)]
         yield "LibriVox", Speech.load(path.with_suffix(".flac")), words
-    grid = shared / "data" / "face_grid_s1"
+    grid = folder / "data" / "face_grid_s1"
     for path in sorted((grid / "words").glob("*.align"))[EVERY]:
         lines = [line.split() for line in path.read_text("utf-8").splitlines()]
         words = [Word(text, int(a) / 25_000, int(b) / 25_000) for a, b, text in lines if text not in ("sil", "sp")]
@@ -69,14 +69,14 @@ def recordings(shared: Path | None) -> Iterator[tuple[str, Speech, list[Word]]]:
 
 def cut(words: list[Word], cutting: Cutting) -> list[list[Word]]:
     """Words by subtitles: these end with a sentence, at a pause, and where the letters do not suffice."""
-    found: list[list[Word]] = [[words[0]]]
+    cues: list[list[Word]] = [[words[0]]]
     for before, word in pairwise(words):
-        letters = len(" ".join(each.text for each in [*found[-1], word]))
+        letters = len(" ".join(each.text for each in [*cues[-1], word]))
         ends = before.text[-1] in ".?!" or word.start - before.end > PAUSE
         if letters > cutting.letters or (ends and cutting.letters < 1000):
-            found.append([])
-        found[-1].append(word)
-    return found
+            cues.append([])
+        cues[-1].append(word)
+    return cues
 
 
 def write(path: Path, cues: list[list[Word]], cutting: Cutting) -> None:
@@ -111,15 +111,15 @@ def main() -> None:
                     "by length": load_words(path, speech_seconds=speech.seconds),
                     "aligned": load_words(path, speech=speech),
                 }
-                for way, found in ways.items():
-                    assert len(found) == len(words), (name, label)
-                    own = [abs(a.start - b.start) for a, b in zip(found, words, strict=True)]
+                for way, guesses in ways.items():
+                    assert len(guesses) == len(words), (name, label)
+                    own = [abs(a.start - b.start) for a, b in zip(guesses, words, strict=True)]
                     errors.setdefault((label, way), {}).setdefault(name, []).append(own)
     sets = next(iter(errors.values()))
     counts = [f"{name}: {len(own)}, {sum(map(len, own))} words" for name, own in sets.items()]
     print(f"| subtitles | {' | '.join(counts)} |\n|---|{'---|' * len(sets)}")
-    for (label, way), found in errors.items():
-        cells = [", ".join(f"{q:.3f}" for q in np.quantile(np.concatenate(own), (0.5, 0.9))) for own in found.values()]
+    for (label, way), by_set in errors.items():
+        cells = [", ".join(f"{q:.3f}" for q in np.quantile(np.concatenate(own), (0.5, 0.9))) for own in by_set.values()]
         print(f"| {label}: {way} | {' | '.join(cells)} |")
     for label in CUTTINGS:
         worse = {

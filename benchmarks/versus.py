@@ -75,8 +75,8 @@ def measure(job: str, source: Path) -> list[float]:
     """Of one process, which imports the package from there."""
     env = os.environ | {"PYTHONPATH": str(source), "OMP_NUM_THREADS": "1"}
     command = [sys.executable, __file__, "--job", job]
-    done = subprocess.run(command, env=env, check=True, capture_output=True, text=True)
-    return [float(line) for line in done.stdout.split()]
+    process = subprocess.run(command, env=env, check=True, capture_output=True, text=True)
+    return [float(line) for line in process.stdout.split()]
 
 
 def compare(commit: str, jobs: list[str], turns: int) -> None:
@@ -87,11 +87,11 @@ def compare(commit: str, jobs: list[str], turns: int) -> None:
         sources = {"old": Path(folder) / "src", "new": ROOT / "src"}
         print(f"| job | {commit}, least / median | now | ratio, least / median | load |\n|---|---:|---:|---:|---:|")
         for job in jobs:
-            taken: dict[str, list[float]] = {name: [] for name in sources}
+            seconds: dict[str, list[float]] = {name: [] for name in sources}
             for _ in range(turns):
                 for name, source in sources.items():
-                    taken[name] += measure(job, source)
-            least, median = ({name: find(times) for name, times in taken.items()} for find in (min, statistics.median))
+                    seconds[name] += measure(job, source)
+            least, median = ({name: find(times) for name, times in seconds.items()} for find in (min, statistics.median))
             figures = [f"{least[name]:.5f} / {median[name]:.5f}" for name in sources]
             ratio = f"{least['old'] / least['new']:.2f} / {median['old'] / median['new']:.2f}"
             print(f"| {job} | {' | '.join(figures)} | {ratio} | {os.getloadavg()[0]:.1f} |", flush=True)
@@ -103,11 +103,11 @@ def main() -> None:
     parser.add_argument("--turns", type=int, default=4)
     parser.add_argument("--jobs", nargs="+", default=list(JOBS))
     parser.add_argument("--job", help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    if given.job:
-        run_job(given.job)
+    options = parser.parse_args()
+    if options.job:
+        run_job(options.job)
     else:
-        compare(given.commit, given.jobs, given.turns)
+        compare(options.commit, options.jobs, options.turns)
 
 
 if __name__ == "__main__":

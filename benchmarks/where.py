@@ -58,11 +58,11 @@ class Watch:
     def wrap(self, stage: str, function: Callable[..., Any]) -> Callable[..., Any]:
         """The function, watched."""
 
-        def watched(*given: Any, **named: Any) -> Any:
+        def watched(*arguments: Any, **keywords: Any) -> Any:
             around = {name for name, _ in self._stack}
             self._switch(NESTED[stage] if NESTED.get(stage) in around else stage)
             try:
-                return function(*given, **named)
+                return function(*arguments, **keywords)
             finally:
                 self._switch(None)
 
@@ -87,7 +87,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     jobs = ["rules:offline", "rules:live", "chain-of-generation:offline", "chain-of-generation:live"]
     parser.add_argument("jobs", nargs="*", default=jobs)
-    given = parser.parse_args()
+    options = parser.parse_args()
     watch = Watch()
     for stage, places in WATCHED.items():
         for place in places:
@@ -95,8 +95,8 @@ def main() -> None:
             cls, _, name = path.partition(".")
             owner = getattr(importlib.import_module(f"cospeech.{module}"), cls)
             setattr(owner, name, watch.wrap(stage, getattr(owner, name)))
-    found = {}
-    for job in given.jobs:
+    table = {}
+    for job in options.jobs:
         play, seconds = versus.prepare(job)
         play()
         best: tuple[float, Counter[str]] | None = None
@@ -108,13 +108,13 @@ def main() -> None:
             if best is None or took < best[0]:
                 best = took, Counter(watch.total)
         assert best is not None
-        found[job] = {name: spent / seconds for name, spent in best[1].items()}
-        found[job]["all"] = best[0] / seconds
-        found[job]["the rest"] = found[job]["all"] - sum(best[1].values()) / seconds
+        table[job] = {name: value / seconds for name, value in best[1].items()}
+        table[job]["all"] = best[0] / seconds
+        table[job]["the rest"] = table[job]["all"] - sum(best[1].values()) / seconds
     print(f"{machine()}, {time.strftime('%Y-%m-%d')}; thousandths of real time\n")
-    print(f"| stage | {' | '.join(found)} |\n|---|{'---:|' * len(found)}")
+    print(f"| stage | {' | '.join(table)} |\n|---|{'---:|' * len(table)}")
     for stage in (*WATCHED, "the rest", "all"):
-        print(f"| {stage} | {' | '.join(f'{1e3 * times.get(stage, 0):.2f}' for times in found.values())} |")
+        print(f"| {stage} | {' | '.join(f'{1e3 * times.get(stage, 0):.2f}' for times in table.values())} |")
 
 
 if __name__ == "__main__":

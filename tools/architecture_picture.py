@@ -23,9 +23,9 @@ DARK = "#263238"
 
 def layers(page: str) -> list[str]:
     """Names of the list below the heading *Layers*, lowest first."""
-    found = re.search(r"## Layers\n+```text\n(.*?)```", page, re.S)
-    assert found, "docs/contributing.md has no list of layers"
-    return found[1].replace("<", " ").split()
+    match = re.search(r"## Layers\n+```text\n(.*?)```", page, re.S)
+    assert match, "docs/contributing.md has no list of layers"
+    return match[1].replace("<", " ").split()
 
 
 def describe(name: str, page: str) -> str:

@@ -29,8 +29,8 @@ def digest_sources() -> str:
 def main() -> int:
     """Install, check the types, build twice: the page, then the viewer."""
     stamp = WEB / "node_modules" / ".built-from"
-    wanted = digest_sources()
-    if stamp.is_file() and stamp.read_text("utf-8") == wanted and (BUILT / "viewer.js").is_file():
+    digest = digest_sources()
+    if stamp.is_file() and stamp.read_text("utf-8") == digest and (BUILT / "viewer.js").is_file():
         print("the studio is built already")
         return 0
     if write_types.TARGET.read_text("utf-8") != write_types.write_messages():
@@ -42,7 +42,7 @@ def main() -> int:
     for command in ([node, modules / "typescript" / "bin" / "tsc", "--noEmit"], vite, [*vite, "--mode", "share"]):
         if not check.run(*command, cwd=WEB, env=os.environ | {"NO_COLOR": "1"}):
             return 1
-    stamp.write_text(wanted, "utf-8")
+    stamp.write_text(digest, "utf-8")
     size = sum(path.stat().st_size for path in BUILT.rglob("*") if path.is_file())
     print(f"the studio is built: {Path(BUILT).relative_to(check.ROOT)}, {size / 1e6:.1f} MB")
     return 0

@@ -281,34 +281,34 @@ def markdown(table: Table) -> str:
     return "\n".join([*lines, "", f"{table.about}; ± half of the 95 % interval over clips."])
 
 
-def build_face(chosen: argparse.Namespace, out: Path) -> None:
+def build_face(options: argparse.Namespace, out: Path) -> None:
     """The face, of real recordings."""
-    store, left = chosen.work / "store-faces", chosen.without
-    run = chosen.work / (f"run-face-without-{left}" if left else "run-face")
+    store, speaker = options.work / "store-faces", options.without
+    run = options.work / (f"run-face-without-{speaker}" if speaker else "run-face")
     if not (store / "index.json").exists():
-        print(prepare("faces", chosen.faces, store, pose="face", fps=60).summary())
-    own = [f"train.threads={chosen.threads}"]
-    if left:
-        own.append(f"data.speakers={json.dumps([name for name in Store(store).speakers if name != left])}")
-    recipe = load_recipe("speech_to_face", [*chosen.set, *own])
+        print(prepare("faces", options.faces, store, pose="face", fps=60).summary())
+    own = [f"train.threads={options.threads}"]
+    if speaker:
+        own.append(f"data.speakers={json.dumps([name for name in Store(store).speakers if name != speaker])}")
+    recipe = load_recipe("speech_to_face", [*options.set, *own])
     report = train(recipe, store, run, resume=True)
-    sized = run.with_name(f"{run.name}-sized")
-    print(*calibrate(run, store, sized), sep=", ")
+    sized_run = run.with_name(f"{run.name}-sized")
+    print(*calibrate(run, store, sized_run), sep=", ")
     shape = {"which": "last", "style": FACE_STYLE}
-    bundle_run(sized, out, **shape)
-    if left:
-        print(measure_faces(chosen.faces, out))
+    bundle_run(sized_run, out, **shape)
+    if speaker:
+        print(measure_faces(options.faces, out))
         return
-    facts = read_facts(sized)
-    kept = facts["store"]
+    facts = read_facts(sized_run)
+    corpus = facts["store"]
     config = build(SpeechToFaceConfig, facts["config"], "model")
     card = FACE.format(
-        minutes=kept["train_seconds"] / 60, parameters=report.parameters, fps=kept["fps"],
-        ahead=1000 * config.future / kept["fps"], train_steps=report.step, batch=recipe.train.batch,
-        machine=f"{chosen.threads} core of a {platform.machine()} machine, no GPU", names=", ".join(kept["speakers"]),
-        table=measure_faces(chosen.faces, out),
+        minutes=corpus["train_seconds"] / 60, parameters=report.parameters, fps=corpus["fps"],
+        ahead=1000 * config.future / corpus["fps"], train_steps=report.step, batch=recipe.train.batch,
+        machine=f"{options.threads} core of a {platform.machine()} machine, no GPU", names=", ".join(corpus["speakers"]),
+        table=measure_faces(options.faces, out),
     )  # fmt: skip
-    bundle_run(sized, out, card=card, **shape)
+    bundle_run(sized_run, out, card=card, **shape)
     print(f"{card}\n{out}  {out.stat().st_size / 1e6:.2f} MB")
 
 
@@ -317,16 +317,16 @@ def _settings_of(kind: Shipped) -> dict[str, Any]:
     return {"smooth": kind.smooth, "rests": True, "emotion_strength": dict(kind.emotion_strength)}
 
 
-def tell_following(path: Path, name: str, measured: str) -> None:
+def tell_following(path: Path, name: str, table: str) -> None:
     """Write the rows of a model and of the rules into its card, that its hands rest in silence, and how smooth it is."""
     bundle = read_bundle(path)
     first = f"| {name}"
-    kept = [line for line in measured.splitlines() if line.startswith(("| |", "|---", "| rules |", f"{first} |", f"{first},"))]
+    rows = [line for line in table.splitlines() if line.startswith(("| |", "|---", "| rules |", f"{first} |", f"{first},"))]
     card = bundle.members[CARD].decode().split(FOLLOWS.splitlines()[1])[0].rstrip()
-    members = {**bundle.members, CARD: (card + "\n" + FOLLOWS.format(rows="\n".join(kept))).encode()}
+    members = {**bundle.members, CARD: (card + "\n" + FOLLOWS.format(rows="\n".join(rows))).encode()}
     manifest = {key: value for key, value in bundle.manifest.items() if key not in ("members", "format")}
     write_bundle(path, manifest | _settings_of(KINDS[name]), members)
-    print(f"{path}: {len(kept) - 2} rows")
+    print(f"{path}: {len(rows) - 2} rows")
 
 
 def main() -> None:
@@ -341,54 +341,54 @@ def main() -> None:
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="of the recipe")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--out", type=Path, help="of the bundle; where it ships, else")
-    chosen = parser.parse_args()
-    if chosen.without and not chosen.out:
+    options = parser.parse_args()
+    if options.without and not options.out:
         parser.error("--without needs --out: its bundle does not ship")
-    out = chosen.out or SHIPPED / f"{chosen.name}{BUNDLE}"
-    if chosen.follow:
-        tell_following(out, chosen.name, chosen.follow.read_text("utf-8"))
+    out = options.out or SHIPPED / f"{options.name}{BUNDLE}"
+    if options.follow:
+        tell_following(out, options.name, options.follow.read_text("utf-8"))
         return
-    if chosen.work is None:
+    if options.work is None:
         parser.error("--work is missing")
-    if chosen.name not in KINDS:
-        build_face(chosen, out)
+    if options.name not in KINDS:
+        build_face(options, out)
         return
-    build_gestures(chosen, KINDS[chosen.name], out)
+    build_gestures(options, KINDS[options.name], out)
 
 
-def build_gestures(chosen: argparse.Namespace, kind: Shipped, out: Path) -> None:
+def build_gestures(options: argparse.Namespace, kind: Shipped, out: Path) -> None:
     """Body and hands, of the synthetic corpus."""
-    raw, store, run = chosen.work / "raw-beat", chosen.work / f"store-humanoid{kind.fps}", chosen.work / kind.run
+    raw, store, run = options.work / "raw-beat", options.work / f"store-humanoid{kind.fps}", options.work / kind.run
     if not raw.exists():
         print(
             synthesise(
-                raw, "beat", speech=chosen.speech, hours=chosen.hours, speakers=SPEAKERS, seed=SEED, silence=SILENCE
+                raw, "beat", speech=options.speech, hours=options.hours, speakers=SPEAKERS, seed=SEED, silence=SILENCE
             ).summary()
         )
     if not (store / "index.json").exists():
         print(prepare("beat", raw, store, pose="expmap-humanoid", fps=kind.fps).summary())
-    own, more = [f"train.threads={chosen.threads}"], dict[str, Any]()
+    own, more = [f"train.threads={options.threads}"], dict[str, Any]()
     if kind.teacher:
-        folder = chosen.work / "run-chain"
+        folder = options.work / "run-chain"
         theirs = train(load_recipe(kind.teacher, own), store, folder, resume=True)
         own.append(f"needs.teacher={folder}")
-        more = {"theirs": theirs.parameters, "their_steps": theirs.step, "name": chosen.name}
-    recipe = load_recipe(kind.recipe, [*chosen.set, *own])
+        more = {"theirs": theirs.parameters, "their_steps": theirs.step, "name": options.name}
+    recipe = load_recipe(kind.recipe, [*options.set, *own])
     report = train(recipe, store, run, resume=True)
     print(f"{report.step} steps, {report.parameters:,} parameters, best {report.best}")
     out.parent.mkdir(parents=True, exist_ok=True)
     settings = {"which": kind.which, "style": kind.style, **_settings_of(kind)}
     bundle_run(run, out, **settings)
     facts = read_facts(run)
-    systems: dict[str, Any] = {chosen.name: str(out), "rules": "rules"}
+    systems: dict[str, Any] = {options.name: str(out), "rules": "rules"}
     if kind.teacher:
-        systems = {chosen.name: str(out), f"{chosen.name}, offline": Offline(load(out)), "rules": "rules"}
+        systems = {options.name: str(out), f"{options.name}, offline": Offline(load(out)), "rules": "rules"}
     table = evaluate_store(systems, store, raw=raw, metrics=METRICS)
-    kept, config = facts["store"], facts["config"]
+    corpus, config = facts["store"], facts["config"]
     card = kind.card.format(
-        hours=kept["train_seconds"] / 3600, speakers=SPEAKERS, config=config, parameters=report.parameters,
-        look=config.get("look_ahead", 0) / kept["fps"], fps=kept["fps"], train_steps=report.step, batch=recipe.train.batch,
-        machine=f"{chosen.threads} core of a {platform.machine()} machine, no GPU", names=", ".join(kept["speakers"]),
+        hours=corpus["train_seconds"] / 3600, speakers=SPEAKERS, config=config, parameters=report.parameters,
+        look=config.get("look_ahead", 0) / corpus["fps"], fps=corpus["fps"], train_steps=report.step, batch=recipe.train.batch,
+        machine=f"{options.threads} core of a {platform.machine()} machine, no GPU", names=", ".join(corpus["speakers"]),
         table=markdown(table), **more,
     )  # fmt: skip
     bundle_run(run, out, card=card, **settings)

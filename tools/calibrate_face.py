@@ -49,7 +49,7 @@ class Takes:
 
     tracked: np.ndarray
     """(clips, 3, 52) `measure_face.moments` of all clips."""
-    made: np.ndarray
+    generated: np.ndarray
     """(frames, 52) of the clips that were played."""
     real: np.ndarray
     """(frames, 52) tracked, of the same clips."""
@@ -58,17 +58,17 @@ class Takes:
 def play(run: Path, store: Store) -> dict[str, dict[str, Takes]]:
     """Speaker → "train" and "validation", where there are clips."""
     net, facts = load_run(run, "last")
-    names, found = list(facts["store"]["speakers"]), dict[str, dict[str, Takes]]()
+    names, takes = list(facts["store"]["speakers"]), dict[str, dict[str, Takes]]()
     for name in names:
         for split, every in (("train", EVERY), ("validation", 1)):
             clips = [store.clip(e) for e in store.clips if e.speaker == name and e.split == split]
             if clips:
-                tracked = np.stack([moments(np.asarray(clip["pose"])[:, : len(ARKIT)]) for clip in clips])
-                played = clips[:: every if len(clips) > 10 * every else 1]
-                pairs = [_play(net, clip, names.index(name)) for clip in played]
-                made, real = (np.concatenate(side) for side in zip(*pairs, strict=True))
-                found.setdefault(name, {})[split] = Takes(tracked, made, real)
-    return found
+                sums = np.stack([moments(np.asarray(clip["pose"])[:, : len(ARKIT)]) for clip in clips])
+                sample = clips[:: every if len(clips) > 10 * every else 1]
+                pairs = [_play(net, clip, names.index(name)) for clip in sample]
+                generated, real = (np.concatenate(side) for side in zip(*pairs, strict=True))
+                takes.setdefault(name, {})[split] = Takes(sums, generated, real)
+    return takes
 
 
 def _play(net: Any, clip: Any, speaker: int) -> tuple[np.ndarray, np.ndarray]:
@@ -87,56 +87,56 @@ def interval(rows: np.ndarray) -> np.ndarray:
 
 def aims(splits: dict[str, Takes]) -> np.ndarray:
     """(52,) the deviation that a channel is brought to; 0 of those that stay as they are."""
-    tracked = np.concatenate([takes.tracked for takes in splits.values()])
-    wanted = deviation(tracked)
+    sums = np.concatenate([takes.tracked for takes in splits.values()])
+    targets = deviation(sums)
     if len(splits) > 1:
         own = deviation(splits["validation"].tracked)
         (low, high), (least, most) = (interval(splits[name].tracked) for name in ("train", "validation"))
-        wanted = np.where(((least > high) | (most < low)) & (own > LIVE), own, wanted)
-    return np.where(wanted > LIVE, MIDDLE * wanted, 0.0)
+        targets = np.where(((least > high) | (most < low)) & (own > LIVE), own, targets)
+    return np.where(targets > LIVE, MIDDLE * targets, 0.0)
 
 
 def stretches(splits: dict[str, Takes]) -> np.ndarray:
     """(52, 2) g and t of every weight of one speaker; 1 and 0 where nothing is to be done."""
-    found, wanted = np.tile([1.0, 0.0], (len(ARKIT), 1)), aims(splits)
+    factors, targets = np.tile([1.0, 0.0], (len(ARKIT), 1)), aims(splits)
     for name in {name.removesuffix("Left").removesuffix("Right") for name in ARKIT} - {*ALONE}:
         both = [ARKIT_INDEX[n] for n in (name, f"{name}Left", f"{name}Right") if n in ARKIT_INDEX]
-        live = [k for k in both if wanted[k] > 0]
+        live = [k for k in both if targets[k] > 0]
         if live:
-            found[both] = stretch([*splits.values()], live, wanted)
-    return found
+            factors[both] = stretch([*splits.values()], live, targets)
+    return factors
 
 
-def ratio(made: np.ndarray, wanted: np.ndarray, g: float, t: float) -> float:
+def ratio(weights: np.ndarray, targets: np.ndarray, g: float, t: float) -> float:
     """Standard deviation of (frames, sides), made ÷ wanted: geometric mean over sides."""
-    return float(np.exp(np.mean(np.log(np.maximum(np.clip(g * made - t, 0, 1).std(0), 1e-6) / wanted))))
+    return float(np.exp(np.mean(np.log(np.maximum(np.clip(g * weights - t, 0, 1).std(0), 1e-6) / targets))))
 
 
 def stretch(takes: list[Takes], sides: list[int], aim: np.ndarray) -> tuple[float, float]:
     """g and t of one channel with these sides, by errors of all takes and the size of the last; else 1 and 0."""
-    best, wanted, held = (np.inf, 1.0, 0.0), aim[sides], takes[-1].made[:, sides]
-    for floor in np.unique(np.quantile(np.concatenate([each.made[:, sides] for each in takes]), FLOORS)):
+    best, targets, weights = (np.inf, 1.0, 0.0), aim[sides], takes[-1].generated[:, sides]
+    for floor in np.unique(np.quantile(np.concatenate([each.generated[:, sides] for each in takes]), FLOORS)):
         few, many = 0.02, MOST
         for _ in range(14):  # the deviation grows with g, as t is in units of g
             middle = (few * many) ** 0.5
-            few, many = (middle, many) if ratio(held, wanted, middle, middle * floor) < 1 else (few, middle)
-        if ratio(held, wanted, many, many * floor) < 0.98:  # more than `MOST` would be needed
+            few, many = (middle, many) if ratio(weights, targets, middle, middle * floor) < 1 else (few, middle)
+        if ratio(weights, targets, many, many * floor) < 0.98:  # more than `MOST` would be needed
             continue
-        pairs = [(each.made[:, sides], each.real[:, sides]) for each in takes]
-        error = sum(float((np.abs(np.clip(many * (a - floor), 0, 1) - b).mean(0) / wanted).sum()) for a, b in pairs)
+        pairs = [(each.generated[:, sides], each.real[:, sides]) for each in takes]
+        error = sum(float((np.abs(np.clip(many * (a - floor), 0, 1) - b).mean(0) / targets).sum()) for a, b in pairs)
         best = min(best, (error, many, many * floor))
     return best[1], best[2]
 
 
 def calibrate(run: Path, store: Path, out: Path) -> Iterator[str]:
     """Write ``out``, a copy of a run with its last weights, calibrated; tells g and t of the channels that were stretched."""
-    (net, facts), told = load_run(run, "last"), list[str]()
+    (net, facts), lines = load_run(run, "last"), list[str]()
     factor, floor = torch.ones(net.styles, net.pose), torch.zeros(net.styles, net.pose)
     for name, splits in play(run, Store(store)).items():
-        found = stretches(splits)
+        pairs = stretches(splits)
         row = facts["store"]["speakers"].index(name)
-        factor[row, : len(ARKIT)], floor[row, : len(ARKIT)] = torch.from_numpy(found).float().unbind(1)
-        told += [f"{name} {n} {g:.2f} {t:.3f}" for n, (g, t) in zip(ARKIT, found, strict=True) if (g, t) != (1, 0)]
+        factor[row, : len(ARKIT)], floor[row, : len(ARKIT)] = torch.from_numpy(pairs).float().unbind(1)
+        lines += [f"{name} {n} {g:.2f} {t:.3f}" for n, (g, t) in zip(ARKIT, pairs, strict=True) if (g, t) != (1, 0)]
     change = ((factor - 1) * net.pose_mean - floor) / net.pose_std
     tensors, state = read_tensors(run / FILE)
     for prefix in ("model.", "ema."):
@@ -148,15 +148,15 @@ def calibrate(run: Path, store: Path, out: Path) -> Iterator[str]:
     write_tensors(out / FILE, tensors, state)
     average = with_prefix("model.", tensors) | with_prefix("ema.", tensors)
     write_tensors(out / "best.safetensors", average, {"step": state["step"], "best": state["best"]})  # what a bundle is made of
-    return iter(told)
+    return iter(lines)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for name in ("run", "store", "out"):
         parser.add_argument(name, type=Path)
-    given = parser.parse_args()
-    print(*calibrate(given.run, given.store, given.out), sep=", ")
+    options = parser.parse_args()
+    print(*calibrate(options.run, options.store, options.out), sep=", ")
 
 
 if __name__ == "__main__":

@@ -69,16 +69,16 @@ def blender() -> tuple[str | None, str]:
     if sys.version_info[:2] not in BLENDER_PYTHONS:
         return None, f"there is no bpy wheel for Python {sys.version_info[0]}.{sys.version_info[1]}"
     program = Path("Scripts", "python.exe") if os.name == "nt" else Path("bin", "python")
-    python, wanted = BLENDER / program, ROOT / "requirements" / "blender.txt"
-    if not is_current(BLENDER, wanted):
+    python, requirements = BLENDER / program, ROOT / "requirements" / "blender.txt"
+    if not is_current(BLENDER, requirements):
         print("   installing bpy (some 370 MB)", flush=True)
         shutil.rmtree(BLENDER, ignore_errors=True)
         uv, here = BIN / "uv", os.environ | {"VIRTUAL_ENV": str(BLENDER)}
         if not run(uv, "venv", "--quiet", "--python", sys.executable, BLENDER):
             raise SystemExit("cannot make a virtual environment for bpy")
-        if not run(uv, "pip", "install", "--quiet", "--require-hashes", "-r", wanted, env=here):
+        if not run(uv, "pip", "install", "--quiet", "--require-hashes", "-r", requirements, env=here):
             raise SystemExit("cannot install bpy")
-        (BLENDER / ".made-from").write_text(digest(wanted), "utf-8")
+        (BLENDER / ".made-from").write_text(digest(requirements), "utf-8")
     trial = subprocess.run([str(python), "-c", "import bpy"], capture_output=True, text=True)
     if trial.returncode == 0:
         return str(python), f"bpy in {BLENDER.name}"
@@ -90,11 +90,11 @@ def blender() -> tuple[str | None, str]:
 
 def node() -> tuple[str, list[str | Path]]:
     """A Node of version 20 or later, and the command of its npm; the PyPI wheel where the machine has none."""
-    found = shutil.which("node")
-    version = subprocess.run([found, "--version"], capture_output=True, text=True).stdout if found else ""
+    node_path = shutil.which("node")
+    version = subprocess.run([node_path, "--version"], capture_output=True, text=True).stdout if node_path else ""
     npm = shutil.which("npm")  # with its path: on Windows it is npm.cmd, which no program finds as npm
-    if found and npm and re.match(r"v(2\d|[3-9]\d)\.", version):
-        return found, [npm]
+    if node_path and npm and re.match(r"v(2\d|[3-9]\d)\.", version):
+        return node_path, [npm]
     print("   no Node >= 20 here: taking the PyPI wheel", flush=True)
     wheel = ["--require-hashes", "-r", ROOT / "requirements" / "node.txt"]
     if not run(sys.executable, "-m", "pip", "install", "--quiet", "--only-binary", ":all:", *wheel):
@@ -103,8 +103,8 @@ def node() -> tuple[str, list[str | Path]]:
     home = Path(subprocess.run(where, capture_output=True, text=True, check=True).stdout.strip())
     programs = home if os.name == "nt" else home / "bin"
     os.environ["PATH"] = f"{programs}{os.pathsep}{os.environ['PATH']}"
-    found = str(programs / ("node.exe" if os.name == "nt" else "node"))
-    return found, [found, next(home.rglob("npm/bin/npm-cli.js"))]
+    node_path = str(programs / ("node.exe" if os.name == "nt" else "node"))
+    return node_path, [node_path, next(home.rglob("npm/bin/npm-cli.js"))]
 
 
 def install_packages(folder: Path, npm: list[str | Path]) -> None:
@@ -117,7 +117,7 @@ def install_packages(folder: Path, npm: list[str | Path]) -> None:
     (modules / ".made-from").write_text(digest(lock), "utf-8")
 
 
-def chromium(found: str) -> tuple[str | None, str]:
+def chromium(node_path: str) -> tuple[str | None, str]:
     """A Chromium for the tests of pages, or None and the reason: that of the variable, of the machine, or of tests/node."""
     own = os.environ.get("COSPEECH_CHROMIUM")
     if own:
@@ -130,11 +130,11 @@ def chromium(found: str) -> tuple[str | None, str]:
     folder = NODE_TESTS / "node_modules" / ".chromium"
     folder.mkdir(exist_ok=True)
     here = os.environ | {"TMPDIR": str(folder)}
-    unpacked = subprocess.run(
-        [found, NODE_TESTS / "unpack_chromium.mjs"], capture_output=True, text=True, env=here, cwd=NODE_TESTS
+    result = subprocess.run(
+        [node_path, NODE_TESTS / "unpack_chromium.mjs"], capture_output=True, text=True, env=here, cwd=NODE_TESTS
     )
-    path = unpacked.stdout.strip()
-    trial = subprocess.run([path, "--version"], capture_output=True, text=True) if path else unpacked
+    path = result.stdout.strip()
+    trial = subprocess.run([path, "--version"], capture_output=True, text=True) if path else result
     return (
         (path, trial.stdout.strip()) if trial.returncode == 0 else (None, f"it does not start: {trial.stderr.strip()[-200:]}")
     )
@@ -149,9 +149,9 @@ def main(arguments: list[str]) -> int:
             good &= tests("-m", QUICK)
         return 0 if good else 1
     with ThreadPoolExecutor(1) as pool:  # mypy keeps one core busy, and what is installed keeps the network busy
-        linted = pool.submit(lint)
+        lint_result = pool.submit(lint)
         good = prepare()
-        good &= linted.result()
+        good &= lint_result.result()
     if not good:
         print("\nlinters or docs FAILED (above); the tests run all the same", flush=True)
     return 0 if tests() and good else 1
@@ -176,8 +176,8 @@ def prepare() -> bool:
         os.environ["COSPEECH_BLENDER_PYTHON"] = python
     print(f"   Blender: {why if python else 'SKIPPED, ' + why}")
 
-    shared = Path(os.environ.get("COSPEECH_SHARED", ROOT.parent / "shared"))
-    print(f"   shared data: {shared if shared.is_dir() else f'SKIPPED, none at {shared}'}", flush=True)
+    shared_data = Path(os.environ.get("COSPEECH_SHARED", ROOT.parent / "shared"))
+    print(f"   shared data: {shared_data if shared_data.is_dir() else f'SKIPPED, none at {shared_data}'}", flush=True)
     return good
 
 

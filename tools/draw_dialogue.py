@@ -42,10 +42,10 @@ def main() -> None:
             for role, seed, style in zip(roles, (3, 4), ("lively", "natural"), strict=True)
         ]
         write_group_film(film, cut_alike(moving), fps=30, sounds=[sound], avatars=[None, None])
-        with av.open(str(film)) as opened:
-            pictures = [frame.to_ndarray(format="rgb24") for frame in opened.decode(video=0)]
-    shown = np.concatenate([pictures[round(30 * moment)][::, :] for moment in MOMENTS], 1)
-    Image.fromarray(shown).resize((shown.shape[1] // 2, shown.shape[0] // 2), Image.Resampling.LANCZOS).save(
+        with av.open(str(film)) as container:
+            pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    strip = np.concatenate([pictures[round(30 * moment)][::, :] for moment in MOMENTS], 1)
+    Image.fromarray(strip).resize((strip.shape[1] // 2, strip.shape[0] // 2), Image.Resampling.LANCZOS).save(
         PICTURE, quality=80
     )
 

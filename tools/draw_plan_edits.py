@@ -36,8 +36,8 @@ def figures(motions: list[Motion], times: np.ndarray) -> list[list[Image.Image]]
     with FrameStream(Look(WIDTH, HEIGHT, find_view("body"), BACKDROP), FPS, FPS) as stream:
         patches = [*stream.push(still), *stream.flush()]
     blank = draw_backdrop(WIDTH, HEIGHT, BACKDROP)
-    drawn = [Image.fromarray(patch.paste(blank.copy())) for patch in patches[: len(still)]]
-    return [drawn[k : k + len(times)] for k in range(0, len(still), len(times))]
+    images = [Image.fromarray(patch.paste(blank.copy())) for patch in patches[: len(still)]]
+    return [images[k : k + len(times)] for k in range(0, len(still), len(times))]
 
 
 def _pick(motion: Motion, times: np.ndarray) -> Motion:
@@ -52,13 +52,13 @@ def draw(before: tuple[Motion, Plan], after: tuple[Motion, Plan], low: float, hi
     pen = ImageDraw.Draw(page)
     pen.text((6, 3), title, fill=INK, font=font)
     times = low + (np.arange(COUNT) + 0.5) * (high - low) / COUNT
-    drawn = figures([before[0], after[0]], times)
-    known = {(each.form, each.stroke, each.hands, each.size) for each in before[1].gestures}
-    played = {(each.form, each.stroke, each.hands, each.size) for each in after[1].gestures}
-    for row, (name, (_, plan), other) in enumerate((("before", before, played), ("after", after, known))):
+    images = figures([before[0], after[0]], times)
+    old_gestures = {(each.form, each.stroke, each.hands, each.size) for each in before[1].gestures}
+    new_gestures = {(each.form, each.stroke, each.hands, each.size) for each in after[1].gestures}
+    for row, (name, (_, plan), other) in enumerate((("before", before, new_gestures), ("after", after, old_gestures))):
         top = 22 + row * (HEIGHT + BAR)
         pen.text((6, top + HEIGHT // 2), name, fill=INK, font=font)
-        for k, figure in enumerate(drawn[row]):
+        for k, figure in enumerate(images[row]):
             page.paste(figure, (LEFT + k * WIDTH, top))
         for gesture in plan.gestures:
             end = gesture.stroke + 0.3 if gesture.end is None else gesture.end
@@ -93,14 +93,16 @@ def main(folder: Path) -> None:
         "stretch": ("plan.set(5, 8, intensity=0.3)", lambda p: p.set(5, 8, intensity=0.3), 4.8, 8.0),
     }
     for name, (title, edit, low, high) in edits.items():
-        edited = edit(plan)
-        after = model.generate(speech, plan=edited), model.plan(speech, plan=edited)  # type: ignore[attr-defined]
+        new_plan = edit(plan)
+        after = model.generate(speech, plan=new_plan), model.plan(speech, plan=new_plan)  # type: ignore[attr-defined]
         draw(usual, after, low, high, title).quantize(160).save(folder / f"plan-{name}.png", optimize=True)
     new = model.generate(speech, seed=5)
-    kept = KeptStretches(usual[0], [(0, 5.2)], FPS).push(new)
-    mixed = plan.model_copy(update={"gestures": ()})
+    motion = KeptStretches(usual[0], [(0, 5.2)], FPS).push(new)
+    empty_plan = plan.model_copy(update={"gestures": ()})
     title = "--keep 0:5.2 old.bvh --seed 5: old up to 5.2 s, new from there on"
-    draw((usual[0], mixed), (kept, mixed), 4.4, 6.8, title).quantize(160).save(folder / "plan-keep.png", optimize=True)
+    draw((usual[0], empty_plan), (motion, empty_plan), 4.4, 6.8, title).quantize(160).save(
+        folder / "plan-keep.png", optimize=True
+    )
 
 
 if __name__ == "__main__":

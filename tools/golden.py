@@ -49,10 +49,10 @@ def cospeech(folder: Path, *arguments: object) -> str:
     """Run a command in a folder; its standard output."""
     environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     command = [sys.executable, "-m", "cospeech", *map(str, arguments)]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, env=environment)
-    if done.returncode:
-        raise SystemExit(f"cospeech {' '.join(map(str, arguments))}\n{done.stderr}")
-    return done.stdout
+    process = subprocess.run(command, cwd=folder, capture_output=True, text=True, env=environment)
+    if process.returncode:
+        raise SystemExit(f"cospeech {' '.join(map(str, arguments))}\n{process.stderr}")
+    return process.stdout
 
 
 def entry(arrays: Mapping[str, np.ndarray]) -> dict[str, object]:
@@ -65,9 +65,9 @@ def entry(arrays: Mapping[str, np.ndarray]) -> dict[str, object]:
             flat = array.astype(np.float64).ravel()
             draw = np.random.default_rng(flat.size).normal(size=(PROJECTIONS, flat.size)) / np.sqrt(flat.size)
             values.append((digests[-1], [float(np.abs(flat).mean()), *map(float, draw @ flat)]))
-    ordered = sorted(values, key=lambda pair: (round(pair[1][0], 6), len(pair[1])))
+    pairs = sorted(values, key=lambda pair: (round(pair[1][0], 6), len(pair[1])))
     whole = hashlib.sha256("".join(sorted(digests)).encode()).hexdigest()
-    return {"sha256": whole, "values": [number for _, numbers in ordered for number in numbers]}
+    return {"sha256": whole, "values": [number for _, numbers in pairs for number in numbers]}
 
 
 def of_bytes(path: Path) -> dict[str, object]:
@@ -94,13 +94,13 @@ def motions(folder: Path) -> Iterator[tuple[str, dict[str, object]]]:
     for row in rows:
         names.setdefault(str(row.get("model", "rules")), []).append(str(row["name"]))
     names.setdefault("speech-to-face", [])
-    for model, known in sorted(names.items()):
-        mixed = [f"{known[0]}:0.7,{known[1]}:0.3"] if len(known) > 1 else []
-        for style in [*known[:2], *mixed] or [""]:
+    for model, styles in sorted(names.items()):
+        mixtures = [f"{styles[0]}:0.7,{styles[1]}:0.3"] if len(styles) > 1 else []
+        for style in [*styles[:2], *mixtures] or [""]:
             for speech in speeches_of(folder):
-                chosen = ["--style", style] if style else []
+                options = ["--style", style] if style else []
                 out = ["-o", "face.json"] if model == "speech-to-face" else ["-o", "motion.npz", "-o", "face.json"]
-                cospeech(folder, "generate", speech, "--model", model, *chosen, "--fps", "30", "-q", *out)
+                cospeech(folder, "generate", speech, "--model", model, *options, "--fps", "30", "-q", *out)
                 arrays = {
                     "face": np.array([f["weights"] for f in json.loads((folder / "face.json").read_text("utf-8"))["frames"]])
                 }
@@ -156,19 +156,19 @@ def trainings(folder: Path, recipes: Path) -> Iterator[tuple[str, dict[str, obje
 
 def make(recipes: Path, only: str) -> dict[str, dict[str, object]]:
     """Everything, told on standard error as it comes."""
-    found: dict[str, dict[str, object]] = {}
+    entries: dict[str, dict[str, object]] = {}
     with TemporaryDirectory() as place:
         folder = Path(place)
         speeches(folder)
         parts = {"motion": motions, "export": exports, "prepare": stores, "train": lambda f: trainings(f, recipes)}
-        wanted = only.split(",") if only else list(parts)
-        if "train" in wanted and "prepare" not in wanted:
-            wanted.insert(0, "prepare")
-        for part in (name for name in parts if name in wanted):
+        names = only.split(",") if only else list(parts)
+        if "train" in names and "prepare" not in names:
+            names.insert(0, "prepare")
+        for part in (name for name in parts if name in names):
             for name, value in parts[part](folder):
                 print(name, str(value["sha256"])[:12], file=sys.stderr, flush=True)
-                found[name] = value
-    return found
+                entries[name] = value
+    return entries
 
 
 def compare(before: Mapping[str, dict], after: Mapping[str, dict], tolerance: float) -> bool:
@@ -182,9 +182,9 @@ def compare(before: Mapping[str, dict], after: Mapping[str, dict], tolerance: fl
             equal += 1
         else:
             a, b = (np.array(side[name]["values"]) for side in (before, after))
-            moved = float(np.abs(a - b).max() / max(np.abs(a).max(), 1e-12)) if a.shape == b.shape else np.inf
-            print(f"{name}: moved by {moved:.2g}")
-            good &= moved <= tolerance
+            distance = float(np.abs(a - b).max() / max(np.abs(a).max(), 1e-12)) if a.shape == b.shape else np.inf
+            print(f"{name}: moved by {distance:.2g}")
+            good &= distance <= tolerance
     print(f"{equal} entries equal, of {len(before)}")
     return good
 
@@ -196,14 +196,14 @@ def main() -> int:
     parser.add_argument("--recipes", type=Path, default=ROOT / "src/cospeech/training/recipes")
     parser.add_argument("--only", default="", help="motion, export, prepare, train; separated by commas")
     parser.add_argument("--tolerance", type=float, default=0.0, help="of fingerprints, relative; 0: the same bits")
-    given = parser.parse_args()
-    made = make(given.recipes.resolve(), given.only)
-    if given.what == "record":
-        given.file.write_text(json.dumps(made, indent=1) + "\n", "utf-8")
+    options = parser.parse_args()
+    entries = make(options.recipes.resolve(), options.only)
+    if options.what == "record":
+        options.file.write_text(json.dumps(entries, indent=1) + "\n", "utf-8")
         return 0
-    before = json.loads(given.file.read_text("utf-8"))
-    kinds = {name.partition("/")[0] for name in made}
-    return 0 if compare({k: v for k, v in before.items() if k.partition("/")[0] in kinds}, made, given.tolerance) else 1
+    before = json.loads(options.file.read_text("utf-8"))
+    kinds = {name.partition("/")[0] for name in entries}
+    return 0 if compare({k: v for k, v in before.items() if k.partition("/")[0] in kinds}, entries, options.tolerance) else 1
 
 
 if __name__ == "__main__":

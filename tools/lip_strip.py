@@ -42,9 +42,9 @@ def pictures(weights: np.ndarray) -> list[Image.Image]:
     with FrameStream(Look(side, side, find_view("face"), BACKDROP), RATE, RATE) as stream:
         patches = [*stream.push(motion), *stream.flush()]
     blank = draw_backdrop(side, side, BACKDROP)
-    drawn = [Image.fromarray(patch.paste(blank.copy())) for patch in patches]
+    images = [Image.fromarray(patch.paste(blank.copy())) for patch in patches]
     x, y = (round(share * side) for share in CORNER)
-    return [picture.crop((x, y, x + SIDE, y + SIDE)) for picture in drawn[: len(weights)]]
+    return [picture.crop((x, y, x + SIDE, y + SIDE)) for picture in images[: len(weights)]]
 
 
 def shown(speech: Speech, times: np.ndarray, bundle: Path) -> np.ndarray:
@@ -73,8 +73,8 @@ def draw(speech: Speech, motion: Motion | None, other: Path | None, step: float)
         for column, picture in enumerate(pictures(weights)):
             strip.paste(picture, (LEFT + column * SIDE, TOP + row * SIDE))
     for column, time in enumerate(times):
-        said = next((word.text for word in words if word.start - 0.06 <= time < word.end - 0.03), "")
-        pen.text((LEFT + column * SIDE + 4, 4), f"{time:.2f} s  {said}", fill=INK, font=font)
+        text = next((word.text for word in words if word.start - 0.06 <= time < word.end - 0.03), "")
+        pen.text((LEFT + column * SIDE + 4, 4), f"{time:.2f} s  {text}", fill=INK, font=font)
     return strip
 
 
@@ -85,13 +85,13 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--other", type=Path)
     parser.add_argument("--step", type=float, default=0.12)
-    given = parser.parse_args()
-    if Path(given.raw).is_file():
-        speech, motion = Speech.load(given.raw, transcript=given.clip), None
+    options = parser.parse_args()
+    if Path(options.raw).is_file():
+        speech, motion = Speech.load(options.raw, transcript=options.clip), None
     else:
-        clip = next(clip for clip in read(given.raw) if isinstance(clip, Clip) and clip.name == given.clip)
+        clip = next(clip for clip in read(options.raw) if isinstance(clip, Clip) and clip.name == options.clip)
         speech, motion = clip.speech, clip.motion
-    draw(speech, motion, given.other, given.step).quantize(128).save(given.out, optimize=True)
+    draw(speech, motion, options.other, options.step).quantize(128).save(options.out, optimize=True)
 
 
 if __name__ == "__main__":

@@ -56,7 +56,7 @@ def rasterise(points, depth, triangles, size):
     return best, bary
 
 
-def paint(posed, normals, parts, eye, target, size=(500, 700), lens=2.4, back=(0.80, 0.82, 0.85), zoom=2):
+def paint(vertices, normals, parts, eye, target, size=(500, 700), lens=2.4, back=(0.80, 0.82, 0.85), zoom=2):
     """A picture of posed parts; ``lens`` is the focal length in half picture heights."""
     width, height = size[0] * zoom, size[1] * zoom
     forward = np.asarray(target, float) - eye
@@ -64,8 +64,8 @@ def paint(posed, normals, parts, eye, target, size=(500, 700), lens=2.4, back=(0
     right = np.cross(forward, [0, 1, 0])
     right /= np.linalg.norm(right)
     view = np.stack([right, np.cross(right, forward), forward])
-    starts = np.cumsum([0, *(len(p) for p in posed)])
-    points, normals = np.concatenate(posed), np.concatenate(normals)
+    starts = np.cumsum([0, *(len(p) for p in vertices)])
+    points, normals = np.concatenate(vertices), np.concatenate(normals)
     colours = np.concatenate([np.broadcast_to(p.colour, p.vertices.shape) for p in parts])
     gloss = np.concatenate([np.full(len(p.vertices), 1 - p.roughness) for p in parts])
     triangles = np.concatenate([p.triangles + s for p, s in zip(parts, starts, strict=False)])

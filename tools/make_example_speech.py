@@ -116,10 +116,10 @@ class Flite:
 
 
 def _library(name: str) -> ctypes.CDLL:
-    found = ctypes.util.find_library(name)
-    if found is None:
+    path = ctypes.util.find_library(name)
+    if path is None:
         raise SystemExit(f"error: lib{name} is not installed (apt install libflite1)")
-    return ctypes.CDLL(found, mode=ctypes.RTLD_GLOBAL)
+    return ctypes.CDLL(path, mode=ctypes.RTLD_GLOBAL)
 
 
 def make() -> tuple[np.ndarray, list[tuple[str, float, float]]]:
@@ -128,13 +128,13 @@ def make() -> tuple[np.ndarray, list[tuple[str, float, float]]]:
     words: list[tuple[str, float, float]] = []
     at = 0
     for line in LINES:
-        samples, spoken = flite.speak(line)
-        first = max(0, round((spoken[0][1] - 0.1) * RATE))  # Flite's own silences around an utterance are cut to 0.1 s
-        last = min(len(samples), round((spoken[-1][2] + 0.1) * RATE))
+        samples, line_words = flite.speak(line)
+        first = max(0, round((line_words[0][1] - 0.1) * RATE))  # Flite's own silences around an utterance are cut to 0.1 s
+        last = min(len(samples), round((line_words[-1][2] + 0.1) * RATE))
         sound = samples[first:last].astype(np.float32) / 32768
         fade = np.minimum(1, np.arange(len(sound)) / (FADE * RATE))
         parts += [sound * fade * fade[::-1], np.zeros(round(line.pause * RATE), np.float32)]
-        words += [(text, (at - first) / RATE + start, (at - first) / RATE + end) for text, start, end in spoken]
+        words += [(text, (at - first) / RATE + start, (at - first) / RATE + end) for text, start, end in line_words]
         at += sum(map(len, parts[-2:]))
     speech = np.concatenate(parts)
     return (speech * (0.7 / np.abs(speech).max())).astype(np.float32), words

@@ -53,8 +53,8 @@ def sound(speech: cospeech.Speech, at: float, width: int, height: int) -> Image.
     middle, half = 44, 30
     for x, column in enumerate(columns):
         reach = max(1, round(half * min(1.0, float(column.max()) / 0.6)))
-        said = x < at / SECONDS * (width - 24)
-        draw.line((x + 12, middle - reach, x + 12, middle + reach), fill=INK if said else PALE)
+        is_past = x < at / SECONDS * (width - 24)
+        draw.line((x + 12, middle - reach, x + 12, middle + reach), fill=INK if is_past else PALE)
     x = 12 + at / SECONDS * (width - 24)
     draw.line((x, middle - half - 6, x, middle + half + 6), fill=MARK, width=2)
     font = ImageFont.load_default(19)
@@ -138,18 +138,18 @@ def main() -> None:
     parser.add_argument("speech", nargs="?", type=Path, help="a second speech")
     parser.add_argument("transcript", nargs="?", default="", help='of it; "" where there is none')
     parser.add_argument("more", nargs="*", type=Path, help="recordings whose face is drawn")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     speech = cospeech.Speech.load(EXAMPLE, transcript=EXAMPLE_WORDS)
     motion = cospeech.load("rules").generate(speech, style=STYLE, emotion=EMOTION, seed=SEED)
     MEDIA.mkdir(exist_ok=True)
     moving_picture(speech, motion, MEDIA / "talk.gif")
     motion.save(MEDIA / "strip.png", audio=EXAMPLE, words=list(speech.words or ()))
     people(speech, EXAMPLE, "example")
-    if asked.speech is not None:
-        other = cospeech.Speech.load(asked.speech, transcript=asked.transcript or None)
-        people(other, asked.speech, asked.speech.stem)
-        chain(other, asked.speech, asked.speech.stem)
-    for more in asked.more:
+    if options.speech is not None:
+        other = cospeech.Speech.load(options.speech, transcript=options.transcript or None)
+        people(other, options.speech, options.speech.stem)
+        chain(other, options.speech, options.speech.stem)
+    for more in options.more:
         face(more)
     for path in sorted(MEDIA.iterdir()):
         print(f"{path.name}: {path.stat().st_size / 1e6:.2f} MB")

@@ -66,20 +66,20 @@ class Run:
     @torch.no_grad()
     def __call__(self, rows: Array) -> Array:
         """(T, 84) → (T, 8) logits."""
-        heard = torch.from_numpy(np.asarray(reduce_audio(rows, self.facts["recipe"]["data"]["audio"]), np.float32))
-        heard = (heard - self.statistics["audio_mean"]) / self.statistics["audio_std"]
-        found: Array = self.model(heard[None])[0, :, -len(EMOTIONS) :].numpy()
-        return found
+        features = torch.from_numpy(np.asarray(reduce_audio(rows, self.facts["recipe"]["data"]["audio"]), np.float32))
+        features = (features - self.statistics["audio_mean"]) / self.statistics["audio_std"]
+        logits: Array = self.model(features[None])[0, :, -len(EMOTIONS) :].numpy()
+        return logits
 
     def hear(self, speech: Speech) -> Array:
         return self(audio_features(speech, speech.frames(self.fps), self.fps)).mean(0)
 
 
-def confusion(true: list[int], said: list[int]) -> str:
+def confusion(true: list[int], answers: list[int]) -> str:
     """Counts as lines of text: rows are what is true."""
     lines = [" " * 11 + " ".join(f"{name[:7]:>7}" for name in EMOTIONS)]
     for k, name in enumerate(EMOTIONS):
-        counts = [sum(t == k and s == j for t, s in zip(true, said, strict=True)) for j in range(len(EMOTIONS))]
+        counts = [sum(t == k and s == j for t, s in zip(true, answers, strict=True)) for j in range(len(EMOTIONS))]
         if sum(counts):
             lines.append(f"{name:11}" + " ".join(f"{count:7d}" for count in counts))
     return "\n".join(lines)
@@ -91,14 +91,14 @@ def voices(store: Store, work: Path, recipe_file: Path, held_out: int, steps: in
     if steps is not None:
         recipe = replace(recipe, train=replace(recipe.train, steps=steps))
     true: dict[str, list[int]] = {"piece": [], "clip": []}
-    said: dict[str, list[int]] = {"piece": [], "clip": []}
+    answers: dict[str, list[int]] = {"piece": [], "clip": []}
     names: dict[str, list[str]] = {"piece": [], "clip": []}
     for first in range(0, len(store.speakers), held_out):
         new = store.speakers[first : first + held_out]
         folder = work / ("without-" + "-".join(new))
         if not (folder / "best.safetensors").is_file():
-            known = tuple(name for name in store.speakers if name not in new)
-            train(replace(recipe, data=replace(recipe.data, speakers=known)), store, folder)
+            speakers = tuple(name for name in store.speakers if name not in new)
+            train(replace(recipe, data=replace(recipe.data, speakers=speakers)), store, folder)
         run = Run(folder)
         for entry in store.clips:
             if entry.speaker not in new or "emotion" not in entry.has:
@@ -108,14 +108,14 @@ def voices(store: Store, work: Path, recipe_file: Path, held_out: int, steps: in
             for what, size in (("piece", run.size), ("clip", len(logits))):
                 for part in pieces(len(logits), size):
                     true[what].append(emotion)
-                    said[what].append(int(logits[part].mean(0).argmax()))
+                    answers[what].append(int(logits[part].mean(0).argmax()))
                     names[what].append(entry.name)
         print(f"without {', '.join(new)}: {len(names['clip'])} clips so far", flush=True)
     for what, words in (("piece", f"pieces of {PIECE} s"), ("clip", "clips")):
-        score = macro_f1(true[what], said[what], names[what], classes=len(EMOTIONS))
+        score = macro_f1(true[what], answers[what], names[what], classes=len(EMOTIONS))
         always = macro_f1(true[what], [0] * len(true[what]), names[what], classes=len(EMOTIONS))
         print(f"{words}: macro-F1 {format_score(score)} of {score.count}, {score.note}; always neutral {always.value:.2f}")
-    print(confusion(true["clip"], said["clip"]))
+    print(confusion(true["clip"], answers["clip"]))
 
 
 def mood(speech: Speech) -> Array:
@@ -129,23 +129,23 @@ def mood(speech: Speech) -> Array:
 
 def find_recordings(folder: Path) -> list[tuple[str, int, Speech]]:
     """Recordings whose names say an emotion: name, emotion, speech; not the loops of one of them (``…_16khz_20_sec``)."""
-    found = []
+    rows = []
     for path in sorted(folder.iterdir()):
         words = path.stem.lower().split("_")
         emotion = next((SPOKEN[word] for word in words if word in SPOKEN), None)
         if emotion is not None and "khz" not in path.stem and path.suffix in (".flac", ".wav"):
-            found.append((path.stem, EMOTIONS.index(emotion), Speech.load(path)))
-    return found
+            rows.append((path.stem, EMOTIONS.index(emotion), Speech.load(path)))
+    return rows
 
 
 def cues(speech: Speech) -> str:
     """A row: level and range of pitch, brightness, how fast the loudness changes; of what is spoken."""
-    heard = analyse(speech)
-    loud = heard.energy > np.percentile(heard.energy, 95) - 25
-    octaves = np.log2(heard.pitch[loud & (heard.pitch > 0)])
+    features = analyse(speech)
+    loud = features.energy > np.percentile(features.energy, 95) - 25
+    octaves = np.log2(features.pitch[loud & (features.pitch > 0)])
     spread = np.subtract(*np.percentile(octaves, [90, 10]))
-    bright = heard.bands[loud, 3:].mean() - heard.bands[loud, 1].mean()
-    quick = np.abs(np.diff(heard.energy[loud])).mean() * FPS
+    bright = features.bands[loud, 3:].mean() - features.bands[loud, 1].mean()
+    quick = np.abs(np.diff(features.energy[loud])).mean() * FPS
     return f"{2 ** np.median(octaves):.0f} Hz | {spread:.2f} octaves | {bright:.1f} dB | {quick:.0f} dB/s"
 
 
@@ -168,9 +168,9 @@ def recordings(folder: Path, runs: list[Path]) -> None:
                 names.append(clip)
         print(f"{name}")
         parts = [("clips", whole, [e for _, e, _ in clips], [c for c, _, _ in clips]), ("pieces", logits, true, names)]
-        for what, heard, right, own in parts:
-            for among, kept in (("all eight", list(range(len(EMOTIONS)))), (f"the {len(there)} that occur", there)):
-                answers = [kept[int(np.argmax(row[kept]))] for row in heard]
+        for what, outputs, right, own in parts:
+            for among, labels in (("all eight", list(range(len(EMOTIONS)))), (f"the {len(there)} that occur", there)):
+                answers = [labels[int(np.argmax(row[labels]))] for row in outputs]
                 score = macro_f1(right, answers, own, classes=len(EMOTIONS))
                 print(f"  {what}, among {among}: macro-F1 {format_score(score)} of {score.count}")
         print(confusion([e for _, e, _ in clips], [int(np.argmax(row)) for row in whole]), flush=True)
@@ -181,7 +181,7 @@ def gestures(name: str, paths: list[Path], seeds: int, seconds: float) -> None:
     model = cospeech.load(name)
     speeches = [Speech.load(path) for path in paths]
     speeches = [speech.window(speech.start, speech.start + seconds) for speech in speeches]
-    made: dict[str, list[Wrists]] = {
+    wrists: dict[str, list[Wrists]] = {
         emotion: [wrists_of(model.generate(s, emotion=emotion, seed=k)) for s in speeches for k in range(seeds)]
         for emotion in EMOTIONS
     }
@@ -190,7 +190,7 @@ def gestures(name: str, paths: list[Path], seeds: int, seconds: float) -> None:
     for emotion in EMOTIONS[1:]:
         print(
             f"| {emotion} | "
-            + " | ".join(format_score(score) for score in against(made[emotion], made["neutral"]).values())
+            + " | ".join(format_score(score) for score in against(wrists[emotion], wrists["neutral"]).values())
             + " |"
         )
 
@@ -212,13 +212,13 @@ def main() -> None:
     part.add_argument("speech", type=Path, nargs="+")
     part.add_argument("--seeds", type=int, default=3)
     part.add_argument("--seconds", type=float, default=20.0)
-    chosen = parser.parse_args()
-    if chosen.what == "voices":
-        voices(Store(chosen.store), chosen.work, chosen.recipe, chosen.held_out, chosen.steps)
-    elif chosen.what == "recordings":
-        recordings(chosen.folder, chosen.runs)
+    options = parser.parse_args()
+    if options.what == "voices":
+        voices(Store(options.store), options.work, options.recipe, options.held_out, options.steps)
+    elif options.what == "recordings":
+        recordings(options.folder, options.runs)
     else:
-        gestures(chosen.model, chosen.speech, chosen.seeds, chosen.seconds)
+        gestures(options.model, options.speech, options.seeds, options.seconds)
 
 
 if __name__ == "__main__":

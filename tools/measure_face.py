@@ -53,11 +53,11 @@ BILABIAL, ROUNDED = ("PP",), ("O", "U")
 
 
 @dataclass(frozen=True, eq=False)
-class Played:
+class TestClip:
     """A held-out clip: tracked and made, at the track's rate."""
 
     real: np.ndarray
-    made: np.ndarray
+    generated: np.ndarray
     linear: np.ndarray
     silent: np.ndarray
     fps: float
@@ -83,18 +83,18 @@ def fit_ridge(clips: list[Clip]) -> Callable[[np.ndarray], np.ndarray]:
     return lambda rows: np.clip((reduce_audio(rows, "mel40") - mean) / std @ slopes + middle, 0, 1)
 
 
-def lag(real: np.ndarray, made: np.ndarray, fps: float) -> np.ndarray:
+def lag(real: np.ndarray, generated: np.ndarray, fps: float) -> np.ndarray:
     """Correlation of the jaw with the tracked one, moved by `LAGS` frames of 25 a second; later ones positive."""
     times, at = np.arange(len(real)) / fps, []
     for frames in LAGS:
-        moved = np.interp(times + frames / 25, times, made)
-        at.append(np.corrcoef(real, moved)[0, 1] if moved.std() > 0 and real.std() > 0 else 0.0)
+        signal = np.interp(times + frames / 25, times, generated)
+        at.append(np.corrcoef(real, signal)[0, 1] if signal.std() > 0 and real.std() > 0 else 0.0)
     return np.array(at)
 
 
 def format_figure(values: np.ndarray, figure: Callable[[np.ndarray], float], unit: float = 1.0) -> str:
     """A figure of rows that each stand for a clip, with its interval."""
-    ends = bootstrap(lambda chosen: float(figure(values[chosen])), len(values), draws=DRAWS, seed=0).interval
+    ends = bootstrap(lambda indices: float(figure(values[indices])), len(values), draws=DRAWS, seed=0).interval
     low, high = ends if ends is not None else (np.nan, np.nan)
     return f"{unit * figure(values):.3g} ({unit * low:.3g} … {unit * high:.3g})"
 
@@ -108,17 +108,17 @@ def quotient(top: int, under: int, begin: float = 0.0, sign: float = 1.0) -> Cal
     return lambda rows: begin + sign * float(rows[:, top].sum() / max(rows[:, under].sum(), 1e-12))
 
 
-def figures(clips: list[Played], middle: np.ndarray) -> dict[str, str]:
+def figures(clips: list[TestClip], middle: np.ndarray) -> dict[str, str]:
     """What is told of a speaker's clips."""
     real = np.concatenate([clip.real for clip in clips])
     live = [k for k, n in enumerate(ARKIT) if n in LOWER and real[:, k].std() > LIVE]
-    pairs = [(clip.real[:, JAW], clip.made[:, JAW], clip.fps) for clip in clips]
+    pairs = [(clip.real[:, JAW], clip.generated[:, JAW], clip.fps) for clip in clips]
     lags = np.array([lag(*pair) for pair in pairs])
     within = np.abs(np.array(LAGS)[lags.argmax(1)]) <= 1
     spread = np.array([(a.std(), b.std()) for a, b, _ in pairs])
-    kinds = (lambda c: c.made, lambda c: middle, lambda c: c.linear)
+    kinds = (lambda c: c.generated, lambda c: middle, lambda c: c.linear)
     off = np.array([[np.abs(kind(c) - c.real)[:, live].mean() for kind in kinds] for c in clips])
-    closed = [[(face[:, JAW] < CLOSED) & c.silent for face in (c.made, c.real)] for c in clips]
+    closed = [[(face[:, JAW] < CLOSED) & c.silent for face in (c.generated, c.real)] for c in clips]
     shut = np.array([[*map(np.sum, pair), c.silent.sum()] for pair, c in zip(closed, clips, strict=True)])
     return {
         "held-out clips; frames; live channels": f"{len(clips)}; {len(real)}; {len(live)}",
@@ -136,24 +136,25 @@ def figures(clips: list[Played], middle: np.ndarray) -> dict[str, str]:
         **sizes(clips, live),
         **lips(clips),
         **recordings(clips),
-        "least and greatest weight": f"{min(c.made.min() for c in clips):.3g} … {max(c.made.max() for c in clips):.3g}",
+        "least and greatest weight": f"{min(c.generated.min() for c in clips):.3g} … "
+        f"{max(c.generated.max() for c in clips):.3g}",
     }
 
 
-def sizes(clips: list[Played], live: list[int]) -> dict[str, str]:
+def sizes(clips: list[TestClip], live: list[int]) -> dict[str, str]:
     """How far live channels move, made ÷ tracked: of all frames, about each clip's own mean, and of the face by the sound."""
-    real, made, shown = (
+    real, generated, by_sound = (
         np.stack([moments(face(c)[:, live]) for c in clips])
-        for face in (lambda c: c.real, lambda c: c.made, lambda c: c.shown["face by the sound"])
+        for face in (lambda c: c.real, lambda c: c.generated, lambda c: c.shown["face by the sound"])
     )
-    pairs, whole = np.stack([made, real], 1), deviation(made) / deviation(real)
-    within = deviation(made, True) / deviation(real, True)
+    pairs, whole = np.stack([generated, real], 1), deviation(generated) / deviation(real)
+    within = deviation(generated, True) / deviation(real, True)
     off = [
         f"{ARKIT[k]} " + format_figure(pairs[..., n], lambda m: float(deviation(m[:, 0]) / max(deviation(m[:, 1]), 1e-9)))
         for n, k in enumerate(live)
         if not RATIO[0] <= whole[n] <= RATIO[1]
     ]
-    face = deviation(shown) / deviation(real)
+    face = deviation(by_sound) / deviation(real)
     return {
         "channels whose deviation is .6 to 1.3 of the tracked": count(whole),
         "of those about the mean of each clip": count(within),
@@ -180,64 +181,64 @@ def deviation(rows: np.ndarray, within: bool = False) -> np.ndarray:
     return np.asarray(np.sqrt(np.maximum(squares - of_means, 0) / frames))
 
 
-def lips(clips: list[Played]) -> dict[str, str]:
+def lips(clips: list[TestClip]) -> dict[str, str]:
     """What lips do at b, p and m, and at o and u; nothing where no words are known."""
-    faces = {"tracked": lambda c: c.real, "mouth alone": lambda c: c.made}
+    faces = {"tracked": lambda c: c.real, "mouth alone": lambda c: c.generated}
     faces |= {name: (lambda c, name=name: c.shown[name]) for name in clips[0].shown}
-    found = {}
+    rows = {}
     for name, face in faces.items():
-        closed = [np.mean(hit) for c in clips if len(hit := closures(c, face(c)))]
-        if closed:
-            found[f"lips closed at b, p, m: {name}, %"] = format_figure(np.array(closed), mean, 100)
+        shares = [np.mean(hit) for c in clips if len(hit := closures(c, face(c)))]
+        if shares:
+            rows[f"lips closed at b, p, m: {name}, %"] = format_figure(np.array(shares), mean, 100)
             rounds = [roundness(c, face(c)) for c in clips]
-            found[f"pucker and funnel at o and u, of elsewhere in speech: {name}"] = f"{np.nanmean(rounds):.2f}"
-    return found
+            rows[f"pucker and funnel at o and u, of elsewhere in speech: {name}"] = f"{np.nanmean(rounds):.2f}"
+    return rows
 
 
-def recordings(clips: list[Played]) -> dict[str, str]:
+def recordings(clips: list[TestClip]) -> dict[str, str]:
     """What the jaw does when the recording is worse; how far it opens tells whether the network understands the recording."""
-    found = {}
+    rows = {}
     for name in clips[0].worse:
         pairs = [(clip.real[:, JAW], clip.worse[name][:, JAW]) for clip in clips]
         if name != RECORDED:  # which has the rows above
             r = np.array([np.corrcoef(a, b)[0, 1] if b.std() > 0 else 0.0 for a, b in pairs])
-            found[f"{name}: correlation of jawOpen"] = format_figure(r, mean)
-        opened = np.array([(b.mean(), a.mean()) for a, b in pairs])
-        found[f"{name}: mean of jawOpen, of the tracked, %"] = format_figure(opened, quotient(0, 1), 100)
-    return found
+            rows[f"{name}: correlation of jawOpen"] = format_figure(r, mean)
+        openings = np.array([(b.mean(), a.mean()) for a, b in pairs])
+        rows[f"{name}: mean of jawOpen, of the tracked, %"] = format_figure(openings, quotient(0, 1), 100)
+    return rows
 
 
 def worsen(samples: np.ndarray) -> dict[str, np.ndarray]:
     """The same speech, recorded badly."""
     hertz = np.fft.rfftfreq(len(samples), 1 / RATE)
     band = (hertz >= TELEPHONE[0]) & (hertz <= TELEPHONE[1])
-    limited = np.fft.irfft(np.fft.rfft(samples) * band, len(samples)).astype(np.float32)
+    telephone = np.fft.irfft(np.fft.rfft(samples) * band, len(samples)).astype(np.float32)
     return {
         "as recorded": samples,
-        "telephone": limited,
+        "telephone": telephone,
         f"{SOFT:g} dB softer": (samples * 10 ** (-SOFT / 20)).astype(np.float32),
     }
 
 
-def closures(clip: Played, face: np.ndarray) -> np.ndarray:
+def closures(clip: TestClip, face: np.ndarray) -> np.ndarray:
     """(onsets,) whether the lips close, of each b, p and m that lies within the clip."""
     names = ("jawOpen", "mouthClose", "mouthPressLeft", "mouthPressRight")
     jaw, close, *press = (face[:, ARKIT_INDEX[name]] for name in names)
-    aperture, pressed, hits = jaw - np.minimum(close, jaw), np.maximum(*press), []
+    aperture, pressure, hits = jaw - np.minimum(close, jaw), np.maximum(*press), []
     for centre, half, viseme in zip(clip.phones.centre, clip.phones.half, clip.phones.viseme, strict=True):
         first, last = (round((centre - half + way) * clip.fps) for way in ONSET)
         if VISEMES[viseme] in BILABIAL and first >= 0 and last < len(face):
-            hits.append(aperture[first : last + 1].min() < APERTURE or pressed[first : last + 1].max() > PRESSED)
+            hits.append(aperture[first : last + 1].min() < APERTURE or pressure[first : last + 1].max() > PRESSED)
     return np.array(hits)
 
 
-def roundness(clip: Played, face: np.ndarray) -> float:
+def roundness(clip: TestClip, face: np.ndarray) -> float:
     """Mean of pucker and funnel within o and u, over that within other phones."""
     lips = face[:, ARKIT_INDEX["mouthPucker"]] + face[:, ARKIT_INDEX["mouthFunnel"]]
     at = np.rint(clip.phones.centre * clip.fps).astype(int)
     inside = (at >= 0) & (at < len(face))
-    named = np.array([VISEMES[v] in ROUNDED for v in clip.phones.viseme], bool)
-    here, there = (lips[at[inside & which]] for which in (named, ~named))
+    is_round = np.array([VISEMES[v] in ROUNDED for v in clip.phones.viseme], bool)
+    here, there = (lips[at[inside & which]] for which in (is_round, ~is_round))
     return float(here.mean() / max(there.mean(), 1e-3)) if len(here) and len(there) else np.nan
 
 
@@ -252,18 +253,18 @@ def faces(clip: Clip, mouth: Callable[[], BundleMouth], frames: int) -> dict[str
     return {name: RuleBasedModel(mouth).generate(speech, **options).face[:frames] for name, speech in kinds.items()}
 
 
-def play(clip: Clip, linear: Callable[[np.ndarray], np.ndarray], make: Callable[[], BundleMouth]) -> Played:
+def play(clip: Clip, linear: Callable[[np.ndarray], np.ndarray], make: Callable[[], BundleMouth]) -> TestClip:
     """A held-out clip, made and tracked."""
     assert clip.speech is not None
     assert clip.motion is not None
     rows, frames = features(clip), min(len(clip.motion), clip.speech.frames(clip.motion.fps))
     times = np.arange(frames) / clip.motion.fps
     worse = {name: hear(make(), sound, times) for name, sound in worsen(clip.speech.samples).items()}
-    made = worse[RECORDED]
+    generated = worse[RECORDED]
     energy = rows[:, AUDIO_NAMES.index("energy")]
-    parts = (clip.motion.face, made, linear(rows), energy < energy.max() - SILENT)
+    parts = (clip.motion.face, generated, linear(rows), energy < energy.max() - SILENT)
     phones = phones_of(clip.speech.words or (), 0.0, clip.duration)
-    return Played(*(x[:frames] for x in parts), clip.motion.fps, phones, faces(clip, make, frames), worse)
+    return TestClip(*(x[:frames] for x in parts), clip.motion.fps, phones, faces(clip, make, frames), worse)
 
 
 def hear(mouth: BundleMouth, samples: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -281,13 +282,13 @@ def measure_faces(raw: str | Path, bundle: str | Path, clips: int = 10_000) -> s
             every[clip.speaker, split_of(clip)].append(clip)
     for speaker in sorted({name for name, _ in every}):
         train, style = every[speaker, "train"], speaker if speaker in system.styles else None
-        held = (
+        test_clips = (
             every[speaker, "test"] if style else [clip for (name, _), own in every.items() if name == speaker for clip in own]
         )
         linear = fit_ridge(train[::LINEAR])
-        played = [play(clip, linear, lambda style=style: BundleMouth(system, style)) for clip in held[:clips]]
+        results = [play(clip, linear, lambda style=style: BundleMouth(system, style)) for clip in test_clips[:clips]]
         title = speaker if style else f"{speaker}, never heard"
-        columns[title] = figures(played, np.concatenate([clip.motion.face for clip in train]).mean(0))
+        columns[title] = figures(results, np.concatenate([clip.motion.face for clip in train]).mean(0))
     rows = dict.fromkeys(row for own in columns.values() for row in own)
     lines = ["| | " + " | ".join(columns) + " |", "|---" * (1 + len(columns)) + "|"]
     lines += [f"| {row} | " + " | ".join(own.get(row, "–") for own in columns.values()) + " |" for row in rows]
@@ -299,8 +300,8 @@ def main() -> None:
     parser.add_argument("raw")
     parser.add_argument("--bundle", default=SHIPPED / f"speech-to-face{BUNDLE}")
     parser.add_argument("--clips", type=int, default=10_000, help="held-out clips of each speaker at most")
-    given = parser.parse_args()
-    print(measure_faces(given.raw, given.bundle, given.clips))
+    options = parser.parse_args()
+    print(measure_faces(options.raw, options.bundle, options.clips))
 
 
 if __name__ == "__main__":

@@ -27,12 +27,12 @@ AHEAD = (0, 4, 8, 12, 16, 20, 24, 28)
 
 def play_speakers(system: System, setting: WindowLayout, rows: np.ndarray, silence: np.ndarray) -> tuple[np.ndarray, float]:
     """(S, T, D) standardised poses in every speaker's style, and milliseconds of work a frame and style."""
-    began, made, space = time.process_time(), [], style_space(system)
+    began, pieces, space = time.process_time(), [], style_space(system)
     for name in system.styles:
         style = StyleTrack(system, space, ((1.0, space.by_name(name)),), [0], temperature=0.0)
         decoder = SlidingWindowDecoder(system, system.main_network, style, [0], silence, setting, temperature=0.0)
-        made += [decoder.push(rows), decoder.finish(silence)]
-    pairs = [np.concatenate(pair, 1) for pair in zip(made[::2], made[1::2], strict=True)]
+        pieces += [decoder.push(rows), decoder.finish(silence)]
+    pairs = [np.concatenate(pair, 1) for pair in zip(pieces[::2], pieces[1::2], strict=True)]
     return np.concatenate(pairs), (time.process_time() - began) / (len(rows) * len(system.styles)) * 1e3
 
 
@@ -51,21 +51,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("bundle")
     parser.add_argument("--speech", default=str(EXAMPLE))
-    given = parser.parse_args()
-    system = open_bundle(given.bundle)
+    options = parser.parse_args()
+    system = open_bundle(options.bundle)
     network = system.networks.get("make")
     if network is None or network.signature.hop is not None or system.has_emotions:
         raise SystemExit("no network of windows whose look-ahead can be chosen")
     frontend = SpeechFrontend(system, np.zeros(0, np.float32))
     silence = frontend.silence
-    rows = np.concatenate([frontend.push(Speech.load(given.speech)), frontend.finish()])
-    wanted, cost = play_speakers(system, whole(network.signature), rows, silence)
+    rows = np.concatenate([frontend.push(Speech.load(options.speech)), frontend.finish()])
+    reference, cost = play_speakers(system, whole(network.signature), rows, silence)
     print("| frames ahead | seconds | correlation with the whole | speed, of the whole's | ms a frame |\n" + "|---:" * 5 + "|")
     for ahead in AHEAD:
         usual = live(network.signature)
         setting = replace(usual, ahead=ahead, fade=min(usual.hop, ahead))
-        made, work = play_speakers(system, setting, rows, silence)
-        shares = f"{alike(made, wanted):.2f} | {speed(made) / speed(wanted):.2f} | {work:.2f}"
+        poses, work = play_speakers(system, setting, rows, silence)
+        shares = f"{alike(poses, reference):.2f} | {speed(poses) / speed(reference):.2f} | {work:.2f}"
         print(f"| {ahead} | {ahead / system.fps:.2f} | {shares} |")
     print(f"| all | | 1 | 1 | {cost:.2f} |")
 

@@ -40,17 +40,17 @@ PIXELS = 900.0  # per metre: shoulders of 0.175 m are then 167 px wide or nearly
 
 def speeches(folder: Path, minutes: float) -> list[Speech]:
     files = sorted(path for path in folder.rglob("*") if path.suffix.lower() in {".wav", ".flac", ".ogg", ".mp3"})
-    found: list[Speech] = []
+    clips: list[Speech] = []
     parts: list[np.ndarray] = []
     for path in files:
         speech = Speech.load(path)
         parts += [speech.samples, np.zeros(int(PAUSE * speech.rate), np.float32)]
         if sum(map(len, parts)) > CLIP * speech.rate:
-            found.append(Speech(np.concatenate(parts), speech.rate, name=f"speech {len(found)}"))
+            clips.append(Speech(np.concatenate(parts), speech.rate, name=f"speech {len(clips)}"))
             parts = []
-        if sum(float(s.duration) for s in found) > 60 * minutes:
+        if sum(float(s.duration) for s in clips) > 60 * minutes:
             break
-    return found
+    return clips
 
 
 def recording(speech: Speech, number: int, seed: int) -> Clip:
@@ -113,17 +113,17 @@ def main() -> None:
     options = parser.parse_args()
     if wrong := {*(options.only or ())} - {path.stem for path in PAGES.glob("*.md")}:
         parser.error(f"there is no page docs/metrics/{min(wrong)}.md")
-    spoken = speeches(options.folder, options.minutes)
-    if len(spoken) < 4:
-        parser.error(f"{len(spoken)} clips of {CLIP:g} s in {options.folder}: four are wanted, one of each style")
-    clips = [recording(speech, k, k) for k, speech in enumerate(spoken)]
+    talks = speeches(options.folder, options.minutes)
+    if len(talks) < 4:
+        parser.error(f"{len(talks)} clips of {CLIP:g} s in {options.folder}: four are wanted, one of each style")
+    clips = [recording(speech, k, k) for k, speech in enumerate(talks)]
     flat = [key_points(clip) for clip in clips]
-    takes = [[recording(speech, k, 100 * take + k) for take in range(1, TAKES + 1)] for k, speech in enumerate(spoken)]
-    made = {clip.name: [take.motion for take in group] for clip, group in zip(clips, takes, strict=True)}
-    made_flat = {clip.name: [key_points(take) for take in group] for clip, group in zip(clips, takes, strict=True)}
+    takes = [[recording(speech, k, 100 * take + k) for take in range(1, TAKES + 1)] for k, speech in enumerate(talks)]
+    motions = {clip.name: [take.motion for take in group] for clip, group in zip(clips, takes, strict=True)}
+    flat_motions = {clip.name: [key_points(take) for take in group] for clip, group in zip(clips, takes, strict=True)}
     tools, name = tools_for(clips, flat), f"rules, {TAKES} other seeds"
-    solid = evaluate_clips({name: made}, clips, metrics=[n for n in METRICS if n not in POINTS], tools=tools)
-    planar = evaluate_clips({name: made_flat}, flat, metrics=sorted(POINTS), tools=tools)
+    solid = evaluate_clips({name: motions}, clips, metrics=[n for n in METRICS if n not in POINTS], tools=tools)
+    planar = evaluate_clips({name: flat_motions}, flat, metrics=sorted(POINTS), tools=tools)
     for path in sorted(PAGES.glob("*.md")):
         names = [n for n, where in METRICS.items() if where.split(":")[0].endswith(f".{path.stem}")]
         text = path.read_text("utf-8")
@@ -138,10 +138,12 @@ def main() -> None:
         lines = ["| |" + "".join(f" `{n}` {arrows[load_metric(n).about.better]} |" for n in names)]
         lines += ["| --- |" + " ---: |" * len(names)]
         lines += [f"| {row} |" + "".join(f" {cell} |" for cell in rows[row]) for row in rows]
-        fitted = FITTED if {"classifier", "centres"} & {need for n in names for need in load_metric(n).about.needs} else ""
-        lines += ["", f"Synthetic: {solid.about}; rule-based model, {FPS:g} frames per second, 4 styles.{fitted}"]
+        note = FITTED if {"classifier", "centres"} & {need for n in names for need in load_metric(n).about.needs} else ""
+        lines += ["", f"Synthetic: {solid.about}; rule-based model, {FPS:g} frames per second, 4 styles.{note}"]
         lines += (
-            ["", *(f"* `{n}`: {'; '.join(found)}." for n, found in faults.items() if found)] if any(faults.values()) else []
+            ["", *(f"* `{n}`: {'; '.join(reasons)}." for n, reasons in faults.items() if reasons)]
+            if any(faults.values())
+            else []
         )
         block = "\n".join(lines) + "\n"
         path.write_text(BLOCK.sub(lambda match, block=block: match[1] + block + match[2], text), "utf-8")

@@ -46,28 +46,28 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0, help="of each speech at most")
     parser.add_argument("--title", default="Mixtures of two styles")
     parser.add_argument("--out", type=Path, default=Path("docs/media/mixing.png"))
-    chosen = parser.parse_args()
-    model = cospeech.load(chosen.bundle)
-    speeches = [Speech.load(path) for path in chosen.speech]
-    speeches = [speech.window(speech.start, speech.start + min(chosen.seconds, speech.duration)) for speech in speeches]
+    options = parser.parse_args()
+    model = cospeech.load(options.bundle)
+    speeches = [Speech.load(path) for path in options.speech]
+    speeches = [speech.window(speech.start, speech.start + min(options.seconds, speech.duration)) for speech in speeches]
     seconds = float(sum(speech.duration for speech in speeches))
-    print(f"{len(speeches)} speeches, {seconds:.0f} s, {chosen.takes} takes; tolerance {TOLERANCE:.0%}")
+    print(f"{len(speeches)} speeches, {seconds:.0f} s, {options.takes} takes; tolerance {TOLERANCE:.0%}")
     mixings = []
-    for pair in chosen.pair or ["ada,ben"]:
+    for pair in options.pair or ["ada,ben"]:
         a, _, b = pair.partition(",")
-        mixings.append(measure_mixing(model, speeches, (a.strip(), b.strip()), takes=chosen.takes))
+        mixings.append(measure_mixing(model, speeches, (a.strip(), b.strip()), takes=options.takes))
         print(f"\n{table(mixings[-1])}", flush=True)
-    recorded = {}
-    if chosen.store is not None:
-        store = Store(chosen.store)
-        recorded = speaker_attributes(store, find_pose(store.pose).decode)
-        for name in sorted({name for mixing in mixings for name in mixing.pair} & {*recorded}):
-            values = (f"{getattr(recorded[name], m) * factor:.3g} {text}" for m, (text, factor) in MEASURES.items())
+    attributes = {}
+    if options.store is not None:
+        store = Store(options.store)
+        attributes = speaker_attributes(store, find_pose(store.pose).decode)
+        for name in sorted({name for mixing in mixings for name in mixing.pair} & {*attributes}):
+            values = (f"{getattr(attributes[name], m) * factor:.3g} {text}" for m, (text, factor) in MEASURES.items())
             print(f"{name}'s recordings: {'; '.join(values)}")
-    picture = draw_mixing(mixings, title=chosen.title, recordings=recorded)
-    with atomic(chosen.out) as temporary:
+    picture = draw_mixing(mixings, title=options.title, recordings=attributes)
+    with atomic(options.out) as temporary:
         Image.fromarray(picture).save(temporary, "PNG", optimize=True)
-    print(f"\nwrote {chosen.out}")
+    print(f"\nwrote {options.out}")
 
 
 if __name__ == "__main__":

@@ -40,12 +40,12 @@ def directions(motion: Motion, names: Mapping[str, str], joints: tuple[str, ...]
     world = skeleton.forward(motion.rotations, motion.root)[1]
     still = skeleton.forward(skeleton.rest, skeleton.offsets[0])[1]
     places = {joint: skeleton.index[names[joint]] for joint in joints if joint in names}
-    found = {}
+    vectors = {}
     for joint, k in places.items():
         along = lengths[joint] / np.linalg.norm(lengths[joint]) if joint in PALMS and joint in lengths else np.zeros(3)
         across = rest - (rest @ along) * along
-        found[joint] = quat_rotate(quat_multiply(world[:, k], quat_conjugate(still[k])), across / np.linalg.norm(across))
-    return found
+        vectors[joint] = quat_rotate(quat_multiply(world[:, k], quat_conjugate(still[k])), across / np.linalg.norm(across))
+    return vectors
 
 
 def most_apart(one: dict[str, Array], other: dict[str, Array]) -> float:
@@ -70,30 +70,30 @@ def measure(motion: Motion) -> list[float]:
     names, ours = recognise(motion.skeleton), recognise(humanoid())
     there = motion.retarget("humanoid")
     back = there.retarget(motion.skeleton)
-    found = []
+    row = []
     for joints, rest in ((FEET, AHEAD), (PALMS, DOWN)):
         was = directions(motion, names, joints, rest)
-        found += [
+        row += [
             most_apart(was, directions(there, ours, joints, rest)),
             most_apart(was, directions(back, names, joints, rest)),
         ]
     was, on_ours, again = sole_heights(motion, names), sole_heights(there, ours), sole_heights(back, names)
     if was is None or on_ours is None or again is None:
-        return [*found, float("nan"), float("nan")]
+        return [*row, float("nan"), float("nan")]
     height = 100 * humanoid().tpose[humanoid().index["hips"], 1]
-    return [*found, float(np.abs(on_ours - was).max() * height), float(np.abs(again - was).max() * height)]
+    return [*row, float(np.abs(on_ours - was).max() * height), float(np.abs(again - was).max() * height)]
 
 
 def main() -> None:
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("takes", nargs="+", type=Path)
-    options.add_argument("--frames", type=int, default=120, help="of each take, evenly over it")
-    chosen = options.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("takes", nargs="+", type=Path)
+    parser.add_argument("--frames", type=int, default=120, help="of each take, evenly over it")
+    options = parser.parse_args()
     print(f"{'':36} toes there  back  palms there  back  soles there  back")
-    for path in chosen.takes:
+    for path in options.takes:
         try:
             motion = bvh_reader.load(path)
-            row = measure(thin(motion, max(1, len(motion) // chosen.frames)))
+            row = measure(thin(motion, max(1, len(motion) // options.frames)))
         except InputError as error:
             print(f"{path.stem[:36]:36} left out: {str(error)[:80]}")
             continue

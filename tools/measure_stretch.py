@@ -31,8 +31,8 @@ RATE = 6.0  # frames looked at, per second
 
 def print_row(name: str, motion: Motion) -> None:
     """One line of the table."""
-    found = measure_stretch(mannequin.build(), motion, PARTS, max(1, round(motion.fps / RATE)))
-    cells = "  ".join(f"{100 * s.most:4.0f} % {100 * s.ever:5.1f} %" for s in found.values())
+    stretches = measure_stretch(mannequin.build(), motion, PARTS, max(1, round(motion.fps / RATE)))
+    cells = "  ".join(f"{100 * s.most:4.0f} % {100 * s.ever:5.1f} %" for s in stretches.values())
     print(f"{name[:36]:36}  {cells}")
 
 

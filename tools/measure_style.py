@@ -71,19 +71,19 @@ class SpeakerVotes:
         self.store, self._frames = store, round(WINDOW * store.fps)
         mean, std = store.statistics("pose")
         self._mean, self._std = mean, np.maximum(std, 0.02)
-        found, labels = [], []
+        features, labels = [], []
         for clip in store.clips:
             if clip.split == "train" and clip.frames >= self._frames:
                 rows = self._windows(np.asarray(store.clip(clip)["pose"]))
-                found.append(rows)
+                features.append(rows)
                 labels += [store.speakers.index(clip.speaker)] * len(rows)
-        self._discriminants = LinearDiscriminants(np.concatenate(found), np.array(labels), len(store.speakers))
+        self._discriminants = LinearDiscriminants(np.concatenate(features), np.array(labels), len(store.speakers))
 
     def _windows(self, poses: np.ndarray) -> np.ndarray:
         """(W, 3 D), a window every two seconds."""
-        scaled = (poses - self._mean) / self._std
+        values = (poses - self._mean) / self._std
         starts = range(0, len(poses) - self._frames + 1, self._frames // 4)
-        windows = np.stack([scaled[start : start + self._frames] for start in starts])
+        windows = np.stack([values[start : start + self._frames] for start in starts])
         moving = np.diff(windows, axis=1) * self.store.fps
         return np.concatenate([windows.mean(1), np.log(windows.std(1) + 0.05), np.log(moving.std(1) + 0.1)], 1)
 
@@ -116,7 +116,7 @@ def perform(system: System, speech: Speech, sources: Sequence[Source]) -> list[M
         resolved_style=resolved_style,
         direct=lambda style: resolved_style,
     )
-    pieces = [made for chunk in speech.chunks(MOST_AT_ONCE) for made in playing.push_takes(chunk)]
+    pieces = [piece for chunk in speech.chunks(MOST_AT_ONCE) for piece in playing.push_takes(chunk)]
     pieces += playing.finish_takes()
     return [Motion.concatenate(take) for take in zip(*pieces, strict=True)]
 
@@ -125,16 +125,16 @@ def play_speeches(
     system: System, transfer: Callable[..., Source], blends: dict[str, StyleMixture], speeches: Sequence[Speech]
 ) -> dict[str, list[Motion]]:
     """Speaker → the performances of all speeches; every performance has a seed of its own."""
-    made: dict[str, list[Motion]] = {name: [] for name in blends}
+    motions: dict[str, list[Motion]] = {name: [] for name in blends}
     for number, speech in enumerate(speeches):
         seeds = range(number * len(blends), (number + 1) * len(blends))
         sources = [transfer(system, blend, seed=seed) for seed, blend in zip(seeds, blends.values(), strict=True)]
-        for name, motion in zip(made, perform(system, speech, sources), strict=True):
-            made[name].append(motion)
-    return made
+        for name, motion in zip(motions, perform(system, speech, sources), strict=True):
+            motions[name].append(motion)
+    return motions
 
 
-class Begun(CodeSource):
+class ExampleStart(CodeSource):
     """A control: the default style, which only begins with the example's poses."""
 
     def __init__(self, system: System, blend: StyleMixture, *, seed: int, temperature: float = 1.0) -> None:
@@ -143,7 +143,7 @@ class Begun(CodeSource):
         self.style, self.speaker_mean, self.style_gain = plain.style, plain.speaker_mean, plain.style_gain
 
 
-class Posed(CodeSource):
+class ExamplePose(CodeSource):
     """The example's mean pose and deviation alone, with the code of the default style."""
 
     def __init__(self, system: System, blend: StyleMixture, *, seed: int, temperature: float = 1.0) -> None:
@@ -151,14 +151,14 @@ class Posed(CodeSource):
         self.style = style_space(system).by_name(system.style).code
 
 
-def recognise_speakers(votes_of: SpeakerVotes, votes: Iterable[tuple[str, np.ndarray]], chosen: list[str]) -> list[str]:
+def recognise_speakers(votes_of: SpeakerVotes, votes: Iterable[tuple[str, np.ndarray]], shortlist: list[str]) -> list[str]:
     """Share of performances whose speaker gets most votes: of all speakers, and of the chosen ones."""
     names = votes_of.store.speakers
-    of_all, of_chosen = [], []
+    of_all, of_shortlist = [], []
     for name, vote in votes:
         of_all.append(names[int(vote.argmax())] == name)
-        of_chosen.append(max(chosen, key=lambda who: vote[names.index(who)]) == name)
-    return [f"{np.mean(of_all):.0%}", f"{np.mean(of_chosen):.0%}"]
+        of_shortlist.append(max(shortlist, key=lambda who: vote[names.index(who)]) == name)
+    return [f"{np.mean(of_all):.0%}", f"{np.mean(of_shortlist):.0%}"]
 
 
 def row(votes_of: SpeakerVotes, played_for: dict[str, list[Clip]], examples: dict[str, Motion]) -> list[str]:
@@ -196,7 +196,7 @@ def examples_of(clips: Sequence[Clip], votes_of: SpeakerVotes) -> dict[str, Moti
     Recordings in other emotions would show the emotion; of speakers without neutral ones, all are looked at.
     """
     emotions = {e.name: votes_of.store.clip(e)["emotion"][0] if "emotion" in e.has else 0 for e in votes_of.store.clips}
-    found: dict[str, Motion] = {}
+    examples: dict[str, Motion] = {}
     for number, name in enumerate(votes_of.store.speakers):
         own = [clip for clip in select_test_clips(clips, EXAMPLE + 1) if clip.speaker == name]
         own = [clip for clip in own if emotions.get(clip.name, 0) == 0] or own
@@ -205,8 +205,8 @@ def examples_of(clips: Sequence[Clip], votes_of: SpeakerVotes) -> dict[str, Moti
             assert clip.motion is not None
             stretches += [clip.motion[k : k + length] for k in range(0, len(clip.motion) - length + 1, length // 2)]
         if stretches:
-            found[name] = max(stretches, key=lambda motion: votes_of.votes(motion, skip=0.0)[number])
-    return found
+            examples[name] = max(stretches, key=lambda motion: votes_of.votes(motion, skip=0.0)[number])
+    return examples
 
 
 def compare(system: System, store: Store, clips: Sequence[Clip]) -> list[list[str]]:
@@ -220,19 +220,19 @@ def compare(system: System, store: Store, clips: Sequence[Clip]) -> list[list[st
     ]
     speeches = [clip.speech for clip in talks if clip.speech is not None]
     print(f"{len(examples)} speakers, {len(speeches)} speeches of {', '.join(sorted({c.speaker for c in talks}))}")
-    known = Styles(system, style_space(system))
-    shown = {name: known.blend(motion) for name, motion in examples.items()}
-    halves = {name: known.blend({motion: 0.5}) for name, motion in examples.items()}
-    by_name = {name: known.blend(name) for name in examples if name in system.styles}
+    styles = Styles(system, style_space(system))
+    mixtures = {name: styles.blend(motion) for name, motion in examples.items()}
+    halves = {name: styles.blend({motion: 0.5}) for name, motion in examples.items()}
+    by_name = {name: styles.blend(name) for name in examples if name in system.styles}
     ways: dict[str, tuple[Transfer, dict[str, StyleMixture]]] = {
-        "default style": (CodeSource, {name: known.blend(None) for name in examples}),
-        "begins like the example": (Begun, shown),
-        "latents: in order, then stretches (paper)": (partial(SegmentSource, coded=False), shown),
-        "latents: mean and covariance": (partial(NormalSource, coded=False), shown),
-        "mean and deviation of the poses": (Posed, shown),
-        "style code": (CodeSource, shown),
-        "style code; latents: in order, then stretches": (SegmentSource, shown),
-        "style code; latents: mean and covariance": (NormalSource, shown),
+        "default style": (CodeSource, {name: styles.blend(None) for name in examples}),
+        "begins like the example": (ExampleStart, mixtures),
+        "latents: in order, then stretches (paper)": (partial(SegmentSource, coded=False), mixtures),
+        "latents: mean and covariance": (partial(NormalSource, coded=False), mixtures),
+        "mean and deviation of the poses": (ExamplePose, mixtures),
+        "style code": (CodeSource, mixtures),
+        "style code; latents: in order, then stretches": (SegmentSource, mixtures),
+        "style code; latents: mean and covariance": (NormalSource, mixtures),
         "half way to the example": (best_transfer(system), halves),
         "speaker by name": (best_transfer(system), by_name),
     }
@@ -244,13 +244,15 @@ def compare(system: System, store: Store, clips: Sequence[Clip]) -> list[list[st
         del ways["mean and deviation of the poses"]
     own = {name: [c for c in select_test_clips(clips, WARM + WINDOW + 1) if c.speaker == name] for name in examples}
     fewest = min(map(len, own.values()))
-    rows = [["recordings of the five", *row(votes_of, {name: found[:fewest] for name, found in own.items()}, examples)]]
+    rows = [["recordings of the five", *row(votes_of, {name: takes[:fewest] for name, takes in own.items()}, examples)]]
     alone = {name: votes_of.votes(motion, skip=0.0) for name, motion in examples.items()}
     rows.append(["the examples themselves", *recognise_speakers(votes_of, alone.items(), list(examples)), "", "", ""])
     print(*rows, sep="\n", flush=True)
     for name, (transfer, blends) in ways.items():
-        made = play_speeches(system, transfer, blends, speeches)
-        as_clips = {who: [replace(c, motion=m) for c, m in zip(talks, motions, strict=True)] for who, motions in made.items()}
+        performances = play_speeches(system, transfer, blends, speeches)
+        as_clips = {
+            who: [replace(c, motion=m) for c, m in zip(talks, motions, strict=True)] for who, motions in performances.items()
+        }
         rows.append([name, *row(votes_of, as_clips, examples)])
         print(*rows[-1], sep="  ", flush=True)
     return rows
@@ -262,14 +264,14 @@ def main() -> None:
     parser.add_argument("--store", type=Path, required=True)
     parser.add_argument("--raw", type=Path, required=True)
     parser.add_argument("--write", action="store_true", help="put the table into docs/styles.md")
-    chosen = parser.parse_args()
-    system, store = open_bundle(chosen.bundle), Store(chosen.store)
-    clips = [clip for clip in load_stored_clips(chosen.store, split=None, raw=chosen.raw) if clip.split != "train"]
+    options = parser.parse_args()
+    system, store = open_bundle(options.bundle), Store(options.store)
+    clips = [clip for clip in load_stored_clips(options.store, split=None, raw=options.raw) if clip.split != "train"]
     rows = compare(system, store, clips)
     head = ["", f"recognised of {len(store.speakers)}", f"of {SPEAKERS}", "beat alignment", "speed", "reach"]
     lines = ["| " + " | ".join(cells) + " |" for cells in [head, ["---"] * len(head), *rows]]
     print("\n".join(lines))
-    if chosen.write:
+    if options.write:
         text = "\n".join(lines)
         PAGE.write_text(BLOCK.sub(lambda m: f"{m[1]}{text}\n{m[2]}", PAGE.read_text("utf-8")), "utf-8")
 

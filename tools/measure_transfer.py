@@ -46,8 +46,8 @@ def score_speaker(votes_of: SpeakerVotes, clips: dict[str, list[Clip]], skip: fl
     names = votes_of.store.speakers
     right = [
         names[int(votes_of.votes(clip.motion, skip=skip).argmax())] == name
-        for name, found in clips.items()
-        for clip in found
+        for name, takes in clips.items()
+        for clip in takes
         if clip.motion is not None
     ]
     return f"{np.mean(right):.0%} of {len(right)}"
@@ -56,10 +56,10 @@ def score_speaker(votes_of: SpeakerVotes, clips: dict[str, list[Clip]], skip: fl
 def traits(clips: dict[str, list[Clip]]) -> np.ndarray:
     """(speakers, 3) rate, amplitude, right share."""
     rows = []
-    for found in clips.values():
-        bodies = [body_of(clip.motion) for clip in found if clip.motion is not None]
-        measured = attributes_of([points for points, _ in bodies], bodies[0][1], found[0].motion.fps)  # type: ignore[union-attr]
-        rows.append([getattr(measured, name) for name in SHOWN])
+    for takes in clips.values():
+        bodies = [body_of(clip.motion) for clip in takes if clip.motion is not None]
+        attributes = attributes_of([points for points, _ in bodies], bodies[0][1], takes[0].motion.fps)  # type: ignore[union-attr]
+        rows.append([getattr(attributes, name) for name in SHOWN])
     return np.array(rows)
 
 
@@ -70,29 +70,35 @@ def table(system: str, store: Store, raw: Path) -> list[list[str]]:
     talks = select_test_clips(clips, TALK + 1)
     talks = talks[:: max(1, len(talks) // SPEECHES)][:SPEECHES]
     own = {name: [c for c in select_test_clips(clips, 11) if c.speaker == name] for name in store.speakers}
-    made: dict[str, list[Clip]] = {name: [] for name in store.speakers}
+    generated: dict[str, list[Clip]] = {name: [] for name in store.speakers}
     for number, talk in enumerate(talks):
         assert talk.speech is not None
         speech = talk.speech.window(talk.speech.start, talk.speech.start + TALK)
         for name in store.speakers:
             if name != talk.speaker:
                 motion = model.generate(speech, style=name, seed=number, fps=store.fps, parts=PARTS)
-                made[name].append(replace(talk, speech=speech, motion=motion))
+                generated[name].append(replace(talk, speech=speech, motion=motion))
         print(f"{number + 1} of {len(talks)} speeches", flush=True)
-    true, ours = traits(own), traits(made)
+    true, ours = traits(own), traits(generated)
     alike = [f"{np.corrcoef(true[:, k], ours[:, k])[0, 1]:.2f}" for k in range(len(SHOWN))]
     means = [" / ".join(f"{value:.3g}" for value in rows.mean(0)) for rows in (true, ours)]
     return [
         [
             "held-out recordings",
             score_speaker(votes_of, own, 0.0),
-            rhythm([c for found in own.values() for c in found]),
+            rhythm([c for takes in own.values() for c in takes]),
             means[0],
             "",
             "",
             "",
         ],
-        [system, score_speaker(votes_of, made, WARM), rhythm([c for found in made.values() for c in found]), means[1], *alike],
+        [
+            system,
+            score_speaker(votes_of, generated, WARM),
+            rhythm([c for takes in generated.values() for c in takes]),
+            means[1],
+            *alike,
+        ],
     ]
 
 
@@ -102,12 +108,12 @@ def main() -> None:
     parser.add_argument("--store", type=Path, required=True)
     parser.add_argument("--raw", type=Path, required=True)
     parser.add_argument("--write", action="store_true", help="put the table into docs/models/mix_stage.md")
-    chosen = parser.parse_args()
-    rows = table(chosen.system, Store(chosen.store), chosen.raw)
+    options = parser.parse_args()
+    rows = table(options.system, Store(options.store), options.raw)
     head = ["", "named right", "beat alignment", "rate, amplitude, right share", *(f"{name}, r" for name in SHOWN)]
     text = "\n".join("| " + " | ".join(cells) + " |" for cells in [head, ["---"] * len(head), *rows])
     print(text)
-    if chosen.write:
+    if options.write:
         PAGE.write_text(BLOCK.sub(lambda m: f"{m[1]}{text}\n{m[2]}", PAGE.read_text("utf-8")), "utf-8")
 
 

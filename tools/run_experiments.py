@@ -80,19 +80,19 @@ class Plan:
             InputError: it cannot be read, or holds a key that says nothing.
         """
         try:
-            told = tomllib.loads(path.read_text("utf-8"))
+            data = tomllib.loads(path.read_text("utf-8"))
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
             raise InputError(f"cannot read the plan {str(path)!r}: {error}") from None
-        for key in told.keys() - {"runs", "table"}:
+        for key in data.keys() - {"runs", "table"}:
             raise InputError(f"{key!r} in {str(path)!r}", nearest(key, ["runs", "table"]))
-        if "runs" not in told or not told.get("table"):
+        if "runs" not in data or not data.get("table"):
             raise InputError(f"{str(path)!r} has no runs or no [[table]]", "see the head of tools/run_experiments.py")
-        for entry in told["table"]:
+        for entry in data["table"]:
             for key in entry.keys() - KEYS:
                 raise InputError(f"{key!r} of a table in {str(path)!r}", nearest(key, sorted(KEYS)))
             if lacking := {"name", "store", "seeds"} - entry.keys():
                 raise InputError(f"a table in {str(path)!r} has no {min(lacking)!r}")
-        return cls(path, path.parent / told["runs"], tuple(told["table"]))
+        return cls(path, path.parent / data["runs"], tuple(data["table"]))
 
     def only(self, names: list[str]) -> Plan:
         """The plan with these tables alone, or with all where none is named.
@@ -100,10 +100,10 @@ class Plan:
         Raises:
             InputError: no table of the plan has that name.
         """
-        known = [entry["name"] for entry in self.tables]
+        tables = [entry["name"] for entry in self.tables]
         for name in names:
-            if name not in known:
-                raise InputError(f"{name!r} is no table of {str(self.path)!r}", nearest(name, known))
+            if name not in tables:
+                raise InputError(f"{name!r} is no table of {str(self.path)!r}", nearest(name, tables))
         return replace(self, tables=tuple(entry for entry in self.tables if not names or entry["name"] in names))
 
     def place(self, entry: dict[str, Any], key: str) -> Path | None:
@@ -122,19 +122,19 @@ class Plan:
 
     def jobs(self) -> list[Job]:
         """Every run once, in the order of training: table by table, all rows with a seed before the next seed."""
-        found: dict[Path, Job] = {}
+        by_folder: dict[Path, Job] = {}
         for number, entry in enumerate(self.tables):
             runs = self.runs_of(entry)
             _, part = part_of(entry["name"], runs.store)
-            chosen = choose_rows(part.rows, entry.get("rows", ()))
-            rows = [row for row in part.rows if row.name in chosen and row.recipe is not None]
+            row_names = choose_rows(part.rows, entry.get("rows", ()))
+            rows = [row for row in part.rows if row.name in row_names and row.recipe is not None]
             for seed in entry["seeds"]:
                 for row in rows:
                     for speakers in row.runs:
                         assert row.recipe is not None
                         job = Job(number, row.recipe, seed, (*row.overrides, *of_speakers(speakers)))
-                        found.setdefault(runs.folder_of(job.recipe, seed, job.changes), job)
-        return [*found.values()]
+                        by_folder.setdefault(runs.folder_of(job.recipe, seed, job.changes), job)
+        return [*by_folder.values()]
 
     def is_done(self, job: Job) -> bool:
         """Whether a run is trained to its last step."""
@@ -163,31 +163,33 @@ def tell(text: str) -> None:
 
 def seconds(text: str) -> float:
     """``90``, ``30m``, ``2h`` or ``1.5h`` in seconds."""
-    found = re.fullmatch(r"(\d+(?:\.\d+)?)([smh]?)", text)
-    if found is None:
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)([smh]?)", text)
+    if match is None:
         raise argparse.ArgumentTypeError(f"{text!r} is no time, such as 90s, 30m or 2h")
-    return float(found[1]) * UNITS[found[2]]
+    return float(match[1]) * UNITS[match[2]]
 
 
-def train_here(plan: Plan, left: list[Job]) -> None:
+def train_here(plan: Plan, remaining: list[Job]) -> None:
     """One run after the other, in this process; Ctrl-C or the end of the budget saves the run that is under way."""
     began = perf_counter()
-    for count, job in enumerate(left, 1):
-        tell(f"run {count} of {len(left)}: {job}")
+    for count, job in enumerate(remaining, 1):
+        tell(f"run {count} of {len(remaining)}: {job}")
         plan.train(job)
-        spent = perf_counter() - began
-        tell(f"{spent / 60:.1f} minutes so far, some {spent / count * (len(left) - count) / 60:.0f} more at this rate")
+        duration = perf_counter() - began
+        tell(
+            f"{duration / 60:.1f} minutes so far, some {duration / count * (len(remaining) - count) / 60:.0f} more at this rate"
+        )
 
 
-def train_apart(plan: Plan, left: list[Job], jobs: int) -> None:
+def train_apart(plan: Plan, remaining: list[Job], jobs: int) -> None:
     """Several runs at once, each in a process of its own."""
     numbers = {job: number for number, job in enumerate(plan.jobs())}
-    waiting, busy = iter(left), dict[subprocess.Popen[bytes], Job]()
+    waiting, busy = iter(remaining), dict[subprocess.Popen[bytes], Job]()
 
     def start() -> Iterator[None]:
         for job in waiting:
-            chosen = [word for entry in plan.tables for word in ("--only", entry["name"])]
-            command = [sys.executable, __file__, str(plan.path), *chosen, "--job", str(numbers[job])]
+            tables = [word for entry in plan.tables for word in ("--only", entry["name"])]
+            command = [sys.executable, __file__, str(plan.path), *tables, "--job", str(numbers[job])]
             busy[subprocess.Popen(command)] = job
             yield
 
@@ -196,9 +198,9 @@ def train_apart(plan: Plan, left: list[Job], jobs: int) -> None:
         next(begin, None)
     try:
         while busy:
-            done = next(iter(busy))
-            code = done.wait()
-            job = busy.pop(done)
+            first = next(iter(busy))
+            code = first.wait()
+            job = busy.pop(first)
             if code:
                 raise CospeechError(f"the run {job} ended with code {code}", "start again: what is done is kept")
             next(begin, None)
@@ -226,10 +228,10 @@ def run(plan: Plan, jobs: int, budget: float | None) -> None:
         signal.signal(signal.SIGALRM, lambda number, frame: signal.raise_signal(signal.SIGINT))
         signal.setitimer(signal.ITIMER_REAL, budget)
     every = plan.jobs()
-    left = [job for job in every if not plan.is_done(job)]
-    tell(f"{len(every) - len(left)} of {len(every)} runs are there")
+    remaining = [job for job in every if not plan.is_done(job)]
+    tell(f"{len(every) - len(remaining)} of {len(every)} runs are there")
     for number in range(len(plan.tables)):
-        own = [job for job in left if job.table == number]
+        own = [job for job in remaining if job.table == number]
         train_here(plan, own) if jobs == 1 else train_apart(plan, own, jobs)
         plan.score(number)
 
@@ -243,17 +245,17 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--list", action="store_true", help="print the runs and whether they are there, and do nothing")
     parser.add_argument("--pack", type=Path, metavar="FILE", help="pack tables, scores and logs into this .tar.gz at the end")
     parser.add_argument("--job", type=int, help=argparse.SUPPRESS)
-    told = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     try:
-        plan = Plan.load(told.plan).only(told.only)
-        if told.list:
+        plan = Plan.load(options.plan).only(options.only)
+        if options.list:
             for job in plan.jobs():
                 print(f"{'done' if plan.is_done(job) else 'left'}  {plan.tables[job.table]['name']}: {job}")
             return 0
-        if told.job is not None:
-            plan.train(plan.jobs()[told.job])
+        if options.job is not None:
+            plan.train(plan.jobs()[options.job])
             return 0
-        run(plan, max(1, told.jobs), told.budget)
+        run(plan, max(1, options.jobs), options.budget)
     except KeyboardInterrupt:
         tell("stopped; the same command goes on")
         return 130
@@ -261,8 +263,8 @@ def main(arguments: list[str]) -> int:
         tell(f"error: {error}")
         return 2
     finally:
-        if told.pack is not None and "plan" in locals():
-            pack(plan, told.pack)
+        if options.pack is not None and "plan" in locals():
+            pack(plan, options.pack)
     return 0
 
 

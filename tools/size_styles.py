@@ -45,8 +45,8 @@ SIDES = ("left", "right")
 
 def name_arrays(bundle: Bundle) -> list[str]:
     """The arrays of a bundle's statistics that are sized: for files, and then for streams where another network plays them."""
-    known = bundle.arrays(STATISTICS)
-    return [name for name in ("speaker_std", "style_gain", "live_style_gain") if name in known]
+    arrays = bundle.arrays(STATISTICS)
+    return [name for name in ("speaker_std", "style_gain", "live_style_gain") if name in arrays]
 
 
 def options_of(array: str, model: Model) -> Mapping[str, Any]:
@@ -71,7 +71,7 @@ def measure(model: Model, styles: Sequence[object], pieces: Sequence[Speech], op
 
 
 def size(
-    path: Path, wanted: np.ndarray, names: Sequence[str], pieces: Sequence[Speech], out: Path, keep_mean: bool = False
+    path: Path, targets: np.ndarray, names: Sequence[str], pieces: Sequence[Speech], out: Path, keep_mean: bool = False
 ) -> None:
     """Write the bundle with sized styles."""
     bundle = read_bundle(path)
@@ -80,15 +80,15 @@ def size(
     manifest = {key: value for key, value in bundle.manifest.items() if key not in ("members", "format")}
     for array in name_arrays(bundle):
         first = bundle.arrays(STATISTICS)[array]
-        aim, factors = wanted, np.ones_like(wanted)
+        aim, factors = targets, np.ones_like(targets)
         for turn in range(ROUNDS):
             write_bundle(out, manifest, bundle.members)
             model = load(out)
-            found = measure(model, names, pieces, options_of(array, model))
+            speeds = measure(model, names, pieces, options_of(array, model))
             if keep_mean and turn == 0:
-                aim = wanted * found.mean() / wanted.mean()
-            print(f"{array}, round {turn}: {compare(aim, found)}", flush=True)
-            factors = (factors * (aim / found) ** STEP).clip(LEAST, MOST)
+                aim = targets * speeds.mean() / targets.mean()
+            print(f"{array}, round {turn}: {compare(aim, speeds)}", flush=True)
+            factors = (factors * (aim / speeds) ** STEP).clip(LEAST, MOST)
             arrays = dict(bundle.arrays(STATISTICS))
             gains = [factors[:, k : k + 1] ** own for k, own in enumerate(columns)]
             arrays[array] = (first * gains[0] * gains[1]).astype(np.float32)
@@ -96,9 +96,9 @@ def size(
     write_bundle(out, manifest, bundle.members)
 
 
-def compare(wanted: np.ndarray, found: np.ndarray) -> str:
+def compare(targets: np.ndarray, speeds: np.ndarray) -> str:
     """How speeds (S, 2) of a bundle go with those of the rules."""
-    a, b = wanted.mean(1), found.mean(1)
+    a, b = targets.mean(1), speeds.mean(1)
     return f"{' '.join(f'{x:.2f}' for x in b)} (rules {' '.join(f'{x:.2f}' for x in a)}), r {np.corrcoef(a, b)[0, 1]:.2f}"
 
 
@@ -109,18 +109,18 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="of the bundle; where it ships, else")
     parser.add_argument("--keep-mean", action="store_true", help="set the ratios between the styles alone")
     parser.add_argument("--check", action="store_true", help="measure --out on the other pieces of the speech")
-    chosen = parser.parse_args()
-    path = SHIPPED / f"{chosen.name}{BUNDLE}"
-    out, pieces = chosen.out or path, cut_pieces(recordings(chosen.speech), PIECE, SHARE)[chosen.check :: 2]
+    options = parser.parse_args()
+    path = SHIPPED / f"{options.name}{BUNDLE}"
+    out, pieces = options.out or path, cut_pieces(recordings(options.speech), PIECE, SHARE)[options.check :: 2]
     people = choose_speakers(SPEAKERS, SEED)
-    wanted = measure(load("rules"), [person.style for person in people], pieces, {})
+    targets = measure(load("rules"), [person.style for person in people], pieces, {})
     names = [person.name for person in people]
-    if not chosen.check:
-        size(path, wanted, names, pieces, out, chosen.keep_mean)
+    if not options.check:
+        size(path, targets, names, pieces, out, options.keep_mean)
         return
     model = load(out)
     for array in name_arrays(read_bundle(out)):
-        print(f"{array}: {compare(wanted, measure(model, names, pieces, options_of(array, model)))}")
+        print(f"{array}: {compare(targets, measure(model, names, pieces, options_of(array, model)))}")
 
 
 if __name__ == "__main__":

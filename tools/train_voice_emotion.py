@@ -61,24 +61,24 @@ class Clips:
     voices: Array
     recordings: Array
 
-    def of(self, chosen: Array) -> Clips:
+    def of(self, selection: Array) -> Clips:
         """Some of them."""
-        return Clips(self.rows[chosen], self.emotions[chosen], self.voices[chosen], self.recordings[chosen])
+        return Clips(self.rows[selection], self.emotions[selection], self.voices[selection], self.recordings[selection])
 
 
 def read_windows(samples: Array, hop: float | None) -> list[Array]:
     """Functionals of the windows of a recording; of the whole where there is no hop."""
-    heard = analyse(np.asarray(samples, np.float32), mel=True)
-    size, step = round(WINDOW * heard.fps), round((hop or WINDOW) * heard.fps)
-    starts = range(0, max(len(heard) - size + 2, 1), step) if hop else [0]
-    rows = [measure_voice(heard[a : a + size]) for a in starts]
+    features = analyse(np.asarray(samples, np.float32), mel=True)
+    size, step = round(WINDOW * features.fps), round((hop or WINDOW) * features.fps)
+    starts = range(0, max(len(features) - size + 2, 1), step) if hop else [0]
+    rows = [measure_voice(features[a : a + size]) for a in starts]
     return [row for row in rows if row is not None]
 
 
-def gather(found: list[tuple[Array, str, str]], hop: float | None) -> Clips:
+def gather(recordings: list[tuple[Array, str, str]], hop: float | None) -> Clips:
     """Windows of (samples, emotion, voice)."""
     rows, facts = list[Array](), list[tuple[str, str, int]]()
-    for number, (samples, emotion, voice) in enumerate(found):
+    for number, (samples, emotion, voice) in enumerate(recordings):
         own = read_windows(samples, hop)
         rows += own
         facts += [(emotion, voice, number)] * len(own)
@@ -110,7 +110,7 @@ def load(path: Path) -> Array:
 
 def act_voices(readers: dict[str, list[Array]]) -> list[tuple[Array, str, str]]:
     """Each reader as `PARTS` actors by rule, in each emotion, twice neutral."""
-    made = []
+    clips = []
     for who, (reader, recordings) in enumerate(readers.items()):
         pause = np.zeros(3200, np.float32)
         sound, size = np.concatenate([part for each in recordings[:9] for part in (each, pause)]), round(PIECE * 16_000)
@@ -120,19 +120,19 @@ def act_voices(readers: dict[str, list[Array]]) -> list[tuple[Array, str, str]]:
             actor = Actor(5, who * PARTS + part)
             for emotion in ("neutral", *EMOTIONS):
                 speech, seed = Speech(pieces[count % len(pieces)], 16_000), 1000 * who + count
-                made.append((act(speech, actor.acting(emotion, seed), seed).samples, emotion, reader))
+                clips.append((act(speech, actor.acting(emotion, seed), seed).samples, emotion, reader))
                 count += 1
-    return made
+    return clips
 
 
-def kept(path: Path, make: object) -> Clips:
+def load_clips(path: Path, make: object) -> Clips:
     """What is in the file, or is made and written to it."""
     if not path.is_file():
         clips: Clips = make()  # type: ignore[operator]
         with atomic(path) as temporary, temporary.open("wb") as out:
             np.savez(out, **vars(clips))
-    with np.load(path, allow_pickle=False) as stored:
-        return Clips(*(stored[name] for name in ("rows", "emotions", "voices", "recordings")))
+    with np.load(path, allow_pickle=False) as arrays:
+        return Clips(*(arrays[name] for name in ("rows", "emotions", "voices", "recordings")))
 
 
 def draw_histories(clips: Clips, usual: VoiceWeights, rng: np.random.Generator) -> Array:
@@ -160,20 +160,20 @@ def play_session(clips: Clips, usual: VoiceWeights, rng: np.random.Generator) ->
     return out, places
 
 
-def fit(real: Clips, acted: Clips, seed: int) -> VoiceWeights:
+def fit(real: Clips, synthetic: Clips, seed: int) -> VoiceWeights:
     """Train on both; each class of each of the two weighs the same."""
     rng = np.random.default_rng(seed)
-    rows = np.concatenate([real.rows, acted.rows])
+    rows = np.concatenate([real.rows, synthetic.rows])
     nothing = np.zeros((0, 0))
     usual = VoiceWeights(rows.mean(0), rows.std(0) + 1e-6, nothing, nothing)
-    inputs = np.concatenate([*(draw_histories(real, usual, rng) for _ in range(COPIES)), draw_histories(acted, usual, rng)])
-    emotions = [np.tile(real.emotions, COPIES), acted.emotions]
+    inputs = np.concatenate([*(draw_histories(real, usual, rng) for _ in range(COPIES)), draw_histories(synthetic, usual, rng)])
+    emotions = [np.tile(real.emotions, COPIES), synthetic.emotions]
     names, weights = np.concatenate(emotions), np.concatenate([balance(each) for each in emotions])
     model = LogisticRegression(C=STRENGTH, max_iter=1000).fit(inputs, names, sample_weight=weights)
     place = [list(model.classes_).index(name) for name in CATEGORIES]
-    known = np.isin(names, list(AROUSAL))
-    wanted = [AROUSAL[name] for name in names[known]]
-    line = Ridge(RIDGE).fit(inputs[known], wanted, sample_weight=weights[known])
+    has_arousal = np.isin(names, list(AROUSAL))
+    arousals = [AROUSAL[name] for name in names[has_arousal]]
+    line = Ridge(RIDGE).fit(inputs[has_arousal], arousals, sample_weight=weights[has_arousal])
     categories = np.concatenate([model.coef_, model.intercept_[:, None]], 1)[place]
     return replace(usual, categories=categories, arousal=np.append(line.coef_, line.intercept_))
 
@@ -198,8 +198,8 @@ def judge(rows: Array, weights: VoiceWeights) -> tuple[Array, Array]:
 def among(logits: Array, names: list[str]) -> Array:
     """(N, n) logarithms of probabilities among some categories."""
     own = logits[:, [CATEGORIES.index(name) for name in names]]
-    found: Array = own - np.log(np.exp(own).sum(1, keepdims=True))
-    return found
+    log_shares: Array = own - np.log(np.exp(own).sum(1, keepdims=True))
+    return log_shares
 
 
 def best_temperature(logits: Array, emotions: Array, names: list[str]) -> float:
@@ -222,18 +222,18 @@ def calibration_error(shares: Array, right: Array) -> float:
 def neutral_share(samples: Array, weights: VoiceWeights) -> tuple[int, int]:
     """Seconds of a speech in which neutral is played, and all."""
     looks = follow(analyse(samples, mel=True), weights)
-    return round(LOOKS * sum(played[0] >= 0.5 for played, _, _ in looks)), round(LOOKS * len(looks))
+    return round(LOOKS * sum(shares[0] >= 0.5 for shares, _, _ in looks)), round(LOOKS * len(looks))
 
 
 def follow(frames: Features, weights: VoiceWeights) -> list[tuple[Array, Array, float]]:
     """What is played, what is heard and the arousal, look by look, as of a stream."""
-    voice, emotion, found = VoiceEmotion(weights), ConfidentEmotion(), []
+    voice, emotion, rows = VoiceEmotion(weights), ConfidentEmotion(), []
     for k in range(1, int(len(frames) / frames.fps / LOOKS) + 1):
         until = k * LOOKS
         voice.push(frames[round((until - LOOKS) * frames.fps) : round(until * frames.fps)])
         look = voice.look(until)
-        found.append((emotion.follow(look), emotion.probabilities, 0.0 if look is None else look.arousal))
-    return found
+        rows.append((emotion.follow(look), emotion.probabilities, 0.0 if look is None else look.arousal))
+    return rows
 
 
 @dataclass
@@ -241,26 +241,26 @@ class Folds:
     """What the voices that were left out are taken for."""
 
     real: list[tuple[Clips, Array, Array, Array]]
-    acted: list[tuple[Clips, Array]]
+    synthetic: list[tuple[Clips, Array]]
     weights: dict[str, VoiceWeights]
     """Voice → those that never heard it."""
 
 
-def leave_out(real: Clips, acted: Clips) -> Folds:
+def leave_out(real: Clips, synthetic: Clips) -> Folds:
     """Ten folds."""
-    actors, readers = np.unique(real.voices), [name for name in np.unique(acted.voices) if name not in real.voices]
+    actors, readers = np.unique(real.voices), [name for name in np.unique(synthetic.voices) if name not in real.voices]
     folds = Folds([], [], {})
     for k, actor in enumerate(actors):
         out = [str(actor), *readers[k :: len(actors)]]
-        weights = fit(real.of(real.voices != actor), acted.of(~np.isin(acted.voices, out)), k)
+        weights = fit(real.of(real.voices != actor), synthetic.of(~np.isin(synthetic.voices, out)), k)
         folds.weights |= dict.fromkeys(out, weights)
         rng = np.random.default_rng(100 + k)
         for _ in range(SHUFFLES):
             own = real.of(real.voices == actor)
             rows, places = play_session(own, weights, rng)
             folds.real.append((own, *judge(rows, weights), places))
-        own = acted.of(np.isin(acted.voices, out))
-        folds.acted.append((own, judge(play_session(own, weights, rng)[0], weights)[1]))
+        own = synthetic.of(np.isin(synthetic.voices, out))
+        folds.synthetic.append((own, judge(play_session(own, weights, rng)[0], weights)[1]))
         print(f"without {', '.join(out)}", flush=True)
     return folds
 
@@ -271,36 +271,39 @@ def print_real(folds: Folds, temperature: float) -> None:
     true = np.concatenate([clips.emotions for clips, *_ in folds.real])
     arousal, places = (np.concatenate([each[k] for each in folds.real]) for k in (1, 3))
     shares = np.exp(among(np.concatenate([each[2] for each in folds.real]) / temperature, names))
-    said = np.array(names)[shares.argmax(1)]
+    answers = np.array(names)[shares.argmax(1)]
     high, low = np.isin(true, ["anger", "happiness", "fear"]), np.isin(true, ["sadness", "boredom"])
-    known = high | low
+    has_arousal = high | low
     first = places < 5
-    print(f"EmoDB: UAR {recall_score(true, said, average='macro'):.3f} of {len(names)} emotions")
-    print(f"  first five clips of a voice {recall_score(true[first], said[first], average='macro'):.3f}", end=", ")
-    print(f"later ones {recall_score(true[~first], said[~first], average='macro'):.3f}")
+    print(f"EmoDB: UAR {recall_score(true, answers, average='macro'):.3f} of {len(names)} emotions")
+    print(f"  first five clips of a voice {recall_score(true[first], answers[first], average='macro'):.3f}", end=", ")
+    print(f"later ones {recall_score(true[~first], answers[~first], average='macro'):.3f}")
     print(
-        f"  arousal: AUC {roc_auc_score(high[known], arousal[known]):.3f}; of neutral {arousal[true == 'neutral'].mean():+.2f}"
+        f"  arousal: AUC {roc_auc_score(high[has_arousal], arousal[has_arousal]):.3f}; "
+        f"of neutral {arousal[true == 'neutral'].mean():+.2f}"
     )
-    print(f"  calibration error {calibration_error(shares, said == true):.3f} at temperature {temperature:.2f}")
+    print(f"  calibration error {calibration_error(shares, answers == true):.3f} at temperature {temperature:.2f}")
     for least in (0.5, 0.75):
         sure = shares.max(1) >= least
-        right = np.mean(said[sure] == true[sure])
+        right = np.mean(answers[sure] == true[sure])
         print(f"  probability of {least} or more: {sure.mean():.2f} of the clips, {right:.2f} of them right")
-    print(names, confusion_matrix(true, said, labels=names, normalize="true").round(2), sep="\n")
+    print(names, confusion_matrix(true, answers, labels=names, normalize="true").round(2), sep="\n")
 
 
 def print_acted(folds: Folds, temperature: float) -> None:
     """Voices that act by rule, left out in turn."""
     names = list(EMOTIONS)
-    logits = np.concatenate([among(own / temperature, names) for _, own in folds.acted])
-    true, numbers = (np.concatenate([getattr(clips, what) for clips, _ in folds.acted]) for what in ("emotions", "recordings"))
-    said = np.array(names)[logits.argmax(1)]
+    logits = np.concatenate([among(own / temperature, names) for _, own in folds.synthetic])
+    true, numbers = (
+        np.concatenate([getattr(clips, what) for clips, _ in folds.synthetic]) for what in ("emotions", "recordings")
+    )
+    answers = np.array(names)[logits.argmax(1)]
     each = [np.flatnonzero(numbers == n) for n in np.unique(numbers)]
     clips = [true[own[0]] for own in each]
-    taken = [names[int(logits[own].mean(0).argmax())] for own in each]
-    print(f"acting by rule: macro-F1 of windows {f1_score(true, said, average='macro'):.3f} ({len(true)})", end=", ")
-    print(f"of recordings {f1_score(clips, taken, average='macro'):.3f} ({len(clips)})")
-    print(dict(zip(names, f1_score(clips, taken, average=None, labels=names).round(2).tolist(), strict=True)))
+    clip_answers = [names[int(logits[own].mean(0).argmax())] for own in each]
+    print(f"acting by rule: macro-F1 of windows {f1_score(true, answers, average='macro'):.3f} ({len(true)})", end=", ")
+    print(f"of recordings {f1_score(clips, clip_answers, average='macro'):.3f} ({len(clips)})")
+    print(dict(zip(names, f1_score(clips, clip_answers, average=None, labels=names).round(2).tolist(), strict=True)))
 
 
 def print_neutral(folds: Folds, readers: dict[str, list[Array]], temperature: float) -> None:
@@ -318,11 +321,11 @@ def print_recordings(folder: Path, weights: VoiceWeights) -> None:
     for path in sorted(folder.glob("*.flac")):
         if "hz" not in path.stem:
             looks = follow(analyse(load(path), mel=True), weights)
-            heard, played = (np.mean([look[k] for look in looks], 0) for k in (1, 0))
-            best = int(np.argmax(heard))
+            probabilities, mix = (np.mean([look[k] for look in looks], 0) for k in (1, 0))
+            best = int(np.argmax(probabilities))
             level = np.mean([look[2] for look in looks])
-            print(f"  {path.stem}: arousal {level:+.2f}, heard {EMOTIONS[best]} {heard[best]:.2f}, ", end="")
-            print(f"played {EMOTIONS[int(played.argmax())]} {played.max():.2f}")
+            print(f"  {path.stem}: arousal {level:+.2f}, heard {EMOTIONS[best]} {probabilities[best]:.2f}, ", end="")
+            print(f"played {EMOTIONS[int(mix.argmax())]} {mix.max():.2f}")
 
 
 def main() -> None:
@@ -331,22 +334,22 @@ def main() -> None:
     parser.add_argument("speech", type=Path)
     parser.add_argument("work", type=Path)
     parser.add_argument("--write", action="store_true")
-    chosen = parser.parse_args()
-    chosen.work.mkdir(parents=True, exist_ok=True)
-    found, readers = read_emodb(chosen.emodb), read_readers(chosen.speech)
-    calm = {actor: [s for s, emotion, who in found if (emotion, who) == ("neutral", actor)] for _, _, actor in found}
-    real = kept(chosen.work / "real.npz", lambda: gather(found, None))
-    acted = kept(chosen.work / "acted.npz", lambda: gather(act_voices(readers | calm), WINDOW / 2))
-    folds = leave_out(real, acted)
+    options = parser.parse_args()
+    options.work.mkdir(parents=True, exist_ok=True)
+    clips, readers = read_emodb(options.emodb), read_readers(options.speech)
+    calm = {actor: [s for s, emotion, who in clips if (emotion, who) == ("neutral", actor)] for _, _, actor in clips}
+    real = load_clips(options.work / "real.npz", lambda: gather(clips, None))
+    synthetic = load_clips(options.work / "acted.npz", lambda: gather(act_voices(readers | calm), WINDOW / 2))
+    folds = leave_out(real, synthetic)
     names = sorted({str(name) for name in real.emotions})
-    heard = [(each[2], each[0].emotions) for each in folds.real]
-    temperature = best_temperature(*(np.concatenate(part) for part in zip(*heard, strict=True)), names)
+    outputs = [(each[2], each[0].emotions) for each in folds.real]
+    temperature = best_temperature(*(np.concatenate(part) for part in zip(*outputs, strict=True)), names)
     print_real(folds, temperature)
     print_acted(folds, temperature)
     print_neutral(folds, readers, temperature)
-    weights = cool(fit(real, acted, 99), temperature)
-    print_recordings(chosen.speech / "a2f_emotional", weights)
-    if chosen.write:
+    weights = cool(fit(real, synthetic, 99), temperature)
+    print_recordings(options.speech / "a2f_emotional", weights)
+    if options.write:
         with atomic(ASSET) as temporary, temporary.open("wb") as out:
             np.savez(out, **{name: value.astype(np.float32) for name, value in vars(weights).items()})
 

@@ -74,8 +74,8 @@ def help_of(command: str) -> str:
     """What ``cospeech COMMAND --help`` prints, on a terminal of 100 columns."""
     environment = os.environ | {"COLUMNS": "100", "PYTHONIOENCODING": "utf-8", "NO_COLOR": "1"}
     arguments = [sys.executable, "-m", "cospeech", *command.split(), "--help"]
-    done = subprocess.run(arguments, capture_output=True, check=True, env=environment)
-    return "\n".join(line.rstrip() for line in done.stdout.decode().strip().splitlines()) + "\n"
+    process = subprocess.run(arguments, capture_output=True, check=True, env=environment)
+    return "\n".join(line.rstrip() for line in process.stdout.decode().strip().splitlines()) + "\n"
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:
@@ -116,7 +116,7 @@ def overview(place: str) -> Callable[[], str]:
 
     def rows() -> str:
         page = (ROOT / "docs" / "benchmarks.md").read_text("utf-8")
-        found = []
+        lines = []
         for row in catalogue("models"):
             name = row["name"]
             first, ready = row["what"].split("; ready to use")[0].split("; no weights")[0], "ready to use" in row["what"]
@@ -125,8 +125,8 @@ def overview(place: str) -> Callable[[], str]:
             speed = re.search(rf"^\| `{name}` \| ([\d.]+) \|", page, re.M)
             assert speed or not ready, f"docs/benchmarks.md has no speed of {name}: benchmarks/models.py"
             link = f"[`{name}`]({place}models/{name.replace('-', '_')}.md)"
-            found.append([link, match[2] or "ours", match[3], "yes" if ready else "no", speed[1] if speed else "–"])
-        return table(["model", "paper", "what it does", "weights ship", "real-time factor"], found)
+            lines.append([link, match[2] or "ours", match[3], "yes" if ready else "no", speed[1] if speed else "–"])
+        return table(["model", "paper", "what it does", "weights ship", "real-time factor"], lines)
 
     return rows
 
@@ -158,20 +158,20 @@ TABLES: dict[str, Callable[[], str]] = {
 
 def pages() -> dict[Path, str]:
     """Path → text of every page, as it should be."""
-    found = {ROOT / "docs" / "cli.md": cli_page(), PICTURE: architecture_svg(), NAVIGATION: navigation()}
+    texts = {ROOT / "docs" / "cli.md": cli_page(), PICTURE: architecture_svg(), NAVIGATION: navigation()}
     for path in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
-        if path not in found:
+        if path not in texts:
             text = path.read_text("utf-8")
             text = BLOCK.sub(lambda match: match[1] + TABLES[match[2]]() + match[3], text)
-            found[path] = FILE.sub(lambda match: match[1] + (ROOT / match[2]).read_text("utf-8") + match[3], text)
-    return found
+            texts[path] = FILE.sub(lambda match: match[1] + (ROOT / match[2]).read_text("utf-8") + match[3], text)
+    return texts
 
 
 def navigation() -> str:
     """mkdocs.yml with a line for the page of each model, in the order of the registry; a page gives its own title."""
     names = (name.replace("-", "_") for name in ENTRIES if name != "rules")  # whose page stands apart
-    found = [f"      - models/{name}.md\n" for name in names if (ROOT / "docs" / "models" / f"{name}.md").is_file()]
-    return NAV.sub(lambda match: match[1] + "".join(found) + match[2], NAVIGATION.read_text("utf-8"))
+    lines = [f"      - models/{name}.md\n" for name in names if (ROOT / "docs" / "models" / f"{name}.md").is_file()]
+    return NAV.sub(lambda match: match[1] + "".join(lines) + match[2], NAVIGATION.read_text("utf-8"))
 
 
 def main() -> None:

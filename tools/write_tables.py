@@ -95,8 +95,8 @@ def join(parts: list[dict[str, Any]]) -> dict[str, Any]:
         rows = {name: row["facts"] for name, row in part["rows"].items() if row.get("cells")}
         if not alike or rows != {name: first["rows"][name]["facts"] for name in runs}:
             raise InputError("parts of different tables, rows or corpora", "join what one plan made")
-        for name, found in runs.items():
-            found += of_seeds(part["rows"][name]["cells"], len(part["seeds"]))
+        for name, cells in runs.items():
+            cells += of_seeds(part["rows"][name]["cells"], len(part["seeds"]))
     rows = {
         name: row | ({"cells": {metric: summary(runs[name], metric) for metric in first["columns"]}} if name in runs else {})
         for name, row in first["rows"].items()
@@ -128,8 +128,10 @@ class Shown(NamedTuple):
     def title(self) -> str:
         """What its heading says: no two tables have the same."""
         hours = re.search(r"[\d.]+ h(?= for training)", self.table["head"])
-        told = [hours[0]] if hours else []
-        return f"{self.table['table']} on {CORPORA[self.table['corpus']]}: {', '.join([*told, say_seeds(self.table['seeds'])])}"
+        parts = [hours[0]] if hours else []
+        return (
+            f"{self.table['table']} on {CORPORA[self.table['corpus']]}: {', '.join([*parts, say_seeds(self.table['seeds'])])}"
+        )
 
     @property
     def link(self) -> str:
@@ -151,78 +153,78 @@ def find_shown() -> list[Shown]:
     Raises:
         InputError: a table has no place or two, a place has no table or is in the wrong section, or two titles are the same.
     """
-    kept = {path.stem: json.loads(path.read_text("utf-8")) for path in sorted(KEPT.glob("*.json"))}
-    found: list[Shown] = []
+    tables = {path.stem: json.loads(path.read_text("utf-8")) for path in sorted(KEPT.glob("*.json"))}
+    entries: list[Shown] = []
     for path in sorted((DOCS / "results").glob("*.md")):
         section = ""
         for heading, name in MARK.findall(path.read_text("utf-8")):
             section = heading or section
-            if name and name not in kept:
+            if name and name not in tables:
                 raise InputError(f"<!-- table: {name} --> in {path.name}", f"there is no benchmarks/tables/{name}.json")
-            if name and section not in (kept[name]["table"], EARLIER):
-                raise InputError(f"<!-- table: {name} --> in {path.name}", f"move it below '## {kept[name]['table']}'")
+            if name and section not in (tables[name]["table"], EARLIER):
+                raise InputError(f"<!-- table: {name} --> in {path.name}", f"move it below '## {tables[name]['table']}'")
             if name:
-                found.append(Shown(name, path.name, section, kept[name] | judge_again(kept[name])))
-    places = Counter(each.name for each in found)
-    for name in kept:
+                entries.append(Shown(name, path.name, section, tables[name] | judge_again(tables[name])))
+    places = Counter(each.name for each in entries)
+    for name in tables:
         if places[name] != 1:
             do = f"one page in docs/results/ must have the line <!-- table: {name} -->; {places[name]} have"
             raise InputError(f"benchmarks/tables/{name}.json", do)
     titles: dict[str, str] = {}
-    for each in found:
+    for each in entries:
         other = titles.setdefault(each.title, each.name)
         if other != each.name:
             raise InputError(f"{other} and {each.name}", f"both would be called {each.title!r}")
-    return found
+    return entries
 
 
-def fill(text: str, shown: dict[str, Shown]) -> str:
+def fill(text: str, entries: dict[str, Shown]) -> str:
     """A page with its tables."""
 
-    def write_piece(found: re.Match[str]) -> str:
-        head, mark, after = found[2].partition(FIGURES)
+    def write_piece(match: re.Match[str]) -> str:
+        head, mark, after = match[2].partition(FIGURES)
         words = HEADING.sub("", head).strip() if mark else ""
         _, end, rest = after.partition(END)
         if mark and not end:
-            raise InputError(f"<!-- table: {found[1]} -->", f"{END} is missing")
-        each = shown[found[1]]
+            raise InputError(f"<!-- table: {match[1]} -->", f"{END} is missing")
+        each = entries[match[1]]
         lines = [f"<!-- table: {each.name} -->\n\n### {each.title}\n", *([f"{words}\n"] if words else []), f"{FIGURES}\n"]
         lines.append(to_markdown(each.table).partition("\n\n")[2])
         if (DOCS / "media" / f"{each.name}.png").is_file():
             lines.append(f"![{TABLES[each.table['table']].shown}](../media/{each.name}.png)\n")
-        return "\n".join([*lines, END]) + (rest if mark else f"\n{found[2]}")
+        return "\n".join([*lines, END]) + (rest if mark else f"\n{match[2]}")
 
     return PIECE.sub(write_piece, text)
 
 
-def judged(runs: list[Shown]) -> dict[str, tuple[Shown, dict[str, Any]]]:
+def find_verdicts(runs: list[Shown]) -> dict[str, tuple[Shown, dict[str, Any]]]:
     """Claim → the run that judges it, and the verdict; where several runs do, that of the first."""
-    found: dict[str, tuple[Shown, dict[str, Any]]] = {}
+    verdicts: dict[str, tuple[Shown, dict[str, Any]]] = {}
     for run in runs:
-        for told in run.table["verdicts"]:
-            found.setdefault(told["claim"], (run, told))
-    return found
+        for verdict in run.table["verdicts"]:
+            verdicts.setdefault(verdict["claim"], (run, verdict))
+    return verdicts
 
 
-def current_runs(shown: list[Shown]) -> dict[tuple[str, str], list[Shown]]:
+def current_runs(entries: list[Shown]) -> dict[tuple[str, str], list[Shown]]:
     """(table, corpus) → its current runs, in the order of the papers."""
-    found: dict[tuple[str, str], list[Shown]] = {(name, part.corpus): [] for name in TABLES for part in TABLES[name].parts}
-    for each in shown:
+    runs: dict[tuple[str, str], list[Shown]] = {(name, part.corpus): [] for name in TABLES for part in TABLES[name].parts}
+    for each in entries:
         if each.section != EARLIER:
-            found[each.table["table"], each.table["corpus"]].append(each)
-    return found
+            runs[each.table["table"], each.table["corpus"]].append(each)
+    return runs
 
 
-def overview(shown: list[Shown]) -> str:
+def overview(entries: list[Shown]) -> str:
     """How many claims of each table got which verdict."""
     lines = [
         "| table | of | corpus | " + " | ".join([*WORDS, "not run"]) + " | current runs |",
         "|---|---|---|" + "---:|" * 5 + "---|",
     ]
     totals: Counter[str] = Counter()
-    for (name, corpus), runs in current_runs(shown).items():
+    for (name, corpus), runs in current_runs(entries).items():
         authors, _, what = TABLES[name].title.partition(",")
-        counts = Counter(told["verdict"] for _, told in judged(runs).values())
+        counts = Counter(verdict["verdict"] for _, verdict in find_verdicts(runs).values())
         part = find_part(runs[0].table) if runs else next(p for p in TABLES[name].parts if p.corpus == corpus)
         counts["not run"] = len(part.claims) - counts.total()
         totals += counts
@@ -234,31 +236,31 @@ def overview(shown: list[Shown]) -> str:
 
 def row(heads: list[str], counts: Counter[str], links: str) -> str:
     """One of the overview; what is decided is in bold type."""
-    told = [f"**{counts[word]}**" if counts[word] and word in DECIDED else str(counts[word]) for word in [*WORDS, "not run"]]
-    return "| " + " | ".join([*heads, *told, links]) + " |"
+    cells = [f"**{counts[word]}**" if counts[word] and word in DECIDED else str(counts[word]) for word in [*WORDS, "not run"]]
+    return "| " + " | ".join([*heads, *cells, links]) + " |"
 
 
-def decided(found: list[tuple[Shown, dict[str, Any]]]) -> str:
+def list_decided(pairs: list[tuple[Shown, dict[str, Any]]]) -> str:
     """The claims that hold or are contradicted, a line each."""
     lines = [
-        f"* **{told['verdict']}**: {told['claim']}"
-        + (f" [expected: {told['expected']}]" if "expected" in told else "")
-        + f": {told['because']} ([{run.title}]({run.link}))"
-        for run, told in found
-        if told["verdict"] in DECIDED
+        f"* **{verdict['verdict']}**: {verdict['claim']}"
+        + (f" [expected: {verdict['expected']}]" if "expected" in verdict else "")
+        + f": {verdict['because']} ([{run.title}]({run.link}))"
+        for run, verdict in pairs
+        if verdict["verdict"] in DECIDED
     ]
     return "\n".join(lines or ["None."]) + "\n"
 
 
 def pages() -> dict[Path, str]:
     """Path → text of every page of results, as it should be."""
-    shown = find_shown()
-    earlier = [(each, told) for each in shown if each.section == EARLIER for told in each.table["verdicts"]]
-    current = [pair for runs in current_runs(shown).values() for pair in judged(runs).values()]
-    blocks = {"overview": overview(shown), "decided": decided(current), "decided earlier": decided(earlier)}
+    entries = find_shown()
+    earlier = [(each, verdict) for each in entries if each.section == EARLIER for verdict in each.table["verdicts"]]
+    current = [pair for runs in current_runs(entries).values() for pair in find_verdicts(runs).values()]
+    blocks = {"overview": overview(entries), "decided": list_decided(current), "decided earlier": list_decided(earlier)}
     index = DOCS / "results.md"
-    text = BLOCK.sub(lambda found: f"{found[1]}\n{blocks[found[2]]}\n{found[3]}", index.read_text("utf-8"))
-    by_name = {each.name: each for each in shown}
+    text = BLOCK.sub(lambda match: f"{match[1]}\n{blocks[match[2]]}\n{match[3]}", index.read_text("utf-8"))
+    by_name = {each.name: each for each in entries}
     return {index: text} | {path: fill(path.read_text("utf-8"), by_name) for path in sorted((DOCS / "results").glob("*.md"))}
 
 
@@ -272,7 +274,7 @@ def main(files: list[Path]) -> None:
     for path in files:
         text = path.read_text("utf-8")
         json.loads(text)["rows"]  # it is a table
-        write(KEPT / path.name, NUMBERS.sub(lambda found: " ".join(found[0].split()), text))
+        write(KEPT / path.name, NUMBERS.sub(lambda match: " ".join(match[0].split()), text))
         picture = path.with_suffix(".png")
         if picture.is_file():
             shutil.copyfile(picture, DOCS / "media" / picture.name)

@@ -23,22 +23,22 @@ _SIMPLE = {"string": "string", "number": "number", "integer": "number", "boolean
 
 def collect_schemas() -> dict[str, dict[str, Any]]:
     """Name → JSON schema of every message and of every part of one, requests as they may be sent."""
-    found: dict[str, dict[str, Any]] = {}
+    schemas: dict[str, dict[str, Any]] = {}
     for request in REQUESTS:
-        _take(found, TypeAdapter(request).json_schema(mode="validation"))
+        _take(schemas, TypeAdapter(request).json_schema(mode="validation"))
     for kind in (getattr(module, name) for module in (messages, live_messages) for name in module.__all__):
-        if isinstance(kind, type) and issubclass(kind, BaseModel) and kind.model_fields and kind.__name__ not in found:
-            _take(found, kind.model_json_schema(mode="serialization"), complete=True)
-    return dict(sorted(found.items()))
+        if isinstance(kind, type) and issubclass(kind, BaseModel) and kind.model_fields and kind.__name__ not in schemas:
+            _take(schemas, kind.model_json_schema(mode="serialization"), complete=True)
+    return dict(sorted(schemas.items()))
 
 
-def _take(found: dict[str, dict[str, Any]], schema: dict[str, Any], *, complete: bool = False) -> None:
+def _take(schemas: dict[str, dict[str, Any]], schema: dict[str, Any], *, complete: bool = False) -> None:
     parts = dict(schema.get("$defs", {}))
     if schema.get("type") == "object":
         parts[schema["title"]] = schema
     for name, part in parts.items():
-        required = {"required": [*part.get("properties", {})]} if complete else {}
-        found.setdefault(name, part | required)
+        extra = {"required": [*part.get("properties", {})]} if complete else {}
+        schemas.setdefault(name, part | extra)
 
 
 def write_type(schema: dict[str, Any]) -> str:

@@ -38,38 +38,38 @@ class CospeechPreferences(bpy.types.AddonPreferences):
         self.layout.prop(self, "command")
 
 
-def find_command(given: str) -> list[str]:
+def find_command(setting: str) -> list[str]:
     """How to start cospeech: as given; or with Blender's own Python, if the wheel is installed there; or as on the PATH."""
-    given = given.strip()
-    if given and Path(given).expanduser().is_file():  # a path may hold blanks, and backslashes on Windows
-        return [str(Path(given).expanduser())]
-    if given:
+    setting = setting.strip()
+    if setting and Path(setting).expanduser().is_file():  # a path may hold blanks, and backslashes on Windows
+        return [str(Path(setting).expanduser())]
+    if setting:
         try:
-            return [part.strip('"') for part in shlex.split(given, posix=os.name != "nt")]
+            return [part.strip('"') for part in shlex.split(setting, posix=os.name != "nt")]
         except ValueError as error:
-            raise CospeechError(f"the command {given!r} cannot be read: {error}") from None
+            raise CospeechError(f"the command {setting!r} cannot be read: {error}") from None
     if importlib.util.find_spec("cospeech") is not None:
         return [sys.executable, "-m", "cospeech"]
-    found = shutil.which("cospeech")
-    if found is None:
+    path = shutil.which("cospeech")
+    if path is None:
         raise CospeechError("cospeech is not found: name its command in the preferences of the add-on")
-    return [found]
+    return [path]
 
 
 def run(command: list[str], *arguments: object) -> list[str]:
     """Run a command of cospeech; its notes."""
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             [*command, *map(str, arguments)], capture_output=True, encoding="utf-8", errors="replace", timeout=LONGEST,
             env=os.environ | {"PYTHONIOENCODING": "utf-8"}, creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
         )  # fmt: skip
     except (OSError, subprocess.TimeoutExpired) as error:
         raise CospeechError(f"{command[0]} cannot be run: {error}") from None
-    if done.returncode:
-        lines = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
-        said = done.stderr[-300:].strip() or f"{command[0]} ended with {done.returncode} and said nothing"
-        raise CospeechError(lines[-1].removeprefix("error: ") if lines else f"cospeech failed: {said}")
-    return [line.removeprefix("note: ") for line in done.stderr.splitlines() if line.startswith("note: ")]
+    if process.returncode:
+        lines = [line for line in process.stderr.splitlines() if line.startswith("error: ")]
+        text = process.stderr[-300:].strip() or f"{command[0]} ended with {process.returncode} and said nothing"
+        raise CospeechError(lines[-1].removeprefix("error: ") if lines else f"cospeech failed: {text}")
+    return [line.removeprefix("note: ") for line in process.stderr.splitlines() if line.startswith("note: ")]
 
 
 def sound_strips(scene: bpy.types.Scene) -> list[bpy.types.Strip]:
@@ -84,8 +84,8 @@ def sequencer_scene(context: bpy.types.Context) -> bpy.types.Scene:
     return getattr(context, "sequencer_scene", None) or context.scene
 
 
-def _find_strips(self: object, context: bpy.types.Context, typed: str) -> list[str]:
-    return [strip.name for strip in sound_strips(sequencer_scene(context)) if typed.lower() in strip.name.lower()]
+def _find_strips(self: object, context: bpy.types.Context, text: str) -> list[str]:
+    return [strip.name for strip in sound_strips(sequencer_scene(context)) if text.lower() in strip.name.lower()]
 
 
 class CospeechSettings(bpy.types.PropertyGroup):
@@ -124,13 +124,13 @@ class CospeechGenerate(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            told, notes = make_action(context, context.object, self.command)
+            summary, notes = make_action(context, context.object, self.command)
         except CospeechError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         for note in notes:
             self.report({"WARNING"}, note)
-        self.report({"INFO"}, told)
+        self.report({"INFO"}, summary)
         return {"FINISHED"}
 
 
@@ -175,8 +175,8 @@ def make_action(context: bpy.types.Context, armature: bpy.types.Object, command:
     weights = np.array([frame["weights"] for frame in face["frames"]])
     count, looks = key_shapes(armature, face["names"], weights, action.name, strip.frame_start)
     rig.key(motion, rest, action, strip.frame_start, looks=looks)
-    if constrained := rig.constrained:
-        notes.append(f"constraints of these bones may change the motion: {', '.join(constrained)[:200]}")
+    if bones := rig.constrained:
+        notes.append(f"constraints of these bones may change the motion: {', '.join(bones)[:200]}")
     return f"{len(motion.rotations)} frames for {len(rig.names)} bones and {count} shape keys: {action.name}", notes
 
 

@@ -50,8 +50,8 @@ class Rig:
 
     def points(self, which: str) -> np.ndarray:
         """(J, 3) heads or tails in the world, metres, Y up."""
-        found = [self.world @ getattr(bone, f"{which}_local") for bone in self.bones]
-        return np.array(found) @ TO_BVH.T
+        places = [self.world @ getattr(bone, f"{which}_local") for bone in self.bones]
+        return np.array(places) @ TO_BVH.T
 
     @property
     def constrained(self) -> list[str]:
@@ -76,15 +76,15 @@ class Rig:
         away = motion.rotations[:, columns] @ np.swapaxes(rest.rotations[:, columns], -1, -2)
         away = into @ away @ into.T
         rests = np.array([np.array(bone.matrix_local.to_3x3()) for bone in self.bones])
-        posed = away @ rests
+        rotations = away @ rests
         bag = _bag(action, self.armature)
         for k, bone in enumerate(self.bones):
             parent = self.parents[k]
-            above = posed[:, parent] if parent >= 0 else rests[:1]
+            above = rotations[:, parent] if parent >= 0 else rests[:1]
             between = (rests[parent].T if parent >= 0 else rests[0].T) @ (rests[k] if parent >= 0 else rests[0])
-            local = between.T @ np.swapaxes(above, -1, -2) @ posed[:, k]
+            local = between.T @ np.swapaxes(above, -1, -2) @ rotations[:, k]
             local = np.broadcast_to(np.eye(3), local.shape) if looks and EYE.search(bone.name) else local
-            quaternions = np.array([Matrix(turned).to_quaternion() for turned in local])
+            quaternions = np.array([Matrix(matrix).to_quaternion() for matrix in local])
             flips = np.sign((quaternions[1:] * quaternions[:-1]).sum(-1))
             quaternions[1:] *= np.cumprod(np.where(flips < 0, -1.0, 1.0))[:, None]
             pose = self.armature.pose.bones[bone.name]
@@ -94,9 +94,9 @@ class Rig:
                 if any(abs(value - usual) > EQUAL for value in getattr(pose, name)) and (k or name == "scale"):
                     _write(bag, f"{path}.{name}", np.full((1, 3), usual), first)
         scale = self.world.median_scale
-        moved = (motion.root - rest.root * (0, 1, 0)) @ into.T / scale @ rests[0]
+        places = (motion.root - rest.root * (0, 1, 0)) @ into.T / scale @ rests[0]
         path = f'pose.bones["{bpy.utils.escape_identifier(self.bones[0].name)}"].location'
-        _write(bag, path, moved, first)
+        _write(bag, path, places, first)
 
 
 def check_tweaks(owner: bpy.types.ID) -> None:
@@ -122,26 +122,26 @@ def key_shapes(armature: bpy.types.Object, names: list[str], weights: np.ndarray
     Returns:
         How many shape keys there were, and whether some of them turn the eyes.
     """
-    count, looks, seen = 0, False, set[str]()
+    count, looks, key_names = 0, False, set[str]()
     for mesh in bpy.data.objects:
-        worn = any(each.type == "ARMATURE" and each.object == armature for each in mesh.modifiers)
-        if mesh.type != "MESH" or mesh.data.shape_keys is None or not (worn or _hangs_on(mesh, armature)):
+        has_modifier = any(each.type == "ARMATURE" and each.object == armature for each in mesh.modifiers)
+        if mesh.type != "MESH" or mesh.data.shape_keys is None or not (has_modifier or _hangs_on(mesh, armature)):
             continue
         keys = mesh.data.shape_keys
-        if keys.name_full in seen:  # objects may share a mesh
+        if keys.name_full in key_names:  # objects may share a mesh
             continue
-        seen.add(keys.name_full)
+        key_names.add(keys.name_full)
         check_tweaks(keys)
-        known = {each.name.lower(): each.name for each in keys.key_blocks}
-        found = [(k, known[channel.lower()]) for k, channel in enumerate(names) if channel.lower() in known]
-        if not found:
+        blocks = {each.name.lower(): each.name for each in keys.key_blocks}
+        pairs = [(k, blocks[channel.lower()]) for k, channel in enumerate(names) if channel.lower() in blocks]
+        if not pairs:
             continue
         action = bpy.data.actions.new(f"{name} face")
         bag = _bag(action, keys)
-        for k, key in found:
+        for k, key in pairs:
             _write(bag, f'key_blocks["{bpy.utils.escape_identifier(key)}"].value', weights[:, k : k + 1], first)
-        count += len(found)
-        looks = looks or any(key.lower().startswith(LOOKS) for _, key in found)
+        count += len(pairs)
+        looks = looks or any(key.lower().startswith(LOOKS) for _, key in pairs)
     return count, looks
 
 

@@ -63,10 +63,10 @@ class ToyNet(Trainable):
 
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """Named terms; the loop adds them up, and logs each."""
-        made = self(batch["audio"])
+        poses = self(batch["audio"])
         return {
-            "pose": (made - batch["pose"]).abs().mean(),
-            "velocity": (made.diff(dim=1) - batch["pose"].diff(dim=1)).abs().mean(),
+            "pose": (poses - batch["pose"]).abs().mean(),
+            "velocity": (poses.diff(dim=1) - batch["pose"].diff(dim=1)).abs().mean(),
         }
 
     def export_module(self) -> dict[str, ExportGraph]:

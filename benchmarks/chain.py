@@ -89,7 +89,7 @@ def speech_of(seconds: float) -> Speech:
 
 
 class Timed:
-    """Whoever pushes and finishes, with the processor time that this takes."""
+    """Wraps an object with ``push`` and ``finish``; `taken` adds up the processor time of these calls."""
 
     def __init__(self, inner: Any) -> None:
         self._inner, self.taken = inner, 0.0
@@ -112,7 +112,7 @@ class Timed:
 
 
 def by_part(system: System, speech: Speech) -> dict[str, float]:
-    """Seconds of processor time of each part, whole speech, offline: `TrainedModel.session`, its parts timed."""
+    """Part → seconds of processor time for a whole speech, offline, built as by `TrainedModel.session`."""
     space = style_space(system)
     resolved_style = ResolvedStyle(Styles(system, space).blend(None), np.zeros(0))
     frontend = SpeechTextFrontend(system, resolved_style.controls)
@@ -157,7 +157,7 @@ def live(gesturer: TrainedModel, speech: Speech, **options: Any) -> tuple[np.nda
 
 
 def eager(net: Any) -> Callable[[], object]:
-    """The same by PyTorch."""
+    """One window by PyTorch."""
     inputs = [torch.randn(1, net.window, width) for width in (net.audio, net.styles, net.modes)]
     return torch.no_grad()(lambda: net.make(*inputs))
 
@@ -174,7 +174,7 @@ def report_live(gesturer: TrainedModel, speech: Speech) -> None:
 
 
 def memory(gesturer: TrainedModel, minutes: int = 10) -> None:
-    """Of this process, over a long speech that comes in seconds."""
+    """Print the memory of this process over a long speech that comes in pieces of a second."""
     session, second, megabytes = gesturer.session(fps=FPS), speech_of(60), []
     for _ in range(minutes):
         for chunk in second.chunks(1.0):

@@ -35,7 +35,7 @@ _WITHIN, _SHIFTS, _NEAR = 1.0, 200, 12.0
 
 
 def compose(first: Path, second: Path, minutes: float) -> Array:
-    """(N, 2) samples of a conversation that never was."""
+    """(N, 2) samples of an artificial conversation."""
     readers, rng, at, turns = [list(utterances(folder)) for folder in (first, second)], Random(1), RATE // 2, []
     while at < minutes * 60 * RATE:
         own = readers[len(turns) % 2]
@@ -49,7 +49,7 @@ def compose(first: Path, second: Path, minutes: float) -> Array:
 
 
 def inside(times: Array, stretches: list[tuple[float, float]]) -> Array:
-    """(T,) whether a moment lies in one of them."""
+    """(T,) whether a time lies in one of the stretches."""
     is_inside = np.zeros(len(times), bool)
     for low, high in stretches:
         is_inside |= (times >= low) & (times < high)

@@ -94,7 +94,7 @@ def make_engine(arrays: dict[str, np.ndarray], sizes: FlowSizes) -> FlowEngine:
 
 
 class Material:
-    """Noise to run on."""
+    """Random speech, histories and latents."""
 
     def __init__(self, s: FlowSizes, takes: int, frames: int, seed: int = 1) -> None:
         rng = np.random.default_rng(seed)
@@ -184,7 +184,7 @@ def errors(engines: dict[bool, FlowEngine], frames: int = 30) -> tuple[float, fl
 
 
 def paced(engine: FlowEngine, fps: float = 60.0, seconds: float = 10.0) -> tuple[float, float]:
-    """Median and 99th percentile of milliseconds a frame in a loop that sleeps until each is due, as a stage would run it."""
+    """Median and 99th percentile of milliseconds a frame in a loop that sleeps until each is due, as in a live show."""
     s, count = engine.sizes, int(fps * seconds)
     material = Material(s, 1, count)
     takes, windows = engine.begin(material.history), engine.windows(material.audio)
@@ -199,7 +199,7 @@ def paced(engine: FlowEngine, fps: float = 60.0, seconds: float = 10.0) -> tuple
 
 
 def processor() -> str:
-    """Its name, and what matters to us."""
+    """Name of the processor, and its extensions that matter here."""
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
     except OSError:
@@ -250,7 +250,7 @@ def shipped_size() -> None:
 
 
 def endless(frames: int) -> None:
-    """A network whose weights are far too large, under loud noise."""
+    """Run a network with far too large weights on loud noise."""
     sizes = HOSTILE
     arrays = {name: v * (30 if "rnn" in name else 1) for name, v in random_arrays(sizes, strength=10).items()}
     engine = make_engine(arrays, sizes)
@@ -269,7 +269,7 @@ def endless(frames: int) -> None:
 
 
 def endless_speech(frames: int) -> None:
-    """The bundle that ships on the example speech, over and over."""
+    """Run the bundle that ships on the example speech, over and over."""
     decoder = load("stylised-flow")
     system = decoder.system  # type: ignore[attr-defined]  # a bundle
     s, sizes = system.statistics, system.flow.sizes

@@ -50,7 +50,7 @@ FAR = 60.0  # seconds from which on a course should not resemble itself: posture
 
 
 def cap(name: str) -> float:
-    """Rad/s at most of a joint."""
+    """Largest speed of a joint, rad/s."""
     if any(part in name for part in ("Leg", "Foot", "Toes")):
         return LEGS
     return next((float(value) for end, value in CAPS.items() if name.endswith(end)), 16.0 if "Eye" in name else OTHERS)
@@ -148,7 +148,7 @@ def report_idle(name: str, minutes: float, fps: float, seed: int) -> None:
 
 
 class Recorder:
-    """Stands where a receiver would: when each frame leaves."""
+    """A receiver that notes when each frame leaves."""
 
     def __init__(self) -> None:
         self.departures: list[tuple[float, float]] = []

@@ -53,7 +53,7 @@ def open_network(export: Exported, name: str, pose: int) -> Network:
 
 
 def system_of(network: Network) -> System:
-    """Enough of a bundle for a player."""
+    """The parts of a bundle that a decoder needs."""
     zeros, ones = np.zeros(POSE, np.float32), np.ones(POSE, np.float32)
     silence, loud = np.zeros(AUDIO, np.float32), np.ones(AUDIO, np.float32)
     statistics = Statistics(

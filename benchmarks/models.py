@@ -110,7 +110,7 @@ def pauses_of(speech: cospeech.Speech) -> list[tuple[float, float]]:
 
 
 def silence_ratios(speeches: Sequence[cospeech.Speech], movements: Sequence[np.ndarray]) -> tuple[float, float]:
-    """Speed in settled pauses, and in all of the pauses, by that in speech."""
+    """Speed in settled pauses and speed in all pauses, both divided by the speed in speech."""
     in_settled, in_pauses, in_speech = list[np.ndarray](), list[np.ndarray](), list[np.ndarray]()
     for speech, speed in zip(speeches, movements, strict=True):
         where = np.zeros(len(speed), int)
@@ -151,7 +151,7 @@ def match(speed: np.ndarray, envelope: np.ndarray) -> float:
 
 
 def describe_gains(model: Any) -> str:
-    """Of a network; flows have a deviation for each speaker instead."""
+    """Gains of a network as text; flows have a deviation for each speaker instead."""
     system = getattr(model, "system", None)
     if system is None or system.flow is not None:
         return "–"

@@ -24,7 +24,7 @@ from cospeech.models import load
 
 @dataclass(frozen=True)
 class Show:
-    """What is played."""
+    """Settings of a run."""
 
     model: str
     sessions: int
@@ -33,7 +33,7 @@ class Show:
 
 
 def play(show: Show, numbers: list[int], begin: float) -> tuple[list[float], list[float]]:
-    """Sessions of these numbers; seconds of every push, and seconds from a slot's begin to the answer.
+    """Play the sessions of these numbers; seconds of every push, and seconds from a slot's begin to the answer.
 
     Args:
         begin: when the first slot begins, by `time.time`; every process has its own clock of finer steps.

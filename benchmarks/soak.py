@@ -53,7 +53,7 @@ def verdict(what: str, good: bool, text: str) -> bool:
 
 
 def soak(model: str, hours: float, piece: float, fps: float) -> bool:
-    """Play, tell, judge."""
+    """Play; print a row for every hour, and the verdicts; True if all passed."""
     session = load(model).session(fps=fps, seed=1)
     samples, frames, drift, ahead, warm, most, mark = 0, 0, 0.0, 0.0, 0.0, 0.0, WARM
     began = time.process_time()

@@ -93,7 +93,7 @@ def write(path: Path, cues: list[list[Word]], cutting: Cutting) -> None:
 
 
 def clock(seconds: float) -> str:
-    """As .srt has it."""
+    """A time as .srt writes it."""
     ms = round(seconds * 1000)
     return f"{ms // 3_600_000:02d}:{ms // 60_000 % 60:02d}:{ms // 1000 % 60:02d},{ms % 1000:03d}"
 

@@ -30,7 +30,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def prepare(job: str) -> tuple[Callable[[], None], float]:
-    """What plays a job once, and seconds of its speech."""
+    """A function that plays a job once, and the seconds of its speech."""
     import numpy as np
 
     import cospeech
@@ -72,7 +72,7 @@ def run_job(job: str) -> None:
 
 
 def measure(job: str, source: Path) -> list[float]:
-    """Of one process, which imports the package from there."""
+    """Times of a job in one process, which imports the package from ``source``."""
     env = os.environ | {"PYTHONPATH": str(source), "OMP_NUM_THREADS": "1"}
     command = [sys.executable, __file__, "--job", job]
     process = subprocess.run(command, env=env, check=True, capture_output=True, text=True)

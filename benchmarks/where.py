@@ -56,7 +56,7 @@ class Watch:
         self._stack: list[tuple[str, float]] = []
 
     def wrap(self, stage: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        """The function, watched."""
+        """The function; its processor time is added to a stage."""
 
         def watched(*arguments: Any, **keywords: Any) -> Any:
             around = {name for name, _ in self._stack}
@@ -69,7 +69,7 @@ class Watch:
         return watched
 
     def _switch(self, stage: str | None) -> None:
-        """Into a stage, or out of the last one."""
+        """Enter a stage, or leave the last one (None)."""
         now = time.process_time()
         if self._stack:
             name, since = self._stack[-1]

@@ -18,7 +18,7 @@ BUILT = check.ROOT / "src" / "cospeech" / "assets" / "studio"
 
 
 def digest_sources() -> str:
-    """Of all files that the build reads."""
+    """SHA-256 of all files that the build reads."""
     files = [*(WEB / "src").rglob("*"), *(WEB / "public").rglob("*"), *WEB.glob("*.*")]
     total = hashlib.sha256()
     for path in sorted(file for file in files if file.is_file()):

@@ -282,7 +282,7 @@ def markdown(table: Table) -> str:
 
 
 def build_face(options: argparse.Namespace, out: Path) -> None:
-    """The face, of real recordings."""
+    """Build the bundle of the face from real recordings."""
     store, speaker = options.work / "store-faces", options.without
     run = options.work / (f"run-face-without-{speaker}" if speaker else "run-face")
     if not (store / "index.json").exists():
@@ -318,7 +318,7 @@ def _settings_of(kind: Shipped) -> dict[str, Any]:
 
 
 def tell_following(path: Path, name: str, table: str) -> None:
-    """Write the rows of a model and of the rules into its card, that its hands rest in silence, and how smooth it is."""
+    """Write the rows of a model and of the rules into its card; set rests in silence and smoothing in its bundle."""
     bundle = read_bundle(path)
     first = f"| {name}"
     rows = [line for line in table.splitlines() if line.startswith(("| |", "|---", "| rules |", f"{first} |", f"{first},"))]
@@ -357,7 +357,7 @@ def main() -> None:
 
 
 def build_gestures(options: argparse.Namespace, kind: Shipped, out: Path) -> None:
-    """Body and hands, of the synthetic corpus."""
+    """Build the bundle of body and hands from the synthetic corpus."""
     raw, store, run = options.work / "raw-beat", options.work / f"store-humanoid{kind.fps}", options.work / kind.run
     if not raw.exists():
         print(

@@ -35,17 +35,17 @@ from cospeech.training.objective_optimiser import with_prefix
 
 MIDDLE = (RATIO[0] * RATIO[1]) ** 0.5  # [ours] of the tracked standard deviation is what a channel is brought to, .88
 ALONE = ("jawOpen",)
-"""Left as they are: the jaw is good."""
+"""Channels that do not change: the jaw is good."""
 MOST = 3.0  # [ours] no factor is larger: a lip that is sped up more jumps
-FLOORS = np.array([0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85])  # [ours] quantiles: of more, few moments are left
-EVERY = 8  # [ours] of the training clips, every so many-th is played, where there are more than ten times as many
+FLOORS = np.array([0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85])  # [ours] quantiles; beyond them, few frames are left
+EVERY = 8  # [ours] every eighth training clip is played, where there are more than 80
 DRAWS, ENDS = 400, (0.025, 0.975)  # [ours] of the bootstrap over clips, and the ends of its interval
 FILE = "last.safetensors"
 
 
 @dataclass(frozen=True, eq=False)
 class Takes:
-    """What was tracked in a split of one speaker, and what the network makes of it."""
+    """Tracked faces of one speaker in a split, and the faces that the network generates for them."""
 
     tracked: np.ndarray
     """(clips, 3, 52) `measure_face.moments` of all clips."""
@@ -56,7 +56,7 @@ class Takes:
 
 
 def play(run: Path, store: Store) -> dict[str, dict[str, Takes]]:
-    """Speaker → "train" and "validation", where there are clips."""
+    """Play clips by a run: speaker → "train" and "validation", where there are clips → takes."""
     net, facts = load_run(run, "last")
     names, takes = list(facts["store"]["speakers"]), dict[str, dict[str, Takes]]()
     for name in names:
@@ -86,7 +86,7 @@ def interval(rows: np.ndarray) -> np.ndarray:
 
 
 def aims(splits: dict[str, Takes]) -> np.ndarray:
-    """(52,) the deviation that a channel is brought to; 0 of those that stay as they are."""
+    """(52,) target deviation of each channel; 0 for channels that do not change."""
     sums = np.concatenate([takes.tracked for takes in splits.values()])
     targets = deviation(sums)
     if len(splits) > 1:
@@ -97,7 +97,7 @@ def aims(splits: dict[str, Takes]) -> np.ndarray:
 
 
 def stretches(splits: dict[str, Takes]) -> np.ndarray:
-    """(52, 2) g and t of every weight of one speaker; 1 and 0 where nothing is to be done."""
+    """(52, 2) g and t of every weight of one speaker; 1 and 0 for weights that do not change."""
     factors, targets = np.tile([1.0, 0.0], (len(ARKIT), 1)), aims(splits)
     for name in {name.removesuffix("Left").removesuffix("Right") for name in ARKIT} - {*ALONE}:
         both = [ARKIT_INDEX[n] for n in (name, f"{name}Left", f"{name}Right") if n in ARKIT_INDEX]
@@ -108,12 +108,12 @@ def stretches(splits: dict[str, Takes]) -> np.ndarray:
 
 
 def ratio(weights: np.ndarray, targets: np.ndarray, g: float, t: float) -> float:
-    """Standard deviation of (frames, sides), made ÷ wanted: geometric mean over sides."""
+    """Standard deviation of stretched weights (frames, sides), divided by the targets: geometric mean over sides."""
     return float(np.exp(np.mean(np.log(np.maximum(np.clip(g * weights - t, 0, 1).std(0), 1e-6) / targets))))
 
 
 def stretch(takes: list[Takes], sides: list[int], aim: np.ndarray) -> tuple[float, float]:
-    """g and t of one channel with these sides, by errors of all takes and the size of the last; else 1 and 0."""
+    """g and t of one channel with these sides: least error over all takes, target size in the last; 1 and 0 if none fit."""
     best, targets, weights = (np.inf, 1.0, 0.0), aim[sides], takes[-1].generated[:, sides]
     for floor in np.unique(np.quantile(np.concatenate([each.generated[:, sides] for each in takes]), FLOORS)):
         few, many = 0.02, MOST
@@ -129,7 +129,7 @@ def stretch(takes: list[Takes], sides: list[int], aim: np.ndarray) -> tuple[floa
 
 
 def calibrate(run: Path, store: Path, out: Path) -> Iterator[str]:
-    """Write ``out``, a copy of a run with its last weights, calibrated; tells g and t of the channels that were stretched."""
+    """Write ``out``, a copy of a run with calibrated last weights; a line with g and t of each channel that was stretched."""
     (net, facts), lines = load_run(run, "last"), list[str]()
     factor, floor = torch.ones(net.styles, net.pose), torch.zeros(net.styles, net.pose)
     for name, splits in play(run, Store(store)).items():

@@ -108,7 +108,7 @@ def node() -> tuple[str, list[str | Path]]:
 
 
 def install_packages(folder: Path, npm: list[str | Path]) -> None:
-    """The packages of a folder's ``package-lock.json``, unless they are there."""
+    """Install the packages of a folder's ``package-lock.json``, unless they are there."""
     modules, lock = folder / "node_modules", folder / "package-lock.json"
     if is_current(modules, lock):
         return
@@ -158,7 +158,7 @@ def main(arguments: list[str]) -> int:
 
 
 def prepare() -> bool:
-    """The docs, and all that the tests drive; whether it succeeded."""
+    """Build the docs and install what the tests drive; True where all succeeded."""
     os.environ["NO_MKDOCS_2_WARNING"] = "1"  # an advertisement of the theme's next version
     good = step("docs", [BIN / "mkdocs", "build", "--strict", "--quiet"])
 

@@ -155,7 +155,7 @@ def trainings(folder: Path, recipes: Path) -> Iterator[tuple[str, dict[str, obje
 
 
 def make(recipes: Path, only: str) -> dict[str, dict[str, object]]:
-    """Everything, told on standard error as it comes."""
+    """All entries by name; each is printed on standard error as it comes."""
     entries: dict[str, dict[str, object]] = {}
     with TemporaryDirectory() as place:
         folder = Path(place)
@@ -172,7 +172,7 @@ def make(recipes: Path, only: str) -> dict[str, dict[str, object]]:
 
 
 def compare(before: Mapping[str, dict], after: Mapping[str, dict], tolerance: float) -> bool:
-    """Print what differs; whether all that is in both is within the tolerance, and nothing is missing."""
+    """Print the differences; True if none exceeds the tolerance and no entry is missing."""
     good, equal = True, 0
     for name in sorted({*before, *after}):
         if name not in before or name not in after:

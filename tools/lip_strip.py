@@ -34,7 +34,7 @@ RATE = 10.0
 
 
 def pictures(weights: np.ndarray) -> list[Image.Image]:
-    """Of (T, 52) weights the mouths of as many faces that look ahead."""
+    """T pictures of the mouth, from (T, 52) weights; the faces look ahead."""
     body, side = humanoid(), round(SIDE * ZOOM)
     rotations = np.broadcast_to(body.rest, (len(weights), len(body), 4)).astype(np.float32)
     root = np.broadcast_to(body.offsets[0], (len(weights), 3)).astype(np.float32)
@@ -47,8 +47,8 @@ def pictures(weights: np.ndarray) -> list[Image.Image]:
     return [picture.crop((x, y, x + SIDE, y + SIDE)) for picture in images[: len(weights)]]
 
 
-def shown(speech: Speech, times: np.ndarray, bundle: Path) -> np.ndarray:
-    """(T, 52) of the whole face, neutral, with this mouth."""
+def generate_face(speech: Speech, times: np.ndarray, bundle: Path) -> np.ndarray:
+    """(T, 52) weights of the whole face with this mouth; the emotion is neutral."""
     system = open_mouth(bundle)
     model = RuleBasedModel(lambda: BundleMouth(system))
     face = model.generate(speech, parts=("face",), fps=100.0, emotion="neutral").face
@@ -56,15 +56,18 @@ def shown(speech: Speech, times: np.ndarray, bundle: Path) -> np.ndarray:
 
 
 def draw(speech: Speech, motion: Motion | None, other: Path | None, step: float) -> Image.Image:
-    """The strip of one clip, whose face was tracked or not."""
+    """The strip of one clip, with a tracked face or without one."""
     words = speech.words or ()
     times = np.arange(words[0].start - 0.06, min(words[-1].end + 0.1, float(speech.duration)), step)
     mute = replace(speech, words=None)
     rows = {}
     if motion is not None:
         rows["tracked"] = motion.face[np.clip(np.rint(times * motion.fps).astype(int), 0, len(motion) - 1)]
-    rows |= {"before,\nby the sound": shown(mute, times, other)} if other is not None else {}
-    rows |= {"by the\nsound": shown(mute, times, SHIPPED_FACE), "with\nwords": shown(speech, times, SHIPPED_FACE)}
+    rows |= {"before,\nby the sound": generate_face(mute, times, other)} if other is not None else {}
+    rows |= {
+        "by the\nsound": generate_face(mute, times, SHIPPED_FACE),
+        "with\nwords": generate_face(speech, times, SHIPPED_FACE),
+    }
     font = ImageFont.load_default(13)
     strip = Image.new("RGB", (LEFT + len(times) * SIDE, TOP + len(rows) * SIDE), "white")
     pen = ImageDraw.Draw(strip)

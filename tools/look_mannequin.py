@@ -57,7 +57,7 @@ def rasterise(points, depth, triangles, size):
 
 
 def paint(vertices, normals, parts, eye, target, size=(500, 700), lens=2.4, back=(0.80, 0.82, 0.85), zoom=2):
-    """A picture of posed parts; ``lens`` is the focal length in half picture heights."""
+    """A picture of parts whose vertices are posed; ``lens`` is the focal length in half picture heights."""
     width, height = size[0] * zoom, size[1] * zoom
     forward = np.asarray(target, float) - eye
     forward /= np.linalg.norm(forward)

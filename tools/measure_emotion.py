@@ -35,7 +35,7 @@ from cospeech.training.train import train
 
 PIECE = 3.5  # seconds; ours: as long as a sentence, and what a listener needs to hear a mood
 SPOKEN = {"neutral": "neutral", "anger": "anger", "joy": "happiness", "sadness": "sadness"}
-"""What names of files say → emotion."""
+"""Word in the name of a file → emotion."""
 
 Array = np.ndarray
 Hear = Callable[[Speech], Array]
@@ -48,7 +48,7 @@ def format_score(score: Score) -> str:
 
 
 def pieces(length: int, size: int) -> Iterator[slice]:
-    """Stretches of one size, one at least; the rest at the end belongs to the last."""
+    """Cut a length into pieces of one size, one at least; the last piece has the rest, too."""
     count = max(1, length // size)
     for k in range(count):
         yield slice(k * size, length if k == count - 1 else (k + 1) * size)
@@ -76,7 +76,7 @@ class Run:
 
 
 def confusion(true: list[int], answers: list[int]) -> str:
-    """Counts as lines of text: rows are what is true."""
+    """Counts as lines of text: a row for each true emotion, a column for each answer."""
     lines = [" " * 11 + " ".join(f"{name[:7]:>7}" for name in EMOTIONS)]
     for k, name in enumerate(EMOTIONS):
         counts = [sum(t == k and s == j for t, s in zip(true, answers, strict=True)) for j in range(len(EMOTIONS))]
@@ -86,7 +86,7 @@ def confusion(true: list[int], answers: list[int]) -> str:
 
 
 def voices(store: Store, work: Path, recipe_file: Path, held_out: int, steps: int | None) -> None:
-    """Macro-F1 on speakers that the classifier never heard, rotating."""
+    """Print macro-F1 on speakers that the classifier was not trained on; each is left out once."""
     recipe = load_recipe(recipe_file)
     if steps is not None:
         recipe = replace(recipe, train=replace(recipe.train, steps=steps))
@@ -119,7 +119,7 @@ def voices(store: Store, work: Path, recipe_file: Path, held_out: int, steps: in
 
 
 def mood(speech: Speech) -> Array:
-    """What the rules hear by themselves, of the whole speech."""
+    """(8,) logarithms of the emotions that the rules detect in the whole speech."""
     session = RuleBasedModel().session(emotion="auto", seed=0, fps=15.0)
     for chunk in speech.chunks(2.0):
         session.push(chunk)
@@ -128,7 +128,7 @@ def mood(speech: Speech) -> Array:
 
 
 def find_recordings(folder: Path) -> list[tuple[str, int, Speech]]:
-    """Recordings whose names say an emotion: name, emotion, speech; not the loops of one of them (``…_16khz_20_sec``)."""
+    """(name, emotion, speech) of recordings with an emotion in their names, without the loops of one (``…_16khz_20_sec``)."""
     rows = []
     for path in sorted(folder.iterdir()):
         words = path.stem.lower().split("_")
@@ -139,7 +139,7 @@ def find_recordings(folder: Path) -> list[tuple[str, int, Speech]]:
 
 
 def cues(speech: Speech) -> str:
-    """A row: level and range of pitch, brightness, how fast the loudness changes; of what is spoken."""
+    """A row about the spoken frames: level and range of pitch, brightness, how fast the loudness changes."""
     features = analyse(speech)
     loud = features.energy > np.percentile(features.energy, 95) - 25
     octaves = np.log2(features.pitch[loud & (features.pitch > 0)])
@@ -177,7 +177,7 @@ def recordings(folder: Path, runs: list[Path]) -> None:
 
 
 def gestures(name: str, paths: list[Path], seeds: int, seconds: float) -> None:
-    """A table: each emotion's wrists against neutral ones."""
+    """Print a table that compares the wrists in each emotion with those in neutral."""
     model = cospeech.load(name)
     speeches = [Speech.load(path) for path in paths]
     speeches = [speech.window(speech.start, speech.start + seconds) for speech in speeches]

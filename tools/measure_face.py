@@ -37,7 +37,7 @@ from cospeech.runtime.mouth import BundleMouth, open_mouth
 
 JAW = ARKIT_INDEX["jawOpen"]
 LIVE = 0.005  # deviation from which a channel of a tracked face counts as live: a two-hundredth of its range
-LINEAR = 4  # of the training clips, every so many-th is what the regression is fitted to: 40 unknowns, 30,000 frames
+LINEAR = 4  # the regression is fitted to every fourth training clip: 40 unknowns, 30,000 frames
 SILENT = 35.0  # dB below the loudest frame of a clip from which a frame counts as silent
 CLOSED = 0.1  # jawOpen of a mouth that counts as closed
 LAGS = range(-6, 7)  # frames of 40 ms
@@ -45,7 +45,7 @@ RIDGE = 10.0  # of the linear regression; in squared deviations of a column per 
 DRAWS = 1000
 APERTURE, PRESSED = 0.03, 0.05  # jawOpen − mouthClose of closed lips, mouthPress of pressed ones: 97 % of GRID's b, p and m
 ONSET = (-0.06, 0.10)  # s around an onset in which the lips have to close: a track of 25 frames per second has four of them
-RATIO = (0.6, 1.3)  # standard deviation, made ÷ tracked, of a channel that moves as much as it should (issue 14)
+RATIO = (0.6, 1.3)  # standard deviation, generated ÷ tracked, of a channel that moves as much as it should (issue 14)
 TELEPHONE = (300.0, 3400.0)  # Hz, ITU-T G.712
 SOFT = 20.0  # [ours] dB
 RECORDED = "as recorded"
@@ -54,7 +54,7 @@ BILABIAL, ROUNDED = ("PP",), ("O", "U")
 
 @dataclass(frozen=True, eq=False)
 class TestClip:
-    """A held-out clip: tracked and made, at the track's rate."""
+    """A held-out clip: the tracked face and the generated one, at the track's rate."""
 
     real: np.ndarray
     generated: np.ndarray
@@ -65,11 +65,11 @@ class TestClip:
     shown: dict[str, np.ndarray]
     """The whole face with this mouth: by the sound alone, and with the words where they are known."""
     worse: dict[str, np.ndarray]
-    """Made from a worse recording of the same speech."""
+    """Faces that are generated from worse recordings of the same speech."""
 
 
 def features(clip: Clip) -> np.ndarray:
-    """(T, 84) of a clip's frames."""
+    """(T, 84) features of the frames of a clip."""
     return audio_features(clip.speech, len(clip.motion), clip.motion.fps)  # type: ignore[arg-type,union-attr]
 
 
@@ -84,7 +84,7 @@ def fit_ridge(clips: list[Clip]) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def lag(real: np.ndarray, generated: np.ndarray, fps: float) -> np.ndarray:
-    """Correlation of the jaw with the tracked one, moved by `LAGS` frames of 25 a second; later ones positive."""
+    """Correlation of the generated jaw with the tracked one at each of `LAGS`; positive: the generated jaw is late."""
     times, at = np.arange(len(real)) / fps, []
     for frames in LAGS:
         signal = np.interp(times + frames / 25, times, generated)
@@ -109,7 +109,7 @@ def quotient(top: int, under: int, begin: float = 0.0, sign: float = 1.0) -> Cal
 
 
 def figures(clips: list[TestClip], middle: np.ndarray) -> dict[str, str]:
-    """What is told of a speaker's clips."""
+    """Rows of the table about the clips of a speaker: name → figure."""
     real = np.concatenate([clip.real for clip in clips])
     live = [k for k, n in enumerate(ARKIT) if n in LOWER and real[:, k].std() > LIVE]
     pairs = [(clip.real[:, JAW], clip.generated[:, JAW], clip.fps) for clip in clips]
@@ -142,7 +142,7 @@ def figures(clips: list[TestClip], middle: np.ndarray) -> dict[str, str]:
 
 
 def sizes(clips: list[TestClip], live: list[int]) -> dict[str, str]:
-    """How far live channels move, made ÷ tracked: of all frames, about each clip's own mean, and of the face by the sound."""
+    """Rows about how far live channels move, generated ÷ tracked: all frames, about each clip's mean, face by the sound."""
     real, generated, by_sound = (
         np.stack([moments(face(c)[:, live]) for c in clips])
         for face in (lambda c: c.real, lambda c: c.generated, lambda c: c.shown["face by the sound"])
@@ -165,7 +165,7 @@ def sizes(clips: list[TestClip], live: list[int]) -> dict[str, str]:
 
 
 def count(ratios: np.ndarray) -> str:
-    """How many lie in `RATIO`."""
+    """Text that says how many ratios lie in `RATIO`."""
     return f"{sum(RATIO[0] <= ratio <= RATIO[1] for ratio in ratios)} of {len(ratios)}"
 
 
@@ -182,7 +182,7 @@ def deviation(rows: np.ndarray, within: bool = False) -> np.ndarray:
 
 
 def lips(clips: list[TestClip]) -> dict[str, str]:
-    """What lips do at b, p and m, and at o and u; nothing where no words are known."""
+    """Rows about the lips at b, p and m, and at o and u; none where no words are known."""
     faces = {"tracked": lambda c: c.real, "mouth alone": lambda c: c.generated}
     faces |= {name: (lambda c, name=name: c.shown[name]) for name in clips[0].shown}
     rows = {}
@@ -196,7 +196,7 @@ def lips(clips: list[TestClip]) -> dict[str, str]:
 
 
 def recordings(clips: list[TestClip]) -> dict[str, str]:
-    """What the jaw does when the recording is worse; how far it opens tells whether the network understands the recording."""
+    """Rows about the jaw in worse recordings; how far it opens shows whether the network understands the recording."""
     rows = {}
     for name in clips[0].worse:
         pairs = [(clip.real[:, JAW], clip.worse[name][:, JAW]) for clip in clips]
@@ -209,7 +209,7 @@ def recordings(clips: list[TestClip]) -> dict[str, str]:
 
 
 def worsen(samples: np.ndarray) -> dict[str, np.ndarray]:
-    """The same speech, recorded badly."""
+    """Name → samples: the recording, and worse recordings of the same speech."""
     hertz = np.fft.rfftfreq(len(samples), 1 / RATE)
     band = (hertz >= TELEPHONE[0]) & (hertz <= TELEPHONE[1])
     telephone = np.fft.irfft(np.fft.rfft(samples) * band, len(samples)).astype(np.float32)
@@ -221,7 +221,7 @@ def worsen(samples: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def closures(clip: TestClip, face: np.ndarray) -> np.ndarray:
-    """(onsets,) whether the lips close, of each b, p and m that lies within the clip."""
+    """(onsets,) whether the lips close at each b, p and m within the clip."""
     names = ("jawOpen", "mouthClose", "mouthPressLeft", "mouthPressRight")
     jaw, close, *press = (face[:, ARKIT_INDEX[name]] for name in names)
     aperture, pressure, hits = jaw - np.minimum(close, jaw), np.maximum(*press), []
@@ -254,7 +254,7 @@ def faces(clip: Clip, mouth: Callable[[], BundleMouth], frames: int) -> dict[str
 
 
 def play(clip: Clip, linear: Callable[[np.ndarray], np.ndarray], make: Callable[[], BundleMouth]) -> TestClip:
-    """A held-out clip, made and tracked."""
+    """Play a held-out clip, also from worse recordings."""
     assert clip.speech is not None
     assert clip.motion is not None
     rows, frames = features(clip), min(len(clip.motion), clip.speech.frames(clip.motion.fps))
@@ -268,7 +268,7 @@ def play(clip: Clip, linear: Callable[[np.ndarray], np.ndarray], make: Callable[
 
 
 def hear(mouth: BundleMouth, samples: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """(times, 52) what a mouth makes of a speech."""
+    """(times, 52) weights of a mouth that plays a speech."""
     mouth.push(samples)
     mouth.finish()
     return mouth.at(times)

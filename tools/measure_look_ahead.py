@@ -37,7 +37,7 @@ def play_speakers(system: System, setting: WindowLayout, rows: np.ndarray, silen
 
 
 def alike(a: np.ndarray, b: np.ndarray) -> float:
-    """Correlation over time, mean over styles and numbers of a pose; of those that do not move, 0."""
+    """Correlation over time, mean over styles and numbers of a pose; numbers that do not move have 0."""
     a, b = (x - x.mean(1, keepdims=True) for x in (a, b))
     scale = np.sqrt((a * a).sum(1) * (b * b).sum(1))
     return float(np.mean(np.divide((a * b).sum(1), scale, out=np.zeros_like(scale), where=scale > 0)))

@@ -34,7 +34,7 @@ def thin(motion: Motion, step: int) -> Motion:
 
 
 def directions(motion: Motion, names: Mapping[str, str], joints: tuple[str, ...], rest: Array) -> dict[str, Array]:
-    """(T, 3) where joints point that point to ``rest`` in the T-pose; hands, to what is nearest it and across their length."""
+    """Joint → (T, 3) the direction that is ``rest`` in the T-pose; of hands, the nearest one across their length."""
     skeleton = motion.skeleton
     lengths = tpose.directions(skeleton, names)
     world = skeleton.forward(motion.rotations, motion.root)[1]
@@ -49,7 +49,7 @@ def directions(motion: Motion, names: Mapping[str, str], joints: tuple[str, ...]
 
 
 def most_apart(one: dict[str, Array], other: dict[str, Array]) -> float:
-    """Degrees, the most in any frame, between directions of the same name; NaN where none has one."""
+    """Largest angle in any frame between directions of the same name, degrees; NaN where they share no name."""
     apart = [np.linalg.norm(np.cross(one[k], other[k]), axis=-1) for k in one.keys() & other.keys()]
     along = [(one[k] * other[k]).sum(-1) for k in one.keys() & other.keys()]
     return max((float(np.degrees(np.arctan2(a, b)).max()) for a, b in zip(apart, along, strict=True)), default=float("nan"))

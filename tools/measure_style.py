@@ -48,7 +48,7 @@ PARTS = ("body", "hands")
 
 
 class Silent:
-    """A face that nobody looks at."""
+    """A face session without output."""
 
     def __init__(self) -> None:
         self.emotion: dict[str, float] = {}
@@ -191,9 +191,9 @@ def select_test_clips(clips: Sequence[Clip], seconds: float) -> list[Clip]:
 
 
 def examples_of(clips: Sequence[Clip], votes_of: SpeakerVotes) -> dict[str, Motion]:
-    """Of each speaker the ten seconds of a held-out neutral recording that show the style best, as the judge sees it.
+    """Speaker → the ten seconds of a held-out neutral recording that the classifier recognises best.
 
-    Recordings in other emotions would show the emotion; of speakers without neutral ones, all are looked at.
+    Recordings in other emotions would show the emotion. All count for speakers without neutral ones.
     """
     emotions = {e.name: votes_of.store.clip(e)["emotion"][0] if "emotion" in e.has else 0 for e in votes_of.store.clips}
     examples: dict[str, Motion] = {}

@@ -42,7 +42,7 @@ def rhythm(clips: Sequence[Clip]) -> str:
 
 
 def score_speaker(votes_of: SpeakerVotes, clips: dict[str, list[Clip]], skip: float) -> str:
-    """Share of clips that the classifier gives to the speaker whose name they are under."""
+    """Share of clips that the classifier assigns to their speaker; ``clips``: speaker → clips."""
     names = votes_of.store.speakers
     right = [
         names[int(votes_of.votes(clip.motion, skip=skip).argmax())] == name

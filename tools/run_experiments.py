@@ -77,7 +77,7 @@ class Plan:
         """Read a plan.
 
         Raises:
-            InputError: it cannot be read, or holds a key that says nothing.
+            InputError: it cannot be read, or has an unknown key.
         """
         try:
             data = tomllib.loads(path.read_text("utf-8"))
@@ -107,11 +107,11 @@ class Plan:
         return replace(self, tables=tuple(entry for entry in self.tables if not names or entry["name"] in names))
 
     def place(self, entry: dict[str, Any], key: str) -> Path | None:
-        """A path of an entry, seen from the plan."""
+        """A path of an entry, relative to the folder of the plan; None where the entry has none."""
         return self.path.parent / entry[key] if key in entry else None
 
     def runs_of(self, entry: dict[str, Any]) -> Runs:
-        """How the runs of a table are made."""
+        """Settings of the runs of a table."""
         store = self.place(entry, "store")
         assert store is not None
         return Runs(
@@ -157,7 +157,7 @@ class Plan:
 
 
 def tell(text: str) -> None:
-    """A line about what is going on."""
+    """Print a line about the progress on standard error."""
     print(text, file=sys.stderr, flush=True)
 
 
@@ -212,7 +212,7 @@ def train_apart(plan: Plan, remaining: list[Job], jobs: int) -> None:
 
 
 def pack(plan: Plan, path: Path) -> None:
-    """Tables, scores, logs and facts of the runs into one file; weights stay."""
+    """Pack tables, scores, logs and facts of the runs into one file, without weights."""
     with tarfile.open(path, "w:gz") as archive:
         for file in sorted(plan.runs.rglob("*")):
             if file.suffix in KEPT and file.is_file():
@@ -221,7 +221,7 @@ def pack(plan: Plan, path: Path) -> None:
 
 
 def run(plan: Plan, jobs: int, budget: float | None) -> None:
-    """Train what is not there, and score the tables whose runs are there."""
+    """Train the missing runs of each table, then score the table."""
     if budget is not None:
         if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell starts what it puts in the background like this
             signal.signal(signal.SIGINT, signal.default_int_handler)

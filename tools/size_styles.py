@@ -44,13 +44,13 @@ SIDES = ("left", "right")
 
 
 def name_arrays(bundle: Bundle) -> list[str]:
-    """The arrays of a bundle's statistics that are sized: for files, and then for streams where another network plays them."""
+    """Arrays of a bundle's statistics that are sized: for files, and for streams where another network plays them."""
     arrays = bundle.arrays(STATISTICS)
     return [name for name in ("speaker_std", "style_gain", "live_style_gain") if name in arrays]
 
 
 def options_of(array: str, model: Model) -> Mapping[str, Any]:
-    """How a model plays what an array bears on."""
+    """Options of a model whose motion an array changes."""
     return {} if array.startswith("live") else model.for_files
 
 
@@ -73,7 +73,7 @@ def measure(model: Model, styles: Sequence[object], pieces: Sequence[Speech], op
 def size(
     path: Path, targets: np.ndarray, names: Sequence[str], pieces: Sequence[Speech], out: Path, keep_mean: bool = False
 ) -> None:
-    """Write the bundle with sized styles."""
+    """Write the bundle with sized styles; ``targets`` (S, 2) are the speeds of the rules."""
     bundle = read_bundle(path)
     bones = [number.split(".")[0] for number in find_pose(read_spec(bundle).pose).names]
     columns = [np.array([bone.startswith(side) for bone in bones]) for side in SIDES]
@@ -97,7 +97,7 @@ def size(
 
 
 def compare(targets: np.ndarray, speeds: np.ndarray) -> str:
-    """How speeds (S, 2) of a bundle go with those of the rules."""
+    """Text that compares speeds (S, 2) of a bundle with the targets, which are those of the rules."""
     a, b = targets.mean(1), speeds.mean(1)
     return f"{' '.join(f'{x:.2f}' for x in b)} (rules {' '.join(f'{x:.2f}' for x in a)}), r {np.corrcoef(a, b)[0, 1]:.2f}"
 

@@ -42,7 +42,7 @@ from cospeech.files import atomic
 Array = np.ndarray
 ASSET = Path(__file__).parents[1] / "src" / "cospeech" / "assets" / "voice_emotion.npz"
 AROUSAL = {"anger": 1.0, "happiness": 1.0, "fear": 1.0, "surprise": 1.0, "neutral": 0.0, "sadness": -1.0, "boredom": -1.0}
-"""What arousal is trained to be; of disgust and contempt the literature says nothing certain."""
+"""Emotion → target of the arousal; the literature says nothing certain of disgust and contempt."""
 STRENGTH = 0.02  # of the prior of the logistic regression [ours: the best of .005, .02, .08 within the training actors]
 RIDGE = 300.0  # penalty of the arousal [ours]
 COPIES = 3  # histories of each clip of EmoDB in training [ours]
@@ -62,7 +62,7 @@ class Clips:
     recordings: Array
 
     def of(self, selection: Array) -> Clips:
-        """Some of them."""
+        """The selected windows."""
         return Clips(self.rows[selection], self.emotions[selection], self.voices[selection], self.recordings[selection])
 
 
@@ -76,7 +76,7 @@ def read_windows(samples: Array, hop: float | None) -> list[Array]:
 
 
 def gather(recordings: list[tuple[Array, str, str]], hop: float | None) -> Clips:
-    """Windows of (samples, emotion, voice)."""
+    """Windows of recordings (samples, emotion, voice)."""
     rows, facts = list[Array](), list[tuple[str, str, int]]()
     for number, (samples, emotion, voice) in enumerate(recordings):
         own = read_windows(samples, hop)
@@ -126,7 +126,7 @@ def act_voices(readers: dict[str, list[Array]]) -> list[tuple[Array, str, str]]:
 
 
 def load_clips(path: Path, make: object) -> Clips:
-    """What is in the file, or is made and written to it."""
+    """Load windows from a file; where there is none, make and write them first."""
     if not path.is_file():
         clips: Clips = make()  # type: ignore[operator]
         with atomic(path) as temporary, temporary.open("wb") as out:
@@ -136,7 +136,7 @@ def load_clips(path: Path, make: object) -> Clips:
 
 
 def draw_histories(clips: Clips, usual: VoiceWeights, rng: np.random.Generator) -> Array:
-    """(N, F) rows against a level that the voice has after some windows drawn by chance, through some microphone."""
+    """(N, F) rows, standardised by the level of the voice after some random windows, through a random microphone."""
     out = np.empty_like(clips.rows)
     for voice in np.unique(clips.voices):
         own, gain = np.flatnonzero(clips.voices == voice), np.zeros(clips.rows.shape[1])
@@ -150,7 +150,7 @@ def draw_histories(clips: Clips, usual: VoiceWeights, rng: np.random.Generator) 
 
 
 def play_session(clips: Clips, usual: VoiceWeights, rng: np.random.Generator) -> tuple[Array, Array]:
-    """(N, F) rows and (N,) places: the recordings of each voice in an order by chance, against what was heard so far."""
+    """(N, F) rows and (N,) places: recordings of each voice in random order, standardised by what was heard so far."""
     out, places = np.empty_like(clips.rows), np.empty(len(clips.rows), int)
     for voice in np.unique(clips.voices):
         own, level = np.flatnonzero(clips.voices == voice), RunningLevel(usual)
@@ -161,7 +161,7 @@ def play_session(clips: Clips, usual: VoiceWeights, rng: np.random.Generator) ->
 
 
 def fit(real: Clips, synthetic: Clips, seed: int) -> VoiceWeights:
-    """Train on both; each class of each of the two weighs the same."""
+    """Train on real and synthetic clips; each class of each of the two weighs the same."""
     rng = np.random.default_rng(seed)
     rows = np.concatenate([real.rows, synthetic.rows])
     nothing = np.zeros((0, 0))
@@ -220,13 +220,13 @@ def calibration_error(shares: Array, right: Array) -> float:
 
 
 def neutral_share(samples: Array, weights: VoiceWeights) -> tuple[int, int]:
-    """Seconds of a speech in which neutral is played, and all."""
+    """Seconds of a speech in which neutral is played, and seconds of the whole speech."""
     looks = follow(analyse(samples, mel=True), weights)
     return round(LOOKS * sum(shares[0] >= 0.5 for shares, _, _ in looks)), round(LOOKS * len(looks))
 
 
 def follow(frames: Features, weights: VoiceWeights) -> list[tuple[Array, Array, float]]:
-    """What is played, what is heard and the arousal, look by look, as of a stream."""
+    """(emotion that is played, emotion that is heard, arousal) of each look, as in a stream."""
     voice, emotion, rows = VoiceEmotion(weights), ConfidentEmotion(), []
     for k in range(1, int(len(frames) / frames.fps / LOOKS) + 1):
         until = k * LOOKS
@@ -238,16 +238,16 @@ def follow(frames: Features, weights: VoiceWeights) -> list[tuple[Array, Array, 
 
 @dataclass
 class Folds:
-    """What the voices that were left out are taken for."""
+    """Results on the voices that were left out of the training."""
 
     real: list[tuple[Clips, Array, Array, Array]]
     synthetic: list[tuple[Clips, Array]]
     weights: dict[str, VoiceWeights]
-    """Voice → those that never heard it."""
+    """Voice → weights that were trained without it."""
 
 
 def leave_out(real: Clips, synthetic: Clips) -> Folds:
-    """Ten folds."""
+    """Train ten folds, and test each on the voices that it leaves out."""
     actors, readers = np.unique(real.voices), [name for name in np.unique(synthetic.voices) if name not in real.voices]
     folds = Folds([], [], {})
     for k, actor in enumerate(actors):
@@ -266,7 +266,7 @@ def leave_out(real: Clips, synthetic: Clips) -> Folds:
 
 
 def print_real(folds: Folds, temperature: float) -> None:
-    """EmoDB, an actor left out in turn."""
+    """Print the results on EmoDB; each actor is left out in turn."""
     names = sorted({str(name) for clips, *_ in folds.real for name in clips.emotions})
     true = np.concatenate([clips.emotions for clips, *_ in folds.real])
     arousal, places = (np.concatenate([each[k] for each in folds.real]) for k in (1, 3))
@@ -291,7 +291,7 @@ def print_real(folds: Folds, temperature: float) -> None:
 
 
 def print_acted(folds: Folds, temperature: float) -> None:
-    """Voices that act by rule, left out in turn."""
+    """Print the results on voices that act by rule; they are left out in turn."""
     names = list(EMOTIONS)
     logits = np.concatenate([among(own / temperature, names) for _, own in folds.synthetic])
     true, numbers = (
@@ -307,7 +307,7 @@ def print_acted(folds: Folds, temperature: float) -> None:
 
 
 def print_neutral(folds: Folds, readers: dict[str, list[Array]], temperature: float) -> None:
-    """Seconds of neutral speech in which neutral is played, by weights that never heard the voice."""
+    """Print the seconds of neutral speech in which neutral is played, by weights that were trained without the voice."""
     total = np.zeros(2, int)
     for name, recordings in readers.items():
         own = neutral_share(np.concatenate(recordings), cool(folds.weights[name], temperature))
@@ -317,7 +317,7 @@ def print_neutral(folds: Folds, readers: dict[str, list[Array]], temperature: fl
 
 
 def print_recordings(folder: Path, weights: VoiceWeights) -> None:
-    """An actress whom no weights heard: each recording by itself."""
+    """Print each recording of an actress who is not in the training data."""
     for path in sorted(folder.glob("*.flac")):
         if "hz" not in path.stem:
             looks = follow(analyse(load(path), mel=True), weights)

@@ -110,7 +110,7 @@ def join(parts: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 class Shown(NamedTuple):
-    """A table where a page shows it.
+    """A table on the page that shows it.
 
     Args:
         name: of its file.
@@ -126,7 +126,7 @@ class Shown(NamedTuple):
 
     @property
     def title(self) -> str:
-        """What its heading says: no two tables have the same."""
+        """Text of its heading; no two tables have the same."""
         hours = re.search(r"[\d.]+ h(?= for training)", self.table["head"])
         parts = [hours[0]] if hours else []
         return (
@@ -135,13 +135,13 @@ class Shown(NamedTuple):
 
     @property
     def link(self) -> str:
-        """To its heading, from the page of all results."""
+        """Link to its heading from the page of all results."""
         anchor = re.sub(r"[-\s]+", "-", re.sub(r"[^a-z0-9\s-]", "", self.title.lower()))
         return f"results/{self.page}#{anchor}"
 
 
 def say_seeds(seeds: list[int]) -> str:
-    """In words."""
+    """Seeds in words."""
     if len(seeds) > 2 and seeds == [*range(seeds[0], seeds[-1] + 1)]:
         return f"seeds {seeds[0]} to {seeds[-1]}"
     return f"seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds))}"
@@ -179,7 +179,7 @@ def find_shown() -> list[Shown]:
 
 
 def fill(text: str, entries: dict[str, Shown]) -> str:
-    """A page with its tables."""
+    """Write the tables of a page into its text."""
 
     def write_piece(match: re.Match[str]) -> str:
         head, mark, after = match[2].partition(FIGURES)
@@ -198,7 +198,7 @@ def fill(text: str, entries: dict[str, Shown]) -> str:
 
 
 def find_verdicts(runs: list[Shown]) -> dict[str, tuple[Shown, dict[str, Any]]]:
-    """Claim → the run that judges it, and the verdict; where several runs do, that of the first."""
+    """Claim → the run that judges it, and the verdict; where several runs judge it, the first one."""
     verdicts: dict[str, tuple[Shown, dict[str, Any]]] = {}
     for run in runs:
         for verdict in run.table["verdicts"]:
@@ -235,7 +235,7 @@ def overview(entries: list[Shown]) -> str:
 
 
 def row(heads: list[str], counts: Counter[str], links: str) -> str:
-    """One of the overview; what is decided is in bold type."""
+    """A row of the overview; decided verdicts are in bold type."""
     cells = [f"**{counts[word]}**" if counts[word] and word in DECIDED else str(counts[word]) for word in [*WORDS, "not run"]]
     return "| " + " | ".join([*heads, *cells, links]) + " |"
 
@@ -284,7 +284,7 @@ def main(files: list[Path]) -> None:
 
 
 def write(path: Path, text: str) -> None:
-    """A file, whole or not at all."""
+    """Write a file, whole or not at all."""
     with atomic(path) as part:
         part.write_text(text, "utf-8", newline="\n")
 

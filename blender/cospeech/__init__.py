@@ -39,7 +39,7 @@ class CospeechPreferences(bpy.types.AddonPreferences):
 
 
 def find_command(setting: str) -> list[str]:
-    """How to start cospeech: as given; or with Blender's own Python, if the wheel is installed there; or as on the PATH."""
+    """How to start cospeech: by the setting; else with Blender's own Python, if the wheel is there; else by the PATH."""
     setting = setting.strip()
     if setting and Path(setting).expanduser().is_file():  # a path may hold blanks, and backslashes on Windows
         return [str(Path(setting).expanduser())]
@@ -135,7 +135,7 @@ class CospeechGenerate(bpy.types.Operator):
 
 
 def make_action(context: bpy.types.Context, armature: bpy.types.Object, command: str) -> tuple[str, list[str]]:
-    """Generate, and key; what was done, and the notes of cospeech.
+    """Generate motion and key it; returns a summary, and the notes of cospeech.
 
     Args:
         context: with the scene and its settings.

@@ -22,7 +22,7 @@ EYE = re.compile(r"eye(?!.*(lid|brow|lash))", re.I)
 LOOKS = "eyelook"
 """Begin of the names of shapes that turn eyes, in small letters."""
 EQUAL = 1e-6
-"""Of a location or a scale: less is none."""
+"""A smaller change of a location or a scale counts as none."""
 
 
 class Rig:
@@ -100,7 +100,7 @@ class Rig:
 
 
 def check_tweaks(owner: bpy.types.ID) -> None:
-    """Blender gives nobody another action while a strip is tweaked.
+    """Check that no strip is tweaked: Blender then sets no other action.
 
     Raises:
         CospeechError: one is.
@@ -146,7 +146,7 @@ def key_shapes(armature: bpy.types.Object, names: list[str], weights: np.ndarray
 
 
 def _bag(action: bpy.types.Action, owner: bpy.types.ID) -> bpy.types.ActionChannelbag:
-    """Where the curves of an action go that the owner plays (Blender 4.4 and later)."""
+    """Let the owner play an action; returns the place for its curves (Blender 4.4 and later)."""
     data = owner.animation_data or owner.animation_data_create()
     slot = action.slots.new(id_type=owner.id_type, name=owner.name)
     strip = action.layers.new("Layer").strips.new(type="KEYFRAME")

@@ -85,9 +85,9 @@ class Cloth:
     smooth: float = 1.0
 
 
-def place(points: Array, weights: Array, sculpted: Array) -> Array:
+def place(points: Array, weights: Array, transforms: Array) -> Array:
     """(V, 3) in the T-pose of points as sculpted."""
-    blend = np.einsum("vj,jab->vab", weights, sculpted)
+    blend = np.einsum("vj,jab->vab", weights, transforms)
     return np.linalg.solve(blend[..., :3], (points - blend[..., 3])[..., None])[..., 0]
 
 
@@ -95,29 +95,29 @@ def ease(cloth: Cloth, poses: Poses) -> tuple[Array, Array]:
     """Points (V, 3) as sculpted and weights (V, J), at most four a point that follows none, that stretch the edges less."""
     descent = _Descent(cloth, poses)
     points, weights = cloth.points, descent.share(cloth.weights)
-    chosen: list[int] = []
+    selection: list[int] = []
     best, least = (points, weights), np.inf
     for k in range(_ROUNDS):
         over = descent.over(points, weights)
-        chosen = _choose(over, [c for c in chosen if over[c].any()], _MORE if k else _START)
+        selection = _choose(over, [c for c in selection if over[c].any()], _MORE if k else _START)
         if k == _FOUR:
             weights = descent.keep_four(weights)
-        points, weights = descent.run(points, weights, np.array(chosen))
+        points, weights = descent.run(points, weights, np.array(selection))
         if k >= _FOUR and (price := descent.price_all(points, weights)) < least:  # a round may leave others worse than before
             best, least = (points, weights), price
     return best
 
 
-def _choose(over: Array, chosen: list[int], more: int) -> list[int]:
-    """Up to ``more`` poses beside those chosen: each time the one with most stretch (P, E) that no chosen one has."""
-    covered = over[chosen].max(0, initial=0)
+def _choose(over: Array, selection: list[int], more: int) -> list[int]:
+    """Add up to ``more`` poses: each time the one with most stretch (P, E) beyond that of the selected poses."""
+    cover = over[selection].max(0, initial=0)
     for _ in range(more):
-        gain = np.maximum(over - covered, 0).sum(1)
+        gain = np.maximum(over - cover, 0).sum(1)
         best = int(gain.argmax())
         if gain[best] <= 1e-3:
             break
-        chosen, covered = [*chosen, best], np.maximum(covered, over[best])
-    return chosen
+        selection, cover = [*selection, best], np.maximum(cover, over[best])
+    return selection
 
 
 class _Descent:
@@ -186,12 +186,12 @@ class _Descent:
         """(P, E) lengths of the edges in poses, of those at rest."""
         rest = place(points, weights, self.cloth.sculpted)
         lengths = np.linalg.norm(self.ends @ rest, axis=1)
-        found = []
+        parts = []
         for start in range(0, len(moves), 64):
-            posed, _ = self._pose(rest, weights, moves[start : start + 64])
-            apart = posed[self.pairs[:, 0]] - posed[self.pairs[:, 1]]
-            found.append(np.sqrt(np.einsum("epa,epa->ep", apart, apart)).T / lengths)
-        return np.concatenate(found)
+            places, _ = self._pose(rest, weights, moves[start : start + 64])
+            apart = places[self.pairs[:, 0]] - places[self.pairs[:, 1]]
+            parts.append(np.sqrt(np.einsum("epa,epa->ep", apart, apart)).T / lengths)
+        return np.concatenate(parts)
 
     def over(self, points: Array, weights: Array) -> Array:
         """(P, E) stretch beyond what is allowed, in all poses."""
@@ -211,14 +211,14 @@ class _Descent:
         weights = np.where(self.may.any(1)[:, None] & ~self.may, 0, weights)
         return self.share(weights / weights.sum(1, keepdims=True))
 
-    def run(self, points: Array, weights: Array, chosen: Array) -> tuple[Array, Array]:
-        """Descend on the poses ``chosen``."""
+    def run(self, points: Array, weights: Array, selection: Array) -> tuple[Array, Array]:
+        """Descend on the poses of ``selection`` (indices)."""
         first = np.concatenate([(weights * self.unit)[self.may], (points - self.cloth.points)[self.loose].ravel()])
         give = np.repeat(self.cloth.give[self.loose], 3)
         bounds = [(0.0, None)] * int(self.may.sum()) + list(zip(-give, give, strict=True))
         options = {"maxiter": _STEPS, "maxcor": 12}
-        found = minimize(self._price, first, (chosen,), "L-BFGS-B", jac=True, bounds=bounds, options=options)
-        points, own, _ = self._unpack(found.x)
+        result = minimize(self._price, first, (selection,), "L-BFGS-B", jac=True, bounds=bounds, options=options)
+        points, own, _ = self._unpack(result.x)
         return points, self.share(own)
 
     def _unpack(self, values: Array) -> tuple[Array, Array, Array]:
@@ -228,24 +228,26 @@ class _Descent:
         moving = self.may.any(1)
         total = np.where(moving, own.sum(1), 1)
         own = np.where(moving[:, None], own / total[:, None], self.cloth.weights)
-        moved = np.zeros(self.cloth.points.shape)
-        moved[self.loose] = values[count:].reshape(-1, 3)
-        return self.cloth.points + self.share(moved), own, total
+        shifts = np.zeros(self.cloth.points.shape)
+        shifts[self.loose] = values[count:].reshape(-1, 3)
+        return self.cloth.points + self.share(shifts), own, total
 
-    def _price(self, values: Array, chosen: Array) -> tuple[float, Array]:
+    def _price(self, values: Array, selection: Array) -> tuple[float, Array]:
         """Price of the free values, and its gradient."""
         points, own, total = self._unpack(values)
         weights = self.share(own)
-        price, by_weight, by_point = self._price_stretch(points, weights, chosen)
-        change, moved = (weights - self.share(self.cloth.weights)) * self.unit, points - self.cloth.points
+        price, by_weight, by_point = self._price_stretch(points, weights, selection)
+        change, shifts = (weights - self.share(self.cloth.weights)) * self.unit, points - self.cloth.points
         back = self.uneven @ change + _NEAR * self.hold[:, None] * change
         price += _STIFF * float((change * back).sum())
         by_weight = self.follow.T @ (by_weight + 2 * _STIFF * back * self.unit)
-        smooth, raised = self.cloth.smooth, (moved * self.out).sum(1, keepdims=True)
-        back = _SLID * (self.uneven @ moved + _NEAR * moved) + smooth * _BENT * (self.bend @ moved)
-        price, by_point = price + float((moved * back).sum()), by_point + 2 * back
-        back = _RAISED * (self.uneven @ raised + _NEAR * raised) + smooth * (_RIPPLED * (self.bend @ raised) + _HIGH * raised)
-        price, by_point = price + float((raised * back).sum()), by_point + 2 * back * self.out
+        smooth, heights = self.cloth.smooth, (shifts * self.out).sum(1, keepdims=True)
+        back = _SLID * (self.uneven @ shifts + _NEAR * shifts) + smooth * _BENT * (self.bend @ shifts)
+        price, by_point = price + float((shifts * back).sum()), by_point + 2 * back
+        back = _RAISED * (self.uneven @ heights + _NEAR * heights) + smooth * (
+            _RIPPLED * (self.bend @ heights) + _HIGH * heights
+        )
+        price, by_point = price + float((heights * back).sum()), by_point + 2 * back * self.out
         by_point = self.follow.T @ by_point
         by_weight = (by_weight - (by_weight * own).sum(1, keepdims=True)) / total[:, None]
         price += _SCALE * float(((total - 1) ** 2).sum())
@@ -256,33 +258,33 @@ class _Descent:
             by_point = (by_point + by_point[point] * [-1, 1, 1]) / 2
         return price, np.concatenate([by_weight[self.may], by_point[self.loose].ravel()])
 
-    def _price_stretch(self, points: Array, weights: Array, chosen: Array) -> tuple[float, Array, Array]:
+    def _price_stretch(self, points: Array, weights: Array, selection: Array) -> tuple[float, Array, Array]:
         """Price of the edges' lengths in poses, and its gradient by weights (V, J) and by points as sculpted (V, 3)."""
-        moves, allowed, factor = self.poses.moves[chosen], self.poses.allowed[chosen], self.poses.price[chosen]
-        sculpted = self.cloth.sculpted
-        rest = place(points, weights, sculpted)
+        moves, allowance, factor = self.poses.moves[selection], self.poses.allowed[selection], self.poses.price[selection]
+        transforms = self.cloth.sculpted
+        rest = place(points, weights, transforms)
         apart = self.ends @ rest
         lengths = np.linalg.norm(apart, axis=1)[:, None]
-        posed, blend = self._pose(rest, weights, moves)
-        between = posed[self.pairs[:, 0]] - posed[self.pairs[:, 1]]
+        places, blend = self._pose(rest, weights, moves)
+        between = places[self.pairs[:, 0]] - places[self.pairs[:, 1]]
         now = np.sqrt(np.einsum("epa,epa->ep", between, between))
         ratio = now / lengths
-        over, lack = np.maximum(ratio - 1 - allowed, 0), np.maximum(_PRESSED - ratio, 0)
+        over, lack = np.maximum(ratio - 1 - allowance, 0), np.maximum(_PRESSED - ratio, 0)
         short = np.maximum(_PRESSED - lengths[:, 0] / self.lengths, 0)  # at rest, of the length as sculpted
         price = _STEEP * float((factor * over**_POWER).sum() + (short**2).sum()) + _PUSH * float((lack**2).sum())
         slope = _STEEP * _POWER * factor * over ** (_POWER - 1) - 2 * _PUSH * lack
         pull = (slope / lengths / np.maximum(now, 1e-9)).astype(np.float32)[:, :, None] * between
-        force = (self.gather @ pull.reshape(len(pull), -1)).reshape(posed.shape)
+        force = (self.gather @ pull.reshape(len(pull), -1)).reshape(places.shape)
         tension = (slope * ratio).sum(1) / lengths[:, 0] ** 2 + 2 * _STEEP * short / (self.lengths * lengths[:, 0])
         by_rest = self.ends.T @ (-tension[:, None] * apart)
         by_rest = by_rest + np.einsum("vpab,vpa->vb", blend[..., :3], force)
-        turned = np.einsum("vj,jab->vba", weights, sculpted[..., :3])
-        by_point = np.linalg.solve(turned, by_rest[..., None])[..., 0]
+        turns = np.einsum("vj,jab->vba", weights, transforms[..., :3])
+        by_point = np.linalg.solve(turns, by_rest[..., None])[..., 0]
         flat = np.ascontiguousarray(moves.transpose(0, 2, 1, 3), np.float32).reshape(3 * len(moves), -1)
         torque = (force.reshape(len(force), -1) @ flat).reshape(len(force), -1, 4).astype(float)
         by_weight = np.einsum("vjb,vb->vj", torque[..., :3], rest) + torque[..., 3]
-        held = np.einsum("jab,vb->vja", sculpted[..., :3], rest) + sculpted[..., 3]
-        return price, by_weight - np.einsum("vja,va->vj", held, by_point), by_point
+        alone = np.einsum("jab,vb->vja", transforms[..., :3], rest) + transforms[..., 3]
+        return price, by_weight - np.einsum("vja,va->vj", alone, by_point), by_point
 
 
 def _pairs(triangles: Array, points: Array) -> Array:

@@ -37,21 +37,21 @@ MIDDLE = 0.06  # metres on the other side of the middle to which a limb's weight
 
 def ease_parts(parts: list[Part]) -> list[Part]:
     """The parts with bare skin and the clothes, with weights and places that stretch them less."""
-    found = {part.name: part for part in parts}
-    found["face"] = _ease_neck(found["face"])
-    found["leftHand"] = _ease_hand(found["leftHand"])
-    found["rightHand"] = mirror_part(found["leftHand"], "rightHand")
+    by_name = {part.name: part for part in parts}
+    by_name["face"] = _ease_neck(by_name["face"])
+    by_name["leftHand"] = _ease_hand(by_name["leftHand"])
+    by_name["rightHand"] = mirror_part(by_name["leftHand"], "rightHand")
     clothes = ("shirt", "pocket", "trousers")
-    found |= dict(zip(clothes, _ease_clothes([found[name] for name in clothes]), strict=True))
-    return list(found.values())
+    by_name |= dict(zip(clothes, _ease_clothes([by_name[name] for name in clothes]), strict=True))
+    return list(by_name.values())
 
 
 def _ease_neck(face: Part) -> Part:
     """What makes faces follows the head alone, so only the neck's weights change."""
     joints = _indices(lambda name: name in ("upperChest", "neck", "head"))
     free = smoothstep(1.530, 1.500, face.vertices[:, 1])
-    (eased,) = _ease([face], joints, _poses(joints, build_limit_poses(RANDOM, 0), SKIN_PAYS), free, np.zeros(len(free)))
-    return eased
+    (result,) = _ease([face], joints, _poses(joints, build_limit_poses(RANDOM, 0), SKIN_PAYS), free, np.zeros(len(free)))
+    return result
 
 
 def _ease_hand(hand: Part) -> Part:
@@ -61,8 +61,8 @@ def _ease_hand(hand: Part) -> Part:
     out = hand.vertices[:, 0] - humanoid().tpose[humanoid().index["leftHand"], 0]
     free = smoothstep(-0.12, -0.06, out)
     limits = np.concatenate([build_limit_poses(RANDOM_HANDS, 1), build_finger_poses()])
-    (eased,) = _ease([hand], joints, _poses(joints, limits, SKIN_PAYS, both=True), free, SKIN_GIVES * free)
-    return eased
+    (result,) = _ease([hand], joints, _poses(joints, limits, SKIN_PAYS, both=True), free, SKIN_GIVES * free)
+    return result
 
 
 def _ease_clothes(parts: list[Part]) -> list[Part]:
@@ -73,9 +73,9 @@ def _ease_clothes(parts: list[Part]) -> list[Part]:
     trousers = np.arange(len(points)) >= len(points) - len(parts[2].vertices)
     pieces = _pieces(parts)
     cloth, legs = (pieces == np.bincount(pieces[of]).argmax() for of in (shirt, trousers))
-    tucked = cloth & (points[:, 1] < TUCKED) & (np.abs(points[:, 0]) < SLEEVE)
-    belt, open_ = legs & (rest[:, 1] > BELT), cloth & ~tucked
-    sewn = [(tucked, belt), (~cloth & ~trousers, open_), (trousers & ~legs, legs)]
+    is_tucked = cloth & (points[:, 1] < TUCKED) & (np.abs(points[:, 0]) < SLEEVE)
+    belt, open_ = legs & (rest[:, 1] > BELT), cloth & ~is_tucked
+    sewn = [(is_tucked, belt), (~cloth & ~trousers, open_), (trousers & ~legs, legs)]
     leads = open_ | legs
     follow = _follow(points, leads, sewn)
     x, y, front = np.abs(points[:, 0]), points[:, 1], points[:, 2] > 0.04
@@ -86,15 +86,15 @@ def _ease_clothes(parts: list[Part]) -> list[Part]:
         trousers, TROUSERS_GIVE * smoothstep(0.99, 0.96, y), np.where(x > SLEEVE, SLEEVES_GIVE, SHIRT_GIVES) * plain
     )
     side = np.array([{"l": 1, "r": -1}.get(humanoid().names[j][0], 0) for j in joints])
-    barred = points[:, :1] * side < -MIDDLE
-    barred |= (y > KNEES_REACH)[:, None] & np.array(["LowerLeg" in humanoid().names[j] for j in joints])
+    is_barred = points[:, :1] * side < -MIDDLE
+    is_barred |= (y > KNEES_REACH)[:, None] & np.array(["LowerLeg" in humanoid().names[j] for j in joints])
     twins = _twins(points, leads), np.searchsorted(joints, _mirror_joints()[joints])
     poses = _poses(joints, build_limit_poses(RANDOM, 2), CLOTH_PAYS)
-    return _ease(parts, joints, poses, free * leads, give * free * leads, barred, follow, twins)
+    return _ease(parts, joints, poses, free * leads, give * free * leads, is_barred, follow, twins)
 
 
-def _indices(chosen: Callable[[str], bool]) -> Array:
-    return np.array([k for k, name in enumerate(humanoid().names) if chosen(name)])
+def _indices(predicate: Callable[[str], bool]) -> Array:
+    return np.array([k for k, name in enumerate(humanoid().names) if predicate(name)])
 
 
 def _mirror_joints() -> Array:
@@ -113,9 +113,9 @@ def _poses(joints: Array, limits: Array, pays: tuple[tuple[float, float], ...], 
     still = np.ones(len(humanoid()), bool)
     still[joints[1:]] = False  # the chain's first joint carries it all
     local[:, still] = [0, 0, 0, 1]
-    allowed, price = (np.repeat(pair, (len(speaking), len(limits))) for pair in zip(*pays, strict=True))
+    allowance, price = (np.repeat(pair, (len(speaking), len(limits))) for pair in zip(*pays, strict=True))
     positions, world = humanoid().forward(local, np.tile(humanoid().offsets[0], (len(local), 1)))
-    return Poses(_moves(positions, quat_to_matrix(world))[:, joints], allowed, price)
+    return Poses(_moves(positions, quat_to_matrix(world))[:, joints], allowance, price)
 
 
 def _moves(positions: Array, turns: Array) -> Array:
@@ -174,18 +174,18 @@ def _ease(
     poses: Poses,
     free: Array,
     give: Array,
-    barred: Array | None = None,
+    is_barred: Array | None = None,
     follow: csr_matrix | None = None,
     twins: tuple[Array, Array] | None = None,
 ) -> list[Part]:
     """The parts eased as one cloth, whose weights are all of the joints (J',)."""
-    points, sculpted = _as_sculpted(parts), _sculpted()
+    points, transforms = _as_sculpted(parts), _sculpted()
     weights = np.concatenate([unpack_weights(p.joints, p.weights) for p in parts])
-    barred = np.zeros((len(points), len(joints)), bool) if barred is None else barred
+    is_barred = np.zeros((len(points), len(joints)), bool) if is_barred is None else is_barred
     smooth = float(follow is not None)  # cloth; skin gives so little that it is not seen
-    triangles, used = _triangles(parts), weights[:, joints]
-    cloth = Cloth(points, triangles, used, sculpted[joints], free, give, barred, follow, twins, smooth)
-    moved, own = ease(cloth, poses)
+    triangles, own_weights = _triangles(parts), weights[:, joints]
+    cloth = Cloth(points, triangles, own_weights, transforms[joints], free, give, is_barred, follow, twins, smooth)
+    places, own = ease(cloth, poses)
     weights = np.zeros_like(weights)
     weights[:, joints] = own
     slides = np.ones(len(points), bool) if follow is None else follow.diagonal() == 1  # what is sewn on is carried along
@@ -193,7 +193,7 @@ def _ease(
     ends = np.cumsum([len(p.vertices) for p in parts])[:-1]
     return [
         _renew(part, *pieces)
-        for part, *pieces in zip(parts, *(np.split(a, ends) for a in (points, moved, weights, slides)), strict=True)
+        for part, *pieces in zip(parts, *(np.split(a, ends) for a in (points, places, weights, slides)), strict=True)
     ]
 
 
@@ -210,15 +210,17 @@ def _keep_four(weights: Array, pieces: Array, slides: Array) -> Array:
 def _renew(part: Part, old: Array, points: Array, weights: Array, slides: Array) -> Part:
     """The part with other weights (V, J) and with points as sculpted that lay at ``old``; ``slides``: which slid along it."""
     joints, four = pack_weights(weights, LEAST)
-    sculpted, kept = _sculpted(), unpack_weights(joints, four)
-    before, now = (np.einsum("vj,jab->vab", w, sculpted[..., :3]) for w in (unpack_weights(part.joints, part.weights), kept))
+    transforms, all_weights = _sculpted(), unpack_weights(joints, four)
+    before, now = (
+        np.einsum("vj,jab->vab", w, transforms[..., :3]) for w in (unpack_weights(part.joints, part.weights), all_weights)
+    )
     normals = np.linalg.solve(before.transpose(0, 2, 1), part.normals[..., None])[..., 0]
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    turned = normals + vertex_normals(points, part.triangles) - vertex_normals(old, part.triangles)
-    turned = np.where(slides[:, None], _slide_normals(part.triangles, old, normals, points), turned)
-    normals = np.einsum("vba,vb->va", now, turned)
+    total = normals + vertex_normals(points, part.triangles) - vertex_normals(old, part.triangles)
+    total = np.where(slides[:, None], _slide_normals(part.triangles, old, normals, points), total)
+    normals = np.einsum("vba,vb->va", now, total)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    vertices = place(points, kept, sculpted)
+    vertices = place(points, all_weights, transforms)
     return replace(part, vertices=vertices.astype(np.float32), normals=normals.astype(np.float32), joints=joints, weights=four)
 
 
@@ -228,23 +230,23 @@ def _slide_normals(triangles: Array, old: Array, normals: Array, points: Array) 
     Those of the triangles between the points would show them: they are uneven once they slid.
     """
     out = vertex_normals(old, triangles)
-    moved = points - old
-    raised = (moved * out).sum(1, keepdims=True) * out
-    normals = normals + vertex_normals(old + raised, triangles) - out
+    shifts = points - old
+    rises = (shifts * out).sum(1, keepdims=True) * out
+    normals = normals + vertex_normals(old + rises, triangles) - out
     corner = csr_matrix((np.ones(triangles.size), (triangles.ravel(), np.repeat(np.arange(len(triangles)), 3))))
     corner.resize(len(old), len(triangles))
     around = (corner @ corner.T @ corner).tocsr()
-    found = normals.copy()
-    for k in np.flatnonzero(np.abs(moved).max(1) > 1e-6):
+    result = normals.copy()
+    for k in np.flatnonzero(np.abs(shifts).max(1) > 1e-6):
         near = triangles[around.indices[around.indptr[k] : around.indptr[k + 1]]]
         a, b, c = (old[near[:, m]] for m in range(3))
-        u, v, w = b - a, c - a, points[k] - raised[k] - a
+        u, v, w = b - a, c - a, points[k] - rises[k] - a
         uu, uv, vv, uw, vw = ((f * g).sum(1) for f, g in ((u, u), (u, v), (v, v), (u, w), (v, w)))
         area = np.maximum(uu * vv - uv * uv, 1e-18)
         share = np.stack([vv * uw - uv * vw, uu * vw - uv * uw], 1) / area[:, None]
         share = np.maximum(np.column_stack([1 - share.sum(1), share]), 0)
         share /= share.sum(1, keepdims=True)
-        away = np.linalg.norm(np.einsum("fk,fka->fa", share, old[near]) - points[k] + raised[k], axis=1)
+        away = np.linalg.norm(np.einsum("fk,fka->fa", share, old[near]) - points[k] + rises[k], axis=1)
         best = int(away.argmin())
-        found[k] = share[best] @ normals[near[best]]
-    return found
+        result[k] = share[best] @ normals[near[best]]
+    return result

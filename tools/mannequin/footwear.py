@@ -71,4 +71,4 @@ def _shell(
 def _shoe(name: str, net: Net, normals: Array, colour: Array) -> Part:
     toes = smoothstep(0.05, 0.18, net.points[:, 2])  # ours: the least stretch
     weights = weights_of(len(net.points), leftFoot=1 - toes, leftToes=toes)
-    return make_part(name, net, normals, weights, colour, 0.6, posed=True)
+    return make_part(name, net, normals, weights, colour, 0.6, is_posed=True)

@@ -138,7 +138,7 @@ def _stations(finger: str) -> list[tuple[float, int]]:
 def _grow(net: Net, base: list[int], finger: str, solid: Solid) -> list[int]:
     """Rings from ``base`` to the tip; returns the new points."""
     chain = _chain(finger)
-    born, previous = [], base
+    new, previous = [], base
     for share, bone in _stations(finger):
         axis = chain[bone + 1] - chain[bone]
         centre = chain[bone] + share * axis
@@ -148,12 +148,12 @@ def _grow(net: Net, base: list[int], finger: str, solid: Solid) -> list[int]:
         out = np.cos(AROUND)[:, None] * up + np.sin(AROUND)[:, None] * side
         ids = net.add(land(solid, centre + 0.03 * out, -out))
         net.bridge(previous, ids)
-        born += ids
+        new += ids
         previous = ids
     tip = chain[3] + 0.02 * axis / np.linalg.norm(axis)
     top = net.cap(previous, tip)
     net.points[top] = land(solid, tip[None], -axis[None] / np.linalg.norm(axis))[0]
-    return [*born, top]
+    return [*new, top]
 
 
 def _make_left_hand() -> Part:
@@ -178,9 +178,9 @@ def _make_left_hand() -> Part:
         base = [*back, edge[k + 1], *front, edge[k]]
         fingers[finger] = _grow(net, base, finger, digits[finger])
     fingers["Thumb"] = _grow(net, loop, "Thumb", digits["Thumb"])
-    used = {i for f in net.faces for i in f}
+    in_use = {i for f in net.faces for i in f}
     free = np.zeros(len(net.points), bool)
-    free[[i for i in soft if i in used]] = True
+    free[[i for i in soft if i in in_use]] = True
     free[[*rows[-1], *web]] = False
     net.faces = [f[::-1] for f in net.faces]  # the rows run from the thumb's side to the little finger: right to left
     net.cap(rows[0], net.points[rows[0]].mean(0))
@@ -267,9 +267,9 @@ def _tint(p: Array, fingers: dict[str, list[int]], normals: Array) -> Array:
         tip = smoothstep(0.028, 0.0, np.linalg.norm(p[ids] - _chain(finger)[3], axis=1))[:, None] * 0.6
         colour[ids] += tip * (warm - colour[ids])
     for ids in fingers.values():
-        for ringed in (ids[-25:-17], ids[-17:-9]):
-            colour[[ringed[1]]] = nail
-            colour[[ringed[0], ringed[2]]] = 0.5 * nail + 0.5 * colour[[ringed[0], ringed[2]]]
+        for around in (ids[-25:-17], ids[-17:-9]):
+            colour[[around[1]]] = nail
+            colour[[around[0], around[2]]] = 0.5 * nail + 0.5 * colour[[around[0], around[2]]]
     return colour
 
 

@@ -207,7 +207,7 @@ def _spacing(p: Array) -> Array:
     return base * (1 - 0.62 * nose) * (1 - 0.30 * mouth) * (1 - 0.28 * eyes)
 
 
-def _fill(solid: Solid, taken: Array, bounds: list[Array]) -> tuple[Array, Array]:
+def _fill(solid: Solid, rim: Array, bounds: list[Array]) -> tuple[Array, Array]:
     """Points of the midline and of the left half that fill the head between the feature rings."""
     elevation = np.linspace(-1.30, np.pi / 2, 320)
     line = []
@@ -220,32 +220,32 @@ def _fill(solid: Solid, taken: Array, bounds: list[Array]) -> tuple[Array, Array
     d[:, 0] = np.abs(d[:, 0])
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     cloud = land(solid, MIDDLE + 0.25 * d, -d)
-    kept_line: list[Array] = []
-    kept = list(_nostril(solid))
-    chosen = np.full((len(taken) + len(kept) + 2 * len(elevation) + len(cloud), 3), np.inf)
-    count = len(taken) + len(kept)
-    chosen[:count] = [*taken, *kept]
+    midline: list[Array] = []
+    filling = list(_nostril(solid))
+    points = np.full((len(rim) + len(filling) + 2 * len(elevation) + len(cloud), 3), np.inf)
+    count = len(rim) + len(filling)
+    points[:count] = [*rim, *filling]
 
     def choose(p: Array, reach: float) -> bool:
         """Take a point if no point chosen before is within ``reach``."""
         nonlocal count
-        off = chosen[:count] - p
+        off = points[:count] - p
         if np.einsum("na,na->n", off, off).min() <= reach**2:
             return False
-        chosen[count] = p
+        points[count] = p
         count += 1
         return True
 
     ridge = np.concatenate(line)
     for p in ridge[(ridge[:, 1] >= BOTTOM + 0.012) & ~_inside(ridge, bounds)]:
         if choose(p, 0.9 * _spacing(p[None])[0]):
-            kept_line.append(p)
+            midline.append(p)
     reach = _spacing(cloud)
     good = (cloud[:, 1] >= BOTTOM + 0.6 * reach) & (cloud[:, 0] >= 0.62 * reach) & ~_inside(cloud, bounds)
     for p, r in zip(cloud[good], reach[good], strict=True):
         if choose(p, r):
-            kept.append(p)
-    return np.array(kept_line), np.array(kept)
+            filling.append(p)
+    return np.array(midline), np.array(filling)
 
 
 def _nostril(solid: Solid) -> Array:
@@ -334,5 +334,5 @@ def head_normals(head: Head) -> Array:
     for eye in head.eyes.values():
         free[eye.ids[:6].ravel()] = 1
     free[-1] = 1
-    mixed = free[:, None] * own + (1 - free[:, None]) * (0.35 * own + 0.65 * normals)
-    return mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
+    blend = free[:, None] * own + (1 - free[:, None]) * (0.35 * own + 0.65 * normals)
+    return blend / np.linalg.norm(blend, axis=1, keepdims=True)

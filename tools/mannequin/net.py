@@ -60,7 +60,7 @@ class Net:
     def add_following(self, previous: Sequence[int], points: Array) -> list[int]:
         """Append a ring, turned or reversed so that its points follow those of the ring ``previous`` with the least twist."""
         turns = [np.roll(way, shift, axis=0) for way in (points, points[::-1]) for shift in range(len(points))]
-        costs = [np.sum((turned - self.points[list(previous)]) ** 2) for turned in turns]
+        costs = [np.sum((turn - self.points[list(previous)]) ** 2) for turn in turns]
         return self.add(turns[int(np.argmin(np.round(costs, 9)))])
 
     def bridge(self, a: Sequence[int], b: Sequence[int], closed: bool = True) -> None:
@@ -110,16 +110,16 @@ class Net:
         """Even out the ``free`` points along the surface of ``solid``."""
         average = self.neighbours()
         for _ in range(rounds):
-            moved = self.points + pull * (average @ self.points - self.points)
-            self.points[free] = settle(solid, moved[free], 2)
+            target = self.points + pull * (average @ self.points - self.points)
+            self.points[free] = settle(solid, target[free], 2)
         self.points[free] = settle(solid, self.points[free], 4)
 
     def soften(self, free: Array, rounds: int, pull: float = 0.5) -> None:
         """Plain smoothing of the ``free`` points: rounds off corners and creases."""
         average = self.neighbours()
         for _ in range(rounds):
-            moved = self.points + pull * (average @ self.points - self.points)
-            self.points[free] = moved[free]
+            target = self.points + pull * (average @ self.points - self.points)
+            self.points[free] = target[free]
 
     def spread(self, weights: Array, reach: float, free: Array, rounds: int = 3) -> Array:
         """Let weights (V, J) flow into one another as heat does, over about ``reach`` metres of the surface.

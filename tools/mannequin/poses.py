@@ -45,27 +45,27 @@ _FAN = {"Index": -9.0, "Middle": 0.0, "Ring": 9.0, "Little": 18.0}  # degrees of
 @lru_cache(1)
 def build_speaking_poses() -> Array:
     """(P, J, 4) local rotations of the humanoid: the rules in all styles."""
-    found = []
+    poses = []
     for seed, transcript in _TAKES:
         speech = cospeech.Speech.load(EXAMPLE, transcript=transcript)
         for style in STYLES:
             motion = cospeech.load("rules").generate(speech, style=style, seed=seed)
-            found.append(motion.rotations[np.linspace(0, len(motion) - 1, _FRAMES).round().astype(int)])
-    return np.concatenate(found).astype(float)
+            poses.append(motion.rotations[np.linspace(0, len(motion) - 1, _FRAMES).round().astype(int)])
+    return np.concatenate(poses).astype(float)
 
 
 def build_limit_poses(count: int, seed: int) -> Array:
     """(count, J, 4) local rotations of the humanoid: joints anywhere within their limits, at random."""
     rng, index = np.random.default_rng(seed), humanoid().index
-    found = np.tile(quat_identity(len(humanoid())), (count, 1, 1)).astype(float)
-    for pose in found:
+    poses = np.tile(quat_identity(len(humanoid())), (count, 1, 1)).astype(float)
+    for pose in poses:
         for name, limits in _LIMITS.items():
             for side in ("left", "right") if name[0].isupper() else ("",):
                 pose[index[side + name]] = _mirror(_draw_turn(rng, limits), side)
         for side in ("left", "right"):
             for name, turn in (_draw_arm(rng) | _draw_fingers(rng)).items():
                 pose[index[side + name]] = _mirror(turn, side)
-    return found
+    return poses
 
 
 def build_finger_poses() -> Array:
@@ -74,15 +74,15 @@ def build_finger_poses() -> Array:
     It bends as in a fist, or at its knuckle alone, or stays straight in a fist. By chance such hands are too few, and the
     skin between two knuckles would stretch most of all.
     """
-    fist, found = dict(zip(("Proximal", "Intermediate", "Distal"), _CURL, strict=True)), []
+    fist, poses = dict(zip(("Proximal", "Intermediate", "Distal"), _CURL, strict=True)), []
     for finger in _FAN:
         others = [other for other in _FAN if other != finger]
         for fingers, joints in (([finger], [*fist]), ([finger], ["Proximal"]), (others, [*fist])):
             pose = quat_identity(len(humanoid())).astype(float)
             for name, joint in product(fingers, joints):
                 pose[humanoid().index[f"left{name}{joint}"]] = _turn(0, 0, -fist[joint])
-            found.append(pose)
-    return np.stack(found)
+            poses.append(pose)
+    return np.stack(poses)
 
 
 def _mirror(turn: Array, side: str) -> Array:
@@ -107,14 +107,14 @@ def _draw_arm(rng: np.random.Generator) -> dict[str, Array]:
     up, back, twist = (rng.uniform(*span) for span in _ARM)
     back *= np.cos(np.radians(up))
     upper = quat_multiply(_turn(0, back, 0), quat_multiply(_turn(0, 0, up), _turn(twist, 0, 0)))
-    bent, axis = rng.beta(1, 0.8) * _ELBOW, np.radians(rng.uniform(-_CARRIED, _CARRIED))
-    lower = quat_multiply(_turn(0, -bent * np.cos(axis), bent * np.sin(axis)), _turn(rng.uniform(-20, 20), 0, 0))
+    bend, axis = rng.beta(1, 0.8) * _ELBOW, np.radians(rng.uniform(-_CARRIED, _CARRIED))
+    lower = quat_multiply(_turn(0, -bend * np.cos(axis), bend * np.sin(axis)), _turn(rng.uniform(-20, 20), 0, 0))
     return {"UpperArm": upper, "LowerArm": lower}
 
 
 def _draw_fingers(rng: np.random.Generator) -> dict[str, Array]:
     """Turns of the four fingers: they bend together, more or less, but one may be straight or bent alone."""
-    curl, fan, found = rng.beta(0.7, 0.7), rng.uniform(-0.5, 1), {}
+    curl, fan, turns = rng.beta(0.7, 0.7), rng.uniform(-0.5, 1), {}
     for finger, wide in _FAN.items():
         own = float(np.clip(curl + 0.22 * rng.normal(), 0, 1.05))
         if rng.random() < 0.12:
@@ -122,6 +122,6 @@ def _draw_fingers(rng: np.random.Generator) -> dict[str, Array]:
         knuckle, middle, last = np.array(_CURL) * own * rng.uniform(0.6, 1, 3)
         knuckle -= _BACK * (1 - own)
         spread = wide * fan * (1 - 0.6 * own) + 3 * rng.normal()
-        found[finger + "Proximal"] = quat_multiply(_turn(0, 0, -knuckle), _turn(0, spread, 0))
-        found[finger + "Intermediate"], found[finger + "Distal"] = _turn(0, 0, -middle), _turn(0, 0, -last)
-    return found
+        turns[finger + "Proximal"] = quat_multiply(_turn(0, 0, -knuckle), _turn(0, spread, 0))
+        turns[finger + "Intermediate"], turns[finger + "Distal"] = _turn(0, 0, -middle), _turn(0, 0, -last)
+    return turns

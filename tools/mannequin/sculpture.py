@@ -67,8 +67,8 @@ def unpose(points: Array, normals: Array, weights: Array) -> tuple[Array, Array]
     turn = np.einsum("vj,jab->vab", weights, pose.turns)
     shift = weights @ (pose.positions - np.einsum("jab,jb->ja", pose.turns, rest))
     back = np.linalg.solve(turn, (points - shift)[:, :, None])[:, :, 0]
-    bent = np.einsum("vba,vb->va", turn, normals)
-    return back, bent / np.linalg.norm(bent, axis=1, keepdims=True)
+    rest_normals = np.einsum("vba,vb->va", turn, normals)
+    return back, rest_normals / np.linalg.norm(rest_normals, axis=1, keepdims=True)
 
 
 def weights_of(count: int, **columns: Array | float) -> Array:
@@ -103,18 +103,18 @@ def make_part(
     colour: Array,
     roughness: float = 0.8,
     morphs: dict[str, Array] | None = None,
-    posed: bool = False,
+    is_posed: bool = False,
 ) -> Part:
-    """Pack a net: points in use, the four largest weights per vertex, and the T-pose shape of what was modelled ``posed``."""
-    used = np.unique([i for f in net.faces for i in f])
+    """Pack a net: points in use, and the four largest weights per vertex; moved to the T-pose if modelled ``is_posed``."""
+    in_use = np.unique([i for f in net.faces for i in f])
     renumber = np.zeros(len(net.points), np.int32)
-    renumber[used] = np.arange(len(used))
+    renumber[in_use] = np.arange(len(in_use))
     triangles = renumber[net.triangles()]
     colour = np.asarray(colour, np.float32)
-    colour = colour if colour.ndim == 1 else colour[used]
-    joints, four = pack_weights(weights[used])
-    points, normals = net.points[used], normals[used]
-    if posed:
+    colour = colour if colour.ndim == 1 else colour[in_use]
+    joints, four = pack_weights(weights[in_use])
+    points, normals = net.points[in_use], normals[in_use]
+    if is_posed:
         points, normals = unpose(points, normals, unpack_weights(joints, four))
     return Part(
         name,
@@ -125,7 +125,7 @@ def make_part(
         four,
         colour,
         roughness,
-        {k: v[used].astype(np.float32) for k, v in (morphs or {}).items()},
+        {k: v[in_use].astype(np.float32) for k, v in (morphs or {}).items()},
     )
 
 

@@ -275,4 +275,4 @@ def _dress(net: Net, solid: Solid, rows: list[list[int]], labels: _Labels) -> li
     pocket = make_pocket(net, solid, weights)
     for add in (add_collar, add_buttons):
         weights, colour = add(net, solid, weights, colour)
-    return [make_part("shirt", net, net.shade(solid, 0.0), weights, colour, 0.9, posed=True), pocket]
+    return [make_part("shirt", net, net.shade(solid, 0.0), weights, colour, 0.9, is_posed=True), pocket]

@@ -105,4 +105,4 @@ def make_pocket(net: Net, solid: Solid, weights: Array) -> Part:
         colours.append(np.where((border == 0)[:, None], STITCH, inside))
     patch.tube(rows[::-1], closed=False)
     own, colour = _weights_below(net, weights, patch.points), np.concatenate(colours)
-    return make_part("pocket", patch, patch.shade(solid, 0.0), own, colour, 0.9, posed=True)
+    return make_part("pocket", patch, patch.shade(solid, 0.0), own, colour, 0.9, is_posed=True)

@@ -35,17 +35,17 @@ def measure_stretch(character: Character, motion: Motion, parts: Iterable[str], 
     """Stretch of parts of the character over every ``every``-th frame of ``motion``, which is on the character's skeleton."""
     positions, world = character.skeleton.forward(motion.rotations[::every], motion.root[::every])
     pieces = {name: _edges(character[name].triangles, character[name].vertices) for name in parts}
-    chosen = Character(character.skeleton, tuple(character[name] for name in pieces))
+    selection = Character(character.skeleton, tuple(character[name] for name in pieces))
     ratios: dict[str, list[Array]] = {name: [] for name in pieces}
     for turn, place in zip(world, positions, strict=True):
-        for (name, edges), vertices in zip(pieces.items(), skin(chosen, turn, place), strict=True):
+        for (name, edges), vertices in zip(pieces.items(), skin(selection, turn, place), strict=True):
             rest = character[name].vertices
             ratios[name].append(_lengths(vertices, edges) / _lengths(rest, edges) - 1)
-    found = {}
+    result = {}
     for name, rows in ratios.items():
         table = np.stack(rows)
-        found[name] = Stretch(float(table.max()), float(np.mean(table.max(0) > LIMIT)), float(np.mean(table > LIMIT)))
-    return found
+        result[name] = Stretch(float(table.max()), float(np.mean(table.max(0) > LIMIT)), float(np.mean(table > LIMIT)))
+    return result
 
 
 def _edges(triangles: Array, points: Array) -> Array:

@@ -91,7 +91,7 @@ def _fit_trousers(net: Net, solid: Solid) -> Part:
     first = len(p)
     ink = _add_buckle(net, solid)
     weights = np.concatenate([weights, weights_of(len(ink), **spine_weights(net.points[first:, 1]))])
-    return make_part("trousers", net, net.shade(solid, 0.0), weights, np.concatenate([colour, ink]), 0.8, posed=True)
+    return make_part("trousers", net, net.shade(solid, 0.0), weights, np.concatenate([colour, ink]), 0.8, is_posed=True)
 
 
 def _add_buckle(net: Net, solid: Solid) -> Array:

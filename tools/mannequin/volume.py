@@ -75,12 +75,12 @@ def body_volume(character: Character) -> BodyVolume:
     for side, sign in (("left", -1), ("right", 1)):
         local[index[side + "UpperArm"]] = axis_angle_to_quat([0, 0, 1], sign * _HANGING)
     positions, world = character.skeleton.forward(local, character.skeleton.offsets[0])
-    posed = dict(zip((p.name for p in character.parts), skin(character, world, positions), strict=True))
+    vertices = dict(zip((p.name for p in character.parts), skin(character, world, positions), strict=True))
     meshes = []
     for name in ("shirt", "trousers", "face"):
         part = character[name]
         arm = np.where(np.isin(part.joints, arms), part.weights, 0).sum(1)
-        meshes.append((posed[name], part.triangles[(arm[part.triangles] < _ARM).all(1)]))
+        meshes.append((vertices[name], part.triangles[(arm[part.triangles] < _ARM).all(1)]))
     sections = {}
     for name, y in LEVELS.items():
         cuts = [_section(p, t, y) for p, t in meshes if np.any((p[t][:, :, 1] > y).any(1) & (p[t][:, :, 1] < y).any(1))]

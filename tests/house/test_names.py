@@ -18,6 +18,7 @@ from cospeech.training.renamed import RENAMED, suggest_key
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "src" / "cospeech"
+FOLDERS = (PACKAGE, ROOT / "tools", ROOT / "benchmarks", ROOT / "blender")
 
 IRREGULAR = frozenset({
     "begun", "bent", "born", "bought", "bound", "broken", "brought", "built", "caught", "chosen", "dealt", "done", "drawn",
@@ -96,8 +97,9 @@ def test_the_rule_leaves_verbs_and_nouns(name):
 def test_no_value_is_named_by_a_past_participle_alone():
     """`made` or `found` tells nobody what it is. Fields are left out: some are keys of files."""
     names = {
-        f"{path.relative_to(PACKAGE)}: {name}"
-        for path in sorted(PACKAGE.rglob("*.py"))
+        f"{path.relative_to(ROOT)}: {name}"
+        for folder in FOLDERS
+        for path in sorted(folder.rglob("*.py"))
         for name in values(path.read_text("utf-8"))
         if "_" not in name.strip("_") and participle(name.strip("_")) and name.strip("_") not in FIELD_TERMS
     }

@@ -34,10 +34,10 @@ import subprocess
 import sys
 import tarfile
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, sleep
 from typing import Any
 
 from cospeech.errors import CospeechError, InputError, nearest
@@ -47,6 +47,7 @@ from cospeech.experiments.tables.runs import of_speakers
 from cospeech.training.recipe import SHIPPED
 
 KEYS = {"name", "store", "raw", "oracle", "seeds", "rows", "small", "set", "about", "threads", "recipes"}
+POLL = 0.2  # seconds between two looks at processes that train for minutes
 UNITS = {"": 1, "s": 1, "m": 60, "h": 3600}
 KEPT = (".json", ".md", ".jsonl", ".csv", ".toml")  # what --pack keeps: tables, scores, logs and facts, no weights
 
@@ -182,9 +183,10 @@ def train_here(plan: Plan, remaining: list[Job]) -> None:
 
 
 def train_apart(plan: Plan, remaining: list[Job], jobs: int) -> None:
-    """Several runs at once, each in a process of its own."""
+    """Several runs at once, each in a process of its own; as soon as one ends, the next one begins."""
     numbers = {job: number for number, job in enumerate(plan.jobs())}
-    waiting, busy = iter(remaining), dict[subprocess.Popen[bytes], Job]()
+    waiting = iter(remaining)
+    busy: dict[subprocess.Popen[bytes], Job] = {}
 
     def start() -> Iterator[None]:
         for job in waiting:
@@ -198,17 +200,25 @@ def train_apart(plan: Plan, remaining: list[Job], jobs: int) -> None:
         next(begin, None)
     try:
         while busy:
-            first = next(iter(busy))
-            code = first.wait()
-            job = busy.pop(first)
-            if code:
-                raise CospeechError(f"the run {job} ended with code {code}", "start again: what is done is kept")
+            process = wait_for_any(busy)
+            job = busy.pop(process)
+            if process.returncode:
+                raise CospeechError(f"the run {job} ended with code {process.returncode}", "start again: what is done is kept")
             next(begin, None)
     finally:
         for process in busy:
-            process.send_signal(signal.SIGINT)
+            process.terminate()  # a run saves itself; SIGINT is ignored below a shell that put this program in the background
         for process in busy:
             process.wait()
+
+
+def wait_for_any(processes: Collection[subprocess.Popen[bytes]]) -> subprocess.Popen[bytes]:
+    """Wait until a process has ended, and return it."""
+    while True:
+        for process in processes:
+            if process.poll() is not None:
+                return process
+        sleep(POLL)
 
 
 def pack(plan: Plan, path: Path) -> None:

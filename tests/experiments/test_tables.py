@@ -23,7 +23,7 @@ from cospeech.audio.features.waveform import WAVEFORM_NAMES
 from cospeech.cli.main import app
 from cospeech.corpora.store import Entry
 from cospeech.corpora.store_writer import Piece, write_store
-from cospeech.errors import InputError
+from cospeech.errors import CospeechError, InputError
 from cospeech.experiments.figures.scatter import Panel, draw_map
 from cospeech.experiments.figures.sticks import Sticks, draw_sticks
 from cospeech.experiments.tables import TABLES, Runs, draw_table, make_table, making, to_text, write_table
@@ -580,6 +580,56 @@ set = ["train.batch=3"]
 """
     (tmp_path / "plan.toml").write_text(text)
     return tmp_path / "plan.toml"
+
+
+def test_the_next_run_begins_as_soon_as_one_of_several_ends(plan, monkeypatch):
+    """A long run held back all others once: only the oldest process was waited for."""
+    tool, events = experiments(), []
+
+    class Process:
+        """A run; the first one ends after all others."""
+
+        def __init__(self, command):
+            self.job, self.returncode = int(command[-1]), None
+            events.append(f"begin {self.job}")
+
+        def poll(self):
+            if self.job or len(events) == 7:
+                self.returncode = 0
+                events.append(f"end {self.job}")
+            return self.returncode
+
+    monkeypatch.setattr(tool.subprocess, "Popen", Process)
+    monkeypatch.setattr(tool, "sleep", lambda seconds: None)
+    loaded = tool.Plan.load(plan)
+    tool.train_apart(loaded, loaded.jobs(), jobs=2)
+    assert events == ["begin 0", "begin 1", "end 1", "begin 2", "end 2", "begin 3", "end 3", "end 0"]
+
+
+def test_runs_end_when_one_of_them_fails(plan, monkeypatch):
+    tool, stopped = experiments(), []
+
+    class Process:
+        """A run; the second one fails at once."""
+
+        def __init__(self, command):
+            self.job, self.returncode = int(command[-1]), None
+
+        def poll(self):
+            self.returncode = 3 if self.job == 1 else None
+            return self.returncode
+
+        def terminate(self):
+            stopped.append(self.job)
+
+        def wait(self):
+            stopped.append(self.job)
+
+    monkeypatch.setattr(tool.subprocess, "Popen", Process)
+    loaded = tool.Plan.load(plan)
+    with pytest.raises(CospeechError, match="seed 0 ended with code 3"):
+        tool.train_apart(loaded, loaded.jobs(), jobs=2)
+    assert stopped == [0, 0]
 
 
 @pytest.mark.slow

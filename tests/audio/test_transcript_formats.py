@@ -348,8 +348,9 @@ def test_more_words_than_somebody_says_are_told_of(tmp_path, noise):
 
 @pytest.mark.parametrize("hours", [1, 10])
 def test_the_clock_of_a_broadcast_is_named(tmp_path, noise, hours):
-    path = write(tmp_path, f"1\n{hours:02d}:00:01,000 --> {hours:02d}:00:02,000\nHi\n", "a.srt")
-    with pytest.raises(InputError, match=rf"its clock begins at {hours:02d}:00:00, .*-itsoffset -{hours * 3600} "):
+    path = write(tmp_path, f"1\n{hours:02d}:00:01,000 --> {hours:02d}:00:02,000\nHi\n", "my talk.srt")
+    command = rf"ffmpeg -itsoffset -{hours * 3600} -i 'my talk\.srt' -c copy new\.srt"
+    with pytest.raises(InputError, match=rf"its clock begins at {hours:02d}:00:00, .*: {command}"):
         load_words(path, speech=noise)
 
 

@@ -15,6 +15,7 @@ from dataclasses import replace
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 from ..errors import CospeechWarning, InputError
@@ -39,6 +40,7 @@ _LAUGH = 0.9  # seconds of a laugh between words, at most [ours: about as long a
 _CUE = 1.0  # seconds from which on an entry of several words is laid on the sound [ours: below, a spread is off by little]
 _OVERLAP = 0.1  # seconds by which subtitles may overlap without a warning [ours: some programs round so]
 _HOUR = 3600
+_SHIFTED_BY_FFMPEG = (".srt", ".vtt", ".ass")
 _LEAVE_OUT = "leave the transcript out if nobody speaks"
 
 _TimedTokens = tuple[list[str], float, float]
@@ -238,8 +240,9 @@ def _keep_inside(words: Sequence[Word], seconds: float | None, name: str, *, is_
         hours = int(start // _HOUR)
         hint = "does it belong to another recording, or are its times in milliseconds?"
         if hours and start - hours * _HOUR < seconds:
-            shift = f"ffmpeg -itsoffset -{hours * _HOUR} -i talk.srt -c copy new.srt"
-            hint = f"its clock begins at {hours:02d}:00:00, as broadcasters' do: subtract that from its times: {shift}"
+            hint = f"its clock begins at {hours:02d}:00:00, as broadcasters' do: subtract that from its times"
+            if Path(name).suffix.lower() in _SHIFTED_BY_FFMPEG:
+                hint += f": ffmpeg -itsoffset -{hours * _HOUR} -i {quote(name)} -c copy new{Path(name).suffix}"
         raise InputError(f"{name!r} begins at {start:g} s, but the speech is {seconds:.2f} s long", hint)
     if is_told:
         late = f"begin after the end of the speech ({seconds:.2f} s)"

@@ -243,7 +243,7 @@ def _middle(tree: JointTree, matches: Mapping[str, int]) -> dict[str, int]:
         necks = [j for j in tree.path(heads[0].index)[:-1] if "neck" in tree.joints[j].stem]
         return dict(zip(("neck",), necks, strict=False)) | {"head": heads[0].index}
     heads = [j for j in heads if tree.above(hips, j.index)]
-    head = heads[0].index if heads else _topmost(tree, chest, matches)
+    head = heads[0].index if heads else _topmost(tree, chest)
     spine = [j for j in tree.path(chest) if tree.above(hips, j)]
     neck: list[int] = []
     while spine and "neck" in tree.joints[spine[-1]].stem:  # shoulders that hang on the neck
@@ -274,7 +274,7 @@ def _hips_by_name(tree: JointTree, chest: int, otherwise: int | None) -> int | N
     return next((j.index for j in on_the_way if j.side is None and j.stem in ("hips", "hip", "pelvis")), otherwise)
 
 
-def _topmost(tree: JointTree, chest: int, matches: Mapping[str, int]) -> int | None:
+def _topmost(tree: JointTree, chest: int) -> int | None:
     """The head if no joint has its name: the last joint of spine or neck above the chest (Rigify)."""
     stems = {"spine", "neck", tree.joints[chest].stem}
     above = [j.index for j in tree.joints if j.side is None and not j.extra and j.stem in stems and tree.above(chest, j.index)]

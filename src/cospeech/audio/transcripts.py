@@ -40,7 +40,7 @@ _LAUGH = 0.9  # seconds of a laugh between words, at most [ours: about as long a
 _CUE = 1.0  # seconds from which on an entry of several words is laid on the sound [ours: below, a spread is off by little]
 _OVERLAP = 0.1  # seconds by which subtitles may overlap without a warning [ours: some programs round so]
 _HOUR = 3600
-_SHIFTED_BY_FFMPEG = (".srt", ".vtt", ".ass")
+_SHIFTED_BY_FFMPEG = (".srt", ".vtt")
 _LEAVE_OUT = "leave the transcript out if nobody speaks"
 
 _TimedTokens = tuple[list[str], float, float]

@@ -13,7 +13,7 @@ from cospeech.motion.skeleton import humanoid
 
 
 def digest_sources() -> str:
-    """SHA-256 of the code and the skeleton of the sculpture. The file holds it, so that a test need not sculpt: that takes a quarter of an hour."""
+    """SHA-256 of the code and the skeleton of the sculpture. A test compares it with that in the file: sculpting takes long."""
     digest = hashlib.sha256(humanoid().offsets.astype("<f8").tobytes())
     for path in sorted((Path(__file__).parent / "mannequin").glob("*.py")):
         digest.update(path.read_bytes())

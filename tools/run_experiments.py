@@ -176,10 +176,9 @@ def train_here(plan: Plan, remaining: list[Job]) -> None:
     for count, job in enumerate(remaining, 1):
         tell(f"run {count} of {len(remaining)}: {job}")
         plan.train(job)
-        duration = perf_counter() - began
-        tell(
-            f"{duration / 60:.1f} minutes so far, some {duration / count * (len(remaining) - count) / 60:.0f} more at this rate"
-        )
+        minutes = (perf_counter() - began) / 60
+        rest = minutes / count * (len(remaining) - count)
+        tell(f"{minutes:.1f} minutes so far, some {rest:.0f} more at this rate")
 
 
 def train_apart(plan: Plan, remaining: list[Job], jobs: int) -> None:

@@ -40,6 +40,8 @@ HEADING = re.compile(r"\A\s*### .*\n")
 FIGURES, END, EARLIER = "<!-- figures -->", "<!-- end of figures -->", "Earlier runs"
 CORPORA = {"ted": "TED", "trinity": "Trinity", "beat": "BEAT", "pats": "PATS"}
 DECIDED = (HOLDS, CONTRADICTED)
+NOT_RUN = "not run"
+COUNTS = (*WORDS, NOT_RUN)  # what the overview counts
 
 
 def judge_again(table: dict[str, Any]) -> dict[str, Any]:
@@ -127,11 +129,9 @@ class Shown(NamedTuple):
     @property
     def title(self) -> str:
         """Text of its heading; no two tables have the same."""
-        hours = re.search(r"[\d.]+ h(?= for training)", self.table["head"])
-        parts = [hours[0]] if hours else []
-        return (
-            f"{self.table['table']} on {CORPORA[self.table['corpus']]}: {', '.join([*parts, say_seeds(self.table['seeds'])])}"
-        )
+        hours = re.findall(r"[\d.]+ h(?= for training)", self.table["head"])[:1]
+        what = ", ".join([*hours, say_seeds(self.table["seeds"])])
+        return f"{self.table['table']} on {CORPORA[self.table['corpus']]}: {what}"
 
     @property
     def link(self) -> str:
@@ -218,15 +218,15 @@ def current_runs(entries: list[Shown]) -> dict[tuple[str, str], list[Shown]]:
 def overview(entries: list[Shown]) -> str:
     """How many claims of each table got which verdict."""
     lines = [
-        "| table | of | corpus | " + " | ".join([*WORDS, "not run"]) + " | current runs |",
-        "|---|---|---|" + "---:|" * 5 + "---|",
+        "| table | of | corpus | " + " | ".join(COUNTS) + " | current runs |",
+        "|---|---|---|" + "---:|" * len(COUNTS) + "---|",
     ]
     totals: Counter[str] = Counter()
     for (name, corpus), runs in current_runs(entries).items():
         authors, _, what = TABLES[name].title.partition(",")
         counts = Counter(verdict["verdict"] for _, verdict in find_verdicts(runs).values())
         part = find_part(runs[0].table) if runs else next(p for p in TABLES[name].parts if p.corpus == corpus)
-        counts["not run"] = len(part.claims) - counts.total()
+        counts[NOT_RUN] = len(part.claims) - counts.total()
         totals += counts
         where = f"[{name}](results/{runs[0].page}#{name})" if runs else name
         links = "; ".join(f"[{run.title.partition(': ')[2]}]({run.link})" for run in runs)
@@ -236,7 +236,7 @@ def overview(entries: list[Shown]) -> str:
 
 def row(heads: list[str], counts: Counter[str], links: str) -> str:
     """A row of the overview; decided verdicts are in bold type."""
-    cells = [f"**{counts[word]}**" if counts[word] and word in DECIDED else str(counts[word]) for word in [*WORDS, "not run"]]
+    cells = [f"**{counts[word]}**" if counts[word] and word in DECIDED else str(counts[word]) for word in COUNTS]
     return "| " + " | ".join([*heads, *cells, links]) + " |"
 
 

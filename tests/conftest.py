@@ -37,15 +37,15 @@ settings.register_profile("cospeech", deadline=None, derandomize=True, suppress_
 settings.load_profile("cospeech")
 
 # A fixture that reaches for outside material → the marker of the tests that use it.
-OUTSIDE = {"shared": "shared", "blender_python": "blender", "node": "node"}
+OUTSIDE = {"shared_folder": "shared", "blender_python": "blender", "node": "node"}
 ASKS = r"pytest\.importorskip\(\"(?:torch|onnx)\""  # onnx: to write graphs, which is training's
 WHOLE = re.compile(rf"^(?:(?:\w+ = )?{ASKS}|(?:import|from) torch\b)", re.M)  # at the top of a module
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Whoever wants no test of torch does not wait until torch is imported."""
-    unwanted = "not torch" in config.getoption("markexpr") and collection_path.name.startswith("test_")
-    return True if unwanted and WHOLE.search(collection_path.read_text("utf-8")) else None
+    """Skip modules of torch before they import it, where no test of torch is wanted."""
+    is_left_out = "not torch" in config.getoption("markexpr") and collection_path.name.startswith("test_")
+    return True if is_left_out and WHOLE.search(collection_path.read_text("utf-8")) else None
 
 
 @cache
@@ -62,7 +62,7 @@ def needs_torch(item: pytest.Item) -> bool:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What a test needs is its marker. Only `slow`, and `torch` where a command needs it, are written at the test."""
+    """Mark each test with what it needs. Only `slow`, and `torch` where a command needs it, are written at the test."""
     for item in items:
         needs = {marker for fixture, marker in OUTSIDE.items() if fixture in item.fixturenames}
         needs |= {"browser"} if "open_chromium(" in source_of(item.function) or "chromium" in item.fixturenames else set()
@@ -79,12 +79,18 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 @pytest.fixture(scope="session")
-def shared() -> Path:
+def shared_folder() -> Path:
     """The folder of recordings and motion files that cannot be shipped: $COSPEECH_SHARED, or ``../shared`` beside the repo."""
     folder = Path(os.environ.get("COSPEECH_SHARED", ROOT.parent / "shared"))
     if not (folder / "data").is_dir():
         pytest.skip(f"needs the shared data, and there is none at {folder} (set COSPEECH_SHARED)")
     return folder
+
+
+@pytest.fixture(scope="session")
+def shared(shared_folder: Path) -> Path:
+    """The old name of `shared_folder`."""
+    return shared_folder
 
 
 def program(variable: str, what: str) -> str:
@@ -116,10 +122,10 @@ def cli(monkeypatch, capsys):
 
     def run(*arguments: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["cospeech", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
+        with pytest.raises(SystemExit) as exit_info:
             main()
-        said = capsys.readouterr()
-        return int(ended.value.code or 0), said.out, said.err
+        output = capsys.readouterr()
+        return int(exit_info.value.code or 0), output.out, output.err
 
     return run
 

@@ -36,7 +36,7 @@ def write(path, samples, rate=RATE):
     return path
 
 
-def spoken(speaker, low, high):
+def measure_phrases(speaker, low, high):
     return sum(max(min(phrase.end, high) - max(phrase.start, low), 0) for phrase in speaker.phrases)
 
 
@@ -45,11 +45,11 @@ def test_the_other_person_in_a_microphone_is_no_speech_of_ones_own(voices, tmp_p
     tracks, turns = voices
     noise = np.random.default_rng(1).normal(0, 2e-4, tracks.shape).astype(np.float32)
     path = write(tmp_path / "call.wav", (tracks + leak * np.roll(tracks[::-1], 60, 1) + noise).T)
-    heard = hear_conversation(VoiceTrack(path, 0), VoiceTrack(path, 1))
+    speakers = hear_conversation(VoiceTrack(path, 0), VoiceTrack(path, 1))
     for who, low, high in turns:
-        assert spoken(heard[who], low, high) > 0.6 * (high - low)
-        assert spoken(heard[1 - who], low + 0.1, high - 0.1) < 0.1 * (high - low)
-    with heard[0].open() as source:
+        assert measure_phrases(speakers[who], low, high) > 0.6 * (high - low)
+        assert measure_phrases(speakers[1 - who], low + 0.1, high - 0.1) < 0.1 * (high - low)
+    with speakers[0].open() as source:
         own = np.concatenate(list(source.blocks()))
     foreign = slice(round((turns[1][1] + 0.3) * RATE), round((turns[1][2] - 0.3) * RATE))
     assert len(own) == tracks.shape[1]
@@ -65,23 +65,23 @@ def test_who_says_a_few_words_or_nothing_has_none_of_the_others_speech(tmp_path,
     tracks = np.zeros((2, 62 * RATE), np.float32)
     for k in range(3):
         tracks[0, k * 20 * RATE : k * 20 * RATE + len(speech)] = speech
-    said = round(words * RATE)
-    tracks[1, 60 * RATE : 60 * RATE + said] = speech[4 * RATE : 4 * RATE + said]
+    length = round(words * RATE)
+    tracks[1, 60 * RATE : 60 * RATE + length] = speech[4 * RATE : 4 * RATE + length]
     hiss = np.random.default_rng(1).normal(0, noise, tracks.shape).astype(np.float32)
     path = write(tmp_path / "call.wav", (tracks + leak * np.roll(tracks[::-1], 60, 1) + hiss).T)
     host, guest = hear_conversation(VoiceTrack(path, 0), VoiceTrack(path, 1))
-    assert spoken(host, 0, 59) > 30
-    assert spoken(guest, 0, 59.9) < 1.5
-    assert (spoken(guest, 60, 61) > 0.3) == (words > 0)
+    assert measure_phrases(host, 0, 59) > 30
+    assert measure_phrases(guest, 0, 59.9) < 1.5
+    assert (measure_phrases(guest, 60, 61) > 0.3) == (words > 0)
 
 
 def test_a_soft_recording_of_one_person_changes_nothing(voices, tmp_path):
     tracks, turns = voices
     path = write(tmp_path / "call.wav", ((tracks + 0.1 * tracks[::-1]) * np.array([[1.0], [0.06]])).T)
-    heard = hear_conversation(VoiceTrack(path, 0), VoiceTrack(path, 1))
+    speakers = hear_conversation(VoiceTrack(path, 0), VoiceTrack(path, 1))
     for who, low, high in turns:
-        assert spoken(heard[who], low, high) > 0.6 * (high - low)
-        assert spoken(heard[1 - who], low + 0.1, high - 0.1) < 0.1 * (high - low)
+        assert measure_phrases(speakers[who], low, high) > 0.6 * (high - low)
+        assert measure_phrases(speakers[1 - who], low + 0.1, high - 0.1) < 0.1 * (high - low)
 
 
 def test_silent_tracks_and_tracks_of_few_words_are_not_the_same_sound(tmp_path):
@@ -89,8 +89,8 @@ def test_silent_tracks_and_tracks_of_few_words_are_not_the_same_sound(tmp_path):
     tracks = np.zeros((4, 120 * RATE), np.float32)
     tracks[0, RATE : 2 * RATE], tracks[1, 90 * RATE : 91 * RATE] = speech[RATE : 2 * RATE], speech[3 * RATE : 4 * RATE]
     path = write(tmp_path / "four.wav", tracks.T)
-    heard = hear_conversation(*(VoiceTrack(path, channel) for channel in range(4)))
-    assert [bool(each.phrases) for each in heard] == [True, True, False, False]
+    speakers = hear_conversation(*(VoiceTrack(path, channel) for channel in range(4)))
+    assert [bool(each.phrases) for each in speakers] == [True, True, False, False]
 
 
 def test_both_at_once_are_both_heard(tmp_path):
@@ -120,8 +120,8 @@ def test_a_shorter_track_goes_on_in_silence_and_no_sample_is_lost(tmp_path, voic
 
 
 def test_two_tracks_of_one_sound_are_no_conversation(tmp_path, voices):
-    mixed = voices[0].sum(0)
-    path = write(tmp_path / "mono_as_stereo.wav", np.stack([mixed, 0.95 * mixed], 1))
+    mono = voices[0].sum(0)
+    path = write(tmp_path / "mono_as_stereo.wav", np.stack([mono, 0.95 * mono], 1))
     with pytest.raises(InputError, match=r"same sound.*track of their own"):
         hear_conversation(VoiceTrack(path, 0), VoiceTrack(path, 1))
 
@@ -144,27 +144,27 @@ def test_silence_gives_no_cue(tmp_path, voices):
 
 def test_cues_do_not_depend_on_the_size_of_the_pieces():
     speech = Speech.load(example()[0]).samples
-    found = []
+    results = []
     for size in (160, 1_777, 16_000, len(speech)):
         detector, cues = CueDetector(), []
         for at in range(0, len(speech), size):
             cues += detector.push(speech[at : at + size])
-        found.append(sorted(cues + detector.finish()))
+        results.append(sorted(cues + detector.finish()))
         assert detector.phrases
-    assert found[0] == found[1] == found[2] == found[3]
-    assert {cue.kind for cue in found[0]} == {"pause", "low"}
+    assert results[0] == results[1] == results[2] == results[3]
+    assert {cue.kind for cue in results[0]} == {"pause", "low"}
 
 
 def test_a_minute_that_is_heard_at_once_gives_the_cues_of_small_pieces():
     speech = np.tile(Speech.load(example()[0]).samples, 4)
-    found = []
+    results = []
     for size in (1_600, len(speech)):
         detector, cues = CueDetector(), []
         for at in range(0, len(speech), size):
             cues += detector.push(speech[at : at + size])
-        found.append((cues + detector.finish(), detector.phrases))
-    assert len(found[0][0]) > 10
-    assert found[0] == found[1]
+        results.append((cues + detector.finish(), detector.phrases))
+    assert len(results[0][0]) > 10
+    assert results[0] == results[1]
 
 
 def test_a_pause_cue_is_the_end_of_a_phrase_that_was_long_enough():
@@ -199,33 +199,35 @@ def test_three_persons_with_a_track_each(tmp_path, voices):
     third[low:high], rest = tracks[0, low:high], tracks[0].copy()
     rest[low:high] = 0
     paths = [write(tmp_path / f"{k}.wav", each) for k, each in enumerate((rest, tracks[1], third))]
-    heard = hear_conversation(*map(VoiceTrack, paths))
+    speakers = hear_conversation(*map(VoiceTrack, paths))
     for who, begin, end in ((0, *turns[0][1:]), (1, *turns[1][1:]), (2, *turns[2][1:]), (1, *turns[3][1:])):
-        for k, each in enumerate(heard):
-            share = spoken(each, begin + 0.1, end - 0.1) / (end - begin)
+        for k, each in enumerate(speakers):
+            share = measure_phrases(each, begin + 0.1, end - 0.1) / (end - begin)
             assert share > 0.5 if k == who else share < 0.1, (k, who)
-    others = merge_speakers([heard[1], heard[2]])
-    assert [phrase.start for phrase in others.phrases] == sorted(phrase.start for each in heard[1:] for phrase in each.phrases)
-    assert len(others.cues) == len(heard[1].cues) + len(heard[2].cues)
+    others = merge_speakers([speakers[1], speakers[2]])
+    assert [phrase.start for phrase in others.phrases] == sorted(
+        phrase.start for each in speakers[1:] for phrase in each.phrases
+    )
+    assert len(others.cues) == len(speakers[1].cues) + len(speakers[2].cues)
 
 
 def test_one_recording_of_all_is_parted_by_who_speaks_when(tmp_path, voices):
     tracks, turns = voices
     path = write(tmp_path / "mixed.wav", tracks.sum(0))
     stretches = {f"p{k}": [Phrase(low, high) for who, low, high in turns if who == k] for k in range(2)}
-    heard = hear_recording(VoiceTrack(path), stretches)
-    assert list(heard) == ["p0", "p1"]
+    speakers = hear_recording(VoiceTrack(path), stretches)
+    assert list(speakers) == ["p0", "p1"]
     for who, low, high in turns:
-        assert spoken(heard[f"p{who}"], low, high) > 0.6 * (high - low)
-        assert spoken(heard[f"p{1 - who}"], low + 0.2, high - 0.2) == 0
-    with heard["p1"].open() as source:
+        assert measure_phrases(speakers[f"p{who}"], low, high) > 0.6 * (high - low)
+        assert measure_phrases(speakers[f"p{1 - who}"], low + 0.2, high - 0.2) == 0
+    with speakers["p1"].open() as source:
         own = np.concatenate(list(source.blocks()))
     low, high = (round(time * RATE) for time in turns[1][1:])
     assert np.allclose(own[low:high], tracks[1, low:high], atol=1e-4)
 
 
 def test_a_crowd_is_no_conversation(tmp_path, voices):
-    """Each person is heard for itself: a file of a few bytes could keep the machine at work for a day."""
+    """Each person is analysed separately: a file of a few bytes could name so many that it takes a day."""
     path = write(tmp_path / "all.wav", voices[0][0, :RATE])
     with pytest.raises(InputError, match=r"a conversation of 65 persons \(64 at most"):
         hear_recording(VoiceTrack(path), {f"s{k}": (Phrase(0.01 * k, 0.01 * k + 0.01),) for k in range(65)})

@@ -73,10 +73,10 @@ BOB: Hi
 
 
 def check(path, names=("ann", "bob")):
-    found = read_speakers(path, 60.0)
-    assert list(found) == list(names)
-    assert [tuple(round(time, 6) for time in phrase) for phrase in found[names[0]]] == [(0.5, 2.9)]
-    assert [tuple(round(time, 6) for time in phrase) for phrase in found[names[1]]] == [(3.0, 4.0)]
+    speakers = read_speakers(path, 60.0)
+    assert list(speakers) == list(names)
+    assert [tuple(round(time, 6) for time in phrase) for phrase in speakers[names[0]]] == [(0.5, 2.9)]
+    assert [tuple(round(time, 6) for time in phrase) for phrase in speakers[names[1]]] == [(3.0, 4.0)]
 
 
 def write(folder, name, text):
@@ -103,8 +103,8 @@ def test_speaker_is_a_label_of_subtitles_too(tmp_path):
 
 
 def test_signs_of_webvtt_in_names_are_read(tmp_path):
-    found = read_speakers(write(tmp_path, "a.vtt", VTT.replace("<v ann>", "<v A &amp; B>")), 60.0)
-    assert next(iter(found)) == "A & B"
+    speakers = read_speakers(write(tmp_path, "a.vtt", VTT.replace("<v ann>", "<v A &amp; B>")), 60.0)
+    assert next(iter(speakers)) == "A & B"
 
 
 def test_numbers_are_names_and_0_is_one(tmp_path):
@@ -133,6 +133,6 @@ def test_a_broken_line_is_named(tmp_path):
 
 
 def test_json_that_is_nested_for_ever_ends(tmp_path):
-    nested = "[" * 900 + "]" * 900
+    brackets = "[" * 900 + "]" * 900
     with pytest.raises(InputError):
-        read_speakers(write(tmp_path, "a.json", nested), 60.0)
+        read_speakers(write(tmp_path, "a.json", brackets), 60.0)

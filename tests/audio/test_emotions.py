@@ -29,7 +29,7 @@ def one(name: str, weight: float = 1.0) -> np.ndarray:
     return row
 
 
-def written(tmp_path, text: str | bytes):
+def write_track(tmp_path, text: str | bytes):
     path = tmp_path / "track.csv"
     path.write_bytes(text.encode() if isinstance(text, str) else text)
     return path
@@ -47,9 +47,9 @@ def test_the_eight_emotions_are_those_of_beat_and_of_the_manners():
 def test_a_track_is_linear_between_its_times_and_held_at_the_ends():
     rng = np.random.default_rng(0)
     times, weights = np.sort(rng.uniform(0, 60, 20)), rng.dirichlet(np.ones(8), 20)
-    track, wanted = EmotionTrack(times, weights), np.concatenate([rng.uniform(-10, 80, 300), times])
-    got = track.at(wanted)
-    assert np.allclose(got, np.stack([np.interp(wanted, times, column) for column in weights.T], -1), atol=1e-12)
+    track, moments = EmotionTrack(times, weights), np.concatenate([rng.uniform(-10, 80, 300), times])
+    got = track.at(moments)
+    assert np.allclose(got, np.stack([np.interp(moments, times, column) for column in weights.T], -1), atol=1e-12)
     assert np.allclose(got.sum(1), 1)
     assert got.min() >= 0
     assert track.at(np.zeros((2, 3))).shape == (2, 3, 8)
@@ -103,43 +103,45 @@ def test_what_a_session_may_be_asked_for():
 
 
 def test_names_take_over_in_half_a_second(tmp_path):
-    path = written(tmp_path, "time,emotion\n1,neutral\n4,anger\n")
-    for named in (path, str(path)):
-        assert np.array_equal(emotion_track(named).at([9.0]), [one("anger")])
-    track = read_emotion_track(written(tmp_path, "time,emotion\n1,neutral\n2.0, happiness\n4,anger\n4.25,fear\n\n9,neutral\n"))
+    path = write_track(tmp_path, "time,emotion\n1,neutral\n4,anger\n")
+    for source in (path, str(path)):
+        assert np.array_equal(emotion_track(source).at([9.0]), [one("anger")])
+    track = read_emotion_track(
+        write_track(tmp_path, "time,emotion\n1,neutral\n2.0, happiness\n4,anger\n4.25,fear\n\n9,neutral\n")
+    )
     at = track.at([0, 2, 2.25, 2.5, 3.9, 4.0, 4.125, 4.25, 4.5, 4.75, 8.99, 9.25, 99])
     half = (one("happiness") + one("anger")) / 2
-    wanted = [
+    expected = [
         one("neutral"), one("neutral"), one("happiness", 0.5), one("happiness"), one("happiness"), one("happiness"),
         0.75 * one("happiness") + 0.25 * one("anger"), half, (half + one("fear")) / 2, one("fear"), one("fear"),
         one("fear", 0.5), one("neutral"),
     ]  # fmt: skip
-    assert np.allclose(at, wanted, atol=1e-9)
+    assert np.allclose(at, expected, atol=1e-9)
 
 
 def test_a_weight_leaves_the_rest_to_neutral(tmp_path):
-    track = read_emotion_track(written(tmp_path, "time,emotion,weight\n0,anger,0.4\n3,anger,\n5,neutral,0.2\n"))
+    track = read_emotion_track(write_track(tmp_path, "time,emotion,weight\n0,anger,0.4\n3,anger,\n5,neutral,0.2\n"))
     assert np.allclose(track.at([0, 3.25, 4, 9]), [one("anger", 0.4), one("anger", 0.7), one("anger"), one("neutral")])
 
 
 def test_columns_are_shares_at_moments(tmp_path):
     text = "\ufefftime, happiness ,anger\r\n0,0.5,0\r\n2,1,1\r\n4,,0.25\r\n"
-    track = read_emotion_track(written(tmp_path, text))
+    track = read_emotion_track(write_track(tmp_path, text))
     both = (one("happiness") + one("anger")) / 2
-    wanted = [one("happiness", 0.5), (one("happiness", 0.5) + both) / 2, both, one("anger", 0.25)]
-    assert np.allclose(track.at([-1, 1, 2, 5]), wanted)
-    track = read_emotion_track(written(tmp_path, "time,neutral,fear\n0,1,1\n"))
+    expected = [one("happiness", 0.5), (one("happiness", 0.5) + both) / 2, both, one("anger", 0.25)]
+    assert np.allclose(track.at([-1, 1, 2, 5]), expected)
+    track = read_emotion_track(write_track(tmp_path, "time,neutral,fear\n0,1,1\n"))
     assert np.allclose(track.at([0]), [one("fear", 0.5)])
 
 
 @pytest.mark.parametrize("mark", [";", "\t"])
 def test_spreadsheets_may_write_semicolons_tabs_and_decimal_commas(tmp_path, mark):
     rows = ["time,emotion,weight", "0.5,anger,0.4", "3,anger,", "5.25,neutral,0.2"]
-    wanted = read_emotion_track(written(tmp_path, "\n".join(rows)))
+    expected = read_emotion_track(write_track(tmp_path, "\n".join(rows)))
     text = "\r\n".join(row.replace(",", mark).replace(".", ",") for row in rows)
-    found = read_emotion_track(written(tmp_path, "\ufeff" + text))
-    assert np.array_equal(found.times, wanted.times)
-    assert np.array_equal(found.weights, wanted.weights)
+    track = read_emotion_track(write_track(tmp_path, "\ufeff" + text))
+    assert np.array_equal(track.times, expected.times)
+    assert np.array_equal(track.weights, expected.weights)
 
 
 @pytest.mark.slow
@@ -165,7 +167,7 @@ def test_spreadsheets_may_write_semicolons_tabs_and_decimal_commas(tmp_path, mar
 )  # fmt: skip
 def test_files_that_are_no_track_say_where(tmp_path, text, match):
     with pytest.raises(InputError, match=match) as error:
-        read_emotion_track(written(tmp_path, text))
+        read_emotion_track(write_track(tmp_path, text))
     assert "track.csv" in str(error.value)
     assert len(str(error.value)) < 400
 
@@ -208,12 +210,12 @@ TRACK = EmotionTrack([0.0, 4.0, 4.5], [one("happiness"), one("happiness"), one("
 def test_a_face_follows_a_track():
     speech = talk(9)
     options = {"seed": 3, "parts": ("face",)}
-    tracked = RuleBasedModel().generate(speech, emotion=TRACK, **options).face
+    face = RuleBasedModel().generate(speech, emotion=TRACK, **options).face
     happy, angry = (RuleBasedModel().generate(speech, emotion=name, **options).face for name in ("happiness", "anger"))
     smile, brow = ARKIT_INDEX["mouthSmileLeft"], ARKIT_INDEX["browDownLeft"]
-    assert np.allclose(tracked[:120, [smile, brow]], happy[:120, [smile, brow]], atol=1e-6)
-    assert np.allclose(tracked[136:, [smile, brow]], angry[136:, [smile, brow]], atol=1e-6)
-    assert tracked[136:, brow].mean() > tracked[:120, brow].mean() + 0.3
+    assert np.allclose(face[:120, [smile, brow]], happy[:120, [smile, brow]], atol=1e-6)
+    assert np.allclose(face[136:, [smile, brow]], angry[136:, [smile, brow]], atol=1e-6)
+    assert face[136:, brow].mean() > face[:120, brow].mean() + 0.3
 
 
 @pytest.mark.slow
@@ -229,11 +231,11 @@ def test_a_track_in_pieces_is_the_whole():
 def test_a_name_is_a_track_that_never_changes():
     speech = talk(4)
     for name in ("neutral", "sadness"):
-        named, tracked = (
+        of_name, of_track = (
             RuleBasedModel().generate(speech, emotion=e, seed=1) for e in (name, EmotionTrack([0, 9], [one(name)] * 2))
         )
-        assert np.array_equal(named.rotations, tracked.rotations)
-        assert np.array_equal(named.face, tracked.face)
+        assert np.array_equal(of_name.rotations, of_track.rotations)
+        assert np.array_equal(of_name.face, of_track.face)
 
 
 @pytest.mark.slow
@@ -244,22 +246,22 @@ def test_bodies_follow_a_track():
         return np.linalg.norm(np.diff(hands, axis=0), axis=-1).mean(1)
 
     rows = [one("anger"), one("anger"), one("sadness"), one("sadness")]
-    tracked = speed(EmotionTrack([0, 23.8, 24.2, 48], rows))
-    assert tracked[30:690].mean() > 1.5 * tracked[750:].mean()
+    calming = speed(EmotionTrack([0, 23.8, 24.2, 48], rows))
+    assert calming[30:690].mean() > 1.5 * calming[750:].mean()
     back = speed(EmotionTrack([0, 23.8, 24.2, 48], rows[::-1]))
     assert back[750:].mean() > 1.5 * back[30:690].mean()
 
 
 @pytest.mark.slow
 def test_the_report_has_the_mean_of_the_track(tmp_path):
-    wav = written(tmp_path, "time,emotion\n0,happiness\n5,anger\n")
+    wav = write_track(tmp_path, "time,emotion\n0,happiness\n5,anger\n")
     report = generate_files(EXAMPLE, [tmp_path / "a.npz"], emotion=wav, report=tmp_path / "report.json")
     track, seconds = read_emotion_track(wav), report.speech_seconds
-    wanted = track.at(np.arange(0, seconds, 0.01)).mean(0)
-    assert np.allclose([report.emotion[name] for name in EMOTIONS], wanted, atol=0.02)
+    expected = track.at(np.arange(0, seconds, 0.01)).mean(0)
+    assert np.allclose([report.emotion[name] for name in EMOTIONS], expected, atol=0.02)
     assert json.loads((tmp_path / "report.json").read_text())["speaker"] is None
-    fixed = generate_files(EXAMPLE, [tmp_path / "a.npz"], emotion="fear")
-    assert fixed.emotion == {name: float(name == "fear") for name in EMOTIONS}
+    of_name = generate_files(EXAMPLE, [tmp_path / "a.npz"], emotion="fear")
+    assert of_name.emotion == {name: float(name == "fear") for name in EMOTIONS}
 
 
 @pytest.mark.slow
@@ -267,14 +269,14 @@ def test_the_command_takes_a_file(tmp_path, monkeypatch):
     from typer.testing import CliRunner
 
     monkeypatch.chdir(tmp_path)
-    written(tmp_path, "time,emotion\n0,happiness\n3,anger\n")
+    write_track(tmp_path, "time,emotion\n0,happiness\n3,anger\n")
     line = ["generate", str(EXAMPLE), "-o", "a.npz", "--emotion", "track.csv", "--report", "r.json", "-q"]
-    done = CliRunner().invoke(app, line)
-    assert done.exit_code == 0, done.output
-    found = json.loads((tmp_path / "r.json").read_text())["emotion"]
-    assert found["happiness"] + found["anger"] == pytest.approx(1)
+    result = CliRunner().invoke(app, line)
+    assert result.exit_code == 0, result.output
+    emotion = json.loads((tmp_path / "r.json").read_text())["emotion"]
+    assert emotion["happiness"] + emotion["anger"] == pytest.approx(1)
     with pytest.raises(InputError, match="would overwrite what is read"):
-        generate_files(EXAMPLE, ["x.csv"], emotion=written(tmp_path, "time,emotion\n0,fear\n").rename(tmp_path / "x.csv"))
+        generate_files(EXAMPLE, ["x.csv"], emotion=write_track(tmp_path, "time,emotion\n0,fear\n").rename(tmp_path / "x.csv"))
     with pytest.raises(InputError, match=r"none\.csv"):
         generate_files(EXAMPLE, ["x.npz"], emotion="none.csv")
     assert not (tmp_path / "x.npz").exists()
@@ -285,8 +287,8 @@ def test_the_command_takes_a_file(tmp_path, monkeypatch):
 def test_trained_systems_take_tracks(name):
     speech, model = talk(3), models.load(name)
     session = model.session(emotion=TRACK)
-    made = [motion for motion in (*session.push(speech), *session.finish())]
-    assert sum(map(len, made)) == 90
+    motions = [motion for motion in (*session.push(speech), *session.finish())]
+    assert sum(map(len, motions)) == 90
     assert session.emotion["happiness"] == pytest.approx(1)
     assert session.speaker is None
     with pytest.raises(InputError, match="hapy"):

@@ -31,8 +31,8 @@ def tone(frequency: float, seconds: float = 1.0, harmonics: int = 1) -> np.ndarr
 @pytest.mark.parametrize(("count", "length", "hop"), [(20, 5, 1), (20, 7, 3), (5, 5, 1), (4, 5, 1), (0, 5, 2), (961, 800, 160)])
 def test_overlapping_pieces_are_all_that_fit(count, length, hop):
     samples = np.random.default_rng(0).normal(size=count + 1).astype(np.float32)[1:]
-    wanted = [samples[at : at + length] for at in range(0, count - length + 1, hop)]
-    np.testing.assert_array_equal(overlapping(samples, length, hop), np.array(wanted).reshape(-1, length))
+    pieces = [samples[at : at + length] for at in range(0, count - length + 1, hop)]
+    np.testing.assert_array_equal(overlapping(samples, length, hop), np.array(pieces).reshape(-1, length))
 
 
 def test_the_mel_of_the_features_is_log_mel(speech):
@@ -109,10 +109,10 @@ def test_streamed_equals_whole_to_the_bit(speech, data):
         frames = sum(map(len, parts))
         assert frames <= at // 160 + 1
         assert frames >= (min(at, len(samples)) / RATE - DELAY) * 100 - 1
-    streamed = Features.concatenate([*parts, stream.flush()])
+    joint = Features.concatenate([*parts, stream.flush()])
     assert [part.start for part in parts] == np.cumsum([0, *map(len, parts[:-1])]).tolist()
     for name in ("energy", "pitch", "voicing", "onset", "bands", "mel"):
-        assert np.array_equal(getattr(whole, name), getattr(streamed, name)), name
+        assert np.array_equal(getattr(whole, name), getattr(joint, name)), name
 
 
 def test_a_slice_knows_its_time(speech):

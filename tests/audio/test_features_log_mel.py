@@ -1,4 +1,4 @@
-"""PATS' audio features of any speech: streamed as whole, as a store of PATS has them, as the authors' script computes them."""
+"""PATS' audio features of any speech: a stream gives the rows of the whole, of a store of PATS and of the authors' script."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cospeech.audio.features.reduce import reduce_audio
 
 
 def voice(seconds: float, rate: int = 16_000, seed: int = 0) -> Speech:
-    """A tone that comes and goes over noise, with a stretch of nothing at all in the middle."""
+    """A tone that comes and goes over noise, with a stretch of zeros in the middle."""
     t = np.arange(round(seconds * rate)) / rate
     tone = 0.2 * np.clip(np.sin(11 * t), 0, 1) * np.sin(2 * np.pi * (150 * t + 3 * np.sin(2 * t)))
     samples = tone + np.random.default_rng(seed).normal(0, 0.01, len(t))
@@ -27,7 +27,7 @@ def voice(seconds: float, rate: int = 16_000, seed: int = 0) -> Speech:
     return Speech(samples.astype(np.float32), rate)
 
 
-def heard(speech: Speech, fps: float, at: list[int] | None = None) -> np.ndarray:
+def push_pieces(speech: Speech, fps: float, at: list[int] | None = None) -> np.ndarray:
     stream = LogMelFeatures(fps)
     edges = [0, *sorted(at or []), len(speech)]
     parts = [stream.push(Speech(speech.samples[a:b], speech.rate)) for a, b in pairwise(edges)]
@@ -42,29 +42,29 @@ def test_pieces_of_any_size_give_the_bits_of_the_whole(data):
     fps = data.draw(st.sampled_from([15.0, 12, 29.97, 30.0, 7.3, 120.0]), "fps")
     speech = voice(data.draw(st.floats(0.001, 1.5), "seconds"), rate, data.draw(st.integers(0, 5), "seed"))
     at = data.draw(st.lists(st.integers(0, len(speech)), max_size=12), "at")
-    rows = heard(speech, fps, at)
-    np.testing.assert_array_equal(rows, heard(speech, fps))
+    rows = push_pieces(speech, fps, at)
+    np.testing.assert_array_equal(rows, push_pieces(speech, fps))
     assert rows.shape == (speech.frames(fps), 64)
     assert rows.dtype == np.float32
 
 
 def test_against_the_definition():
-    """Spectrum by spectrum as the authors' script says, by a matrix product: float64, so all but the last digits are alike."""
+    """Each spectrum by a matrix product in float64, as the authors' script says: all but the last digits are alike."""
     speech = voice(2.0)
     samples = speech.samples.astype(float)
     window = np.pad(0.5 - 0.5 * np.cos(2 * np.pi * np.arange(400) / 400), 56)
-    found = []
+    rows = []
     for start in range(0, len(samples) - 511, 160):
         bands = mel_triangles(16_000, 512, 64, 125.0, 7500.0, False) @ np.abs(
             np.fft.fft(samples[start : start + 512] * window)[:257]
         )
-        found.append(np.log(np.where(bands == 0, 1e-6, bands)))
+        rows.append(np.log(np.where(bands == 0, 1e-6, bands)))
     whole = log_mel_400(speech.samples)
-    assert whole.shape == (len(found), 64) == (log_mel_count(2.0), len(LOG_MEL_NAMES))
-    np.testing.assert_allclose(whole, found, atol=1e-9)
+    assert whole.shape == (len(rows), 64) == (log_mel_count(2.0), len(LOG_MEL_NAMES))
+    np.testing.assert_allclose(whole, rows, atol=1e-9)
     assert (whole == np.log(1e-6)).all(1).sum() > 20, "of nothing at all"
     last = np.minimum(np.floor(np.arange(30) * 100 / 15).astype(int), len(whole) - 1)
-    np.testing.assert_array_equal(heard(speech, 15.0), whole[last].astype(np.float32))
+    np.testing.assert_array_equal(push_pieces(speech, 15.0), whole[last].astype(np.float32))
 
 
 def test_triangles_and_spectra_of_short_sounds():
@@ -78,7 +78,7 @@ def test_triangles_and_spectra_of_short_sounds():
 
 
 def test_rows_come_on_time():
-    """A row is there once the sound up to 32 ms after its frame's time is, and not before its spectrum is whole."""
+    """A row comes as soon as the sound up to 32 ms after its frame's time has come, and not before its spectrum is whole."""
     speech, stream, given_ = voice(2.0), LogMelFeatures(15.0), 0
     for end in range(160, len(speech) + 1, 160):
         given_ += len(stream.push(Speech(speech.samples[end - 160 : end])))
@@ -113,7 +113,7 @@ def test_bad_use():
 def test_names_of_audio_choose_the_front_end():
     assert isinstance(open_features("log-mel-400", 15.0), LogMelFeatures)
     assert isinstance(open_features("mel64", 15.0), FrameFeatures)
-    rows = heard(voice(0.5), 15.0)
+    rows = push_pieces(voice(0.5), 15.0)
     np.testing.assert_array_equal(reduce_audio(rows, "log-mel-400"), rows)
     with pytest.raises(InputError, match=r"'log-mel-400' is made of \(frames, 64\)"):
         reduce_audio(np.zeros((2, 84), np.float32), "log-mel-400")
@@ -127,9 +127,11 @@ def test_names_of_audio_choose_the_front_end():
 @pytest.mark.parametrize("rate", [16_000, 44_100])
 @pytest.mark.parametrize("seconds", [4.0, 11.4])
 def test_a_store_of_pats_has_what_the_front_end_hears(tmp_path: Path, rate: int, seconds: float):
-    """From the waveform to the store, by way of PATS' files, and from the same waveform by the front-end: at 16 kHz the same
-    bits, else but for the resampler, which works in pieces here and in one there (a few 1e-4 where there is sound; where
-    there is none bands hold its rounding)."""
+    """A store that is prepared from PATS' files has the rows that the front-end gives of the same waveform.
+
+    At 16 kHz the bits are the same. At other rates the resampler works in pieces here and in one there: rows differ by a
+    few 1e-4 where there is sound, and by its rounding where there is none.
+    """
     pytest.importorskip("h5py", reason="PATS' reader needs cospeech[corpora]")
     from cospeech.corpora import Clip
     from cospeech.corpora.pats import read as pats
@@ -145,11 +147,11 @@ def test_a_store_of_pats_has_what_the_front_end_hears(tmp_path: Path, rate: int,
     prepare("pats", tmp_path / "raw", tmp_path / "store")
     store = Store(tmp_path / "store")
     assert store.names["audio"] == LOG_MEL_NAMES
-    kept, made = store.clip(store.clips[0])["audio"], heard(speech, 15.0, [5, 7000, 40_000])
-    assert kept.shape == made.shape == (frames, 64)
+    stored_rows, live_rows = store.clip(store.clips[0])["audio"], push_pieces(speech, 15.0, [5, 7000, 40_000])
+    assert stored_rows.shape == live_rows.shape == (frames, 64)
     if rate == 16_000:
-        np.testing.assert_array_equal(kept, made)
+        np.testing.assert_array_equal(stored_rows, live_rows)
     else:
-        loud = kept > -7
+        loud = stored_rows > -7
         assert loud.mean() > 0.5
-        np.testing.assert_allclose(made[loud], kept[loud], atol=1e-3)
+        np.testing.assert_allclose(live_rows[loud], stored_rows[loud], atol=1e-3)

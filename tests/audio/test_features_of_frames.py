@@ -1,4 +1,4 @@
-"""Audio features at the rate of the motion: streamed as whole, on time, of the frame's own time; and what is kept of them."""
+"""Audio features at the rate of the motion: a stream gives the rows of the whole, in time; rows are of their own frame."""
 
 from __future__ import annotations
 
@@ -59,12 +59,12 @@ def test_pieces_of_any_size_give_the_bits_of_the_whole(data):
 
 def direct(speech: Speech, frames: int, fps: float) -> np.ndarray:
     """Frame by frame, from the definition."""
-    heard = analyse(speech, mel=True)
+    features = analyse(speech, mel=True)
     rows = []
     for frame in range(frames):
         low, high = (int(np.round(max(frame + side, 0) * 100 / fps)) for side in (-0.5, 0.5))
-        low = min(low, len(heard) - 1)
-        part = heard[low : max(high, low + 1)]
+        low = min(low, len(features) - 1)
+        part = features[low : max(high, low + 1)]
         voiced = part.pitch[part.pitch > 0].astype(float)
         means = [x.astype(float).mean() for x in (part.energy, part.voicing, part.onset)]
         pitch = voiced.mean() if len(voiced) else 0.0
@@ -85,8 +85,8 @@ def test_rows_come_within_the_promised_delay(fps):
     speech, stream, given = voice(3.0), FrameFeatures(fps), 0
     for k, chunk in enumerate(cut(speech, list(range(160, len(speech), 160)))):
         given += len(stream.push(chunk))
-        heard = (k + 1) * 0.01
-        assert given >= np.floor((heard - frame_delay(fps)) * fps + 1e-9) + 1  # the frames whose time is that long ago
+        seconds = (k + 1) * 0.01
+        assert given >= np.floor((seconds - frame_delay(fps)) * fps + 1e-9) + 1  # the frames whose time is that long ago
     assert speech.frames(fps) - given <= np.ceil(frame_delay(fps) * fps)
 
 
@@ -153,13 +153,13 @@ def test_widths_are_those_of_the_papers():
 
 @pytest.mark.slow
 def test_pooled_bands_are_like_a_filter_bank_of_so_many():
-    """Against 29 triangles on the spectrum itself: the same power but for the bands' shape."""
+    """Against 29 triangles on the spectrum itself: the power is the same, only the shape of the bands differs."""
     speech = Speech.load(example()[0])
-    heard = analyse(speech, mel=True)
-    columns = np.zeros((len(heard), len(AUDIO_NAMES)), np.float32)
-    columns[:, :80] = heard.mel
+    features = analyse(speech, mel=True)
+    columns = np.zeros((len(features), len(AUDIO_NAMES)), np.float32)
+    columns[:, :80] = features.mel
     ours, theirs = reduce_audio(columns, "mel29"), log_mel(speech.samples, n_mels=29)
-    loud = heard.energy > -40
+    loud = features.energy > -40
     assert np.abs(ours[loud] - theirs[loud]).mean() < 0.5  # nats; 2 dB
     np.testing.assert_allclose(np.log(reduce_audio(columns, "mel29-linear")), ours, atol=1e-4)
     for name, count in (("mel64", 64), ("mel29", 29), ("mel27", 27)):

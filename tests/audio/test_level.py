@@ -49,16 +49,16 @@ def test_files_tell_of_a_quiet_recording_once(tmp_path):
     loud = Speech.load(EXAMPLE)
     for name, gain in (("loud", 1.0), ("quiet", 0.01)):
         soundfile.write(tmp_path / f"{name}.wav", loud.samples[: 2 * loud.rate] * gain, loud.rate)
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as notes:
         warnings.simplefilter("always")
         generate_files(tmp_path / "loud.wav", [tmp_path / "loud.npz"])
-        assert not told
+        assert not notes
         generate_files(tmp_path / "quiet.wav", [tmp_path / "quiet.npz"], takes=2)
-    assert [str(note.message) for note in told if "quiet.wav is quiet" in str(note.message)] == [str(told[0].message)]
+    assert [str(note.message) for note in notes if "quiet.wav is quiet" in str(note.message)] == [str(notes[0].message)]
 
 
 def amplify(speech: Speech, db: float) -> Speech:
-    """As loud as it can be, and so much louder; what is above full scale is cut off."""
+    """The speech at full scale, and louder by so many dB; what is above full scale is cut off."""
     samples = speech.samples / np.abs(speech.samples).max() * 10 ** (db / 20)
     return Speech(np.clip(samples, -1, 1).astype(np.float32), speech.rate)
 
@@ -73,15 +73,15 @@ def test_clipped_samples_are_those_of_flat_tops():
 
 @pytest.mark.parametrize("rate", [16_000, 44_100])
 def test_a_voice_is_clipped_from_a_few_db_above_full_scale(tmp_path, rate):
-    for db, found in ((0.0, False), (1.5, False), (6.0, True), (20.0, True)):
+    for db, is_clipped in ((0.0, False), (1.5, False), (6.0, True), (20.0, True)):
         speech = amplify(Speech.load(EXAMPLE, rate=rate), db)
         soundfile.write(tmp_path / "talk.wav", speech.samples, rate)
-        heard = Speech.load(tmp_path / "talk.wav")
-        assert (count_clipped_samples(heard) > CLIPPED * len(heard)) == found
+        recording = Speech.load(tmp_path / "talk.wav")
+        assert (count_clipped_samples(recording) > CLIPPED * len(recording)) == is_clipped
 
 
-def test_people_who_speak_as_loud_as_can_be_are_not_clipped(shared):
-    for path in sorted((shared / "data" / "speech").glob("*/*.flac"))[:40]:
+def test_people_who_speak_as_loud_as_can_be_are_not_clipped(shared_folder):
+    for path in sorted((shared_folder / "data" / "speech").glob("*/*.flac"))[:40]:
         speech = Speech.load(path)
         if np.abs(speech.samples).max() < 0.9:  # as it was recorded, it has no top
             assert count_clipped_samples(amplify(speech, 0.0)) < CLIPPED * len(speech) / 5
@@ -89,6 +89,6 @@ def test_people_who_speak_as_loud_as_can_be_are_not_clipped(shared):
 
 def test_a_clipped_recording_is_told_once():
     loud, calm = amplify(Speech.load(EXAMPLE), 12.0), amplify(Speech.load(EXAMPLE), -6.0)
-    with pytest.warns(CospeechWarning, match=r"talk\.wav is clipped: \d\d% of its samples are cut off at full scale") as told:
+    with pytest.warns(CospeechWarning, match=r"talk\.wav is clipped: \d\d% of its samples are cut off at full scale") as notes:
         assert [*note_level([calm, loud], "talk.wav")] == [calm, loud]
-    assert len(told) == 1
+    assert len(notes) == 1

@@ -13,7 +13,7 @@ FPS = 12.0
 SIZES = (1, 7, 2, 30, 1, 1000)
 
 
-def heard(gain: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def read_example(gain: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Energy and voicing of the example, louder by so many dB."""
     speech = Speech.load(example()[0])
     speech = Speech(speech.samples * np.float32(10 ** (gain / 20)), speech.rate)
@@ -22,22 +22,22 @@ def heard(gain: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_speech_of_a_usual_level_is_left_alone():
-    gains = LevelControl(FPS).follow(*heard())
+    gains = LevelControl(FPS).follow(*read_example())
     assert not gains[24:].any()
     assert gains.max() < 6  # a weak first word
 
 
 @pytest.mark.parametrize("less", [12.0, 24.0])
 def test_quiet_speech_is_brought_to_the_usual_level_and_stays_there(less):
-    energy, voicing = heard(-less)
-    loudest = heard()[0].max()
+    energy, voicing = read_example(-less)
+    loudest = read_example()[0].max()
     gains = LevelControl(FPS).follow(energy, voicing)[60:]
     assert np.ptp(gains) < 6
     assert abs(gains.mean() - (less - (loudest - USUAL))) < 6
 
 
 def test_the_gain_has_an_end_and_needs_a_voice():
-    energy, voicing = heard(-45.0)
+    energy, voicing = read_example(-45.0)
     assert LevelControl(FPS).follow(energy, voicing).max() == MOST
     assert not LevelControl(FPS).follow(energy, 0 * voicing).any()
 
@@ -50,7 +50,7 @@ def test_a_loud_word_ends_the_gain_at_once():
 
 
 def test_pieces_have_the_gains_of_the_whole():
-    energy, voicing = heard(-20.0)
+    energy, voicing = read_example(-20.0)
     whole, control, at, parts = LevelControl(FPS).follow(energy, voicing), LevelControl(FPS), 0, []
     for size in SIZES:
         parts.append(control.follow(energy[at : at + size], voicing[at : at + size]))

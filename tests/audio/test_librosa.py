@@ -63,9 +63,9 @@ def test_pitch_agrees_with_yin(speech):
     assert (off > 0.2).mean() < 0.02
 
 
-def test_pitch_agrees_with_yin_on_people(shared):
+def test_pitch_agrees_with_yin_on_people(shared_folder):
     for name in ("jfk/jfk", "ljspeech/LJ001-0002", "a2f_emotional/Claire_anger", "speechbrain/ASR_spk1_snt1"):
-        off = pitch_differences(Speech.load(shared / "data" / "speech" / f"{name}.flac"))
+        off = pitch_differences(Speech.load(shared_folder / "data" / "speech" / f"{name}.flac"))
         assert np.median(off) < 0.02, name
         assert (off > 0.2).mean() < 0.03, name
 

@@ -31,7 +31,7 @@ RATE = 8_000
 
 
 def no_wait(seconds: float) -> None:
-    """Sleep for nobody."""
+    """Do not sleep."""
 
 
 def ramp(count: int, first: int = 0) -> np.ndarray:
@@ -64,16 +64,16 @@ def test_silence_comes_where_nobody_speaks():
         gate.wait(10)
         yield ramp(160, 1)
 
-    heard = []
+    pieces = []
     for piece in pace_pieces(slow(), RATE):
-        heard.append(piece)
-        if len(heard) == 4:
+        pieces.append(piece)
+        if len(pieces) == 4:
             gate.set()
-    quiet = [not piece.samples.any() for piece in heard]
+    quiet = [not piece.samples.any() for piece in pieces]
     assert quiet[0] is False
     assert quiet[1:4] == [True] * 3  # they came although the speech did not
     assert sum(not q for q in quiet) == 2
-    assert [p.start for p in heard] == pytest.approx([k * PIECE for k in range(len(heard))])
+    assert [p.start for p in pieces] == pytest.approx([k * PIECE for k in range(len(pieces))])
 
 
 class Script(WaitingSound):
@@ -87,7 +87,7 @@ class Script(WaitingSound):
         self.now += seconds
 
     def end(self, error: Exception | None = None) -> None:
-        """Not with the blocks of the thread, which are none."""
+        """Do nothing: there is no thread whose blocks could end."""
 
     @property
     def is_over(self) -> bool:
@@ -121,12 +121,12 @@ def test_the_silence_of_a_pause_is_on_time():
 
 
 def test_an_error_of_the_source_reaches_who_listens():
-    def broken():
+    def fail():
         yield ramp(400)
         raise InputError("the cable was pulled", "put it back")
 
     with pytest.raises(InputError, match="cable"):
-        list(pace_pieces(broken(), RATE, idle=False, sleep=no_wait))
+        list(pace_pieces(fail(), RATE, idle=False, sleep=no_wait))
 
 
 def test_a_recording_is_heard_at_the_speed_of_its_clock():
@@ -141,7 +141,7 @@ def test_a_recording_is_heard_at_the_speed_of_its_clock():
 
 
 class Drip(io.RawIOBase):
-    """A pipe that gives bytes as it likes."""
+    """A pipe that gives its bytes in pieces of these sizes."""
 
     def __init__(self, data: bytes, sizes: list[int]) -> None:
         self.data, self.sizes = data, sizes
@@ -156,16 +156,16 @@ class Drip(io.RawIOBase):
 def test_raw_samples_of_a_pipe_that_cuts_them(kind):
     values = np.linspace(-0.99, 0.99, 999)
     data = (values * 32768).astype("<i2").tobytes() if kind == "s16" else values.astype("<f4").tobytes()
-    heard = np.concatenate(list(read_pcm(Drip(data, [1, 2, 3, 7, 1, 1]), RATE, kind)))
-    np.testing.assert_allclose(heard, values, atol=4e-5)
-    assert heard.dtype == np.float32
+    samples = np.concatenate(list(read_pcm(Drip(data, [1, 2, 3, 7, 1, 1]), RATE, kind)))
+    np.testing.assert_allclose(samples, values, atol=4e-5)
+    assert samples.dtype == np.float32
 
 
 def test_a_pipe_that_ends_within_a_sample_is_heard_to_there_and_told():
-    told: list[str] = []
-    heard = list(read_pcm(io.BytesIO(np.full(9, 8192, "<i2").tobytes() + b"x"), RATE, "s16", note=told.append))
-    np.testing.assert_array_equal(np.concatenate(heard), np.full(9, 0.25, np.float32))
-    assert told == ["the sound ends within a sample; 1 byte left out (samples are s16, little-endian)"]
+    notes: list[str] = []
+    blocks = list(read_pcm(io.BytesIO(np.full(9, 8192, "<i2").tobytes() + b"x"), RATE, "s16", note=notes.append))
+    np.testing.assert_array_equal(np.concatenate(blocks), np.full(9, 0.25, np.float32))
+    assert notes == ["the sound ends within a sample; 1 byte left out (samples are s16, little-endian)"]
 
 
 def test_numbers_that_are_none_are_silence():
@@ -174,27 +174,27 @@ def test_numbers_that_are_none_are_silence():
 
 
 def test_messages_of_a_websocket():
-    heard = list(read_websocket([b"", "a text", np.array([16384], "<i2").tobytes()]))
-    assert [block.tolist() for block in heard] == [[0.5]]
+    blocks = list(read_websocket([b"", "a text", np.array([16384], "<i2").tobytes()]))
+    assert [block.tolist() for block in blocks] == [[0.5]]
 
 
 def test_a_message_may_end_within_a_sample():
-    told: list[str] = []
+    notes: list[str] = []
     values = np.linspace(-0.9, 0.9, 200)
     data = (values * 32768).astype("<i2").tobytes()
     messages = [data[k : k + 7] for k in range(0, len(data), 7)]
-    np.testing.assert_allclose(np.concatenate(list(read_websocket(messages, note=told.append))), values, atol=4e-5)
-    assert not told
+    np.testing.assert_allclose(np.concatenate(list(read_websocket(messages, note=notes.append))), values, atol=4e-5)
+    assert not notes
 
 
 @pytest.mark.parametrize("border", [b"", "interrupt"])
 def test_a_new_voice_begins_with_a_whole_sample(border):
-    told: list[str] = []
+    notes: list[str] = []
     whole = np.full(4, 8192, "<i2").tobytes()
     messages = [whole + b"x", border, whole, whole + b"z", border, whole]
-    heard = list(read_websocket(messages, on_text=lambda text: text == "interrupt", note=told.append))
-    np.testing.assert_array_equal(np.concatenate(heard), np.full(16, 0.25, np.float32))
-    assert told == ["the sound ends within a sample; 1 byte left out (samples are s16, little-endian)"]
+    blocks = list(read_websocket(messages, on_text=lambda text: text == "interrupt", note=notes.append))
+    np.testing.assert_array_equal(np.concatenate(blocks), np.full(16, 0.25, np.float32))
+    assert notes == ["the sound ends within a sample; 1 byte left out (samples are s16, little-endian)"]
 
 
 @pytest.mark.parametrize(
@@ -221,23 +221,23 @@ def test_samples_that_begin_as_a_frame_of_mp3_does_are_samples():
 
 
 def test_a_sound_file_of_a_later_client_is_told_and_not_heard():
-    told: list[str] = []
+    notes: list[str] = []
     whole = np.full(4, 8192, "<i2").tobytes()
     messages = [b"", whole, b"", b"RIFF" + bytes(100), whole, b"", whole]
-    assert len(np.concatenate(list(read_websocket(messages, note=told.append)))) == 8
-    assert len(told) == 1
-    assert told[0].startswith("this is a WAV file, not raw samples")
-    assert told[0].endswith("it is not heard")
+    assert len(np.concatenate(list(read_websocket(messages, note=notes.append)))) == 8
+    assert len(notes) == 1
+    assert notes[0].startswith("this is a WAV file, not raw samples")
+    assert notes[0].endswith("it is not heard")
 
 
 def test_samples_that_are_no_numbers_are_told_once():
-    told: list[str] = []
+    notes: list[str] = []
     data = np.full(4000, np.nan, "<f4").tobytes()
-    list(read_pcm(io.BytesIO(data), RATE, "f32", note=told.append))
-    assert told == ["samples that are NaN or infinite are heard as silence (samples are f32, little-endian)"]
-    list(read_websocket([data, data, data[:-1]], "f32", note=told.append))
-    assert len(told) == 3
-    assert "3 bytes left out" in told[2]
+    list(read_pcm(io.BytesIO(data), RATE, "f32", note=notes.append))
+    assert notes == ["samples that are NaN or infinite are heard as silence (samples are f32, little-endian)"]
+    list(read_websocket([data, data, data[:-1]], "f32", note=notes.append))
+    assert len(notes) == 3
+    assert "3 bytes left out" in notes[2]
 
 
 def test_a_microphone_that_is_not_there_is_told(monkeypatch):

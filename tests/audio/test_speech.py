@@ -28,15 +28,15 @@ def noise(count: int, channels: int = 1, seed: int = 0) -> np.ndarray:
 
 def children() -> set[int]:
     """Processes whose parent is this one (Linux)."""
-    found = set()
+    processes = set()
     for folder in Path("/proc").glob("[0-9]*"):
         try:
             fields = (folder / "stat").read_text().rsplit(")", 1)[1].split()
         except OSError:
             continue
         if int(fields[1]) == os.getpid():
-            found.add(int(folder.name))
-    return found
+            processes.add(int(folder.name))
+    return processes
 
 
 # ---- length ----
@@ -211,10 +211,10 @@ def test_media_that_need_the_extra(tmp_path, container, codec):
 
 def test_without_the_extra_the_message_says_what_to_install(tmp_path, monkeypatch):
     (tmp_path / "a.m4a").write_bytes(b"\0\0\0\x20ftypM4A \0\0\0\0" + bytes(100))
-    blocked = tmp_path / "blocked"
-    blocked.mkdir()
-    (blocked / "av.py").write_text("raise ImportError('no av here')\n")
-    monkeypatch.setattr(sys, "path", [str(blocked), *sys.path])
+    stubs = tmp_path / "blocked"
+    stubs.mkdir()
+    (stubs / "av.py").write_text("raise ImportError('no av here')\n")
+    monkeypatch.setattr(sys, "path", [str(stubs), *sys.path])
     with pytest.raises(InputError, match=r"in a clone: pip install -e '\.\[av\]'"):
         Speech.load(tmp_path / "a.m4a")
 
@@ -269,10 +269,10 @@ def test_samples_given_directly():
         with pytest.raises(InputError):
             Speech(wrong)
     for stereo in (np.full((4, 2), 0.5), np.full((2, 4), 0.5), np.full((4, 2), 16_384, np.int16)):
-        with pytest.raises(InputError, match="mixes its 2 channels") as told:
+        with pytest.raises(InputError, match="mixes its 2 channels") as refusal:
             Speech(stereo)
-        mixed = eval(told.value.hint.partition(" mixes")[0], {"samples": stereo})
-        assert Speech(mixed).samples.tolist() == [0.5] * 4
+        mono = eval(refusal.value.hint.partition(" mixes")[0], {"samples": stereo})
+        assert Speech(mono).samples.tolist() == [0.5] * 4
     assert Speech(np.zeros(RATE, np.float32), seconds=1.00001).frames(30) == 31
 
 
@@ -332,7 +332,7 @@ def silence(path: Path, seconds: int, rate: int) -> Path:
     return path
 
 
-def grown(what: str, short: Path, long: Path, seconds: int) -> int:
+def measure_growth(what: str, short: Path, long: Path, seconds: int) -> int:
     """KiB by which memory grows from the short file to the long one, in a process of its own."""
     command = [sys.executable, "-c", MEASURE, what, short, long]
     kib, frames, motion = map(int, subprocess.run(command, capture_output=True, check=True, text=True).stdout.split())
@@ -345,7 +345,7 @@ def grown(what: str, short: Path, long: Path, seconds: int) -> int:
 def test_hours_in_a_megabyte_take_no_memory(tmp_path):
     long = silence(tmp_path / "long.flac", 3 * 3600, 16_000)
     assert long.stat().st_size < 1_000_000
-    assert grown("decode", silence(tmp_path / "short.flac", 120, 16_000), long, 3 * 3600) < 20_000
+    assert measure_growth("decode", silence(tmp_path / "short.flac", 120, 16_000), long, 3 * 3600) < 20_000
     with pytest.raises(InputError, match=r"longer than 2 hours \(stream it"):
         Speech.load(long)
 
@@ -353,7 +353,7 @@ def test_hours_in_a_megabyte_take_no_memory(tmp_path):
 @pytest.mark.slow
 def test_analysing_a_stream_takes_no_memory(tmp_path):
     long = silence(tmp_path / "long.flac", 900, 44_100)
-    assert grown("analyse", silence(tmp_path / "short.flac", 60, 44_100), long, 900) < 20_000
+    assert measure_growth("analyse", silence(tmp_path / "short.flac", 60, 44_100), long, 900) < 20_000
 
 
 # ---- a decoder that fails ----
@@ -399,9 +399,9 @@ def test_whatever_the_decoder_does_it_is_one_line(tmp_path, monkeypatch, what, m
     monkeypatch.setattr(decoding, "BLOCK_TIMEOUT", 1.0)
     monkeypatch.setattr(decoding, "_command", lambda: [sys.executable, "-I", "-S", "-c", HEADER + what])
     before = children()
-    with pytest.raises(InputError, match=message) as caught:
+    with pytest.raises(InputError, match=message) as refusal:
         Speech.load(wav(tmp_path))
-    assert "\n" not in str(caught.value)
+    assert "\n" not in str(refusal.value)
     assert children() == before
 
 
@@ -429,14 +429,14 @@ def test_no_process_is_left(tmp_path):
 
 
 def test_the_decoder_imports_little():
-    """What makes it start fast: half of a second would be numpy's and onnxruntime's."""
+    """So it starts fast: numpy and onnxruntime would take half of a second."""
     code = "import sys, cospeech.audio.worker, cospeech.audio._decode; print(*sys.modules)"
     modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert not {"numpy", "onnxruntime", "scipy", "torch", "cospeech.audio.speech"} & set(modules)
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         ([("huge", 0.1, 0.2)], "\"('huge', 0.1, 0.2)\" among the words of a speech"),
         (["huge"], "'huge' among the words of a speech"),
@@ -447,17 +447,17 @@ def test_the_decoder_imports_little():
         ([Word("huge", 0.2, 0.1)], "the word 'huge' from 0.2 to 0.1"),
     ],
 )
-def test_what_is_no_word_is_told_at_once(words, told):
-    with pytest.raises(InputError) as caught:
+def test_what_is_no_word_is_told_at_once(words, message):
+    with pytest.raises(InputError) as refusal:
         Speech(np.zeros(16000, np.float32), words=words)
-    assert told in str(caught.value)
+    assert message in str(refusal.value)
 
 
-@pytest.mark.parametrize(("module", "imported"), [("", False), ("import numpy\nnumpy.linspace(0, 1)\n", True)])
-def test_the_decoder_imports_numpy_only_for_a_soundfile_that_needs_it(tmp_path, module, imported):
+@pytest.mark.parametrize(("module", "imports_numpy"), [("", False), ("import numpy\nnumpy.linspace(0, 1)\n", True)])
+def test_the_decoder_imports_numpy_only_for_a_soundfile_that_needs_it(tmp_path, module, imports_numpy):
     if module:
         (tmp_path / "soundfile.py").write_text(module)
     paths = os.pathsep.join([str(tmp_path), *sys.path])
     code = "import sys; from cospeech.audio._decode import import_soundfile; import_soundfile(); print('numpy' in sys.modules)"
-    said = subprocess.run([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": paths}, capture_output=True)
-    assert said.stdout.split() == [str(imported).encode()]
+    process = subprocess.run([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": paths}, capture_output=True)
+    assert process.stdout.split() == [str(imports_numpy).encode()]

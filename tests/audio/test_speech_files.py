@@ -1,4 +1,4 @@
-"""Sound files that are not what they should be: one line that says so, or the right speech. All of them are made here."""
+"""Odd and damaged sound files: each gives the right speech, or an error of one line. All of them are made here."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ TONE = (0.3 * np.sin(2 * np.pi * 200 * np.arange(RATE) / RATE)).astype(np.float3
 Make = Callable[[Path], Path | str]
 
 
-def encoded(samples: np.ndarray = TONE, rate: int = RATE, kind: str = "WAV", subtype: str | None = None) -> bytes:
+def encode(samples: np.ndarray = TONE, rate: int = RATE, kind: str = "WAV", subtype: str | None = None) -> bytes:
     file = io.BytesIO()
     soundfile.write(file, samples, rate, format=kind, subtype=subtype)
     return file.getvalue()
@@ -39,7 +39,7 @@ def wav(
     data: bytes = bytes(3200), *, size: int | None = None, tag: int = 1, channels: int = 1, rate: int = RATE, bits: int = 16,
     before: bytes = b"", after: bytes = b"", fmt_size: int = 16,
 ) -> bytes:  # fmt: skip
-    """A WAV by hand, so that it can lie."""
+    """A WAV that is written by hand, so that its header can be wrong."""
     frame = max(1, channels * bits // 8)
     fmt = struct.pack("<HHIIHH", tag, channels, rate, rate * frame & 0xFFFFFFFF, frame & 0xFFFF, bits)
     chunks = b"WAVEfmt " + struct.pack("<I", fmt_size) + fmt + before
@@ -58,11 +58,11 @@ def holding(data: bytes, name: str = "a.wav") -> Make:
 def floats(at: int, value: float) -> Make:
     samples = TONE.copy()
     samples[at] = value
-    return holding(encoded(samples, subtype="FLOAT"))
+    return holding(encode(samples, subtype="FLOAT"))
 
 
-def flipped(data: bytes, at: float, count: int = 200) -> bytes:
-    """With ``count`` bytes inverted from the share ``at`` of it on."""
+def flip_bytes(data: bytes, at: float, count: int = 200) -> bytes:
+    """The data with ``count`` bytes inverted, from the share ``at`` (0 … 1) of its length on."""
     first = int(len(data) * at)
     return data[:first] + bytes(255 - byte for byte in data[first : first + count]) + data[first + count :]
 
@@ -72,7 +72,7 @@ def fifo(folder: Path) -> Path:
     return folder / "a.wav"
 
 
-def broken_link(folder: Path) -> Path:
+def link_to_nothing(folder: Path) -> Path:
     (folder / "a.wav").symlink_to(folder / "nothing.wav")
     return folder / "a.wav"
 
@@ -83,7 +83,7 @@ def looping_link(folder: Path) -> Path:
 
 
 def file_as_folder(folder: Path) -> Path:
-    return holding(encoded())(folder) / "b.wav"
+    return holding(encode())(folder) / "b.wav"
 
 
 def video_without_sound(folder: Path) -> Path:
@@ -110,8 +110,8 @@ def aac() -> bytes:
 
 
 def big_endian() -> bytes:
-    """RIFX: every number the other way round."""
-    data = np.frombuffer(encoded()[44:], np.int16).astype(">i2").tobytes()
+    """RIFX: a WAV whose numbers are all big-endian."""
+    data = np.frombuffer(encode()[44:], np.int16).astype(">i2").tobytes()
     fmt = struct.pack(">HHIIHH", 1, 1, RATE, 2 * RATE, 2, 16)
     return (
         b"RIFX"
@@ -126,9 +126,9 @@ def big_endian() -> bytes:
 
 
 FLAC, OGG, OPUS, MP3 = (
-    encoded(kind=k, subtype=s) for k, s in (("FLAC", None), ("OGG", "VORBIS"), ("OGG", "OPUS"), ("MP3", None))
+    encode(kind=k, subtype=s) for k, s in (("FLAC", None), ("OGG", "VORBIS"), ("OGG", "OPUS"), ("MP3", None))
 )
-AIFF, AAC = encoded(kind="AIFF"), aac()
+AIFF, AAC = encode(kind="AIFF"), aac()
 PAGE = b"<!DOCTYPE html><html><body>404 Not Found</body></html>\n" * 40
 
 BAD: dict[str, tuple[Make, str]] = {
@@ -139,7 +139,7 @@ BAD: dict[str, tuple[Make, str]] = {
     "fifo": (fifo, "pipe"),
     "null device": (lambda folder: "/dev/null", "device"),
     "zero device": (lambda folder: "/dev/zero", "device"),
-    "broken link": (broken_link, "No such file"),
+    "broken link": (link_to_nothing, "No such file"),
     "looping link": (looping_link, "symbolic links"),
     "a file used as a folder": (file_as_folder, "Not a directory"),
     "NUL in the name": (lambda folder: "a\0.wav", "null"),
@@ -153,7 +153,7 @@ BAD: dict[str, tuple[Make, str]] = {
     "png": (holding(b"\x89PNG\r\n\x1a\n" + bytes(500)), "not a sound file"),
     "pdf": (holding(b"%PDF-1.7\n" + bytes(500)), "not a sound file"),
     "zip": (holding(b"PK\x03\x04" + bytes(500)), "not a sound file"),
-    "gzipped wav": (holding(gzip.compress(encoded())), "not a sound file"),
+    "gzipped wav": (holding(gzip.compress(encode())), "not a sound file"),
     "midi": (holding(b"MThd" + bytes(100)), "not a sound file"),
     "python": (holding(Path(__file__).read_bytes()), "not a sound file"),
     "zeros": (holding(bytes(10_000)), "not a sound file"),
@@ -161,12 +161,12 @@ BAD: dict[str, tuple[Make, str]] = {
     "playlist": (holding(b"#EXTM3U\n/etc/passwd\nhttp://127.0.0.1:9/a.wav\n", "a.m3u8"), "not a sound file"),
     "session description": (holding(b"v=0\no=- 0 0 IN IP4 127.0.0.1\nm=audio 9 RTP/AVP 0\n", "a.sdp"), "not a sound file"),
     "concat script": (holding(b"ffconcat version 1.0\nfile /etc/passwd\n"), "not a sound file"),
-    # WAV that lies
+    # WAV with a wrong header
     "RIFF and no more": (holding(b"RIFF"), "not a sound file"),
     "RIFF of nothing": (holding(b"RIFF" + bytes(4) + b"WAVE"), "not a sound file"),
     "RIFF of something else": (holding(b"RIFF" + struct.pack("<I", 100) + b"CDXA" + bytes(100)), "not a sound file"),
     "no data chunk": (holding(wav()[:36]), "not a sound file|0 samples"),
-    "no samples": (holding(encoded(np.zeros(0, np.float32))), "0 samples"),
+    "no samples": (holding(encode(np.zeros(0, np.float32))), "0 samples"),
     "less than a frame of data": (holding(wav(b"\1")), "0 samples|not a sound file"),
     "format chunk cut off": (holding(wav()[:28]), "not a sound file"),
     "format chunk of 4 GB": (holding(wav(fmt_size=0xFFFFFFF0)), "not a sound file"),
@@ -186,18 +186,18 @@ BAD: dict[str, tuple[Make, str]] = {
     "NaN": (floats(8000, np.nan), r"at 0\.50 s is nan"),
     "infinity": (floats(4000, np.inf), r"at 0\.25 s is inf"),
     "minus infinity": (floats(15_999, -np.inf), r"at 1\.00 s is -inf"),
-    "all NaN": (holding(encoded(np.full(100, np.nan, np.float32), subtype="FLOAT")), r"at 0\.00 s is nan"),
-    "scaled to 16 bits": (holding(encoded(TONE * 32_768, subtype="FLOAT")), "full scale is ±1"),
-    "1e300": (holding(encoded(np.full(100, 1e300), subtype="DOUBLE")), "is inf"),
+    "all NaN": (holding(encode(np.full(100, np.nan, np.float32), subtype="FLOAT")), r"at 0\.00 s is nan"),
+    "scaled to 16 bits": (holding(encode(TONE * 32_768, subtype="FLOAT")), "full scale is ±1"),
+    "1e300": (holding(encode(np.full(100, 1e300), subtype="DOUBLE")), "is inf"),
     # other formats
     "FLAC header only": (holding(FLAC[:4]), "not a sound file"),
     "FLAC without frames": (holding(FLAC[:42]), "0 samples|not a sound file|damaged"),
-    "FLAC with a damaged header": (holding(flipped(FLAC, 0.0, 30)), "not a sound file"),
+    "FLAC with a damaged header": (holding(flip_bytes(FLAC, 0.0, 30)), "not a sound file"),
     "OGG header only": (holding(OGG[:28]), "not a"),
     "OGG with an unknown codec": (holding(OGG.replace(b"\x01vorbis", b"\x01sobriv")), "not a"),
     "Opus header only": (holding(OPUS[:47]), "not a"),
     "AIFF header only": (holding(AIFF[:12]), "not a sound file"),
-    "AIFF without samples": (holding(encoded(np.zeros(0, np.float32), kind="AIFF")), "0 samples"),
+    "AIFF without samples": (holding(encode(np.zeros(0, np.float32), kind="AIFF")), "0 samples"),
     "ID3 tag and nothing": (holding(b"ID3\x03\0\0\0\0\0\x0a" + bytes(10), "a.mp3"), "not a sound file"),
     "ID3 tag of 256 MB": (holding(b"ID3\x03\0\0\x7f\x7f\x7f\x7f" + bytes(100), "a.mp3"), "not a sound file"),
     "MP4 without an index": (holding(AAC[: len(AAC) // 2], "a.m4a"), "not a mov file"),
@@ -213,10 +213,10 @@ BAD: dict[str, tuple[Make, str]] = {
 @pytest.mark.parametrize("name", BAD)
 def test_bad_files_give_one_line(tmp_path, name):
     make, message = BAD[name]
-    with pytest.raises(InputError, match=message) as caught:
+    with pytest.raises(InputError, match=message) as refusal:
         Speech.load(make(tmp_path))
-    assert "\n" not in str(caught.value)
-    assert len(str(caught.value)) < 400 or "long" in name
+    assert "\n" not in str(refusal.value)
+    assert len(str(refusal.value)) < 400 or "long" in name
 
 
 def test_there_are_enough_of_them():
@@ -226,33 +226,33 @@ def test_there_are_enough_of_them():
 # What may look wrong and is not: how many seconds, and how loud at least.
 ODD: dict[str, tuple[Make, float]] = {
     "mp3 called wav": (holding(MP3), 1.0),
-    "wav called mp3": (holding(encoded(), "a.mp3"), 1.0),
-    "wav called raw": (holding(encoded(), "a.raw"), 1.0),
-    "wav called vox": (holding(encoded(), "a.vox"), 1.0),
+    "wav called mp3": (holding(encode(), "a.mp3"), 1.0),
+    "wav called raw": (holding(encode(), "a.raw"), 1.0),
+    "wav called vox": (holding(encode(), "a.vox"), 1.0),
     "flac called ogg": (holding(FLAC, "a.ogg"), 1.0),
     "no suffix": (holding(OGG, "talk"), 1.0),
-    "newline in the name": (holding(encoded(), "a\nb.wav"), 1.0),
-    "emoji in the name": (holding(encoded(), "🎤 été.wav"), 1.0),
-    "leading dash": (holding(encoded(), "-i.wav"), 1.0),
-    "dots": (lambda folder: holding(encoded())(folder).parent / ".." / folder.name / "a.wav", 1.0),
-    "quotes and blanks": (holding(encoded(), "a '\"; rm -rf .wav"), 1.0),
-    "bytes that are no text": (holding(encoded(), os.fsdecode(b"a\xff\xfe.wav")), 1.0),
-    "data size 0xFFFFFFF0": (holding(wav(encoded()[44:], size=0xFFFFFFF0)), 1.0),
-    "data size 0xFFFFFFFF": (holding(wav(encoded()[44:], size=0xFFFFFFFF)), 1.0),
-    "odd number of bytes": (holding(wav(encoded()[44:] + b"\1")), 1.0),
+    "newline in the name": (holding(encode(), "a\nb.wav"), 1.0),
+    "emoji in the name": (holding(encode(), "🎤 été.wav"), 1.0),
+    "leading dash": (holding(encode(), "-i.wav"), 1.0),
+    "dots": (lambda folder: holding(encode())(folder).parent / ".." / folder.name / "a.wav", 1.0),
+    "quotes and blanks": (holding(encode(), "a '\"; rm -rf .wav"), 1.0),
+    "bytes that are no text": (holding(encode(), os.fsdecode(b"a\xff\xfe.wav")), 1.0),
+    "data size 0xFFFFFFF0": (holding(wav(encode()[44:], size=0xFFFFFFF0)), 1.0),
+    "data size 0xFFFFFFFF": (holding(wav(encode()[44:], size=0xFFFFFFFF)), 1.0),
+    "odd number of bytes": (holding(wav(encode()[44:] + b"\1")), 1.0),
     "chunks before the data": (
-        holding(wav(encoded()[44:], before=b"LIST" + struct.pack("<I", 26) + b"INFOISFT" + bytes(18))),
+        holding(wav(encode()[44:], before=b"LIST" + struct.pack("<I", 26) + b"INFOISFT" + bytes(18))),
         1.0,
     ),
-    "chunks behind the data": (holding(wav(encoded()[44:], after=b"junk" + struct.pack("<I", 0xFFFFFFF0) + bytes(9))), 1.0),
-    "wav cut in half": (holding(encoded()[: 44 + RATE]), 0.5),
-    "wav of an interrupted recorder": (holding(wav(encoded()[44 : 44 + RATE], size=10**9)), 0.5),
+    "chunks behind the data": (holding(wav(encode()[44:], after=b"junk" + struct.pack("<I", 0xFFFFFFF0) + bytes(9))), 1.0),
+    "wav cut in half": (holding(encode()[: 44 + RATE]), 0.5),
+    "wav of an interrupted recorder": (holding(wav(encode()[44 : 44 + RATE], size=10**9)), 0.5),
     "big-endian wav": (holding(big_endian()), 1.0),
-    "8 bits": (holding(encoded(subtype="PCM_U8")), 1.0),
-    "64-bit floats": (holding(encoded(subtype="DOUBLE")), 1.0),
-    "a little over full scale": (holding(encoded(TONE * 5, subtype="FLOAT")), 1.0),
-    "AU": (holding(encoded(kind="AU")), 1.0),
-    "CAF": (holding(encoded(kind="CAF")), 1.0),
+    "8 bits": (holding(encode(subtype="PCM_U8")), 1.0),
+    "64-bit floats": (holding(encode(subtype="DOUBLE")), 1.0),
+    "a little over full scale": (holding(encode(TONE * 5, subtype="FLOAT")), 1.0),
+    "AU": (holding(encode(kind="AU")), 1.0),
+    "CAF": (holding(encode(kind="CAF")), 1.0),
     "m4a called wav": (holding(AAC), 1.0),
     "ID3 before the MP3": (holding(b"ID3\x03\0\0\0\0\0\x0a" + bytes(10) + MP3), 1.0),
 }
@@ -278,7 +278,7 @@ def test_silence_and_direct_current_are_speech(tmp_path, level):
 
 
 def test_unreadable(tmp_path):
-    path = holding(encoded())(tmp_path)
+    path = holding(encode())(tmp_path)
     path.chmod(0)
     if os.access(path, os.R_OK):
         pytest.skip("this user may read everything (root)")
@@ -294,7 +294,7 @@ LONG = np.tile(TONE, 10) + np.random.default_rng(0).standard_normal(10 * RATE).a
     ("kind", "subtype"), [("FLAC", None), ("OGG", "VORBIS"), ("OGG", "OPUS"), ("MP3", None), ("AIFF", None)]
 )
 def test_a_file_cut_off_gives_what_it_holds(tmp_path, kind, subtype):
-    whole = encoded(LONG, kind=kind, subtype=subtype)
+    whole = encode(LONG, kind=kind, subtype=subtype)
     with (
         nullcontext() if kind == "OGG" else pytest.warns(CospeechWarning, match="cut short")
     ):  # Ogg tells its length at its end
@@ -305,32 +305,32 @@ def test_a_file_cut_off_gives_what_it_holds(tmp_path, kind, subtype):
 
 
 def test_a_flac_damaged_in_the_middle_says_where(tmp_path):
-    damaged = flipped(encoded(LONG, kind="FLAC"), 0.5)
+    data = flip_bytes(encode(LONG, kind="FLAC"), 0.5)
     with pytest.raises(InputError, match=r"damaged at (4\.[5-9]|5\.[0-5]) s"):
-        Speech.load(holding(damaged)(tmp_path))
+        Speech.load(holding(data)(tmp_path))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("subtype", ["VORBIS", "OPUS"])
 def test_an_ogg_with_a_hole_is_not_read_out_of_step(tmp_path, subtype):
-    whole = encoded(LONG, kind="OGG", subtype=subtype)
+    whole = encode(LONG, kind="OGG", subtype=subtype)
     middle = len(whole) // 2
-    holed = whole[:middle] + bytes(5000) + whole[middle + 5000 :]
+    data = whole[:middle] + bytes(5000) + whole[middle + 5000 :]
     with pytest.raises(InputError, match=r"damaged: .* s in the midst"):
-        Speech.load(holding(holed)(tmp_path))
+        Speech.load(holding(data)(tmp_path))
 
 
 @pytest.mark.parametrize("size", [0, 1, 0xFFFFFFFF, 0xFFFFFFF8, 0x7FFFFFFF])
 def test_the_info_chunk_that_hangs_libsndfile(tmp_path, size):
-    """libsndfile 1.2.2, issue 1118: INFO entries whose sizes point backwards or at themselves; an answer comes, and soon."""
+    """libsndfile 1.2.2, issue 1118: INFO entries whose sizes point backwards or at themselves; reading ends soon."""
     chunk = b"LIST" + struct.pack("<I", 40) + b"INFO" + (b"ISFT" + struct.pack("<I", size)) * 4
     path = holding(wav(bytes(20), before=chunk))(tmp_path)
     if size in (0, 0xFFFFFFFF):
         assert Speech.load(path).seconds == 10 / RATE
     else:  # the entry swallows the samples
-        with pytest.raises(InputError, match="not a sound file that can be read") as caught:
+        with pytest.raises(InputError, match="not a sound file that can be read") as refusal:
             Speech.load(path)
-        assert "No 'data' chunk" in str(caught.value.__cause__)
+        assert "No 'data' chunk" in str(refusal.value.__cause__)
 
 
 @pytest.mark.parametrize(
@@ -339,9 +339,9 @@ def test_the_info_chunk_that_hangs_libsndfile(tmp_path, size):
 def test_a_wav_that_is_cut_short_says_how_much_is_there(tmp_path, before, bits):
     data = bytes(range(200)) * (RATE * 3 // 2 * bits // 8 // 200)  # 1.5 s
     path = holding(wav(data, size=RATE * 6 * bits // 8, before=before, bits=bits))(tmp_path)
-    with pytest.warns(CospeechWarning) as told:
+    with pytest.warns(CospeechWarning) as notes:
         speech = Speech.load(path)
-    assert [str(each.message) for each in told] == [f"{path.name!r} is cut short: its header says 6 s, and 1.5 s are there"]
+    assert [str(each.message) for each in notes] == [f"{path.name!r} is cut short: its header says 6 s, and 1.5 s are there"]
     assert speech.seconds == 1.5
 
 
@@ -352,17 +352,17 @@ def test_other_sounds_that_are_cut_short_say_how_much_is_there(tmp_path, name, s
     assert abs(Speech.load(tmp_path / name).seconds - 8) < 0.1
     data = (tmp_path / name).read_bytes()
     (tmp_path / name).write_bytes(data[: len(data) // 2])
-    with pytest.warns(CospeechWarning) as told:
+    with pytest.warns(CospeechWarning) as notes:
         speech = Speech.load(tmp_path / name)
-    assert len(told) == 1
+    assert len(notes) == 1
     assert re.fullmatch(
-        rf"'{name}' is cut short: its header says (8|8\.0\d*) s, and [34]\.\d+ s are there", str(told[0].message)
+        rf"'{name}' is cut short: its header says (8|8\.0\d*) s, and [34]\.\d+ s are there", str(notes[0].message)
     )
     assert 3 < speech.seconds < 5
 
 
 def test_an_mp3_that_does_not_tell_its_length_is_whole_or_refused(tmp_path, monkeypatch):
-    """Loud first, so that the rate of its first frame says that it is short; and a tag says "Info:", which no frame does."""
+    """It begins loudly, so it looks short by the rate of its first frame. Its tag says "Info:", which no frame of it does."""
     file, samples = io.BytesIO(), np.append(np.random.default_rng(0).normal(0, 0.2, 5 * RATE), np.zeros(5 * RATE))
     soundfile.write(file, samples, RATE, format="MP3", bitrate_mode="VARIABLE", compression_level=0.5)
     data = file.getvalue()

@@ -26,7 +26,7 @@ from cospeech.audio.worker import message
 
 RATE = 16_000
 MUTANTS = 170  # of each of the eight files below
-STALLED = 20.0  # seconds for one file of a tenth of a second
+TIME_LIMIT = 20.0  # seconds for one file of a tenth of a second
 KINDS = {
     "wav": ("WAV", "PCM_16"),
     "wav-float": ("WAV", "FLOAT"),
@@ -99,16 +99,16 @@ def mutants(folder: Path, name: str) -> list[Path]:
     data, rng = original(*KINDS[name]), np.random.default_rng(list(name.encode()))
     paths = [folder / f"{i:04d}" for i in range(MUTANTS)]
     for path in paths:
-        mutated = mutant(data, rng)
-        path.write_bytes(with_checksums(mutated) if KINDS[name][0] == "OGG" and rng.random() < 0.8 else mutated)
+        content = mutant(data, rng)
+        path.write_bytes(with_checksums(content) if KINDS[name][0] == "OGG" and rng.random() < 0.8 else content)
     return paths
 
 
 def run_decoder(paths: list[Path]) -> list[str]:
-    """How each file ended ("sound", "error"), as far as one decoder process came."""
+    """How each file ended ("sound", "error"), up to the file that ended the decoder process."""
     decoder = subprocess.Popen(decoding._command(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     ends: list[str] = []
-    timer = threading.Timer(STALLED, decoder.kill)
+    timer = threading.Timer(TIME_LIMIT, decoder.kill)
     timer.start()
     try:
         decoder.stdin.write(b"".join(message(b"P", os.fsencode(path)) for path in paths))
@@ -124,7 +124,7 @@ def run_decoder(paths: list[Path]) -> list[str]:
             if kind in b"EX":
                 ends.append("sound" if kind == b"E" else "error")
                 timer.cancel()
-                timer = threading.Timer(STALLED, decoder.kill)
+                timer = threading.Timer(TIME_LIMIT, decoder.kill)
                 timer.start()
         return ends
     finally:
@@ -153,7 +153,7 @@ def test_mutants_end_as_sound_or_as_an_error(tmp_path, name):
 @pytest.mark.filterwarnings("ignore:.*is cut short:cospeech.errors.CospeechWarning")
 @pytest.mark.parametrize("name", KINDS)
 def test_mutants_as_a_user_loads_them(tmp_path, name):
-    ended = 0
+    count = 0
     for path in mutants(tmp_path, name)[::16]:
         try:
             speech = Speech.load(path)
@@ -165,5 +165,5 @@ def test_mutants_as_a_user_loads_them(tmp_path, name):
             assert speech.frames(30) == -(-speech.duration * 30 // 1) > 0
             assert len(speech) == -(-speech.duration * speech.rate // 1)
         assert "\n" not in message
-        ended += 1
-    assert ended == len(range(0, MUTANTS, 16))
+        count += 1
+    assert count == len(range(0, MUTANTS, 16))

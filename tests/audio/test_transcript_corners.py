@@ -1,4 +1,4 @@
-"""Transcripts in which something is where nobody expects it: each read as it is meant."""
+"""Transcripts with something in an unexpected place: each is read as its author meant it."""
 
 from __future__ import annotations
 
@@ -55,17 +55,17 @@ def test_a_word_alone_in_a_plain_text_lies_where_the_voice_is(tmp_path):
     (word,) = load_words(write(tmp_path, "Hello", "a.txt"), speech=speech)
     assert 2.7 < word.start < 3.3
     assert 3.6 < word.end < 4.4
-    said = load_words(write(tmp_path, "Hello [laughs]", "b.txt"), speech=speech)
-    assert texts(said) == ["Hello", LAUGHTER]
-    assert said[1].end > said[1].start + 0.3
+    words = load_words(write(tmp_path, "Hello [laughs]", "b.txt"), speech=speech)
+    assert texts(words) == ["Hello", LAUGHTER]
+    assert words[1].end > words[1].start + 0.3
 
 
 def test_a_laugh_behind_words_that_fill_their_cue_has_room(tmp_path):
-    found = load_words(write(tmp_path, "2.0\t4.0\tYes [laughs]\n5.0\t8.0\t[laughs] oh no\n", "a.tsv"), speech_seconds=9.0)
-    assert texts(found) == ["Yes", LAUGHTER, LAUGHTER, "oh", "no"]
-    assert all(word.end - word.start > 0.5 for word in found if word.text == LAUGHTER)
-    assert found[1].end <= 4.0 + 1e-9
-    assert found[2].start == 5.0
+    words = load_words(write(tmp_path, "2.0\t4.0\tYes [laughs]\n5.0\t8.0\t[laughs] oh no\n", "a.tsv"), speech_seconds=9.0)
+    assert texts(words) == ["Yes", LAUGHTER, LAUGHTER, "oh", "no"]
+    assert all(word.end - word.start > 0.5 for word in words if word.text == LAUGHTER)
+    assert words[1].end <= 4.0 + 1e-9
+    assert words[2].start == 5.0
 
 
 @pytest.mark.parametrize(
@@ -77,13 +77,13 @@ def test_a_laugh_behind_words_that_fill_their_cue_has_room(tmp_path):
     ],
 )
 def test_times_of_spans_count_from_their_paragraph_or_from_the_clock(tmp_path, paragraph, start):
-    found = load_words(write(tmp_path, TTML.format(paragraph), "a.ttml"), speech_seconds=20.0)
-    assert texts(found) == ["a", "b"]
-    assert found[0].start == start
+    words = load_words(write(tmp_path, TTML.format(paragraph), "a.ttml"), speech_seconds=20.0)
+    assert texts(words) == ["a", "b"]
+    assert words[0].start == start
 
 
 @pytest.mark.parametrize(
-    ("table", "said"),
+    ("table", "words"),
     [
         ("0.0,0.5,Hello, world\n", ["Hello", "world"]),
         ("0.0,0.5,Hello,0.93\n", ["Hello"]),
@@ -91,8 +91,8 @@ def test_times_of_spans_count_from_their_paragraph_or_from_the_clock(tmp_path, p
         ("start,end,speaker,text\n0.0,0.5,Bob,Hello, world\n", ["Hello", "world"]),
     ],
 )
-def test_commas_and_semicolons_of_a_text(tmp_path, table, said):
-    assert [text.strip(",;") for text in texts(load_words(write(tmp_path, table, "a.csv")))] == said
+def test_commas_and_semicolons_of_a_text(tmp_path, table, words):
+    assert [text.strip(",;") for text in texts(load_words(write(tmp_path, table, "a.csv")))] == words
 
 
 def google(*results: list[dict]) -> str:
@@ -117,9 +117,9 @@ def test_a_token_of_whisper_that_ends_before_it_starts_lasts_no_time(tmp_path):
 
 @pytest.mark.parametrize("other", ["Wortart", "word_stress", "word accent"])
 def test_a_tier_about_words_is_not_that_of_words(tmp_path, other):
-    said = [("hello", 0.0, 0.5), ("world", 0.5, 1.0)]
+    words = [("hello", 0.0, 0.5), ("world", 0.5, 1.0)]
     about = [("NN", 0.0, 0.3), ("NN", 0.3, 0.6), ("VB", 0.6, 1.0)]
-    assert rows(load_words(write(tmp_path, textgrid((other, about), ("words", said)), "a.TextGrid"))) == said
+    assert rows(load_words(write(tmp_path, textgrid((other, about), ("words", words)), "a.TextGrid"))) == words
 
 
 def test_a_translation_of_lyrics_is_told_and_left_out(tmp_path):

@@ -60,7 +60,7 @@ def test_a_laugh_is_a_word_of_its_own(laugh):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "tokens"),
     [
         ("(sighs) 【拍手】 ［音楽］ *coughs* {\\an8} <i>huge</i> ♪ la ♪", ["huge", "la"]),
         ("[audience laughter] (applause)", []),
@@ -71,8 +71,8 @@ def test_a_laugh_is_a_word_of_its_own(laugh):
         ("[laughter] [laughs] so [laughter]", [LAUGHTER, "so", LAUGHTER]),
     ],
 )
-def test_what_is_said_of_a_text(text, said):
-    assert list_tokens(text) == said
+def test_what_is_said_of_a_text(text, tokens):
+    assert list_tokens(text) == tokens
 
 
 def test_a_long_aside_of_a_plain_text_is_read_aloud():
@@ -92,16 +92,16 @@ def test_laughs_have_the_time_of_their_cue_or_of_the_pause(tmp_path):
 @pytest.mark.slow
 def test_a_laugh_of_a_plain_text_stands_in_the_pause():
     audio, words = example()
-    speech, known = Speech.load(audio), Speech.load(audio, transcript=words).words
-    said = audio.with_suffix(".txt").read_text().split()
-    gaps = [after.start - before.end for before, after in pairwise(known)]
+    speech, timed_words = Speech.load(audio), Speech.load(audio, transcript=words).words
+    tokens = audio.with_suffix(".txt").read_text().split()
+    gaps = [after.start - before.end for before, after in pairwise(timed_words)]
     longest = int(np.argmax(gaps)) + 1
-    found = [*said[:longest], "[laughter]", *said[longest:]]
+    with_laugh = [*tokens[:longest], "[laughter]", *tokens[longest:]]
     aligner = SoundAligner(speech)
     laugh = next(
-        w for w in settle([(" ".join(found), 0.0, aligner.seconds)], aligner.seconds, speech=speech) if w.text == LAUGHTER
+        w for w in settle([(" ".join(with_laugh), 0.0, aligner.seconds)], aligner.seconds, speech=speech) if w.text == LAUGHTER
     )
-    assert known[longest - 1].end - 0.1 < laugh.start < laugh.end < known[longest].start + 0.1
+    assert timed_words[longest - 1].end - 0.1 < laugh.start < laugh.end < timed_words[longest].start + 0.1
     assert laugh.end - laugh.start > 0.1
 
 
@@ -197,8 +197,8 @@ def test_captions_of_youtube_are_said_once_and_have_times_of_words(tmp_path):
 
 
 def test_lines_that_roll_are_said_once_and_an_answer_twice(tmp_path):
-    def cues(*shown: str) -> str:
-        return "".join(f"{k}\n00:00:0{k},000 --> 00:00:0{k + 1},000\n{text}\n\n" for k, text in enumerate(shown, 1))
+    def cues(*lines: str) -> str:
+        return "".join(f"{k}\n00:00:0{k},000 --> 00:00:0{k + 1},000\n{text}\n\n" for k, text in enumerate(lines, 1))
 
     rolling = load_words(write(tmp_path, cues("one two", "one two\nthree", "three\nfour", "four\nfive"), "a.srt"))
     assert texts(rolling) == ["one", "two", "three", "four", "five"]
@@ -212,14 +212,14 @@ def test_lines_that_roll_are_said_once_and_an_answer_twice(tmp_path):
 
 
 def test_subtitles_whose_times_cannot_be_read_are_told_of(tmp_path):
-    broken = "1\n00:00:01,000 --> 00:00:02,000\none\n\n2\n00:00:02:12 --> 00:00:03:12\nlost\n\n3\n0:0:4,0 → 0:0:5\ntwo\n"
+    subtitles = "1\n00:00:01,000 --> 00:00:02,000\none\n\n2\n00:00:02:12 --> 00:00:03:12\nlost\n\n3\n0:0:4,0 → 0:0:5\ntwo\n"
     with pytest.warns(
         CospeechWarning, match="'a.srt': 1 subtitle of 3 left out, .* cannot be read: '00:00:02:12 --> 00:00:03:12'"
     ):
-        words = load_words(write(tmp_path, broken, "a.srt"))
+        words = load_words(write(tmp_path, subtitles, "a.srt"))
     assert rows(words) == [("one", 1.0, 2.0), ("two", 4.0, 5.0)]
     with pytest.raises(InputError, match="counts frames"):
-        load_words(write(tmp_path, broken[30:].partition("3\n0:0:4")[0], "a.srt"))
+        load_words(write(tmp_path, subtitles[30:].partition("3\n0:0:4")[0], "a.srt"))
 
 
 @pytest.mark.parametrize(
@@ -275,7 +275,7 @@ def test_lyrics_that_are_sung_again_and_the_last_line(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "told"),
+    ("name", "content", "message"),
     [
         ("a.sub", "{0}{25}Good evening\n{50}{75}My brother|Bob\n", "MicroDVD, which count frames .*ffmpeg -i a.sub a.srt"),
         ("b.ass", "; by Aegisub\n[Script Info]\nDialogue: 0,0:00:00.50,0:00:02.00,,,0,0,0,,Hi\n", "SubStation Alpha"),
@@ -297,11 +297,11 @@ def test_lyrics_that_are_sung_again_and_the_last_line(tmp_path):
         ("e.srt", "1\n00:00:00,000 --> 00:00:01,500\nGröße".encode("cp1252"), r"iconv -f CP1252 -t UTF-8 e.srt > utf8.srt"),
     ],
 )  # fmt: skip
-def test_what_is_not_read_is_told_with_a_way_out(tmp_path, name, content, told):
-    with pytest.raises(InputError, match=told) as caught:
+def test_what_is_not_read_is_told_with_a_way_out(tmp_path, name, content, message):
+    with pytest.raises(InputError, match=message) as refusal:
         load_words(write(tmp_path, content, name), speech_seconds=9.0)
-    assert "\n" not in str(caught.value)
-    assert len(str(caught.value)) < 300
+    assert "\n" not in str(refusal.value)
+    assert len(str(refusal.value)) < 300
 
 
 def test_a_clock_in_a_text_is_read_aloud(tmp_path, noise):
@@ -366,7 +366,7 @@ def test_subtitles_at_the_same_time_are_told_of(tmp_path, noise):
 
 
 @pytest.mark.parametrize(
-    ("lines", "said"),
+    ("lines", "speech"),
     [
         (["田中：こんにちは", "田中：はい"], ["こんにちは", "はい"]),
         (["राम: नमस्ते", "राम: हाँ"], [" नमस्ते", " हाँ"]),
@@ -378,8 +378,8 @@ def test_subtitles_at_the_same_time_are_told_of(tmp_path, noise):
         (["注意：気をつけて", "それはとても大切なこと：はい"], ["注意：気をつけて", "それはとても大切なこと：はい"]),
     ],
 )
-def test_names_in_other_typography(lines, said):
-    assert [line.strip() for line in drop_labels(lines)] == [line.strip() for line in said]
+def test_names_in_other_typography(lines, speech):
+    assert [line.strip() for line in drop_labels(lines)] == [line.strip() for line in speech]
 
 
 # ---- words of a cue on the sound ----
@@ -387,14 +387,14 @@ def test_names_in_other_typography(lines, said):
 
 def cues_of(words: tuple[Word, ...], count: int) -> str:
     """Subtitles of so many words, which begin up to .2 s before their sound and stay for up to .4 s."""
-    shown, last = [], 0.0
+    cues, last = [], 0.0
     for k in range(0, len(words), count):
         part, after = words[k : k + count], words[k + count : k + count + 1]
         start, end = max(last, part[0].start - 0.2), part[-1].end + 0.4
         last = min(end, max(part[-1].end, after[0].start - 0.2)) if after else end
         clock = " --> ".join(f"00:00:{seconds:06.3f}".replace(".", ",") for seconds in (start, last))
-        shown.append(f"{k}\n{clock}\n{' '.join(word.text for word in part)}\n")
-    return "\n".join(shown)
+        cues.append(f"{k}\n{clock}\n{' '.join(word.text for word in part)}\n")
+    return "\n".join(cues)
 
 
 @pytest.mark.slow
@@ -405,11 +405,12 @@ def test_words_of_subtitles_lie_on_the_sound(tmp_path, count):
     path = write(tmp_path, cues_of(speech.words, count), "a.srt")
     on_sound, alone = load_words(path, speech=speech), load_words(path, speech_seconds=speech.seconds)
     assert texts(on_sound) == texts(alone) == texts(speech.words)
-    placed, even = (
-        np.median([abs(a.start - b.start) for a, b in zip(found, speech.words, strict=True)]) for found in (on_sound, alone)
+    on_sound_error, alone_error = (
+        np.median([abs(a.start - b.start) for a, b in zip(cue_words, speech.words, strict=True)])
+        for cue_words in (on_sound, alone)
     )
-    assert placed < 0.06
-    assert placed < even / 2
+    assert on_sound_error < 0.06
+    assert on_sound_error < alone_error / 2
     with open_speech(audio, transcript=path) as source:  # before it is read
         assert source.words == with_language(on_sound)
 
@@ -475,7 +476,7 @@ def test_an_end_that_a_pipeline_leaves_out(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("document", "told"),
+    ("document", "message"),
     [
         ({"transcription": [{"offsets": {"from": 0}, "text": "a"}]}, "no offsets.to"),
         ({"chunks": [{"timestamp": 3, "text": "a"}]}, "timestamp of 'a' is 3"),
@@ -486,13 +487,13 @@ def test_an_end_that_a_pipeline_leaves_out(tmp_path):
         ({"NBest": [{"Words": [{"Word": "a", "Offset": -1}]}]}, "Offset is -1"),
     ],
 )
-def test_a_field_that_makes_no_sense_is_named(tmp_path, document, told):
-    with pytest.raises(InputError, match=told):
+def test_a_field_that_makes_no_sense_is_named(tmp_path, document, message):
+    with pytest.raises(InputError, match=message):
         load_words(write(tmp_path, json.dumps(document), "a.json"))
 
 
 def test_a_name_in_another_normal_form_is_found(tmp_path):
-    decomposed, composed = (unicodedata.normalize(form, "père") for form in ("NFD", "NFC"))
-    there = write(tmp_path, "x", f"{composed}.srt")
-    assert put_name(f"{tmp_path}/{{name}}.srt", decomposed) == str(there)
-    assert put_name(f"{tmp_path}/{{name}}.txt", decomposed) == f"{tmp_path}/{decomposed}.txt"
+    nfd, nfc = (unicodedata.normalize(form, "père") for form in ("NFD", "NFC"))
+    there = write(tmp_path, "x", f"{nfc}.srt")
+    assert put_name(f"{tmp_path}/{{name}}.srt", nfd) == str(there)
+    assert put_name(f"{tmp_path}/{{name}}.txt", nfd) == f"{tmp_path}/{nfd}.txt"

@@ -68,7 +68,7 @@ item []:
             text = "sil"
 '''
 SHORT_GRID = '"ooTextFile"\n"TextGrid"\n0\n2\n<exists>\n1\n"IntervalTier"\n"Mary"\n0\n2\n2\n0\n0.5\n""\n0.5\n2\n"été"\n'
-TIMED = [{"word": "hello", "start": 0.5, "end": 1.0}, {"word": "world", "start": 1, "end": 1.5}]
+WORD_TIMES = [{"word": "hello", "start": 0.5, "end": 1.0}, {"word": "world", "start": 1, "end": 1.5}]
 POCKETSPHINX = {
     "b": 0,
     "d": 2,
@@ -116,13 +116,13 @@ def test_textgrid_short_in_every_encoding(tmp_path, encoding, newline):
         ("a.csv", 'start;end;word\n0,5;1,0;"hello"\n1,0;1,5;"world"\n'),
         ("words.txt", "0.5,1.0,hello\n1.0,1.5,world\n"),
         ("a.lab", "0.5 1.0 hello\n1.0  1.5  world\n"),
-        ("a.json", json.dumps(TIMED)),
+        ("a.json", json.dumps(WORD_TIMES)),
         ("a.json", json.dumps([{"text": "hello", "start": "0.5", "end": "1.0"}, {"label": "world", "begin": 1, "stop": 1.5}])),
-        ("a.json", json.dumps({"words": TIMED})),  # Gentle
-        ("a.json", json.dumps({"words": [TIMED[0], {"word": "lost", "case": "not-found-in-audio"}, TIMED[1]]})),
-        ("a.json", json.dumps({"text": "hello world", "segments": [{"start": 0.5, "end": 1.5, "words": TIMED}]})),
+        ("a.json", json.dumps({"words": WORD_TIMES})),  # Gentle
+        ("a.json", json.dumps({"words": [WORD_TIMES[0], {"word": "lost", "case": "not-found-in-audio"}, WORD_TIMES[1]]})),
+        ("a.json", json.dumps({"text": "hello world", "segments": [{"start": 0.5, "end": 1.5, "words": WORD_TIMES}]})),
         ("a.json", json.dumps({"segments": [{"start": 0.5, "end": 1.5, "text": "hello world"}]})),  # Whisper without word times
-        ("a.json", json.dumps({"result": [{**word, "conf": 1.0} for word in TIMED], "text": "hello world"})),  # Vosk
+        ("a.json", json.dumps({"result": [{**word, "conf": 1.0} for word in WORD_TIMES], "text": "hello world"})),  # Vosk
         ("a.json", json.dumps(POCKETSPHINX)),
         ("a.srt", "1\n00:00:00,500 --> 00:00:01,500\nHello world\n"),
         ("a.vtt", "WEBVTT\n\n00:00.500 --> 00:01.500 align:start\n<v Mary>Hello world\n"),
@@ -175,18 +175,18 @@ def test_a_speech_takes_no_transcript_without_words(tmp_path, name, text, hint):
     path, sound = write(tmp_path, text, name), tmp_path / "a.wav"
     soundfile.write(sound, np.zeros(16_000), 16_000)
     for load in (Speech.load, open_speech):
-        with pytest.raises(InputError) as told:
+        with pytest.raises(InputError) as refusal:
             load(sound, transcript=path)
-        assert str(told.value) == f"no words in {name!r} ({hint})"
+        assert str(refusal.value) == f"no words in {name!r} ({hint})"
 
 
-def test_librivox(shared):
-    folder = shared / "data" / "speech" / "librivox"
+def test_librivox(shared_folder):
+    folder = shared_folder / "data" / "speech" / "librivox"
     for path in sorted(folder.glob("*-[0-9]*.json")):
         if path.name.count(".") > 1:  # phones and states
             continue
-        said = path.with_suffix(".txt").read_text().split()
-        assert texts(load_words(path, speech=Speech.load(path.with_suffix(".flac")))) == said
+        tokens = path.with_suffix(".txt").read_text().split()
+        assert texts(load_words(path, speech=Speech.load(path.with_suffix(".flac")))) == tokens
 
 
 # ---- forty that are wrong ----
@@ -197,9 +197,9 @@ MANY = '"ooTextFile"\n"TextGrid"\n0\n100000\n<exists>\n1\n"IntervalTier"\n"words
 )
 
 
-def cues(*said: str) -> str:
+def cues(*lines: str) -> str:
     """SubRip with a cue of a second for each text."""
-    return "".join(f"{k}\n00:00:0{k},000 --> 00:00:0{k + 1},000\n{text}\n\n" for k, text in enumerate(said, 1))
+    return "".join(f"{k}\n00:00:0{k},000 --> 00:00:0{k + 1},000\n{text}\n\n" for k, text in enumerate(lines, 1))
 
 
 CASES: dict[str, tuple[str, str | bytes, str | list[str]]] = {
@@ -289,20 +289,22 @@ def test_forty_transcripts_that_are_wrong(tmp_path, case):
     name, content, expected = CASES[case]
     path = write(tmp_path, content, name)
     if isinstance(expected, str):
-        with pytest.raises(InputError, match=expected) as caught:
+        with pytest.raises(InputError, match=expected) as refusal:
             load_words(path, speech=ten_seconds())
-        assert "\n" not in str(caught.value)
-        assert len(str(caught.value)) < 300
+        assert "\n" not in str(refusal.value)
+        assert len(str(refusal.value)) < 300
         return
-    told = {"100,000 intervals": "99990 of 100000 words", "before the start": "1 of 2 words end before the beginning"}.get(case)
-    with pytest.warns(CospeechWarning, match=told) if told else nullcontext():
+    warning = {"100,000 intervals": "99990 of 100000 words", "before the start": "1 of 2 words end before the beginning"}.get(
+        case
+    )
+    with pytest.warns(CospeechWarning, match=warning) if warning else nullcontext():
         words = load_words(path, speech=ten_seconds())
     assert texts(words) == expected
     check(words, 10.0)
 
 
 def check(words: tuple[Word, ...], seconds: float) -> None:
-    """What the rest may rely on."""
+    """Assert what all callers rely on: words have a text, follow each other and lie within the speech."""
     for word, after in zip(words, [*words, Word("", seconds, seconds)][1:], strict=True):
         assert 0 <= word.start < word.end <= after.start <= seconds + 1e-9, (word, after)
         assert word.text
@@ -351,14 +353,14 @@ def test_plain_text_lies_on_the_sound(speech):
     assert np.median(errors) < np.median(even) / 4
 
 
-def test_plain_text_on_people(shared):
+def test_plain_text_on_people(shared_folder):
     errors = []
-    folder = shared / "data" / "speech" / "librivox"
+    folder = shared_folder / "data" / "speech" / "librivox"
     for path in sorted(folder.glob("*-[0-9][0-9][0-9][0-9].json")):
         speech = Speech.load(path.with_suffix(".flac"))
         words = load_words(path.with_suffix(".txt"), speech=speech)
         errors += [abs(a.start - b.start) for a, b in zip(words, load_words(path, speech=speech), strict=True)]
-    grid = shared / "data" / "face_grid_s1"
+    grid = shared_folder / "data" / "face_grid_s1"
     for path in sorted((grid / "words").glob("*.align"))[5::30]:
         lines = [line.split() for line in path.read_text().splitlines()]
         spoken = [(text, int(start) / 25_000) for start, _, text in lines if text not in ("sil", "sp")]
@@ -452,17 +454,17 @@ def test_transcribe_takes_the_words_of_the_recogniser(tmp_path, monkeypatch):
     fake = ModuleType("faster_whisper")
     fake.WhisperModel = WhisperModel
     monkeypatch.setitem(sys.modules, "faster_whisper", fake)
-    plain, heard = (tmp_path / name for name in ("plain.json", "heard.json"))
+    plain, with_words = (tmp_path / name for name in ("plain.json", "heard.json"))
     generate_files(example()[0], [plain])
-    generate_files(example()[0], [heard], transcribe=True)
-    assert plain.read_bytes() != heard.read_bytes()
+    generate_files(example()[0], [with_words], transcribe=True)
+    assert plain.read_bytes() != with_words.read_bytes()
 
     def offline(self, path, *, word_timestamps):
         raise OSError("cannot reach the hub\nmore")
 
     monkeypatch.setattr(WhisperModel, "transcribe", offline)
     with pytest.raises(InputError, match="cannot reach the hub"):
-        generate_files(example()[0], [heard], transcribe=True)
+        generate_files(example()[0], [with_words], transcribe=True)
 
 
 def test_transcribe_without_the_extra_says_what_to_install(tmp_path):
@@ -497,8 +499,8 @@ def test_sentences_of_a_long_text_are_found_though_the_speaker_becomes_quicker()
             ] * 3  # a syllable takes .22 s at first, and .14 s at the end
         tokens[-1] += "."
         energy += [-90.0] * int(random.integers(30, 60))
-    heard = np.array(energy)
-    none = np.zeros(len(heard))
-    words = align(tokens, Features(heard, none, none, none, np.zeros((len(heard), 5)), fps=100.0))
+    levels = np.array(energy)
+    none = np.zeros(len(levels))
+    words = align(tokens, Features(levels, none, none, none, np.zeros((len(levels), 5)), fps=100.0))
     off = np.abs([words[first].start - time for first, time in starts])
     assert (np.median(off), off.max()) == (pytest.approx(0, abs=0.1), pytest.approx(0, abs=0.5))

@@ -1,4 +1,4 @@
-"""Word times of text-to-speech services: as they give them, and however they are damaged."""
+"""Word times of text-to-speech services: read as the services send them, and refused in a line where they are damaged."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cospeech.errors import InputError
 
 
 def alignment(text: str, start: float = 0.0, step: float = 0.1) -> dict:
-    """Of a text whose characters take a tenth of a second each."""
+    """The alignment of a text whose characters take a tenth of a second each."""
     starts = [round(start + k * step, 3) for k in range(len(text))]
     ends = [round(begin + step, 3) for begin in starts]
     return {"characters": [*text], "character_start_times_seconds": starts, "character_end_times_seconds": ends}
@@ -34,7 +34,7 @@ STREAM = [
 
 
 def message(text: str, long: str = "charDurationsMs") -> dict:
-    """Of the WebSocket: times count from its beginning."""
+    """A message of the WebSocket: times count from its beginning."""
     return {"chars": [*text], "charStartTimesMs": [100 * k for k in range(len(text))], long: [100] * len(text)}
 
 
@@ -114,16 +114,16 @@ def test_times_of_messages_of_the_websocket_count_from_the_end_of_the_message_be
 
 
 def test_a_word_comes_as_soon_as_it_is_certain():
-    taken, given_out = [], []
+    sent_pieces, word_times = [], []
 
     def pieces():
         for piece in STREAM:
-            taken.append(piece)
+            sent_pieces.append(piece)
             yield piece
 
     for text, _, _ in read_documents(pieces()):
-        given_out.append((text, len(taken)))
-    assert given_out == [("Hello", 3), ("you.", 3), ("Bye", 4)]
+        word_times.append((text, len(sent_pieces)))
+    assert word_times == [("Hello", 3), ("you.", 3), ("Bye", 4)]
 
 
 def test_signs_of_a_script_without_blanks_keep_their_times():
@@ -162,8 +162,8 @@ def test_lines_of_plain_words_are_read():
 STARTS, ENDS = "character_start_times_seconds", "character_end_times_seconds"
 
 
-def changed(pieces: list, at: int, *path: object, value: object = None) -> str:
-    """As JSON lines, with a value in another's place; None takes it away."""
+def edit(pieces: list, at: int, *path: object, value: object = None) -> str:
+    """The pieces as JSON lines, with one value replaced; None removes it."""
     pieces = copy.deepcopy(pieces)
     node = pieces[at]
     for key in path[:-1]:
@@ -176,49 +176,49 @@ def changed(pieces: list, at: int, *path: object, value: object = None) -> str:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "problem"),
     [
-        (changed(STREAM, 2, "alignment", "characters"), "object 3: alignment has no characters (a list belongs there)"),
-        (changed(STREAM, 2, "alignment", STARTS), f"object 3: alignment has no {STARTS} (a list"),
-        (changed(STREAM, 2, "alignment", STARTS, value=3), f"object 3: {STARTS} of alignment is '3' (a list"),
-        (changed(STREAM, 2, "alignment", ENDS, 7), f"object 3: {ENDS} of alignment has 7 values, and characters has 8 (one"),
-        (changed(STREAM, 2, "alignment", STARTS, 1, value=-0.5), f"object 3: {STARTS}[1] of alignment is -0.5 (seconds, 0 and"),
-        (changed(STREAM, 2, "alignment", STARTS, 1, value="1"), f"object 3: {STARTS}[1] of alignment is 1 (seconds"),
-        (changed(STREAM, 2, "alignment", ENDS, 1, value=0.1), f"object 3: {ENDS}[1] of alignment is 0.1, before its start"),
-        (changed(STREAM, 2, "alignment", "characters", 1, value=4), "object 3: characters[1] of alignment is '4' (a character"),
-        (changed(STREAM, 2, "alignment", value=[1]), "object 3: alignment is '[1]' (an object with characters"),
-        (changed(STREAM, 3, "normalized_alignment", STARTS, 0, value=0.0), f"object 4: {STARTS} goes back from 1.1 to 0 s"),
-        (changed(STREAM, 3, "normalized_alignment", STARTS, 0, value=float("nan")), f"line 4 holds NaN in '{STARTS}' (only"),
+        (edit(STREAM, 2, "alignment", "characters"), "object 3: alignment has no characters (a list belongs there)"),
+        (edit(STREAM, 2, "alignment", STARTS), f"object 3: alignment has no {STARTS} (a list"),
+        (edit(STREAM, 2, "alignment", STARTS, value=3), f"object 3: {STARTS} of alignment is '3' (a list"),
+        (edit(STREAM, 2, "alignment", ENDS, 7), f"object 3: {ENDS} of alignment has 7 values, and characters has 8 (one"),
+        (edit(STREAM, 2, "alignment", STARTS, 1, value=-0.5), f"object 3: {STARTS}[1] of alignment is -0.5 (seconds, 0 and"),
+        (edit(STREAM, 2, "alignment", STARTS, 1, value="1"), f"object 3: {STARTS}[1] of alignment is 1 (seconds"),
+        (edit(STREAM, 2, "alignment", ENDS, 1, value=0.1), f"object 3: {ENDS}[1] of alignment is 0.1, before its start"),
+        (edit(STREAM, 2, "alignment", "characters", 1, value=4), "object 3: characters[1] of alignment is '4' (a character"),
+        (edit(STREAM, 2, "alignment", value=[1]), "object 3: alignment is '[1]' (an object with characters"),
+        (edit(STREAM, 3, "normalized_alignment", STARTS, 0, value=0.0), f"object 4: {STARTS} goes back from 1.1 to 0 s"),
+        (edit(STREAM, 3, "normalized_alignment", STARTS, 0, value=float("nan")), f"line 4 holds NaN in '{STARTS}' (only"),
         (to_lines(STREAM).replace("0.3]", "1e999]"), f"object 1: {ENDS}[2] of normalized_alignment is inf (seconds"),
         (to_lines(STREAM)[:-9], "line 4 is not JSON: "),
         (json.dumps(STREAM, indent=1)[:-30], "the transcript is not JSON: "),
         (to_lines([*STREAM, 3]), "object 5 is '3' (a JSON object"),
-        (changed(SOCKET, 1, "alignment", "chars"), "object 2: alignment has no chars (a list belongs there)"),
-        (changed(SOCKET, 0, "normalizedAlignment", "charDurationsMs"), "object 1: normalizedAlignment has no charDurationsMs"),
-        (changed(SOCKET, 1, "alignment", "charStartTimesMs", 2, value=-1), "object 2: charStartTimesMs[2] of alignment is -1"),
-        (changed(CARTESIA, 2, "word_timestamps", "end"), "object 3: word_timestamps has no list end (one value for each word)"),
-        (changed(CARTESIA, 2, "word_timestamps", "end", 1), "object 3: word_timestamps has 2 words, 2 starts and 1 ends (one"),
-        (changed(CARTESIA, 1, "word_timestamps", "start", 0, value="0"), "object 2: start of 'Hi,' is 0 (seconds, 0 and more)"),
-        (changed(CARTESIA, 1, "word_timestamps", "words", 0, value=3), "object 2: a word is 3 (a text belongs there)"),
-        (changed(CARTESIA, 1, "word_timestamps", value=[3]), "object 2: word_timestamps is '[3]' (an object with words"),
-        (changed(PYTHON, 0, "text"), "object 1: there is no text (the SDK has it since version 1.21)"),
-        (changed(PYTHON, 4, "duration"), "object 5: there is no duration of 'you' (ticks of 100 ns"),
-        (changed(PYTHON, 4, "duration", value="soon"), "object 5: duration of 'you' is 'soon' (ticks of 100 ns, or a text"),
-        (changed(PYTHON, 4, "audio_offset", value=-1), "object 5: audio_offset of 'you' is -1 (ticks of 100 ns, 0 and more)"),
-        (changed(PYTHON, 4, "audio_offset"), "object 5: there is no audio_offset of 'you'"),
-        (changed(PYTHON, 4, "audio_offset", value=True), "object 5: audio_offset of 'you' is True"),
-        (changed(BATCH, 1, "AudioOffset", value="400"), "object 2: AudioOffset of 'you' is 400 (milliseconds, 0 and more)"),
-        (changed(POLLY, 3, "time"), "object 4: there is no time of 'had' (milliseconds, 0 and more)"),
-        (changed(POLLY, 3, "time", value=-6), "object 4: time of 'had' is -6 (milliseconds"),
-        (changed(POLLY, 3, "type"), "object 4: a mark has no type (word, sentence, viseme, ssml)"),
-        (changed(POLLY, 3, "type", value="noun"), "object 4: type is 'noun' (word, sentence"),
-        (changed(POLLY, 3, "value"), "object 4: there is no value (the word belongs there)"),
+        (edit(SOCKET, 1, "alignment", "chars"), "object 2: alignment has no chars (a list belongs there)"),
+        (edit(SOCKET, 0, "normalizedAlignment", "charDurationsMs"), "object 1: normalizedAlignment has no charDurationsMs"),
+        (edit(SOCKET, 1, "alignment", "charStartTimesMs", 2, value=-1), "object 2: charStartTimesMs[2] of alignment is -1"),
+        (edit(CARTESIA, 2, "word_timestamps", "end"), "object 3: word_timestamps has no list end (one value for each word)"),
+        (edit(CARTESIA, 2, "word_timestamps", "end", 1), "object 3: word_timestamps has 2 words, 2 starts and 1 ends (one"),
+        (edit(CARTESIA, 1, "word_timestamps", "start", 0, value="0"), "object 2: start of 'Hi,' is 0 (seconds, 0 and more)"),
+        (edit(CARTESIA, 1, "word_timestamps", "words", 0, value=3), "object 2: a word is 3 (a text belongs there)"),
+        (edit(CARTESIA, 1, "word_timestamps", value=[3]), "object 2: word_timestamps is '[3]' (an object with words"),
+        (edit(PYTHON, 0, "text"), "object 1: there is no text (the SDK has it since version 1.21)"),
+        (edit(PYTHON, 4, "duration"), "object 5: there is no duration of 'you' (ticks of 100 ns"),
+        (edit(PYTHON, 4, "duration", value="soon"), "object 5: duration of 'you' is 'soon' (ticks of 100 ns, or a text"),
+        (edit(PYTHON, 4, "audio_offset", value=-1), "object 5: audio_offset of 'you' is -1 (ticks of 100 ns, 0 and more)"),
+        (edit(PYTHON, 4, "audio_offset"), "object 5: there is no audio_offset of 'you'"),
+        (edit(PYTHON, 4, "audio_offset", value=True), "object 5: audio_offset of 'you' is True"),
+        (edit(BATCH, 1, "AudioOffset", value="400"), "object 2: AudioOffset of 'you' is 400 (milliseconds, 0 and more)"),
+        (edit(POLLY, 3, "time"), "object 4: there is no time of 'had' (milliseconds, 0 and more)"),
+        (edit(POLLY, 3, "time", value=-6), "object 4: time of 'had' is -6 (milliseconds"),
+        (edit(POLLY, 3, "type"), "object 4: a mark has no type (word, sentence, viseme, ssml)"),
+        (edit(POLLY, 3, "type", value="noun"), "object 4: type is 'noun' (word, sentence"),
+        (edit(POLLY, 3, "value"), "object 4: there is no value (the word belongs there)"),
     ],
 )  # fmt: skip
-def test_the_field_that_is_wrong_is_named(text, told):
-    with pytest.raises(InputError) as caught:
+def test_the_field_that_is_wrong_is_named(text, problem):
+    with pytest.raises(InputError) as refusal:
         words_of(text)
-    assert str(caught.value).startswith(told)
+    assert str(refusal.value).startswith(problem)
 
 
 JUNK = (None, True, -3, 0, 7, 10**20, 0.5, -0.5, float("nan"), float("inf"), "", "a", "0:00:01", [], {}, [[1]], {"a": 1})
@@ -251,5 +251,5 @@ def test_damaged_objects_give_words_or_a_line_of_error(pieces, seed):
 
 def test_every_service_is_found_by_one_row_alone():
     rows = [ELEVENLABS, STREAM[1], alignment("a"), PYTHON[2], JAVASCRIPT[0], CSHARP[0], BATCH[0], POLLY[0]]
-    found = [[name for name, service in SERVICES.items() if service.has_fields(row)] for row in rows]
-    assert found == [["ElevenLabs"]] * 3 + [["Azure Speech"]] * 4 + [["Amazon Polly"]]
+    services = [[name for name, service in SERVICES.items() if service.has_fields(row)] for row in rows]
+    assert services == [["ElevenLabs"]] * 3 + [["Azure Speech"]] * 4 + [["Amazon Polly"]]

@@ -1,4 +1,4 @@
-"""Emotion in a voice: against the level of that voice, in pieces of any size, and careful."""
+"""Emotion in a voice: measured against the level of that voice, the same in pieces of any size, and played only if sure."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ def looks_of(voice: VoiceEmotion, end: float = 6.0) -> list[VoiceLook | None]:
 def test_functionals_are_finite_and_the_gain_moves_levels_alone(frames):
     row = measure_voice(frames[100:300])
     louder = replace(frames, energy=frames.energy + 6, bands=frames.bands + 6, mel=frames.mel + np.float32(6 * np.log(10) / 10))
-    moved = measure_voice(louder[100:300]) - row
+    difference = measure_voice(louder[100:300]) - row
     assert row.shape == (FUNCTIONALS,)
     assert np.isfinite(row).all()
-    assert moved[list(LEVELS)] == pytest.approx([6, 6], abs=1e-3)
-    assert np.abs(np.delete(moved, LEVELS)).max() < 1e-3
+    assert difference[list(LEVELS)] == pytest.approx([6, 6], abs=1e-3)
+    assert np.abs(np.delete(difference, LEVELS)).max() < 1e-3
 
 
 def test_nearly_nothing_is_no_voice(frames):
@@ -58,16 +58,16 @@ def test_the_level_runs_from_that_of_all_voices_to_that_of_this_one():
     assert np.std([level.standardise(row) for row in rows[:60]], 0).mean() == pytest.approx(1, abs=0.3)
 
 
-def test_pieces_do_not_show(frames):
+def test_pieces_of_any_size_give_the_same(frames):
     whole, parts = VoiceEmotion(), VoiceEmotion()
     whole.push(frames)
     expected = looks_of(whole)
-    found: list[VoiceLook | None] = []
+    looks: list[VoiceLook | None] = []
     for at in range(0, len(frames), 25):
         parts.push(frames[at : at + 25])
         if (at + 25) % 50 == 0:
-            found.append(parts.look((at + 25) / 100))
-    for one, other in zip(found, expected, strict=False):
+            looks.append(parts.look((at + 25) / 100))
+    for one, other in zip(looks, expected, strict=False):
         assert (one is None) == (other is None)
         if one is not None:
             assert one.arousal == other.arousal
@@ -87,7 +87,7 @@ def surely(name: str, probability: float) -> VoiceLook:
     return VoiceLook(0.0, np.log(shares))
 
 
-def played(name: str, probability: float, looks: int) -> np.ndarray:
+def play_looks(name: str, probability: float, looks: int) -> np.ndarray:
     emotion = ConfidentEmotion()
     for _ in range(looks):
         emotion.follow(surely(name, probability))
@@ -96,11 +96,11 @@ def played(name: str, probability: float, looks: int) -> np.ndarray:
 
 def test_a_category_is_played_only_where_it_is_sure_and_the_voice_is_known():
     anger = CATEGORIES.index("anger")
-    assert played("anger", 0.9, 40)[anger] > 0.95
-    assert played("anger", 0.49, 40)[0] == pytest.approx(1)
-    assert played("anger", 0.9, 8)[0] == pytest.approx(1)
-    assert played("boredom", 0.95, 40)[0] == pytest.approx(1)
-    assert played("anger", 0.7, 40).sum() == pytest.approx(1)
+    assert play_looks("anger", 0.9, 40)[anger] > 0.95
+    assert play_looks("anger", 0.49, 40)[0] == pytest.approx(1)
+    assert play_looks("anger", 0.9, 8)[0] == pytest.approx(1)
+    assert play_looks("boredom", 0.95, 40)[0] == pytest.approx(1)
+    assert play_looks("anger", 0.7, 40).sum() == pytest.approx(1)
     emotion = ConfidentEmotion()
     for look in [*[surely("anger", 0.9)] * 40, *[None] * 60]:
         before, after = emotion.played, emotion.follow(look)
@@ -108,15 +108,15 @@ def test_a_category_is_played_only_where_it_is_sure_and_the_voice_is_known():
     assert emotion.played[0] > 0.99
 
 
-def test_the_weights_are_small_and_tell_acted_anger_from_sadness(shared):
-    """Of the actors it was trained on: a check that it works; how well for others, the page says."""
+def test_the_weights_are_small_and_tell_acted_anger_from_sadness(shared_folder):
+    """On actors of its training data: this checks that it works. The page says how well it works for others."""
     weights = load_weights()
     assert weights.categories.shape == (len(CATEGORIES), FUNCTIONALS + 1)
-    with (shared / "data" / "speech_emotion" / "labels.csv").open(encoding="utf-8") as file:
+    with (shared_folder / "data" / "speech_emotion" / "labels.csv").open(encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["speaker"] == "03" and row["emotion"] in ("anger", "sadness")][:12]
-    level, heard = RunningLevel(weights), {"anger": list[float](), "sadness": list[float]()}
+    level, arousal = RunningLevel(weights), {"anger": list[float](), "sadness": list[float]()}
     for row in rows:
-        sound = Speech.load(shared / "data" / "speech_emotion" / row["file"], rate=16_000)
+        sound = Speech.load(shared_folder / "data" / "speech_emotion" / row["file"], rate=16_000)
         functionals = measure_voice(analyse(sound, mel=True))
-        heard[row["emotion"]].append(judge_voice(level.standardise(functionals), weights).arousal)
-    assert min(heard["anger"]) > max(heard["sadness"])
+        arousal[row["emotion"]].append(judge_voice(level.standardise(functionals), weights).arousal)
+    assert min(arousal["anger"]) > max(arousal["sadness"])

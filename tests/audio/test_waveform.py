@@ -1,4 +1,4 @@
-"""The waveform as features of frames: what each row holds, in pieces as in one; and a store that keeps it."""
+"""The waveform as features of frames: what each row holds; pieces give the rows of the whole; a store keeps them."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def test_a_row_is_the_sound_of_its_own_frame():
 @pytest.mark.parametrize("rate", [16_000, 22_050])
 def test_pieces_give_the_bits_of_the_whole(rate):
     speech = tone(1.3, rate)
-    whole, heard = waveform_rows(speech, 20, FPS), WaveformFeatures(FPS)
-    parts = [heard.push(Speech(speech.samples[k : k + 777], rate)) for k in range(0, len(speech.samples), 777)]
-    pieces = np.concatenate([*parts, heard.finish()])
+    whole, features = waveform_rows(speech, 20, FPS), WaveformFeatures(FPS)
+    parts = [features.push(Speech(speech.samples[k : k + 777], rate)) for k in range(0, len(speech.samples), 777)]
+    pieces = np.concatenate([*parts, features.finish()])
     assert pieces.tobytes() == whole.tobytes()
 
 
@@ -39,14 +39,14 @@ def test_after_the_sound_there_is_silence():
 
 
 def test_a_row_is_there_as_soon_as_its_sound_has_been_heard():
-    heard, speech = WaveformFeatures(FPS), tone(1.0)
+    features, speech = WaveformFeatures(FPS), tone(1.0)
     given = 0
     for k in range(100):
-        given += len(heard.push(Speech(speech.samples[k * 160 : (k + 1) * 160])))
-        assert given >= int(((k + 1) / 100 - heard.delay) * FPS + 1e-9)
+        given += len(features.push(Speech(speech.samples[k * 160 : (k + 1) * 160])))
+        assert given >= int(((k + 1) / 100 - features.delay) * FPS + 1e-9)
 
 
-def test_it_is_heard_as_it_is():
+def test_the_waveform_is_not_reduced():
     features = open_features("waveform", FPS)
     rows = np.concatenate([features.push(tone(0.4)), features.finish()])
     assert reduce_audio(rows, "waveform").tobytes() == rows.tobytes()
@@ -56,7 +56,7 @@ def test_cepstra_are_the_cosine_transform_of_the_log_powers():
     rows = np.random.default_rng(0).normal(size=(3, 84)).astype(np.float32)
     band = np.arange(80) + 0.5
     expected = [[(row[:80] * np.cos(np.pi * k * band / 80)).sum() * (2 / 80) ** 0.5 for k in range(14)] for row in rows]
-    found = reduce_audio(rows, "mfcc14")
-    np.testing.assert_allclose(found[:, 1:], np.array(expected)[:, 1:], atol=1e-4)
-    np.testing.assert_allclose(found[:, 0], np.array(expected)[:, 0] / 2**0.5, atol=1e-4)
-    assert reduce_audio(rows[1:2], "mfcc14").tobytes() == found[1:2].tobytes()
+    cepstra = reduce_audio(rows, "mfcc14")
+    np.testing.assert_allclose(cepstra[:, 1:], np.array(expected)[:, 1:], atol=1e-4)
+    np.testing.assert_allclose(cepstra[:, 0], np.array(expected)[:, 0] / 2**0.5, atol=1e-4)
+    assert reduce_audio(rows[1:2], "mfcc14").tobytes() == cepstra[1:2].tobytes()

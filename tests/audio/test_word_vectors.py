@@ -1,4 +1,4 @@
-"""Word vectors of fastText, against means worked out here of the rows that a file was made of; and files that are broken."""
+"""Word vectors of fastText, against means that are computed here from the rows of the file; and broken files."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class Model:
         out = struct.pack("<2i", 793712314, self.version)
         out += struct.pack("<12id", self.width, 5, 5, 1, 5, 1, 2, model, self.buckets, self.low, self.high, 100, 1e-4)
         entries = [(word, 0) for word in self.words] + [(label, 1) for label in self.labels]
-        pruned = -1 if self.pruned is None else len(self.pruned)
-        out += struct.pack("<3i2q", len(entries), len(self.words), len(self.labels), 1234, pruned)
+        pruned_count = -1 if self.pruned is None else len(self.pruned)
+        out += struct.pack("<3i2q", len(entries), len(self.words), len(self.labels), 1234, pruned_count)
         for k, (text, kind) in enumerate(entries):
             out += text.encode() + b"\0" + struct.pack("<qb", 97 + k, kind)  # counts that look like letters
         return out + b"".join(struct.pack("<2i", *pair) for pair in self.pruned or ())
@@ -57,9 +57,9 @@ class Model:
 
     def rows(self, word: str) -> list[int]:
         """Rows of a word, character by character rather than byte by byte."""
-        found = [self.words.index(word)] if word in self.words else []
+        indices = [self.words.index(word)] if word in self.words else []
         if word == "</s>" or not self.buckets:
-            return found
+            return indices
         text = f"<{word}>"
         for first in range(len(text)):
             for size in range(max(1, self.low), self.high + 1):
@@ -74,8 +74,8 @@ class Model:
                 if self.pruned is not None:
                     bucket = dict(self.pruned).get(bucket)
                 if bucket is not None:
-                    found.append(len(self.words) + bucket)
-        return found
+                    indices.append(len(self.words) + bucket)
+        return indices
 
     def vector(self, word: str) -> np.ndarray:
         rows = self.rows(word)
@@ -109,8 +109,8 @@ def test_vectors_of_a_bin(tmp_path: Path, name: str):
 
 
 def test_n_grams_of_fasttexts_documentation():
-    found = [gram.decode() for gram in ngrams("où".encode(), 3, 6)]
-    assert found == ["<où", "<où>", "où>"]
+    grams = [gram.decode() for gram in ngrams("où".encode(), 3, 6)]
+    assert grams == ["<où", "<où>", "où>"]
     assert ngrams(b"where", 3, 3) == [b"<wh", b"whe", b"her", b"ere", b"re>"]  # Bojanowski et al. 2017, section 3.2
     assert ngrams(b"a", 1, 1) == [b"a"]
 
@@ -122,16 +122,16 @@ def text_of(model: Model, *, end: str = " \n") -> bytes:
 
 
 @pytest.mark.parametrize("end", [" \n", "\n", "\r\n"])
-@pytest.mark.parametrize("packed", [False, True])
-def test_vectors_of_a_vec(tmp_path: Path, end: str, packed: bool):
-    model, path = Model(), tmp_path / ("a.vec.gz" if packed else "a.vec")
+@pytest.mark.parametrize("is_packed", [False, True])
+def test_vectors_of_a_vec(tmp_path: Path, end: str, is_packed: bool):
+    model, path = Model(), tmp_path / ("a.vec.gz" if is_packed else "a.vec")
     data = text_of(model, end=end)
-    path.write_bytes(gzip.compress(data) if packed else data)
+    path.write_bytes(gzip.compress(data) if is_packed else data)
     vectors = open_vectors(path)
     assert vectors.width == 7
-    wanted = ["мир", "nowhere", "the", "the", "Straße"]
-    expected = np.stack([model.matrix[model.words.index(w)] if w in model.words else np.zeros(7) for w in wanted])
-    np.testing.assert_array_equal(vectors.table(wanted), expected.astype(np.float32))
+    words = ["мир", "nowhere", "the", "the", "Straße"]
+    expected = np.stack([model.matrix[model.words.index(w)] if w in model.words else np.zeros(7) for w in words])
+    np.testing.assert_array_equal(vectors.table(words), expected.astype(np.float32))
     assert vectors.table([]).shape == (0, 7)
 
 
@@ -142,14 +142,14 @@ def test_names_do_not_matter(tmp_path: Path):
     assert not isinstance(open_vectors(tmp_path / "a.bin"), BinVectors)
 
 
-def quantised() -> bytes:
-    """As far as it is told that it is."""
+def write_quantised_model() -> bytes:
+    """The beginning of a quantised model, with the mark that says so."""
     return Model(labels=("__label__a",), supervised=True).head() + struct.pack("<?2q", True, 58, 7) + bytes(500)
 
 
-BROKEN = {
+BAD_FILES = {
     "empty": (b"", "no word vectors|missing|is empty"),
-    "quantised": (quantised(), "is quantised"),
+    "quantised": (write_quantised_model(), "is quantised"),
     "packed bin": (gzip.compress(Model().bytes()), "gunzip"),
     "newer": (struct.pack("<2i", 793712314, 13) + Model().bytes()[8:], "version 13"),
     "no header": (b"the 0.1 0.2\nof 0.3 0.4\n", "no word vectors"),
@@ -166,9 +166,9 @@ BROKEN = {
 }
 
 
-@pytest.mark.parametrize("name", BROKEN)
+@pytest.mark.parametrize("name", BAD_FILES)
 def test_broken_files_are_told(tmp_path: Path, name: str):
-    data, words = BROKEN[name]
+    data, words = BAD_FILES[name]
     (tmp_path / "a").write_bytes(data)
     with pytest.raises(InputError, match=words):
         open_vectors(tmp_path / "a").table(["the", "nowhere"])
@@ -200,10 +200,10 @@ def test_damage_of_any_kind_is_told_or_harmless(tmp_path: Path):
             hurt[at : at + 4] = rng.choice([rng.bytes(4), b"\xff\xff\xff\x7f", b"\xff\xff\xff\xff", bytes(4)])
         path.write_bytes(hurt)
         try:
-            found = open_vectors(path).table(["the", "gestures", ""])
+            table = open_vectors(path).table(["the", "gestures", ""])
         except InputError:
-            found = np.zeros((3, 1))
-        assert np.isfinite(found).all()
+            table = np.zeros((3, 1))
+        assert np.isfinite(table).all()
 
 
 @pytest.mark.slow
@@ -222,7 +222,7 @@ def test_text_of_any_kind_is_told_or_harmless(tmp_path: Path):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="files have no holes by themselves")
 def test_a_large_model_opens_at_once(tmp_path: Path):
-    """8 GB that are a hole in the disk, but for the dictionary: opening reads its ends alone."""
+    """A file of 8 GB, sparse but for the dictionary: opening it reads only its beginning and its end."""
     model = Model(width=300)
     head = bytearray(model.head())
     struct.pack_into("<i", head, 8 + 8 * 4, buckets := 7_000_000)
@@ -240,7 +240,7 @@ def test_a_large_model_opens_at_once(tmp_path: Path):
 
 
 def test_fixture_of_fasttext_itself():
-    """Vectors that fastText 0.9.3 gave for a model of its own making."""
+    """Vectors that fastText 0.9.3 gave, of a model that it trained itself."""
     folder = Path(__file__).parents[1] / "data" / "fasttext"
-    known = json.loads((folder / "vectors.json").read_text("utf-8"))
-    np.testing.assert_array_equal(open_vectors(folder / "model.bin").table([*known]), np.float32([*known.values()]))
+    vectors = json.loads((folder / "vectors.json").read_text("utf-8"))
+    np.testing.assert_array_equal(open_vectors(folder / "model.bin").table([*vectors]), np.float32([*vectors.values()]))

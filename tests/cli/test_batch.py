@@ -1,4 +1,4 @@
-"""Several speeches, folders and standard input; and what would be written in vain is told."""
+"""Several speeches, folders and standard input; options that change nothing are told."""
 
 from __future__ import annotations
 
@@ -80,8 +80,8 @@ def test_one_speech_into_a_folder(cli, place):
 
 def test_what_several_speeches_share_need_be_no_file(place):
     track = EmotionTrack.constant("anger")
-    done = generate_speeches(["rec/me/a.wav", "talk.wav"], ["out/{name}.bvh"], emotion=track, skeleton=find_skeleton("mixamo"))
-    assert not done.failed
+    batch = generate_speeches(["rec/me/a.wav", "talk.wav"], ["out/{name}.bvh"], emotion=track, skeleton=find_skeleton("mixamo"))
+    assert not batch.failed
     assert files("out") == ["a.bvh", "talk.bvh"]
 
 
@@ -109,19 +109,19 @@ def test_an_interrupted_run_goes_on(cli, place):
     Path("rec/me/b.wav").write_text("this is no sound\n" * 100, encoding="utf-8")
     assert cli(*line, "-q")[0] == 2
     Path("b.wav").replace("rec/me/b.wav")
-    done = {path: path.stat().st_mtime_ns for path in (Path("out/me/a.csv"), Path("out/you/a.csv"))}
+    times = {path: path.stat().st_mtime_ns for path in (Path("out/me/a.csv"), Path("out/you/a.csv"))}
     code, out, err = cli(*line, "--resume")
     assert (code, err) == (0, "note: 2 of 3 speeches left out: their files are there (--resume)\n")
     assert files("out") == ["me/a.csv", "me/b.csv", "you/a.csv"]
     assert re.findall(r"out/\S+", out) == ["out/me/b.csv"]
-    assert {path: path.stat().st_mtime_ns for path in done} == done
+    assert {path: path.stat().st_mtime_ns for path in times} == times
     code, out, err = cli(*line, "--resume")
     assert (code, out, err) == (0, "", "note: 3 of 3 speeches left out: their files are there (--resume)\n")
     os.utime("rec/you/a.wav", (time.time() + 9, time.time() + 9))  # it was recorded again
     Path("plans/me/a.json").unlink()
     assert "1 of 3 speeches left out" in cli(*line, "--resume", "-q")[2]
     assert files("plans") == ["me/a.json", "me/b.json", "you/a.json"]
-    assert Path("out/you/a.csv").stat().st_mtime_ns > done[Path("out/you/a.csv")]
+    assert Path("out/you/a.csv").stat().st_mtime_ns > times[Path("out/you/a.csv")]
 
 
 BAD = [
@@ -188,8 +188,8 @@ BAD = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("line", "said"), BAD, ids=[line for line, _ in BAD])
-def test_what_cannot_be_is_one_line_and_leaves_nothing(cli, place, line, said):
+@pytest.mark.parametrize(("line", "message"), BAD, ids=[line for line, _ in BAD])
+def test_what_cannot_be_is_one_line_and_leaves_nothing(cli, place, line, message):
     Path("empty").mkdir()
     Path("words.srt").write_text("1\n00:00:00,000 --> 00:00:00,500\nhello\n", encoding="utf-8")
     Path("moods.csv").write_text("time,emotion\n0,anger\n", encoding="utf-8")
@@ -201,14 +201,14 @@ def test_what_cannot_be_is_one_line_and_leaves_nothing(cli, place, line, said):
     assert (code, out) == (2, "")
     assert err.startswith("error: ")
     assert err.count("\n") == 1
-    assert said in err
+    assert message in err
     assert sorted(place.rglob("*")) == before
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
 @pytest.mark.parametrize("part", PARTS)
 def test_formats_hold_what_they_say(place, suffix, part):
-    """Each part alone: a file that holds it differs from one of nothing, one that does not is refused."""
+    """Each part alone: a format that holds it writes two performances differently; one that does not refuses it."""
     if suffix == ".mp4":
         pytest.importorskip("av", reason="needs PyAV (cospeech[av])")
     if part not in FORMATS[suffix].holds:
@@ -235,7 +235,7 @@ def test_a_face_alone_is_shown_near(cli, place):
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "message"),
     [
         ("generate talk.wav -o a.bvh --face-gain 1.5 -q", "face_gain changes nothing"),
         ("generate talk.wav -o a.glb --parts body --face-gain 1.5 -q", "face_gain changes nothing"),
@@ -243,7 +243,7 @@ def test_a_face_alone_is_shown_near(cli, place):
         ("convert talk.csv a.json --map m.toml -q", "the map changes nothing"),
     ],
 )
-def test_what_changes_nothing_is_said(cli, place, line, said):
+def test_what_changes_nothing_is_said(cli, place, line, message):
     motion = cospeech.load("rules").generate(cospeech.Speech.load("talk.wav"))
     motion.save("talk.bvh")
     motion.save("talk.csv")
@@ -252,7 +252,7 @@ def test_what_changes_nothing_is_said(cli, place, line, said):
     assert (code, out) == (0, "")
     assert err.startswith("note: ")
     assert err.count("\n") == 1
-    assert said in err
+    assert message in err
     with warnings.catch_warnings():
         warnings.simplefilter("error", CospeechWarning)
         assert cli("generate", "talk.wav", "-o", "b.glb", "--face-gain", "1.5", "-q") == (0, "", "")
@@ -260,24 +260,24 @@ def test_what_changes_nothing_is_said(cli, place, line, said):
 
 def test_standard_input(place):
     sound = Path("talk.wav").read_bytes()
-    done = subprocess.run([*COSPEECH, "generate", "-", "-o", "a.bvh", "-q"], input=sound, capture_output=True)
-    assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")
+    process = subprocess.run([*COSPEECH, "generate", "-", "-o", "a.bvh", "-q"], input=sound, capture_output=True)
+    assert (process.returncode, process.stdout, process.stderr) == (0, b"", b"")
     subprocess.run([*COSPEECH, "generate", "talk.wav", "-o", "b.bvh", "-q"], check=True)
     assert Path("a.bvh").read_bytes() == Path("b.bvh").read_bytes()
     before = sorted(place.rglob("*"))
-    for given, line, said in (
+    for given, line, message in (
         (sound, ["-"], b"no file to write for standard input"),
         (b"", ["-", "-o", "c.bvh"], b"0 bytes"),
         (b"no sound" * 1000, ["-", "-o", "c.bvh"], b"'stdin'"),
     ):
-        done = subprocess.run([*COSPEECH, "generate", *line], input=given, capture_output=True)
-        assert (done.returncode, done.stdout) == (2, b"")
-        assert said in done.stderr
+        process = subprocess.run([*COSPEECH, "generate", *line], input=given, capture_output=True)
+        assert (process.returncode, process.stdout) == (2, b"")
+        assert message in process.stderr
     ours, theirs = pty.openpty()  # a terminal, at which nobody types a WAV
-    done = subprocess.run([*COSPEECH, "generate", "-", "-o", "c.bvh"], stdin=theirs, capture_output=True, timeout=60)
+    process = subprocess.run([*COSPEECH, "generate", "-", "-o", "c.bvh"], stdin=theirs, capture_output=True, timeout=60)
     os.close(ours)
     os.close(theirs)
-    assert b"no sound on standard input" in done.stderr
+    assert b"no sound on standard input" in process.stderr
     assert sorted(place.rglob("*")) == before
 
 
@@ -293,11 +293,11 @@ def test_no_help_is_cut(cli, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     commands = ["", *(row.split()[0] for row in COMMANDS.splitlines())]
     for command in commands:
-        code, said, _ = cli(*command.split(), "--help")
+        code, text, _ = cli(*command.split(), "--help")
         assert code == 0
-        shown = re.sub(r"(\[ARGS\]|\{SPEECH\}|\{MOTION\}|SPEECH|\[SYSTEM\]|\])\.\.\.", "", said)  # as many as one likes
-        assert "..." not in shown, command
-        plain = [line for line in said.splitlines() if not re.match(r"  (cospeech|torchrun) ", line)]  # examples
+        without_dots = re.sub(r"(\[ARGS\]|\{SPEECH\}|\{MOTION\}|SPEECH|\[SYSTEM\]|\])\.\.\.", "", text)  # as many as one likes
+        assert "..." not in without_dots, command
+        plain = [line for line in text.splitlines() if not re.match(r"  (cospeech|torchrun) ", line)]  # examples
         assert max(map(len, plain)) <= 80, command
 
 
@@ -346,8 +346,8 @@ def test_patterns_take_no_file_twice_and_lead_nowhere_else(cli, place):
     assert sorted(path.relative_to("out").as_posix() for path in Path("out").rglob("*.npz")) == [
         "me/a.npz", "me/b.npz", "you/a.npz",
     ]  # fmt: skip
-    code, _, told = cli("generate", "rec/*/../../t*.wav", "-o", "out/{name}.npz")
-    assert (code, "'..' behind a sign of the pattern" in told) == (2, True)
+    code, _, err = cli("generate", "rec/*/../../t*.wav", "-o", "out/{name}.npz")
+    assert (code, "'..' behind a sign of the pattern" in err) == (2, True)
     Path("empty/one").mkdir(parents=True)
     assert "hold no such file" in cli("generate", "empty/*", "-o", "out/{name}.npz")[2]
 
@@ -365,8 +365,8 @@ def test_all_clashes_of_names_are_told(cli, place):
             Path(name).mkdir(exist_ok=True)
             Path(f"{name}/{k}.wav").write_bytes(b"RIFF")  # never opened
     code, _, err = cli("generate", "x", "y", "-o", "out/")
-    told = [f"'x/{k}.wav' and 'y/{k}.wav' are both called '{k}'" for k in range(3)]
-    assert (code, err.partition(" (")[0]) == (2, f"error: {'; '.join(told)}; and 2 more")
+    clashes = [f"'x/{k}.wav' and 'y/{k}.wav' are both called '{k}'" for k in range(3)]
+    assert (code, err.partition(" (")[0]) == (2, f"error: {'; '.join(clashes)}; and 2 more")
     assert "name the folder above them, '.'" in err
 
 
@@ -426,14 +426,14 @@ def test_gestures_of_the_plan_that_a_command_makes_can_be_named(cli, place):
     own = [EXAMPLE, "--tail", "1", "--fps", "10", "-q"]
     assert cli("generate", *own, "-o", "c.bvh", "--plan", "plan.json", *edits) == (0, "", "")
     assert Path("b.bvh").read_bytes() == Path("c.bvh").read_bytes() != Path("a.bvh").read_bytes()
-    for more, said in (
+    for more, message in (
         (["--remove", "g999"], "--remove g999: no gesture of the plan is called 'g999' (did you mean"),
         (["--remove", "g3", "--transcribe"], "(pass --plan plan.json, which --plan-out plan.json writes)"),
         (["--remove", "g3", "--model", "chain-of-generation"], "chain-of-generation lists no gestures to remove or to move"),
     ):
         code, _, err = cli("generate", *own, "-o", "x.bvh", *more)
         assert code == 2
-        assert said in err
+        assert message in err
 
 
 def test_a_video_beside_a_sound_of_its_name_is_no_second_speech(cli, place):
@@ -498,9 +498,9 @@ def test_notes_and_the_report_tell_which_speech_they_mean(place, cli, tmp_path, 
     for folder in ("a", "b"):
         (tmp_path / "rec" / folder).mkdir(parents=True)
         soundfile.write(tmp_path / "rec" / folder / "line1.wav", np.zeros(8000), 16_000)
-    code, _, told = cli("generate", "rec", "-o", "out/{name}.npz", "--report", "report.json", "-q", *jobs)
+    code, _, err = cli("generate", "rec", "-o", "out/{name}.npz", "--report", "report.json", "-q", *jobs)
     assert code == 0
-    assert [line for line in told.splitlines() if "silent" in line] == [
+    assert [line for line in err.splitlines() if "silent" in line] == [
         f"note: rec/{folder}/line1.wav is silent; mouth and hands rest throughout" for folder in ("a", "b")
     ]
     report = json.loads((tmp_path / "report.json").read_text())

@@ -96,11 +96,11 @@ def test_a_tail_lets_the_hands_come_down(cli, place):
     """The motion of the speech is the same with a tail; behind it, hands that were raised sink below the hips."""
     assert cli("generate", "talk.wav", "-o", "a.npz", "--seed", "2", "-q") == (0, "", "")
     assert cli("generate", "talk.wav", "-o", "b.npz", "--seed", "2", "-q", "--tail", "3", "--report", "r.json") == (0, "", "")
-    bare, tailed = (cospeech.Motion.load(name) for name in ("a.npz", "b.npz"))
-    assert len(tailed) == json.loads(Path("r.json").read_text(encoding="utf-8"))["frames"] == math.ceil((SECONDS + 3) * 30)
-    np.testing.assert_array_equal(tailed.rotations[: len(bare) - 30], bare.rotations[:-30])
-    index = tailed.skeleton.index
-    positions, _ = tailed.skeleton.forward(tailed.rotations, tailed.root)
+    bare, with_tail = (cospeech.Motion.load(name) for name in ("a.npz", "b.npz"))
+    assert len(with_tail) == json.loads(Path("r.json").read_text(encoding="utf-8"))["frames"] == math.ceil((SECONDS + 3) * 30)
+    np.testing.assert_array_equal(with_tail.rotations[: len(bare) - 30], bare.rotations[:-30])
+    index = with_tail.skeleton.index
+    positions, _ = with_tail.skeleton.forward(with_tail.rotations, with_tail.root)
     heights = positions[:, [index["left_wrist"], index["right_wrist"]], 1].max(1) - positions[:, index["pelvis"], 1]
     assert heights[len(bare) - 1] > 0.05
     assert heights[-1] < 0
@@ -157,10 +157,10 @@ def test_list_has_every_model_and_format(cli):
     assert [row["name"] for row in json.loads(cli("list", "formats", "--json")[1])] == list(FORMATS)
 
 
-@pytest.mark.parametrize(("number", "told"), [(0, "0 speeches"), (1, "1 speech"), (2, "2 speeches")])
-def test_one_thing_is_no_several(number, told):
-    assert say_count(number, "speech", "speeches") == told
-    assert say_count(number, "frame") == told.replace("speeches", "frames").replace("speech", "frame")
+@pytest.mark.parametrize(("number", "text"), [(0, "0 speeches"), (1, "1 speech"), (2, "2 speeches")])
+def test_one_thing_is_no_several(number, text):
+    assert say_count(number, "speech", "speeches") == text
+    assert say_count(number, "frame") == text.replace("speeches", "frames").replace("speech", "frame")
 
 
 @pytest.mark.slow
@@ -281,8 +281,8 @@ BAD = [
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("line", "said"), BAD, ids=[line for line, _ in BAD])
-def test_bad_input_is_one_line_and_leaves_nothing(cli, place, line, said):
+@pytest.mark.parametrize(("line", "message"), BAD, ids=[line for line, _ in BAD])
+def test_bad_input_is_one_line_and_leaves_nothing(cli, place, line, message):
     (place / "empty.wav").touch()
     (place / "text.wav").write_text("this is not sound\n" * 100)
     (place / "text.xyz").write_text("hello")
@@ -300,7 +300,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(cli, place, line, said):
     code, out, err = cli(*line.split())
     assert (code, out) == (2, "")
     assert re.fullmatch(r"error: [^\n]+ \([^\n]+\)\n", err), err
-    assert said in err
+    assert message in err
     assert {p.name: p.read_bytes() if p.is_file() else None for p in place.rglob("*")} == before
 
 

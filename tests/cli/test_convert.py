@@ -29,10 +29,10 @@ def place(tmp_path, monkeypatch):
 
 def test_cut_join_and_loop(cli, place):
     assert cli("convert", "talk.bvh", "out.bvh", "--join", "talk.bvh", "--from", 1, "--to", 3.5, "--loop")[0] == 0
-    made, before = load("out.bvh"), load("talk.bvh")
-    assert len(made) == 75
-    np.testing.assert_allclose(made.root[:20], before.root[30:50], atol=1e-5)
-    step = quat_angle(made.rotations[-1].astype(float), made.rotations[0].astype(float)).max()
+    motion, before = load("out.bvh"), load("talk.bvh")
+    assert len(motion) == 75
+    np.testing.assert_allclose(motion.root[:20], before.root[30:50], atol=1e-5)
+    step = quat_angle(motion.rotations[-1].astype(float), motion.rotations[0].astype(float)).max()
     assert step < 0.15
 
 
@@ -44,12 +44,12 @@ def test_the_file_to_write_may_be_named_as_in_generate(cli, place, words):
     assert load("out.bvh").fps == load("talk.bvh").fps
 
 
-@pytest.mark.parametrize(("words", "said"), [
+@pytest.mark.parametrize(("words", "message"), [
     ("talk.bvh -o", "-o without a file"), ("talk.bvh -o a.bvh -o b.bvh", "names 2 files"), ("-o a.bvh", "missing argument"),
 ])  # fmt: skip
-def test_one_file_is_written(cli, place, words, said):
+def test_one_file_is_written(cli, place, words, message):
     code, _, err = cli("convert", *words.split())
-    assert (code, said in err, [*place.glob("?.bvh")]) == (2, True, [])
+    assert (code, message in err, [*place.glob("?.bvh")]) == (2, True, [])
 
 
 @pytest.mark.slow
@@ -85,11 +85,11 @@ def test_a_part_of_any_speech_is_heard_as_it_is(place, monkeypatch, start, end, 
 
     ramp = (np.arange(96000) / 96000).astype(np.float32)
     soundfile.write("talk.wav", ramp, 48000, subtype="FLOAT")
-    heard = []
-    monkeypatch.setattr("cospeech.motion.motion.Motion.save", lambda *_, audio, **more: heard.append(soundfile.read(audio)))
+    sounds = []
+    monkeypatch.setattr("cospeech.motion.motion.Motion.save", lambda *_, audio, **more: sounds.append(soundfile.read(audio)))
     monkeypatch.setattr("cospeech.audio.speech.SECONDS_IN_MEMORY", 1.0)  # as if the recording took three hours
     convert.convert_file("talk.bvh", "part.png", audio="talk.wav", edits=convert.Edits(start=start, end=end), fps=60)
-    ((samples, rate),) = heard
+    ((samples, rate),) = sounds
     assert rate == 48000  # what a film of the whole has
     np.testing.assert_array_equal(samples, ramp[first:last])  # at 30 frames a second the first frame from .51 s is at .533 s
 
@@ -223,7 +223,7 @@ def test_what_is_wrong_with_one_motion_keeps_none_of_the_others_back(cli, place)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (("talk.bvh", "other.glb", "out.npz"), "one file 'out.npz' for 2 motions ('{name}.npz' writes one for each)"),
         (("talk.bvh", "other.glb", "made"), "no format in 'made' for 2 motions ('made/{name}.glb' writes one for each)"),
@@ -235,10 +235,10 @@ def test_what_is_wrong_with_one_motion_keeps_none_of_the_others_back(cli, place)
         (("empty", "out/{name}.npz"), "no motion file is in the folder 'empty'"),
     ],
 )
-def test_several_motions_that_cannot_be(cli, place, arguments, told):
+def test_several_motions_that_cannot_be(cli, place, arguments, message):
     (place / "empty").mkdir()
     code, _, err = cli("convert", *arguments)
-    assert (code, told in err, (place / "out").exists()) == (2, True, False), err
+    assert (code, message in err, (place / "out").exists()) == (2, True, False), err
 
 
 def test_several_motions_are_drawn_each_with_its_own_speech(cli, place):

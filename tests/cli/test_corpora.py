@@ -18,18 +18,18 @@ from cospeech.errors import InputError
 
 @pytest.fixture
 def app(monkeypatch):
-    told = []
+    titles = []
 
     @contextmanager
     def progress(title, quiet):
-        told.append((title, quiet))
+        titles.append((title, quiet))
         yield None
 
-    made = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+    typer_app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     monkeypatch.setattr("cospeech.cli.corpora.show_progress", progress)
-    register(made)
-    made.told = told
-    return made
+    register(typer_app)
+    typer_app.titles = titles
+    return typer_app
 
 
 @pytest.mark.slow
@@ -39,10 +39,10 @@ def test_synthesise_and_prepare(app, tmp_path):
     soundfile.write(tmp_path / "speech" / "a.wav", samples[: 6 * rate], rate)
     raw, store = str(tmp_path / "raw"), str(tmp_path / "store")
     line = ["synthesise", raw, "--layout", "trinity", "--speech", str(tmp_path / "speech"), "--hours", "0.004", "--no-tts"]
-    done = CliRunner().invoke(app, line, catch_exceptions=False)
-    assert done.exit_code == 0
-    assert "speakers: 1" in done.output
-    assert "synthetic" in done.output
+    result = CliRunner().invoke(app, line, catch_exceptions=False)
+    assert result.exit_code == 0
+    assert "speakers: 1" in result.output
+    assert "synthetic" in result.output
     line = [
         "prepare",
         "trinity",
@@ -58,21 +58,21 @@ def test_synthesise_and_prepare(app, tmp_path):
         "--derive-speaker",
         "leftarm",
     ]
-    done = CliRunner().invoke(app, line, catch_exceptions=False)
-    assert done.exit_code == 0
-    assert "clips: 3, speakers: 4, of derived speakers: 3, by augmentation: 12" in done.output
+    result = CliRunner().invoke(app, line, catch_exceptions=False)
+    assert result.exit_code == 0
+    assert "clips: 3, speakers: 4, of derived speakers: 3, by augmentation: 12" in result.output
     assert Store(store).fps == 10
     empty = [name for name in SPLITS if all(entry.split != name for entry in Store(store).clips)]
-    assert [name for name in SPLITS if f"note: no clip is in the {name} split" in done.output] == empty != []
-    assert app.told == [("synthesising", False), ("preparing", False)]
+    assert [name for name in SPLITS if f"note: no clip is in the {name} split" in result.output] == empty != []
+    assert app.titles == [("synthesising", False), ("preparing", False)]
     with pytest.raises(InputError, match="--overwrite"):
         CliRunner().invoke(app, line, catch_exceptions=False)
-    done = CliRunner().invoke(app, [*line, "--overwrite", "-q"], catch_exceptions=False)
-    assert (done.exit_code, done.output) == (0, "")
+    result = CliRunner().invoke(app, [*line, "--overwrite", "-q"], catch_exceptions=False)
+    assert (result.exit_code, result.output) == (0, "")
 
 
 @pytest.mark.parametrize("command", ["prepare", "synthesise"])
 def test_help_says_what_each_option_does(app, command):
-    done = CliRunner().invoke(app, [command, "--help"], terminal_width=200)
-    assert done.exit_code == 0
-    assert "cospeech " + command in done.output
+    result = CliRunner().invoke(app, [command, "--help"], terminal_width=200)
+    assert result.exit_code == 0
+    assert "cospeech " + command in result.output

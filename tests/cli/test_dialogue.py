@@ -122,8 +122,8 @@ def test_a_video_without_name_shows_all_persons_and_is_written_beside_other_file
         "dialogue", "short.wav", "-o", "both.mp4", "-o", "{name}.bvh", "--report", "r.json", "--skeleton", "mixamo"
     )
     assert code == 0
-    told = json.loads((place / "r.json").read_text("utf-8"))["speeches"]
-    assert [each["outputs"] for each in told] == [["short.left.bvh", "both.mp4"], ["short.right.bvh", "both.mp4"]]
+    rows = json.loads((place / "r.json").read_text("utf-8"))["speeches"]
+    assert [each["outputs"] for each in rows] == [["short.left.bvh", "both.mp4"], ["short.right.bvh", "both.mp4"]]
     assert "both.mp4  2 persons side by side" in out
     assert {"both.mp4", "short.left.bvh", "short.right.bvh"} <= {path.name for path in place.iterdir()}
     with av.open("both.mp4") as film:
@@ -132,7 +132,7 @@ def test_a_video_without_name_shows_all_persons_and_is_written_beside_other_file
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "message"),
     [
         (["-o", "{name}.bvh", "--person", "left"], "a film of 1 character (2 … 6"),
         (["-o", "{name}.bvh", "--avatar", "nope.vrm"], "no avatar at 'nope.vrm'"),
@@ -143,12 +143,12 @@ def test_a_video_without_name_shows_all_persons_and_is_written_beside_other_file
         (["--report", "r.json"], "'r.json' reports on the files of each person, and there are none (add -o '{name}.bvh')"),
     ],
 )
-def test_a_video_that_cannot_be_made_is_told_before_anything_is_written(cli, place, given, said):
+def test_a_video_that_cannot_be_made_is_told_before_anything_is_written(cli, place, given, message):
     pytest.importorskip("av", reason="needs PyAV: cospeech[av]")
     before = {path.name for path in place.iterdir()}
     code, out, err = cli("dialogue", "call.wav", "-o", "x.mp4", *given)
     assert (code, out) == (2, "")
-    assert said in err
+    assert message in err
     assert {path.name for path in place.iterdir()} == before
 
 
@@ -191,18 +191,18 @@ def test_three_persons_look_at_the_one_who_speaks(cli, place):
 
 def test_a_name_from_a_file_is_one_of_a_file_in_the_folder_that_was_named(cli, place):
     names = ["../../\ud800up", "A\x9b2J\u202egpj\x7f", "علی\u200cرضا", "con\0.", "{name}", ".."]
-    said = [{"speaker": name, "start": k, "end": k + 0.9} for k, name in enumerate(names)]
-    (place / "who.json").write_text(json.dumps(said), "utf-8")
+    turns = [{"speaker": name, "start": k, "end": k + 0.9} for k, name in enumerate(names)]
+    (place / "who.json").write_text(json.dumps(turns), "utf-8")
     code, out, err = cli("dialogue", "host.wav", "--speakers", "who.json", "-o", "out/{name}.csv")
     assert code == 0
-    made = ["host..._..__up", "host.A_2J_gpj_", "host.علی\u200cرضا", "host.con_.", "host.{name}", "host..."]
-    assert {path.name for path in (place / "out").iterdir()} == {f"{name}.csv" for name in made}
+    stems = ["host..._..__up", "host.A_2J_gpj_", "host.علی\u200cرضا", "host.con_.", "host.{name}", "host..."]
+    assert {path.name for path in (place / "out").iterdir()} == {f"{name}.csv" for name in stems}
     assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202e]", out + err), "nothing that a terminal obeys"
 
 
 def test_names_that_are_one_on_other_systems_are_told(cli, place):
-    said = [{"speaker": name, "start": k, "end": k + 0.9} for k, name in enumerate(("ZO\u00cb", "zoe\u0308"))]
-    (place / "who.json").write_text(json.dumps(said), "utf-8")
+    turns = [{"speaker": name, "start": k, "end": k + 0.9} for k, name in enumerate(("ZO\u00cb", "zoe\u0308"))]
+    (place / "who.json").write_text(json.dumps(turns), "utf-8")
     code, _, err = cli("dialogue", "host.wav", "--speakers", "who.json", "-o", "{name}.csv")
     assert code == 2
     assert "two speakers whose files would be called 'host.ZOË' (rename one of them)" in err
@@ -218,7 +218,7 @@ def test_a_sound_file_without_a_name_writes_nothing_around_the_folder(cli, place
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "message"),
     [
         (["host.wav"], "'host.wav' has one channel (a file for each person"),
         (["host.wav", "host.wav"], "two sound files are called 'host.wav'"),
@@ -243,7 +243,7 @@ def test_a_sound_file_without_a_name_writes_nothing_around_the_folder(cli, place
         (["call.wav", "-o", "missing/x/{name}.bvh", "--report", "nowhere/r.json"], "nowhere/r.json"),
     ],
 )
-def test_what_cannot_be_used_is_told_and_nothing_is_written(cli, place, given, said):
+def test_what_cannot_be_used_is_told_and_nothing_is_written(cli, place, given, message):
     mono = soundfile.read("host.wav")[0]
     soundfile.write("same.wav", np.stack([mono, mono], 1), RATE)
     soundfile.write("third.wav", mono[::-1], RATE)
@@ -253,7 +253,7 @@ def test_what_cannot_be_used_is_told_and_nothing_is_written(cli, place, given, s
     before = {path.name for path in place.iterdir()}
     code, out, err = cli("dialogue", *given)
     assert (code, out) == (2, "")
-    assert said in err
+    assert message in err
     assert err.count("\n") <= 2
     assert err.splitlines()[-1].startswith("error: ")
     assert {path.name for path in place.iterdir()} == before

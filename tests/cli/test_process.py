@@ -24,14 +24,14 @@ COSPEECH = [sys.executable, "-m", "cospeech"]
 
 
 def test_help_imports_nothing_heavy():
-    """What keeps ``cospeech --help`` under half a second; the time itself is in the table of benchmarks."""
+    """So ``cospeech --help`` takes less than half a second; the time itself is in the table of benchmarks."""
     code = (
         "import sys; sys.argv = ['cospeech', '--help']\nfrom cospeech.cli import main\ntry: main()\nexcept SystemExit: pass\n"
     )
     code += "heavy = {'numpy', 'scipy', 'rich', 'pydantic', 'soundfile', 'PIL', 'av', 'onnxruntime'}\n"
     code += "print(sorted({m.split('.')[0] for m in sys.modules} & heavy))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "[]"
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert process.stdout.splitlines()[-1] == "[]"
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
@@ -77,7 +77,7 @@ def test_several_jobs_may_be_stopped_while_their_processes_begin(tmp_path, long_
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_several_jobs_that_are_stopped_leave_nothing(tmp_path, long_speech, number, code):
-    """The program tells its processes, whose signals it does not rely on; they end at the next piece of motion."""
+    """The program tells its processes to stop, and does not rely on signals; they end at the next piece of motion."""
     (tmp_path / "in").mkdir()
     for name in ("a", "b", "c"):
         (tmp_path / "in" / f"{name}.wav").symlink_to(long_speech)
@@ -111,19 +111,19 @@ def test_a_terminal_sees_progress_and_a_file_does_not(tmp_path, long_speech):
     ours, theirs = pty.openpty()
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs, env=os.environ | {"TERM": "xterm"}) as process:
         os.close(theirs)
-        seen = b"".join(iter(lambda: read_terminal(ours), b""))
+        screen = b"".join(iter(lambda: read_terminal(ours), b""))
         out = process.stdout.read()
     os.close(ours)
     assert process.returncode == 0
-    assert b"generating" in seen
+    assert b"generating" in screen
     assert b"generating" not in out
     assert b"a.bvh" in out
 
 
-@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("buffering", ["", "1"])
 @pytest.mark.parametrize("command", ["list styles", "list styles --json", "--help", "list --help", "--version"])
-def test_closed_pipe_is_no_crash(command, unbuffered):
-    environment = os.environ | {"PYTHONUNBUFFERED": unbuffered}
+def test_closed_pipe_is_no_crash(command, buffering):
+    environment = os.environ | {"PYTHONUNBUFFERED": buffering}
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     process = subprocess.Popen([*COSPEECH, *command.split()], env=environment, **pipes)
     process.stdout.close()
@@ -133,14 +133,14 @@ def test_closed_pipe_is_no_crash(command, unbuffered):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
-@pytest.mark.parametrize("unbuffered", ["", "1"])
-def test_output_that_cannot_be_written_is_one_line(unbuffered):
-    environment = os.environ | {"PYTHONUNBUFFERED": unbuffered}
+@pytest.mark.parametrize("buffering", ["", "1"])
+def test_output_that_cannot_be_written_is_one_line(buffering):
+    environment = os.environ | {"PYTHONUNBUFFERED": buffering}
     with open("/dev/full", "wb") as full:  # noqa: PTH123  a device
-        done = subprocess.run([*COSPEECH, "list", "styles"], stdout=full, stderr=subprocess.PIPE, env=environment)
-    assert done.returncode == 1
-    said = b"error: cannot write standard output: No space left on device (files that were made before are complete)\n"
-    assert done.stderr == said
+        process = subprocess.run([*COSPEECH, "list", "styles"], stdout=full, stderr=subprocess.PIPE, env=environment)
+    assert process.returncode == 1
+    message = b"error: cannot write standard output: No space left on device (files that were made before are complete)\n"
+    assert process.stderr == message
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
@@ -175,11 +175,11 @@ def test_whoever_stops_prepare_is_told_how_to_go_on(cli, monkeypatch):
 
 def test_runs_where_the_terminal_speaks_ascii(tmp_path):
     environment = os.environ | {"PYTHONIOENCODING": "ascii", "LC_ALL": "C"}
-    done = subprocess.run([*COSPEECH, "generate", "--help"], capture_output=True, env=environment)
-    assert (done.returncode, done.stderr) == (0, b"")
-    done = subprocess.run([*COSPEECH, "generate", "käse.wav"], capture_output=True, env=environment, cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.startswith(b"error: ")
+    process = subprocess.run([*COSPEECH, "generate", "--help"], capture_output=True, env=environment)
+    assert (process.returncode, process.stderr) == (0, b"")
+    process = subprocess.run([*COSPEECH, "generate", "käse.wav"], capture_output=True, env=environment, cwd=tmp_path)
+    assert process.returncode == 2
+    assert process.stderr.startswith(b"error: ")
 
 
 def test_full_disk(tmp_path):
@@ -192,10 +192,10 @@ def test_full_disk(tmp_path):
     page = [".html"] if (VIEWER / "viewer.js").is_file() else []
     for suffix in (".bvh", ".glb", ".csv", ".npz", ".png", *film, *page):
         command = [*COSPEECH, "generate", str(EXAMPLE), "-o", f"a{suffix}"]
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, preexec_fn=little_room)
-        assert (done.returncode, done.stdout) == (1, ""), suffix
-        assert done.stderr.startswith(f"error: 'a{suffix}': File too large"), suffix
-        assert done.stderr.count("\n") == 1
+        process = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, preexec_fn=little_room)
+        assert (process.returncode, process.stdout) == (1, ""), suffix
+        assert process.stderr.startswith(f"error: 'a{suffix}': File too large"), suffix
+        assert process.stderr.count("\n") == 1
         assert list(tmp_path.iterdir()) == []
 
 
@@ -204,5 +204,5 @@ def test_unwritable_folder(tmp_path):
         pytest.skip("root may write everywhere")
     folder = tmp_path / "locked"
     folder.mkdir(mode=0o500)
-    done = subprocess.run([*COSPEECH, "generate", str(EXAMPLE), "-o", str(Path(folder, "a.bvh"))], capture_output=True)
-    assert (done.returncode, list(folder.iterdir())) == (2, [])
+    process = subprocess.run([*COSPEECH, "generate", str(EXAMPLE), "-o", str(Path(folder, "a.bvh"))], capture_output=True)
+    assert (process.returncode, list(folder.iterdir())) == (2, [])

@@ -43,9 +43,9 @@ def test_a_known_robot_and_a_urdf(cli, place):
 
 
 def test_speech_moves_a_robot_as_the_motion_that_is_generated_of_it(cli, place):
-    chosen = ("--style", "lively", "--seed", "3", "--intensity", "0.8")
-    assert cli("robot", EXAMPLE, "talk.csv", *chosen, "--rest", "0", "-q")[0] == 0
-    assert cli("generate", EXAMPLE, "-o", "talk.npz", "--fps", "50", *chosen, "-q")[0] == 0
+    options = ("--style", "lively", "--seed", "3", "--intensity", "0.8")
+    assert cli("robot", EXAMPLE, "talk.csv", *options, "--rest", "0", "-q")[0] == 0
+    assert cli("generate", EXAMPLE, "-o", "talk.npz", "--fps", "50", *options, "-q")[0] == 0
     assert cli("robot", "talk.npz", "other.csv", "-q")[0] == 0
     assert (place / "talk.csv").read_bytes() == (place / "other.csv").read_bytes()
     code, _, err = cli("robot", "talk.npz", "third.csv", "--style", "lively")
@@ -87,13 +87,13 @@ def test_after_the_speech_the_arms_come_down(cli, place):
         rows = np.genfromtxt(place / "talk.csv", delimiter=",", names=True)
         return int(out.split()[1]), rows
 
-    count, stopped = end_of("--rest", "0")
+    count, without_rest = end_of("--rest", "0")
     assert 150 <= count <= 156
-    count, rested = end_of()
+    count, with_rest = end_of()
     assert 225 <= count <= 231  # 3 s, 1.5 s, and a moment to brake
-    first = [name for name in stopped.dtype.names]
-    np.testing.assert_array_equal(*(np.stack([rows[name][:150] for name in first]) for rows in (stopped, rested)))
-    bends = {name: (abs(stopped[name][-1]), abs(rested[name][-1])) for name in ("LElbowRoll", "RElbowRoll")}
+    first = [name for name in without_rest.dtype.names]
+    np.testing.assert_array_equal(*(np.stack([rows[name][:150] for name in first]) for rows in (without_rest, with_rest)))
+    bends = {name: (abs(without_rest[name][-1]), abs(with_rest[name][-1])) for name in ("LElbowRoll", "RElbowRoll")}
     assert max(before for before, _ in bends.values()) > 1.2
     assert max(after for _, after in bends.values()) < 1.0
     _, longer = end_of("--rest", "3")
@@ -137,12 +137,12 @@ def test_limits_in_degrees_are_told(cli, place):
 
 
 def test_several_joints_of_more_than_a_turn_are_told_and_those_without_end_are_not(cli, place):
-    for kind, told in (("continuous", False), ("revolute", True)):
+    for kind, has_note in (("continuous", False), ("revolute", True)):
         limit = '<limit lower="-4" upper="4" velocity="2"/></joint>'
         three = [f'<joint name="{name}" type="{kind}">{limit}' for name in ("HeadYaw", "HeadPitch", "LElbowYaw")]
         (place / "three.urdf").write_text(f"<robot>{''.join(three)}</robot>")
         code, _, err = cli("robot", "talk.bvh", "talk.csv", "--robot", "three.urdf", "-q")
-        assert (code, "limits that do not limit: HeadYaw, HeadPitch, LElbowYaw" in err) == (0, told)
+        assert (code, "limits that do not limit: HeadYaw, HeadPitch, LElbowYaw" in err) == (0, has_note)
 
 
 def test_angles_that_several_joints_take_are_told(cli, place):

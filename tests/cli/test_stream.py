@@ -59,19 +59,19 @@ def test_the_frames_of_a_file_are_those_of_a_session(model, tmp_path):
 def test_raw_samples_on_standard_input_end_the_stream():
     samples = (np.sin(np.arange(4000) / 20) * 8000).astype("<i2").tobytes()
     command = [*COMMAND, "-i", "-", "--rate", "8000", "--to", "-", "--fps", "25"]
-    done = subprocess.run(command, input=samples, capture_output=True, check=True)
-    _, frames, _ = lines(done.stdout)
+    process = subprocess.run(command, input=samples, capture_output=True, check=True)
+    _, frames, _ = lines(process.stdout)
     assert len(frames) >= 13  # half a second; silence where the pipe was slower than the clock
-    assert b"frames leave" in done.stderr
-    assert b"sent, 0 dropped" in done.stderr
+    assert b"frames leave" in process.stderr
+    assert b"sent, 0 dropped" in process.stderr
 
 
 @pytest.mark.slow
 def test_words_beside_raw_samples_change_the_motion(tmp_path):
     speech = Speech.load(example()[0], transcript=example()[1]).window(0, 3)
     samples = (speech.samples * 32767).astype("<i2").tobytes()
-    said = "".join(json.dumps({"word": each.text, "start": each.start, "end": each.end}) + "\n" for each in speech.words)
-    (tmp_path / "words").write_text(said)
+    text = "".join(json.dumps({"word": each.text, "start": each.start, "end": each.end}) + "\n" for each in speech.words)
+    (tmp_path / "words").write_text(text)
 
     def stream(*more: str) -> np.ndarray:
         command = [*COMMAND, "-i", "-", "--to", "-", "--fps", "25", "--quiet", *more]
@@ -80,27 +80,27 @@ def test_words_beside_raw_samples_change_the_motion(tmp_path):
 
     plain, words, transcript = stream(), stream("--words", "words"), stream("--transcript", str(example()[1]))
     apart = [np.abs(plain - words).mean(), np.abs(plain - transcript).mean(), np.abs(words - transcript).mean()]
-    assert apart[2] < 0.3 * min(apart[:2])  # alike, but for silence that either heard where the pipe was late
+    assert apart[2] < 0.3 * min(apart[:2])  # they differ by silence where the pipe was late
     assert np.abs(words - stream("--words", "words", "--language", "fr")).mean() > apart[2]
 
 
 @pytest.mark.slow
 def test_standard_input_that_ends_within_a_sample_is_played_to_its_end():
     samples = (np.sin(np.arange(4000) / 20) * 8000).astype("<i2").tobytes() + b"x"
-    done = subprocess.run(
+    process = subprocess.run(
         [*COMMAND, "-i", "-", "--rate", "8000", "--to", "-", "--fps", "25"], input=samples, capture_output=True
     )
-    _, frames, end = lines(done.stdout)
-    assert done.returncode == 0
+    _, frames, end = lines(process.stdout)
+    assert process.returncode == 0
     assert len(frames) == end["frames"] >= 13
-    assert b"note: the sound ends within a sample; 1 byte left out" in done.stderr
+    assert b"note: the sound ends within a sample; 1 byte left out" in process.stderr
 
 
 @pytest.mark.slow
 def test_standard_input_without_sound_is_told():
-    done = subprocess.run([*COMMAND, "-i", "-", "--to", "-", "--quiet"], input=b"", capture_output=True)
-    assert (done.returncode, done.stdout) == (2, b"")
-    assert done.stderr == b"error: the input ended without sound (send samples to it before you end it)\n"
+    process = subprocess.run([*COMMAND, "-i", "-", "--to", "-", "--quiet"], input=b"", capture_output=True)
+    assert (process.returncode, process.stdout) == (2, b"")
+    assert process.stderr == b"error: the input ended without sound (send samples to it before you end it)\n"
 
 
 @pytest.mark.parametrize(
@@ -163,23 +163,23 @@ def test_stopped_in_mid_word_it_shuts_the_mouth_and_tells_the_counts(number, cod
     command = [*COMMAND, "-i", str(example()[0]), "--to", "-", "--fps", "30"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "bufsize": 0}  # `communicate` skips what a buffer holds
     with subprocess.Popen(command, preexec_fn=heed(signal.SIGINT), **pipes) as process:
-        seen = [json.loads(process.stdout.readline()) for _ in range(61)]
-        jaw = seen[0]["face"].index("jawOpen")
-        while seen[-1]["face"][jaw] < 0.1:
-            seen.append(json.loads(process.stdout.readline()))
+        first_lines = [json.loads(process.stdout.readline()) for _ in range(61)]
+        jaw = first_lines[0]["face"].index("jawOpen")
+        while first_lines[-1]["face"][jaw] < 0.1:
+            first_lines.append(json.loads(process.stdout.readline()))
         process.send_signal(number)
-        rest, said = process.communicate(timeout=60)
-    *frames, end = [*seen[1:], *(json.loads(line) for line in rest.splitlines())]
+        rest, err = process.communicate(timeout=60)
+    *frames, end = [*first_lines[1:], *(json.loads(line) for line in rest.splitlines())]
     assert process.returncode == code
     assert [frame["frame"] for frame in frames] == list(range(len(frames)))
     assert end == {"type": "end", "frames": len(frames)}
-    assert 15 <= len(frames) + 1 - len(seen) <= 40  # half a second, and what had left before the signal was heard
+    assert 15 <= len(frames) + 1 - len(first_lines) <= 40  # half a second, and what had left before the signal was heard
     assert max(frame["face"][jaw] for frame in frames[-3:]) < 0.05
-    turned = np.array([frame["rotations"] for frame in frames])
-    steps = 2 * np.degrees(np.arccos(np.clip(np.abs((turned[1:] * turned[:-1]).sum(-1)), 0, 1)))
-    assert steps[len(seen) - 3 :].max() < 20  # no jump: 600 degrees per second, a fast wrist
-    assert f"{len(frames)} frames".encode() in said
-    assert f"-: {len(frames)} sent, 0 dropped".encode() in said
+    rotations = np.array([frame["rotations"] for frame in frames])
+    steps = 2 * np.degrees(np.arccos(np.clip(np.abs((rotations[1:] * rotations[:-1]).sum(-1)), 0, 1)))
+    assert steps[len(first_lines) - 3 :].max() < 20  # no jump: 600 degrees per second, a fast wrist
+    assert f"{len(frames)} frames".encode() in err
+    assert f"-: {len(frames)} sent, 0 dropped".encode() in err
 
 
 @pytest.mark.slow
@@ -191,8 +191,8 @@ def test_when_the_sound_is_over_the_hands_come_to_rest(tmp_path):
     command = [*COMMAND, "-i", "talk.wav", "--to", "-", "--fps", "30", "--quiet"]
     _, frames, end = lines(subprocess.run(command, cwd=tmp_path, capture_output=True, check=True, timeout=60).stdout)
     assert end == {"type": "end", "frames": 135}  # 3 s of sound, and 1.5 s
-    turned, root = np.array([frame["rotations"] for frame in frames]), np.array([frame["root"] for frame in frames])
-    hands = humanoid().forward(turned, root)[0][:, [humanoid().index[side + "Hand"] for side in ("left", "right")], 1]
+    rotations, root = np.array([frame["rotations"] for frame in frames]), np.array([frame["root"] for frame in frames])
+    hands = humanoid().forward(rotations, root)[0][:, [humanoid().index[side + "Hand"] for side in ("left", "right")], 1]
     assert hands[:90].max() > 1.05
     assert hands[-1].max() < 0.95
     assert max(frame["face"][ARKIT_INDEX["jawOpen"]] for frame in frames[-30:]) < 0.05
@@ -216,9 +216,9 @@ def test_a_reader_that_leaves_ends_the_stream(more):
 def test_lines_that_cannot_be_written_end_the_stream():
     command = [*COMMAND, "-i", str(example()[0]), "--to", "-", "--fps", "30", "--quiet"]
     with Path("/dev/full").open("wb") as full:
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=60)
-    assert (done.returncode, done.stderr.count(b"\n")) == (1, 1)
-    assert done.stderr.startswith(b"error: No space left on device")
+        process = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=60)
+    assert (process.returncode, process.stderr.count(b"\n")) == (1, 1)
+    assert process.stderr.startswith(b"error: No space left on device")
 
 
 @pytest.mark.slow
@@ -257,63 +257,63 @@ def test_stopped_while_nothing_comes_it_ends_at_once(number, code):
 
 @pytest.mark.slow
 def test_a_stream_whose_frames_have_all_left_is_closed_within_half_a_second():
-    fps, seen = 10, []
+    fps, frames = 10, []
     session = open_live_session("rules", fps=fps)
-    pacer = FramePacer([SimpleNamespace(send=seen.append)], 0.0, paced=False)
+    pacer = FramePacer([SimpleNamespace(send=frames.append)], 0.0, paced=False)
     pacer.begin()
     for chunk in Speech.load(example()[0]).window(0, 3).chunks(0.02):
         for motion in session.push(chunk):
             pacer.push(motion)
-    made = session.time * fps - session.latency * fps
+    frame_count = session.time * fps - session.latency * fps
     until = time.monotonic() + 30
-    while len(seen) < int(made) and time.monotonic() < until:
+    while len(frames) < int(frame_count) and time.monotonic() < until:
         time.sleep(0.01)
-    before = len(seen)
+    before = len(frames)
     assert shut_mouth(session, pacer)
     pacer.close()
-    assert len(seen) - before == 5
-    assert [round(frame.start * fps) for frame in seen] == list(range(len(seen)))
+    assert len(frames) - before == 5
+    assert [round(frame.start * fps) for frame in frames] == list(range(len(frames)))
 
 
 @pytest.mark.slow
 def test_a_source_that_fails_shuts_the_mouth():
-    fps, seen, told, now = 30, [], [], [0.0]
+    fps, frames, notes, now = 30, [], [], [0.0]
     session = open_live_session("rules", fps=fps)
-    pacer = FramePacer([SimpleNamespace(send=seen.append)], 0.0, clock=lambda: now[0])
+    pacer = FramePacer([SimpleNamespace(send=frames.append)], 0.0, clock=lambda: now[0])
 
     def pieces():
         for piece in Speech.load(example()[0]).window(0, 3).chunks(0.02):
             yield piece
             now[0] = 1000.0  # all frames are late: none is waited for
         until = time.monotonic() + 30
-        while not seen and time.monotonic() < until:
+        while not frames and time.monotonic() < until:
             time.sleep(0.01)
         raise InputError("the cable was pulled", "put it back")
 
     with pytest.raises(InputError, match="cable"):
-        play_to_the_end(session, pieces(), lambda piece: piece, pacer, told.append)
-    assert [round(frame.start * fps) for frame in seen] == list(range(len(seen)))
-    assert len(seen) >= 15
-    assert seen[-1].face[0, ARKIT_INDEX["jawOpen"]] < 0.05
-    assert told[0].startswith(f"{len(seen)} frames")
+        play_to_the_end(session, pieces(), lambda piece: piece, pacer, notes.append)
+    assert [round(frame.start * fps) for frame in frames] == list(range(len(frames)))
+    assert len(frames) >= 15
+    assert frames[-1].face[0, ARKIT_INDEX["jawOpen"]] < 0.05
+    assert notes[0].startswith(f"{len(frames)} frames")
 
 
-@pytest.mark.parametrize("paced", [True, False])
-def test_the_end_of_the_sound_is_made_in_short_steps(monkeypatch, paced):
-    """A frame may be late by a few hundredths: so little is made at once that the others wait for."""
+@pytest.mark.parametrize("is_paced", [True, False])
+def test_the_end_of_the_sound_is_made_in_short_steps(monkeypatch, is_paced):
+    """Frames wait until a step is done; steps are short, so that no frame is late by more than a few hundredths."""
     session = open_live_session("rules", look_ahead=0.5, fps=30)
-    asked, idle = [], session.idle
-    monkeypatch.setattr(session, "idle", lambda seconds: asked.append(seconds) or idle(seconds))
-    pacer = SimpleNamespace(paced=paced, is_started=True, begin=None, push=lambda motion: None)
+    steps, idle = [], session.idle
+    monkeypatch.setattr(session, "idle", lambda seconds: steps.append(seconds) or idle(seconds))
+    pacer = SimpleNamespace(paced=is_paced, is_started=True, begin=None, push=lambda motion: None)
     play(session, Speech.load(example()[0]).window(0, 0.5).chunks(0.1), lambda piece: piece, pacer)
-    assert asked[0] == 0
-    assert sum(asked) == pytest.approx(1.5 if paced else 0.0)
-    assert max(asked) <= 0.1
+    assert steps[0] == 0
+    assert sum(steps) == pytest.approx(1.5 if is_paced else 0.0)
+    assert max(steps) <= 0.1
 
 
 @pytest.mark.slow
 def test_a_character_listens_to_its_partner(tmp_path):
-    """Six seconds of silence on standard input, and speech of a partner: the head moves as it does not alone.
+    """Six seconds of silence on standard input, and speech of a partner: the head moves otherwise than without a partner.
 
     How much depends on the clock. What a listener does is tested in tests/runtime/test_live_listener.py.
     """
@@ -323,12 +323,12 @@ def test_a_character_listens_to_its_partner(tmp_path):
     soundfile.write(tmp_path / "partner.wav", speech.samples, speech.rate)
     silence = np.zeros(6 * 8000, "<i2").tobytes()
     command = [*COMMAND, "-i", "-", "--rate", "8000", "--to", "-", "--fps", "30", "--quiet", "--seed", "3"]
-    started = [
+    processes = [
         subprocess.Popen([*command, *more], cwd=tmp_path, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         for more in ([], ["--partner", "partner.wav"])
     ]
     with ThreadPoolExecutor() as pool:  # both at the same time: they play by the clock
-        outputs = [output for output, _ in pool.map(lambda process: process.communicate(silence), started)]
+        outputs = [output for output, _ in pool.map(lambda process: process.communicate(silence), processes)]
     heads = []
     for output in outputs:
         start, frames, _ = lines(output)
@@ -340,7 +340,7 @@ def test_a_character_listens_to_its_partner(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "message"),
     [
         (["-i", "mic", "--partner", "mic"], "--partner and --input are both 'mic'"),
         (["-i", "talk.wav", "--partner", "-", "--control", "-"], "--partner and --control are both '-'"),
@@ -351,7 +351,7 @@ def test_a_character_listens_to_its_partner(tmp_path):
         (["-i", "talk.wav", "--partner", "missing.wav"], "'missing.wav'"),
     ],
 )
-def test_a_partner_that_cannot_be_heard_is_told(cli, given, said, tmp_path, monkeypatch):
+def test_a_partner_that_cannot_be_heard_is_told(cli, given, message, tmp_path, monkeypatch):
     import soundfile
 
     monkeypatch.chdir(tmp_path)
@@ -359,4 +359,4 @@ def test_a_partner_that_cannot_be_heard_is_told(cli, given, said, tmp_path, monk
         soundfile.write(name, np.zeros(1000), 16_000)
     code, _, err = cli("stream", *given)
     assert code == 2
-    assert said in err
+    assert message in err

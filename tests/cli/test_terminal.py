@@ -1,4 +1,4 @@
-"""What a terminal is shown: names from files of strangers may hold commands for it."""
+"""What a terminal shows: names from files of strangers may hold commands for it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Screen(io.BytesIO):
 
 
 def open_streams(monkeypatch, screen: Screen) -> None:
-    """Make a screen the standard streams; called by the test itself, as pytest takes them back before it."""
+    """Make a screen the standard streams. The test itself calls this, as pytest replaces the streams after the fixtures."""
     for name in ("stdout", "stderr"):
         plain = io.TextIOWrapper(screen, "utf-8", newline="\n", write_through=True)
         monkeypatch.setattr(sys, f"__{name}__", plain)
@@ -44,8 +44,8 @@ def test_a_terminal_shows_what_it_would_obey_and_a_pipe_gets_it_as_it_is(monkeyp
     open_streams(monkeypatch, screen)
     for stream in (sys.stdout, sys.stderr):
         print(NAME, file=stream, flush=True)
-    shown = "\\x1b]0;title\\x07 \\x9b2J \\u202egpj\tZoë" if is_terminal else NAME
-    assert screen.read_all() == f"{shown}\n{shown}\n"
+    text = "\\x1b]0;title\\x07 \\x9b2J \\u202egpj\tZoë" if is_terminal else NAME
+    assert screen.read_all() == f"{text}\n{text}\n"
 
 
 def test_a_progress_bar_takes_names_as_they_are(monkeypatch):

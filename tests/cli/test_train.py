@@ -30,17 +30,17 @@ threads = 1
 
 @pytest.fixture
 def app(monkeypatch):
-    told = []
+    steps = []
 
     @contextmanager
     def progress(title, quiet):
-        yield None if quiet else lambda *what: told.append((title, *what))
+        yield None if quiet else lambda *what: steps.append((title, *what))
 
-    made = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+    typer_app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     monkeypatch.setattr("cospeech.cli.train.show_progress", progress)
-    register(made)
-    made.told = told
-    return made
+    register(typer_app)
+    typer_app.steps = steps
+    return typer_app
 
 
 @pytest.fixture
@@ -54,16 +54,16 @@ def place(tmp_path, monkeypatch):
 def test_train_and_go_on(app, place):
     pytest.importorskip("torch", reason="training needs torch (cospeech[train])")
     line = ["train", "mine.toml", "--store", "store"]
-    done = CliRunner().invoke(app, line, catch_exceptions=False)
-    assert done.exit_code == 0
-    assert "4 steps" in done.stdout
-    assert "best: autoencoder" in done.stdout
-    assert [row[:3] for row in app.told] == [("training", n, 4) for n in (1, 2, 3, 4)]
-    assert app.told[0][3].startswith("autoencoder ")
+    result = CliRunner().invoke(app, line, catch_exceptions=False)
+    assert result.exit_code == 0
+    assert "4 steps" in result.stdout
+    assert "best: autoencoder" in result.stdout
+    assert [row[:3] for row in app.steps] == [("training", n, 4) for n in (1, 2, 3, 4)]
+    assert app.steps[0][3].startswith("autoencoder ")
     with pytest.raises(InputError, match="there is a run in"):
         CliRunner().invoke(app, line, catch_exceptions=False)
-    done = CliRunner().invoke(app, [*line, "--set", "train.steps=6", "--resume", "--quiet"], catch_exceptions=False)
-    assert (done.exit_code, done.stdout) == (0, "")
+    result = CliRunner().invoke(app, [*line, "--set", "train.steps=6", "--resume", "--quiet"], catch_exceptions=False)
+    assert (result.exit_code, result.stdout) == (0, "")
     assert '"step": 6' in (place / "runs" / "mine" / "log.jsonl").read_text()
     with pytest.raises(InputError, match=r"train\.lr"):
         CliRunner().invoke(app, [*line, "--set", "train.lr=1", "--resume"], catch_exceptions=False)
@@ -78,8 +78,8 @@ def test_train_and_go_on(app, place):
 def test_a_run_goes_on_with_the_changes_that_it_began_with(app, place):
     pytest.importorskip("torch", reason="training needs torch (cospeech[train])")
     line = ["train", "mine.toml", "--store", "store", "--resume"]
-    begun = [*line, "--set", "train.steps=3", "--set", "train.validate_every=1", "--set", "train.save_every=1"]
-    assert "3 steps" in CliRunner().invoke(app, begun, catch_exceptions=False).stdout
+    first_line = [*line, "--set", "train.steps=3", "--set", "train.validate_every=1", "--set", "train.save_every=1"]
+    assert "3 steps" in CliRunner().invoke(app, first_line, catch_exceptions=False).stdout
     again = CliRunner().invoke(app, line, catch_exceptions=False)
     assert "3 steps" in again.stdout  # not the 4 of the file
     assert "note: the run keeps its own values: train.save_every 1 (the file says " in again.stderr
@@ -121,11 +121,11 @@ def test_where_the_store_is_looked_for(app, place):
         CliRunner().invoke(app, ["train", "mine.toml"], catch_exceptions=False)
     with pytest.raises(InputError, match="no store in 'stores/beat'"):
         CliRunner().invoke(app, ["train", "mine.toml", "--set", "data.corpus=beat"], catch_exceptions=False)
-    done = CliRunner().invoke(app, ["train", "mine.toml", "--set", "data.store=store", "--out", "a"], catch_exceptions=False)
-    assert "4 steps" in done.stdout
+    result = CliRunner().invoke(app, ["train", "mine.toml", "--set", "data.store=store", "--out", "a"], catch_exceptions=False)
+    assert "4 steps" in result.stdout
     (place / "stores").mkdir()
     (place / "store").rename(place / "stores" / "beat")
     line = ["train", "mine.toml", "--set", "data.corpus=beat", "--out", "b"]
     assert "4 steps" in CliRunner().invoke(app, line, catch_exceptions=False).stdout
-    moved = ["train", "mine.toml", "--store", "stores/beat", "--out", "a", "--resume", "--set", "train.steps=6"]
-    assert "6 steps" in CliRunner().invoke(app, moved, catch_exceptions=False).stdout
+    moved_line = ["train", "mine.toml", "--store", "stores/beat", "--out", "a", "--resume", "--set", "train.steps=6"]
+    assert "6 steps" in CliRunner().invoke(app, moved_line, catch_exceptions=False).stdout

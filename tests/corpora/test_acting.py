@@ -48,8 +48,8 @@ def example():
 @pytest.mark.parametrize("pitch", [100.0, 210.0])
 @pytest.mark.parametrize("semitones", [-3.0, 0.0, 4.0])
 def test_pitch_goes_where_it_shall_and_formants_stay(pitch, semitones):
-    said = act(Speech(vowel(np.array([pitch]), 2.0)), Acting(pitch=semitones), 0)
-    middle = said.samples[RATE // 2 : -RATE // 2]
+    speech = act(Speech(vowel(np.array([pitch]), 2.0)), Acting(pitch=semitones), 0)
+    middle = speech.samples[RATE // 2 : -RATE // 2]
     assert 12 * np.log2(strongest_harmonic_pitch(middle) / pitch) == pytest.approx(semitones, abs=0.35)
     if pitch > 150:
         return  # harmonics too far apart to tell formants by
@@ -57,16 +57,16 @@ def test_pitch_goes_where_it_shall_and_formants_stay(pitch, semitones):
     hz = np.fft.rfftfreq(len(middle), 1 / RATE)
     low = hz[(hz > 400) & (hz < 950)][np.argmax(smooth[(hz > 400) & (hz < 950)])]
     assert low == pytest.approx(700, abs=pitch / 2)  # harmonics are no nearer than that
-    assert len(said) == 2 * RATE
+    assert len(speech) == 2 * RATE
 
 
 def test_range_of_pitch():
     """A glide of an octave about its middle comes out as half an octave, or one and a half."""
     glide = Speech(vowel(150 * 2 ** np.linspace(-0.5, 0.5, 50), 3.0))
     for span in (0.5, 1.5):
-        heard = analyse(act(glide, Acting(span=span), 0)).pitch[20:-20]
-        voiced = heard > 0
-        slope = np.polyfit(np.arange(len(heard))[voiced] / 100, np.log2(heard[voiced]), 1)[0]
+        pitch = analyse(act(glide, Acting(span=span), 0)).pitch[20:-20]
+        voiced = pitch > 0
+        slope = np.polyfit(np.arange(len(pitch))[voiced] / 100, np.log2(pitch[voiced]), 1)[0]
         assert slope * 3 == pytest.approx(span, rel=0.1)
 
 
@@ -76,33 +76,33 @@ def test_words_stay_with_their_sound(rate, pauses):
     burst, gap = vowel(np.array([120.0]), 0.4), np.zeros(round(0.5 * RATE), np.float32)
     samples = np.concatenate([gap, *[part for _ in range(4) for part in (burst, gap)]])
     words = tuple(Word(f"w{k}", 0.5 + 0.9 * k, 0.9 + 0.9 * k) for k in range(4))
-    said = act(Speech(samples, RATE, words), Acting(rate=rate, pauses=pauses), 0)
-    assert [word.text for word in said.words] == [word.text for word in words]
-    assert float(said.duration) == pytest.approx(
+    speech = act(Speech(samples, RATE, words), Acting(rate=rate, pauses=pauses), 0)
+    assert [word.text for word in speech.words] == [word.text for word in words]
+    assert float(speech.duration) == pytest.approx(
         4 * 0.4 / rate + 5 * 0.5 * pauses / rate, abs=0.08 * abs(pauses - 1) * 9 + 0.01
     )
-    loud = np.convolve(np.square(said.samples), np.ones(160) / 160, "same") > 1e-5
+    loud = np.convolve(np.square(speech.samples), np.ones(160) / 160, "same") > 1e-5
     edges = np.flatnonzero(np.diff(np.concatenate([[0], loud.astype(int), [0]])))
-    np.testing.assert_allclose(edges[::2] / RATE, [word.start for word in said.words], atol=0.03)
-    np.testing.assert_allclose(edges[1::2] / RATE, [word.end for word in said.words], atol=0.03)
+    np.testing.assert_allclose(edges[::2] / RATE, [word.start for word in speech.words], atol=0.03)
+    np.testing.assert_allclose(edges[1::2] / RATE, [word.end for word in speech.words], atol=0.03)
 
 
 @pytest.mark.slow
 def test_loudness_and_tilt(example):
     def powers(acting: Acting) -> tuple[float, np.ndarray]:
-        said = act(example, acting, 0).samples.astype(float)
-        spectrum = np.abs(np.fft.rfft(said)) ** 2
-        hz = np.fft.rfftfreq(len(said), 1 / RATE)
+        samples = act(example, acting, 0).samples.astype(float)
+        spectrum = np.abs(np.fft.rfft(samples)) ** 2
+        hz = np.fft.rfftfreq(len(samples), 1 / RATE)
         bands = [spectrum[(hz >= low) & (hz < high)].sum() for low, high in ((60, 250), (4000, 8000))]
-        return 10 * np.log10(np.mean(said**2)), 10 * np.log10(bands)
+        return 10 * np.log10(np.mean(samples**2)), 10 * np.log10(bands)
 
     plain, bands = powers(Acting())
     assert plain == pytest.approx(LEVEL, abs=4)  # pauses count here
     assert powers(Acting(gain=5.0))[0] - plain == pytest.approx(5, abs=0.2)
     for tilt in (-6.0, 6.0):
-        level, tilted = powers(Acting(tilt=tilt))
+        level, now = powers(Acting(tilt=tilt))
         assert level == pytest.approx(plain, abs=0.3)  # brighter is not louder
-        assert np.subtract(*(tilted - bands)[::-1]) == pytest.approx(tilt, abs=0.8)
+        assert np.subtract(*(now - bands)[::-1]) == pytest.approx(tilt, abs=0.8)
 
 
 @pytest.mark.slow
@@ -127,23 +127,23 @@ def test_dynamics_and_jitter(example):
 
 def test_nothing_but_noise_or_silence_survives():
     for samples in (np.zeros(0), np.zeros(8000), np.full(100, 1e-4)):
-        said = act(Speech(samples.astype(np.float32)), ACTING["anger"], 0)
-        assert np.isfinite(said.samples).all()
-        assert np.abs(said.samples).max(initial=0.0) < 0.01
+        speech = act(Speech(samples.astype(np.float32)), ACTING["anger"], 0)
+        assert np.isfinite(speech.samples).all()
+        assert np.abs(speech.samples).max(initial=0.0) < 0.01
 
 
 @pytest.mark.slow
 def test_the_emotions_differ_as_the_reviews_say(example):
-    """Measured on the sound: who is faster, higher, wider, louder, brighter than neutral, and who is not."""
+    """Measured on the sound: which emotions are faster, higher, wider, louder, brighter than neutral."""
     rows = {}
     for emotion in EMOTIONS:
-        said = act(example, ACTING[emotion], 0)
-        assert np.abs(said.samples).max() < 1
-        heard = analyse(said)
-        voiced, loud = np.log2(heard.pitch[heard.pitch > 0]), heard.energy > np.percentile(heard.energy, 95) - 30
+        speech = act(example, ACTING[emotion], 0)
+        assert np.abs(speech.samples).max() < 1
+        features = analyse(speech)
+        voiced, loud = np.log2(features.pitch[features.pitch > 0]), features.energy > np.percentile(features.energy, 95) - 30
         rows[emotion] = (
-            float(example.duration) / float(said.duration), np.median(voiced), np.subtract(*np.percentile(voiced, [90, 10])),
-            heard.energy[loud].mean(), (heard.bands[loud, 3:].mean(1) - heard.bands[loud, 1]).mean(),
+            float(example.duration) / float(speech.duration), np.median(voiced), np.subtract(*np.percentile(voiced, [90, 10])),
+            features.energy[loud].mean(), (features.bands[loud, 3:].mean(1) - features.bands[loud, 1]).mean(),
         )  # fmt: skip
     signs = {e: np.sign(np.subtract(rows[e], rows["neutral"])).astype(int).tolist() for e in EMOTIONS}
     faster, higher, wider, louder, _ = range(5)
@@ -172,11 +172,11 @@ def test_speakers_act_in_their_own_way_and_no_take_is_like_another():
 
 @pytest.mark.parametrize("emotion", ["neutral", "anger", "sadness", "fear", "disgust"])
 def test_the_words_are_still_there(emotion, example):
-    """Band by band the acted sound is the sound as it was, hundredth by hundredth of its own time; another time is not."""
+    """In each band the acted sound is like the plain sound at the same moment of the speech, and unlike it at another."""
     acting = replace(ACTING[emotion], pauses=1.0)
-    said = act(example, acting, 0)
-    rate = len(example.samples) / len(said.samples)
-    plain, now = analyse(example).bands, analyse(said).bands
+    speech = act(example, acting, 0)
+    rate = len(example.samples) / len(speech.samples)
+    plain, now = analyse(example).bands, analyse(speech).bands
     loud = np.flatnonzero(plain.mean(1) > np.percentile(plain.mean(1), 40))
     at = np.minimum(np.round(loud / rate).astype(int), len(now) - 1)
 

@@ -52,12 +52,12 @@ def of(points: Points) -> attributes.Attributes:
 
 
 def test_what_is_measured_is_what_was_put_in():
-    found = of(person(strokes=30, size=1.0))
-    assert found.rate == pytest.approx(2 * 30, rel=0.05), "up is a stroke, and down is another"
+    measures = of(person(strokes=30, size=1.0))
+    assert measures.rate == pytest.approx(2 * 30, rel=0.05), "up is a stroke, and down is another"
     lift = np.maximum(np.sin(np.linspace(0, 2 * np.pi, 1000, endpoint=False)), 0)
-    assert found.amplitude == pytest.approx(np.sqrt((1 + 1 / 9) / 2) * lift.std(), rel=0.01)
-    assert found.right_share == pytest.approx(0.75, abs=0.001)
-    assert found.seated is None
+    assert measures.amplitude == pytest.approx(np.sqrt((1 + 1 / 9) / 2) * lift.std(), rel=0.01)
+    assert measures.right_share == pytest.approx(0.75, abs=0.001)
+    assert measures.seated is None
     still = attributes_of(person().values[:1].repeat(50, 0), JOINTS, FPS)
     assert (still.rate, still.right_share) == (0, 0.5)
     assert still.amplitude < 1e-12
@@ -91,9 +91,11 @@ def test_orientation_is_the_angle_to_the_own_left():
     motion = replace(motion, rotations=np.zeros_like(motion.rotations) + motion.skeleton.rest)
     for degrees in (-40.0, 0.0, 18.0, 170.0):
         turn = axis_angle_to_quat(np.array([0.0, 1.0, 0.0]), np.radians(degrees))
-        turned = motion.rotations.copy()
-        turned[:, 0] = quat_multiply(turn, turned[:, 0])
-        assert attributes_of(*body_of(replace(motion, rotations=turned)), 30.0).orientation == pytest.approx(degrees, abs=0.01)
+        rotations = motion.rotations.copy()
+        rotations[:, 0] = quat_multiply(turn, rotations[:, 0])
+        assert attributes_of(*body_of(replace(motion, rotations=rotations)), 30.0).orientation == pytest.approx(
+            degrees, abs=0.01
+        )
 
 
 def test_size_counts_as_size_and_scale_does_not():
@@ -111,23 +113,23 @@ def test_slow_motion_halves_the_rate():
 def test_several_clips_are_pooled_and_jumps_between_them_are_not_strokes():
     points = person()
     halves = [points.values[:450], points.values[450:] + [3000, 0]]
-    found = attributes_of(halves, JOINTS, FPS)
-    assert found.amplitude == pytest.approx(of(points).amplitude, rel=1e-9)
-    assert found.rate == pytest.approx(of(points).rate, abs=2)
+    measures = attributes_of(halves, JOINTS, FPS)
+    assert measures.amplitude == pytest.approx(of(points).amplitude, rel=1e-9)
+    assert measures.rate == pytest.approx(of(points).rate, abs=2)
 
 
 def test_who_sits_is_seen_where_there_are_legs():
     motion = moving("humanoid", 2.0, 30.0)
     rest = np.zeros_like(motion.rotations) + motion.skeleton.rest
     index = motion.skeleton.index
-    bent = rest.copy()
+    sitting = rest.copy()
     for side in ("left", "right"):
         right_angle = axis_angle_to_quat(np.array([1.0, 0, 0]), -np.pi / 2)
-        bent[:, index[f"{side}UpperLeg"]] = quat_multiply(right_angle, bent[:, index[f"{side}UpperLeg"]])
-        bent[:, index[f"{side}LowerLeg"]] = quat_multiply(
-            bent[:, index[f"{side}LowerLeg"]], axis_angle_to_quat(np.array([1.0, 0, 0]), np.pi / 2)
+        sitting[:, index[f"{side}UpperLeg"]] = quat_multiply(right_angle, sitting[:, index[f"{side}UpperLeg"]])
+        sitting[:, index[f"{side}LowerLeg"]] = quat_multiply(
+            sitting[:, index[f"{side}LowerLeg"]], axis_angle_to_quat(np.array([1.0, 0, 0]), np.pi / 2)
         )
-    half = np.concatenate([rest[:15], bent[:45]])
+    half = np.concatenate([rest[:15], sitting[:45]])
     assert attributes_of(*body_of(replace(motion, rotations=rest)), 30.0).seated == 0
     assert attributes_of(*body_of(replace(motion, rotations=half)), 30.0).seated == pytest.approx(0.75)
 
@@ -154,9 +156,9 @@ def test_every_representation_can_be_measured(name):
     else:
         source = moving(pose.skeleton, 4.0, 15.0)
         source = replace(source, face=np.full((len(source), 52), 0.5))
-    found = attributes_of(*body_of(pose.decode(pose.encode(source), 15.0)), 15.0)
-    assert (found.amplitude > 1e-6) is (name != "face")  # a face has no hands that move
-    assert 0 <= found.right_share <= 1
+    measures = attributes_of(*body_of(pose.decode(pose.encode(source), 15.0)), 15.0)
+    assert (measures.amplitude > 1e-6) is (name != "face")  # a face has no hands that move
+    assert 0 <= measures.right_share <= 1
 
 
 # derived speakers -----------------------------------------------------------------------------------------------------
@@ -166,14 +168,14 @@ def test_a_still_arm_moves_nothing_of_the_other():
     clip = Clip("a", "s", "pats", points=person())
     (mean,) = mean_poses([(clip, True)]).values()
     for derivation, still, share in (("leftarm", "R", 0.0), ("rightarm", "L", 1.0)):
-        made = derive_clip(clip, derivation, mean)
-        assert (made.name, made.speaker) == (f"a|derived-{derivation}", f"s|{derivation}")
-        found = of(made.points)
-        assert found.right_share == pytest.approx(share, abs=1e-6)
-        held = [k for k, name in enumerate(JOINTS) if name.startswith(still) and not name.endswith("Eye")]
-        rest = sorted({*range(52)} - {*held})
-        np.testing.assert_array_equal(made.points.values[:, rest], clip.points.values[:, rest])
-        np.testing.assert_allclose(made.points.values[:, held].mean(0), clip.points.values[:, held].mean(0))
+        derived_clip = derive_clip(clip, derivation, mean)
+        assert (derived_clip.name, derived_clip.speaker) == (f"a|derived-{derivation}", f"s|{derivation}")
+        measures = of(derived_clip.points)
+        assert measures.right_share == pytest.approx(share, abs=1e-6)
+        arm = [k for k, name in enumerate(JOINTS) if name.startswith(still) and not name.endswith("Eye")]
+        rest = sorted({*range(52)} - {*arm})
+        np.testing.assert_array_equal(derived_clip.points.values[:, rest], clip.points.values[:, rest])
+        np.testing.assert_allclose(derived_clip.points.values[:, arm].mean(0), clip.points.values[:, arm].mean(0))
 
 
 def test_a_still_arm_is_still_in_what_networks_see_however_near_the_camera():
@@ -184,9 +186,9 @@ def test_a_still_arm_is_still_in_what_networks_see_however_near_the_camera():
     pose = find_pose("keypoints2d")
     for derivation, still in (("leftarm", "R"), ("rightarm", "L")):
         vectors = pose.encode(derive_clip(clip, derivation, mean).points)
-        held = [k for k, name in enumerate(pose.names) if name.startswith(still)]
-        assert np.ptp(vectors[:, held], 0).max() < 1e-9
-        other = [k for k in range(96) if k not in held]
+        arm = [k for k, name in enumerate(pose.names) if name.startswith(still)]
+        assert np.ptp(vectors[:, arm], 0).max() < 1e-9
+        other = [k for k in range(96) if k not in arm]
         np.testing.assert_allclose(vectors[:, other], pose.encode(clip.points)[:, other])
 
 
@@ -196,16 +198,16 @@ def test_a_still_arm_of_any_skeleton(kind, side):
     motion = moving(kind, 8.0, 15.0)
     clip = Clip("a", "s", "beat", motion=motion)
     mean = mean_poses([(clip, True)])["s"].like(motion.skeleton.names)
-    made = hold_motion(motion, side, mean)
+    still_motion = hold_motion(motion, side, mean)
     arm = arm_joints(motion.skeleton, side)
     names = [motion.skeleton.names[k] for k in arm]
     assert not {"head", "Head", "neck", "leftEye", "rightEye"} & {*names}
     assert not any(word in name.lower() for name in names for word in ("leg", "foot", "thigh", "eye", "knee", "toe"))
     assert len(arm) >= 4
-    assert quat_angle(made.rotations[:, arm], made.rotations[:1, arm]).max() < 1e-6
+    assert quat_angle(still_motion.rotations[:, arm], still_motion.rotations[:1, arm]).max() < 1e-6
     other = [k for k in range(len(motion.skeleton)) if k not in arm]
-    np.testing.assert_array_equal(made.rotations[:, other], motion.rotations[:, other])
-    share = attributes_of(*body_of(made), 15.0).right_share
+    np.testing.assert_array_equal(still_motion.rotations[:, other], motion.rotations[:, other])
+    share = attributes_of(*body_of(still_motion), 15.0).right_share
     assert share == pytest.approx(1 if side == "left" else 0, abs=1e-6), "however the torso moves"
 
 
@@ -214,8 +216,8 @@ def test_the_mean_rotation_is_the_nearest_to_all():
     motion = moving("humanoid", 4.0, 15.0)
     signs = np.random.default_rng(1).choice([-1, 1], (len(motion), len(motion.skeleton), 1))
     mean = mean_poses([(Clip("a", "s", "beat", motion=motion), True)])["s"].like(motion.skeleton.names)
-    flipped = replace(motion, rotations=motion.rotations * signs)
-    again = mean_poses([(Clip("a", "s", "beat", motion=flipped), True)])["s"].like(motion.skeleton.names)
+    other_signs = replace(motion, rotations=motion.rotations * signs)
+    again = mean_poses([(Clip("a", "s", "beat", motion=other_signs), True)])["s"].like(motion.skeleton.names)
     assert quat_angle(mean, again).max() < 1e-6
 
     def cost(q):
@@ -269,14 +271,14 @@ def raw(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def made(raw, tmp_path_factory):
+def store_and_report(raw, tmp_path_factory):
     folder = tmp_path_factory.mktemp("made") / "store"
     return folder, prepare("pats", raw, folder, derived_speakers=("cleo|leftarm", "cleo|rightarm", "dan|mirror"))
 
 
 @pytest.mark.slow
-def test_twins_are_speakers_in_every_split(made):
-    store, report = Store(made[0]), made[1]
+def test_twins_are_speakers_in_every_split(store_and_report):
+    store, report = Store(store_and_report[0]), store_and_report[1]
     assert set(store.speakers) == {"ann", "cleo", "dan", "cleo|leftarm", "cleo|rightarm", "dan|mirror"}
     for speaker in store.speakers:
         assert sorted(c.split for c in store.clips if c.speaker == speaker) == ["test", "train", "validation"]
@@ -289,23 +291,23 @@ def test_twins_are_speakers_in_every_split(made):
 
 
 @pytest.mark.slow
-def test_the_report_says_how_each_speaker_gestures(made):
-    found = json.loads((made[0] / "report.json").read_text())["attributes"]
-    assert found["cleo|leftarm"]["right_share"] < 0.01
-    assert found["cleo|rightarm"]["right_share"] > 0.99
-    assert found["dan|mirror"]["right_share"] == pytest.approx(1 - found["dan"]["right_share"], abs=0.001)
-    assert found["ann"]["seated"] is None
-    store = Store(made[0])
+def test_the_report_says_how_each_speaker_gestures(store_and_report):
+    measures = json.loads((store_and_report[0] / "report.json").read_text())["attributes"]
+    assert measures["cleo|leftarm"]["right_share"] < 0.01
+    assert measures["cleo|rightarm"]["right_share"] > 0.99
+    assert measures["dan|mirror"]["right_share"] == pytest.approx(1 - measures["dan"]["right_share"], abs=0.001)
+    assert measures["ann"]["seated"] is None
+    store = Store(store_and_report[0])
     again = speaker_attributes(store, find_pose(store.pose).decode)
-    assert again["cleo"].rate == found["cleo"]["rate"]
+    assert again["cleo"].rate == measures["cleo"]["rate"]
     whole = np.concatenate(
         [find_pose("keypoints2d").decode(store.clip(c)["pose"]).values for c in store.clips if c.speaker == "cleo"]
     )
     assert again["cleo"].amplitude == pytest.approx(attributes_of(whole, JOINTS, FPS).amplitude, rel=1e-5)
 
 
-def test_twins_are_not_taken_for_augmented_clips(made):
-    store = Store(made[0])
+def test_twins_are_not_taken_for_augmented_clips(store_and_report):
+    store = Store(store_and_report[0])
     names = [clip.name for clip in store.clips]
     assert not any(map(is_mirror_image, names))
     assert is_mirror_image(mirror_clip(Clip("a", "s", "pats", points=person(1))).name)
@@ -313,9 +315,9 @@ def test_twins_are_not_taken_for_augmented_clips(made):
     assert np.array_equal(Windows(store, 30, mirror=False).clips, everything.clips)
     with pytest.raises(InputError, match="no mirrored clips"):
         check_mirror(store, True)
-    held, rest = (Windows(store, 30, split=split, held_out=0.4) for split in ("validation", "train"))
-    said = [{find_original(store.clips[k].name) for k in part.clips} for part in (held, rest)]
-    assert not said[0] & said[1], "what is held out is heard in no derived speaker either"
+    held_out, rest = (Windows(store, 30, split=split, held_out=0.4) for split in ("validation", "train"))
+    names_of_parts = [{find_original(store.clips[k].name) for k in part.clips} for part in (held_out, rest)]
+    assert not names_of_parts[0] & names_of_parts[1], "what is held out is heard in no derived speaker either"
 
 
 @pytest.mark.slow
@@ -328,8 +330,8 @@ def test_twins_are_augmented_like_anybody(raw, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_sound_of_a_twin_is_found(made, raw):
-    clips = {clip.name: clip for clip in load_stored_clips(made[0], split="test", raw=raw)}
+def test_the_sound_of_a_twin_is_found(store_and_report, raw):
+    clips = {clip.name: clip for clip in load_stored_clips(store_and_report[0], split="test", raw=raw)}
     derived_speakers = [name for name in clips if "|derived-" in name]
     assert len(derived_speakers) == 3
     for name in derived_speakers:
@@ -337,7 +339,7 @@ def test_the_sound_of_a_twin_is_found(made, raw):
 
 
 @pytest.mark.slow
-def test_stopped_with_twins_and_started_again(raw, made, tmp_path, monkeypatch):
+def test_stopped_with_twins_and_started_again(raw, store_and_report, tmp_path, monkeypatch):
     from cospeech.corpora.prepare import pieces
 
     calls, real = [], pieces.encode
@@ -355,7 +357,7 @@ def test_stopped_with_twins_and_started_again(raw, made, tmp_path, monkeypatch):
     prepare("pats", raw, tmp_path / "s", derived_speakers=derived_speakers)
     assert len(calls) == 8 + 18 - 7
     assert len(set(calls)) == 18
-    for path in made[0].iterdir():
+    for path in store_and_report[0].iterdir():
         assert path.read_bytes() == (tmp_path / "s" / path.name).read_bytes()
 
 

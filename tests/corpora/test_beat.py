@@ -36,7 +36,7 @@ def raw(tmp_path_factory):
 
 @pytest.fixture
 def take(raw, tmp_path):
-    """The take's files, to be changed: a function from new contents by suffix (None: gone) to what is read."""
+    """A function: new contents of the take's files by suffix (None removes the file) → what the reader gives."""
 
     def read(**changes):
         folder = tmp_path / "2"
@@ -67,8 +67,8 @@ def test_reader_gives_what_was_written(raw):
     assert np.allclose([(w.start, w.end) for w in got.speech.words], [(w.start, w.end) for w in WORDS], atol=1e-5)
     assert got.semantics == ours.semantics
     assert (got.face_fps, len(got.face)) == (60, 60)
-    kept = [k for name, k in ARKIT_INDEX.items() if name != "tongueOut"]
-    assert np.allclose(got.face[::2][:, kept], ours.motion.face[:, kept], atol=1e-5)
+    indices = [k for name, k in ARKIT_INDEX.items() if name != "tongueOut"]
+    assert np.allclose(got.face[::2][:, indices], ours.motion.face[:, indices], atol=1e-5)
     assert not got.face[:, ARKIT_INDEX["tongueOut"]].any()
 
 
@@ -103,8 +103,8 @@ def test_files_are_laid_out_as_beats_are(raw):
 
 
 @pytest.mark.parametrize("speaker", [2, 10])
-def test_skeletons_of_the_published_files(shared, tmp_path, speaker):
-    tree = json.loads((shared / "data" / f"beat_speaker{speaker}_skeleton.json").read_text())
+def test_skeletons_of_the_published_files(shared_folder, tmp_path, speaker):
+    tree = json.loads((shared_folder / "data" / f"beat_speaker{speaker}_skeleton.json").read_text())
     names = [name for name in tree if tree[name].get("channels")]
     parents = tuple(names.index(tree[n]["parent"]) if tree[n]["parent"] else -1 for n in names)
     offsets = np.array([tree[n]["offset"] for n in names]) / 100
@@ -162,7 +162,7 @@ def test_semantics_of_blanks_and_emotions_of_beats_spelling(take):
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ({"csv": "99_bored, 0, 1, 1, 0\n"}, "'2_scott_0_74_74.csv', line 1"),
         ({"csv": ""}, "2_scott_0_74_74.csv' is empty"),
@@ -174,19 +174,19 @@ def test_semantics_of_blanks_and_emotions_of_beats_spelling(take):
         ({"json": "{}"}, "2_scott_0_74_74.json"),
     ],
 )
-def test_damage_is_told_with_its_place(take, change, told):
+def test_damage_is_told_with_its_place(take, change, message):
     item = take(**change)
     assert isinstance(item, Dropped)
-    assert told in item.reason
+    assert message in item.reason
 
 
 def test_another_corpus_is_told(take):
-    for bvh, told in (
+    for bvh, message in (
         (take.bvh.replace("LeftForeArm", "LeftElbow"), "not beat's"),
         (take.bvh.replace("0.008333", "0.033333"), "30 frames per second"),
         (take.bvh.replace("CHANNELS 3 Xrotation", "CHANNELS 3 Qrotation", 1), "line 9"),
     ):
-        assert told in take(bvh=bvh).reason
+        assert message in take(bvh=bvh).reason
     slow = {**take.json, "frames": [f | {"time": k / 30} for k, f in enumerate(take.json["frames"])]}
     assert "30 frames per second" in take(json=json.dumps(slow)).reason
 

@@ -61,10 +61,10 @@ def save(folder, clips, lengths, weights, names, fps, **more):
     np.savez(folder / "face.npz", names=np.array(names), fps=np.array(fps), **arrays, **more)
 
 
-def changed(folder, **arrays):
+def edit_arrays(folder, **arrays):
     with np.load(folder / "face.npz") as file:
-        kept = {name: file[name] for name in file.files}
-    np.savez(folder / "face.npz", **{**kept, **arrays})
+        originals = {name: file[name] for name in file.files}
+    np.savez(folder / "face.npz", **{**originals, **arrays})
 
 
 @pytest.mark.slow
@@ -85,7 +85,7 @@ def test_a_tracked_face_is_read_without_the_face_at_rest(grid):
 def test_eyes_and_brows_and_what_no_tracker_moves_are_dead(grid):
     with np.load(grid / "face.npz") as file:
         lively = np.random.default_rng(0).uniform(0, 1, file["blendshapes"].shape)
-    changed(grid, blendshapes=lively)
+    edit_arrays(grid, blendshapes=lively)
     face = np.concatenate([clip.motion.face for clip in faces.read(grid)])
     alive = {ARKIT[k] for k in np.flatnonzero(face.any(0))}
     assert alive == {n for n in ARKIT if n.startswith(("jawOpen", "mouth"))} - {"mouthLeft", "mouthRight"}
@@ -95,9 +95,9 @@ def test_eyes_and_brows_and_what_no_tracker_moves_are_dead(grid):
 def test_the_head_turns_relative_to_its_mean(grid):
     clips = {clip.name: clip for clip in faces.read(grid)}
     with np.load(grid / "face.npz") as file:
-        seen = matrix_to_quat(file["head_matrix"][: LENGTHS[0], :3, :3])
+        head_turns = matrix_to_quat(file["head_matrix"][: LENGTHS[0], :3, :3])
     turns = rotvec_to_quat(FACE.encode(clips["aa"].motion)[:, -3:])
-    a, b = (quat_multiply(q[1:], q[:-1] * [-1, -1, -1, 1]) for q in (turns, seen))
+    a, b = (quat_multiply(q[1:], q[:-1] * [-1, -1, -1, 1]) for q in (turns, head_turns))
     assert np.abs(quat_angle(a, np.array([0, 0, 0, 1.0])) - quat_angle(b, np.array([0, 0, 0, 1.0]))).max() < 1e-5
     every = np.concatenate([FACE.encode(clip.motion)[:, -3:] for clip in clips.values()])
     assert np.abs(every.mean(0)).max() < 0.01
@@ -106,10 +106,10 @@ def test_the_head_turns_relative_to_its_mean(grid):
 @pytest.mark.slow
 def test_frames_without_a_face_are_filled_from_those_around(grid):
     with np.load(grid / "face.npz") as file:
-        weights, seen = file["blendshapes"].copy(), file["face_ok"].copy()
+        weights, has_face = file["blendshapes"].copy(), file["face_ok"].copy()
     expected = {clip.name: clip.motion.face for clip in faces.read(grid)}["aa"][18:22]
-    weights[18:22], seen[18:22] = 0.9, 0
-    changed(grid, blendshapes=weights, face_ok=seen)
+    weights[18:22], has_face[18:22] = 0.9, 0
+    edit_arrays(grid, blendshapes=weights, face_ok=has_face)
     np.testing.assert_allclose({c.name: c.motion.face for c in faces.read(grid)}["aa"][18:22], expected, atol=1e-6)
 
 
@@ -125,8 +125,8 @@ def test_without_alignments_the_lowest_tenth_is_rest(grid):
 def good(tmp_path):
     """A take of 34 s of FACEGOOD's rig, 30 frames a second."""
     folder, frames = tmp_path / "face_good", 34 * 30
-    needed = {part for parts in faces._FACEGOOD.values() for part, _ in parts}
-    names = sorted(needed | {"eye_blink1_l"})
+    parts_of_rig = {part for parts in faces._FACEGOOD.values() for part, _ in parts}
+    names = sorted(parts_of_rig | {"eye_blink1_l"})
     weights = np.random.default_rng(1).uniform(0, 0.5, (frames, len(names)))
     sounds(folder, {"take": 34.0})
     save(folder, ["take"], [frames], weights, names, 30.0)
@@ -187,7 +187,7 @@ def test_gaps_are_drops(grid):
     ids=lambda damage: next(iter(damage)),
 )
 def test_tracks_that_make_no_sense_are_errors(grid, damage):
-    changed(grid, **damage)
+    edit_arrays(grid, **damage)
     with pytest.raises(InputError, match=r"face\.npz"):
         faces.read(grid)
 
@@ -218,4 +218,10 @@ def test_long_takes_lie_in_one_split_each(tmp_path):
     for clip in faces.read(folder):
         splits.setdefault(clip.name.split("@")[0], set()).add(clip.split)
     assert sorted(map(len, splits.values())) == [1] * 5
-    assert sorted(split for found in splits.values() for split in found) == ["test", "train", "train", "train", "validation"]
+    assert sorted(split for splits_of_take in splits.values() for split in splits_of_take) == [
+        "test",
+        "train",
+        "train",
+        "train",
+        "validation",
+    ]

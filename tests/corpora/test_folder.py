@@ -12,7 +12,7 @@ from cospeech.errors import InputError
 LINK = "a link to a folder; links are not followed"
 
 
-def list_dropped(root: Path) -> list[tuple[str, str]]:
+def list_reasons(root: Path) -> list[tuple[str, str]]:
     return [(item.name, item.reason) for item in folder.read(root) if isinstance(item, Dropped)]
 
 
@@ -29,13 +29,13 @@ def test_media_that_can_be_read_are_sounds_and_others_are_told(tmp_path):
     assert [path.name for _, path in folder.sounds(tmp_path, left_out)] == names
     reason = "media of this kind cannot be read; save it as WAV"
     assert left_out == [Dropped("i.mts", reason)]
-    assert ("i.mts", reason) in list_dropped(tmp_path)
+    assert ("i.mts", reason) in list_reasons(tmp_path)
 
 
 def test_nothing_hidden_is_read(tmp_path):
     put(tmp_path, "Ana/a.wav", ".git/b.wav", "Ana/.cospeech-0f/0.wav", "Ana/.parts/1.npz")
     assert [name for name, _ in folder.sounds(tmp_path, [])] == ["Ana/a"]
-    assert [name for name, _ in list_dropped(tmp_path)] == ["Ana/a"]  # damaged
+    assert [name for name, _ in list_reasons(tmp_path)] == ["Ana/a"]  # damaged
 
 
 def test_a_link_to_a_folder_is_told(tmp_path):
@@ -45,4 +45,4 @@ def test_a_link_to_a_folder_is_told(tmp_path):
     with pytest.raises(InputError, match=f"no sound file in .* .Ana: {LINK}"):
         folder.read(tmp_path / "mine")
     put(tmp_path, "mine/b.wav")
-    assert ("Ana", LINK) in list_dropped(tmp_path / "mine")
+    assert ("Ana", LINK) in list_reasons(tmp_path / "mine")

@@ -20,13 +20,13 @@ h5py = pytest.importorskip("h5py", reason="needs cospeech[corpora]")
 @pytest.fixture
 def file(tmp_path) -> Path:
     path = tmp_path / "some.h5"
-    with h5py.File(path, "w") as opened:
-        opened["a/numbers"] = np.arange(6, dtype="<f4").reshape(2, 3)
-        opened["a/text"] = np.array(["né", "b"], h5py.string_dtype())
-        opened["b/alone"] = "one"
-        opened["b/none"] = h5py.Empty("f8")
-        opened["b/pairs"] = np.array([(1, 2.5)], [("n", "<i2"), ("x", "<f8", (1,))])
-        opened["a"].attrs["what"] = "letters"
+    with h5py.File(path, "w") as hdf5:
+        hdf5["a/numbers"] = np.arange(6, dtype="<f4").reshape(2, 3)
+        hdf5["a/text"] = np.array(["né", "b"], h5py.string_dtype())
+        hdf5["b/alone"] = "one"
+        hdf5["b/none"] = h5py.Empty("f8")
+        hdf5["b/pairs"] = np.array([(1, 2.5)], [("n", "<i2"), ("x", "<f8", (1,))])
+        hdf5["a"].attrs["what"] = "letters"
     return path
 
 
@@ -75,8 +75,8 @@ def test_without_the_library(file, monkeypatch):
 
 
 def test_a_file_that_would_fill_the_memory(tmp_path):
-    with h5py.File(tmp_path / "bomb.h5", "w") as opened:
-        opened.create_dataset("a", (1 << 20, 1 << 16), "f8", chunks=(1 << 10, 1 << 8), compression="gzip")
+    with h5py.File(tmp_path / "bomb.h5", "w") as hdf5:
+        hdf5.create_dataset("a", (1 << 20, 1 << 16), "f8", chunks=(1 << 10, 1 << 8), compression="gzip")
     with Hdf5LmdbReader("hdf5") as reader, pytest.raises(InputError, match=r"'bomb\.h5'.* MiB"):
         reader.hdf5(tmp_path / "bomb.h5")
 

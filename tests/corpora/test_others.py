@@ -28,11 +28,11 @@ def sound(path, seconds=1.0, rate=16_000):
 
 
 def smplx(path, frames=30, **changes):
-    """A file as BEAT2's are: the types of a real one, and no arrays of ours."""
+    """A file like those of BEAT2: the types of a real one, without the arrays that we add."""
     body = gesturing(frames).retarget("smplx")
     body.save(path)
-    with np.load(path) as saved:
-        poses, trans = saved["poses"].astype(np.float32), saved["trans"].astype(np.float64)
+    with np.load(path) as content:
+        poses, trans = content["poses"].astype(np.float32), content["trans"].astype(np.float64)
     arrays = {
         "betas": np.linspace(-1, 1, 300, dtype=np.float32), "poses": poses, "trans": trans,
         "expressions": np.tile(np.linspace(0, 1, 100), (frames, 1)), "model": "smplx2020", "gender": "neutral",
@@ -61,7 +61,7 @@ def beat2_raw(tmp_path_factory):
 
 @pytest.mark.slow
 def test_beat2(beat2_raw):
-    one, two, gone = beat2.read(beat2_raw)
+    one, two, missing = beat2.read(beat2_raw)
     body = gesturing(30).retarget("smplx")
     assert (one.name, one.speaker, one.split, one.emotion) == ("2_scott_0_1_1", "scott", "test", "neutral")
     assert (one.motion.skeleton.kind, one.motion.fps) == ("smplx", 30)
@@ -72,14 +72,14 @@ def test_beat2(beat2_raw):
     assert one.extra["betas"].shape == (300,)
     assert np.allclose(one.extra["expressions"][7], np.linspace(0, 1, 100), atol=1e-6)
     assert (two.emotion, two.split, two.extra["additional"], two.speech, two.semantics) == ("anger", "train", True, None, None)
-    assert isinstance(gone, Dropped)
-    assert gone.reason.startswith("'3_solomon_0_1_1.npz' is not there")
+    assert isinstance(missing, Dropped)
+    assert missing.reason.startswith("'3_solomon_0_1_1.npz' is not there")
     again = [item.name for item in beat2.read(beat2_raw / "beat_english_v2.0.0")]
-    assert again == [one.name, two.name, gone.name]
+    assert again == [one.name, two.name, missing.name]
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "message"),
     [
         ({"poses": None}, "no 'poses'"),
         ({"poses": np.zeros((30, 165), "U5")}, "2_scott_0_1_1.npz"),
@@ -90,17 +90,17 @@ def test_beat2(beat2_raw):
         ({"betas": np.array([{"a": 1}], object)}, "2_scott_0_1_1.npz"),
     ],
 )
-def test_beat2_damage_is_told(tmp_path, changes, told):
+def test_beat2_damage_is_told(tmp_path, changes, message):
     (tmp_path / "smplxflame_30").mkdir()
     (tmp_path / "train_test_split.csv").write_text("id,type\n")
     smplx(tmp_path / "smplxflame_30" / "2_scott_0_1_1.npz", **changes)
     (item,) = beat2.read(tmp_path)
     assert isinstance(item, Dropped)
-    assert told in item.reason
+    assert message in item.reason
 
 
 def test_beat2_without_its_list_and_with_other_shapes(tmp_path):
-    """Betas that nothing uses lose no take; a missing list is told, because every split is another one."""
+    """Betas of another shape drop no take, as nothing uses them. A missing list is told, because it changes every split."""
     (tmp_path / "smplxflame_30").mkdir()
     smplx(tmp_path / "smplxflame_30" / "2_scott_0_1_1.npz", betas=np.zeros(16))
     with pytest.warns(CospeechWarning, match=r"'train_test_split.csv' is not in .*: its takes have the split of BEAT"):
@@ -289,26 +289,26 @@ def test_a_folder_may_tell_emotions_and_have_faces_of_live_link(tmp_path):
     (tmp_path / "Ben" / "e.csv").write_text("time,note\n1,no face\n")
     lines = ["Name,Emotion", "Ana, neutral", "Ana/loud,Anger", "Ana/loud/d,fear", "", "Ana/lost,anger"]
     (tmp_path / "emotions.csv").write_text("\n".join(lines))
-    *clips, lost = folder.read(tmp_path)
-    told = {clip.name: clip.emotion for clip in clips}
-    assert told == {"a": None, "Ana/b": "neutral", "Ana/loud/c": "anger", "Ana/loud/d": "fear", "Ben/e": None}
-    assert lost == Dropped("Ana/lost", "emotions.csv names it, and there is no such recording")
+    *clips, missing = folder.read(tmp_path)
+    emotions = {clip.name: clip.emotion for clip in clips}
+    assert emotions == {"a": None, "Ana/b": "neutral", "Ana/loud/c": "anger", "Ana/loud/d": "fear", "Ben/e": None}
+    assert missing == Dropped("Ana/lost", "emotions.csv names it, and there is no such recording")
     assert clips[0].face.shape == (30, 52)
     assert clips[-1].face is None
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "message"),
     [
         ("Ana,angry", "line 1: no emotion is called 'angry'"),
         ("Ana", "line 1: 'Ana'"),
         ("Ana,fear,loud", "line 1: 'Ana,fear,loud'"),
     ],
 )
-def test_emotions_that_cannot_be_read_are_an_error(tmp_path, line, said):
+def test_emotions_that_cannot_be_read_are_an_error(tmp_path, line, message):
     sound(tmp_path / "Ana" / "a.wav")
     (tmp_path / "emotions.csv").write_text(line)
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         folder.read(tmp_path)
 
 
@@ -320,10 +320,10 @@ def test_motion_without_a_sound_is_told(tmp_path):
     motion.save(tmp_path / "sub" / "both.npz")
     sound(tmp_path / "a.wav")
     (tmp_path / "README.txt").write_text("no motion")
-    found = list(folder.read(tmp_path))
-    assert [item.name for item in found if isinstance(item, Clip)] == ["a"]
-    dropped = [(item.name, item.reason) for item in found if isinstance(item, Dropped)]
-    assert dropped == [(f"sub/{name}.bvh", "no sound of this name is beside it") for name in ("alone", "both")]
+    items = list(folder.read(tmp_path))
+    assert [item.name for item in items if isinstance(item, Clip)] == ["a"]
+    reasons = [(item.name, item.reason) for item in items if isinstance(item, Dropped)]
+    assert reasons == [(f"sub/{name}.bvh", "no sound of this name is beside it") for name in ("alone", "both")]
 
 
 @pytest.mark.slow
@@ -356,13 +356,13 @@ def test_folder_damaged_files_are_drops_or_sound(tmp_path):
 def test_a_sub_folder_that_cannot_be_listed_is_told(tmp_path, monkeypatch):
     for name in ("a", "b"):
         sound(tmp_path / name / "x.wav")
-    listed = os.scandir
-    locked = PermissionError(13, "Permission denied", str(tmp_path / "b"))
+    real = os.scandir
+    error = PermissionError(13, "Permission denied", str(tmp_path / "b"))
 
     def scandir(place):
         if str(place).endswith("b"):
-            raise locked
-        return listed(place)
+            raise error
+        return real(place)
 
     monkeypatch.setattr(os, "scandir", scandir)
     _, reasons = sort_out(folder.read(tmp_path), ["a/x", "b"])

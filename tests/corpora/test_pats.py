@@ -60,9 +60,9 @@ def copy(small: Path, target: Path) -> Path:
 def test_what_is_written_comes_back(tmp_path):
     clips = [make_clip(k, SPEAKERS[k % 3], 30 + k, sound=k == 0, start=10.5 * k) for k in range(11)]
     names = pats.write([*clips[:5], Dropped("x", "y"), *clips[5:]], tmp_path)
-    found = list(pats.read(tmp_path))
-    assert [clip.name for clip in found] == names == [clip.name for clip in clips]
-    for k, (clip, back) in enumerate(zip(clips, found, strict=True)):
+    clips_read = list(pats.read(tmp_path))
+    assert [clip.name for clip in clips_read] == names == [clip.name for clip in clips]
+    for k, (clip, back) in enumerate(zip(clips, clips_read, strict=True)):
         assert np.abs(back.points.values - clip.points.values).max() < 1e-9
         assert (back.points.fps, back.points.layout, back.speaker) == (15.0, "pats", clip.speaker)
         assert back.split == {9: "test", 8: "validation"}.get(k, "train")
@@ -114,9 +114,9 @@ def test_missing_intervals_are_dropped_under_current_h5py(small, tmp_path):
     for kind in (h5py.string_dtype(), h5py.string_dtype("ascii"), "S8"):
         with h5py.File(root / "missing_intervals.h5", "w") as file:
             file["intervals"] = np.array([b"1001", b"77"], dtype=kind)
-        found = list(pats.read(root))
-        assert [type(item).__name__ for item in found] == ["Clip", "Dropped", "Clip"]
-        assert found[1] == Dropped("1001", "listed in missing_intervals.h5")
+        items = list(pats.read(root))
+        assert [type(item).__name__ for item in items] == ["Clip", "Dropped", "Clip"]
+        assert items[1] == Dropped("1001", "listed in missing_intervals.h5")
     (root / "missing_intervals.h5").unlink()
     assert len([item for item in pats.read(root) if isinstance(item, Clip)]) == 3
 
@@ -140,11 +140,13 @@ def test_tables_agree_with_the_representation():
 
     assert keypoints2d.JOINTS == JOINTS
     vectors = keypoints2d.KEYPOINTS2D.encode(make_clip(1).points)
-    kept = list(keypoints2d.KEPT)
+    columns = list(keypoints2d.KEPT)
     from cospeech.corpora.pats.points import normalise_points
 
     flat = normalise_points(pats.from_points(make_clip(1).points.values))
-    assert np.allclose(vectors, np.concatenate([flat[:, kept], flat[:, 52:][:, kept]], 1)), "encode() gives pose/normalize"
+    assert np.allclose(vectors, np.concatenate([flat[:, columns], flat[:, 52:][:, columns]], 1)), (
+        "encode() gives pose/normalize"
+    )
 
 
 def test_a_failed_write_is_no_pats(tmp_path):
@@ -165,19 +167,19 @@ def test_a_failed_write_is_no_pats(tmp_path):
 
 def test_transforms():
     values = make_clip(3).points.values
-    turned = pats.mirror(values)
-    assert np.allclose(pats.mirror(turned), values)
-    flat, other = pats.from_points(values), pats.from_points(turned)
+    mirror_image = pats.mirror(values)
+    assert np.allclose(pats.mirror(mirror_image), values)
+    flat, other = pats.from_points(values), pats.from_points(mirror_image)
     assert np.allclose(other[:, 1:52], -flat[:, 1:52])
     assert np.allclose(np.delete(other, np.r_[1:52], 1), np.delete(flat, np.r_[1:52], 1)), "neck and y stay"
     mean = pats.to_points(flat.mean(0, keepdims=True))[0] - values[:, 0].mean(0)
-    held = pats.from_points(pats.hold_arm(values, "left", mean))
+    of_held_arm = pats.from_points(pats.hold_arm(values, "left", mean))
     left = [JOINTS.index(name) for name in JOINTS if name.startswith("L")]
     assert len(left) == 25
-    assert np.ptp(held[:, left], 0).max() < 1e-9
-    assert np.allclose(held[:, left], flat[:, left].mean(0))
+    assert np.ptp(of_held_arm[:, left], 0).max() < 1e-9
+    assert np.allclose(of_held_arm[:, left], flat[:, left].mean(0))
     still = [k for k in range(52) if k not in left]
-    assert np.allclose(held[:, still], flat[:, still])
+    assert np.allclose(of_held_arm[:, still], flat[:, still])
     both = pats.from_points(pats.hold_arm(pats.hold_arm(values, "left", mean), "right", mean))
     assert sorted(np.flatnonzero(np.ptp(both[:, :52], 0) > 1e-9)) == [0, JOINTS.index("Nose")]
     with pytest.raises(InputError, match="'middle'"):
@@ -197,10 +199,10 @@ def test_twins(small, tmp_path):
     root = copy(small, tmp_path / "raw")
     row = "dev,2.0,0:00:02.0,1000|{0},oliver|{0},0:00:00.0,,\n"
     (root / "cmu_intervals_df_transforms.csv").write_text(HEAD + row.format("mirror") + row.format("leftarm"))
-    *_, made, dropped = pats.read(root, transforms=True)
-    assert np.allclose(made.points.values, pats.mirror(make_clip(0).points.values)), "made where it has no file"
-    assert made.split == "validation"
-    assert "leftarm" in dropped.reason
+    *_, twin, missing = pats.read(root, transforms=True)
+    assert np.allclose(twin.points.values, pats.mirror(make_clip(0).points.values)), "made where it has no file"
+    assert twin.split == "validation"
+    assert "leftarm" in missing.reason
 
 
 # Tables of pandas ------------------------------------------------------------------------------------------------------
@@ -224,9 +226,9 @@ def test_pandas_reads_our_tables_and_we_read_its(small, tmp_path):
     pytest.importorskip("pandas", reason="needs pandas and PyTables, to compare with")
     pytest.importorskip("tables", reason="needs pandas and PyTables, to compare with")
     shutil.copytree(small / "processed", tmp_path / "processed")
-    done = subprocess.run([sys.executable, "-c", PANDAS, str(tmp_path)], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == str({"Word": ["hello", "wörld"], "start_frame": [0, 6], "end_frame": [5, 11]})
+    process = subprocess.run([sys.executable, "-c", PANDAS, str(tmp_path)], capture_output=True, text=True, timeout=120)
+    assert process.returncode == 0, process.stderr
+    assert process.stdout.strip() == str({"Word": ["hello", "wörld"], "start_frame": [0, 6], "end_frame": [5, 11]})
     expected = {"Word": ["the", "naïve", "the"], "start_frame": [0, 3, 9], "end_frame": [2, 8, 14]}
     with Hdf5LmdbReader("hdf5") as reader:
         for kind in ("fixed", "table", "objects"):
@@ -261,8 +263,8 @@ EIGHT = ("chemistry", "corden", "lec_cosmic", "maher", "noah", "oliver", "seth",
 
 
 @pytest.mark.parametrize("speaker", EIGHT)
-def test_published_statistics(shared, speaker):
-    folder = shared / "data" / "pats_stats"
+def test_published_statistics(shared_folder, speaker):
+    folder = shared_folder / "data" / "pats_stats"
     centres = pats.load_statistics(folder / f"{speaker}.kmeans.h5")[pats.CENTRES]
     assert centres.shape == (8, 240)
     with h5py.File(folder / f"{speaker}.kmeans.h5") as file:
@@ -343,31 +345,31 @@ def test_damaged_files(small, tmp_path):
         file.write_bytes(data)
     items = list(pats.read(tmp_path / "raw"))
     assert [item.name for item in items] == [str(k) for k in range(200)]
-    dropped = 0
+    count = 0
     for item in items:
         sound(item)
         if isinstance(item, Dropped):
-            dropped += 1
+            count += 1
             assert f"{item.name}.h5" in item.reason or "pose" in item.reason or "text" in item.reason
             assert item.reason.startswith(f"oliver/{item.name}: ")
-    assert dropped > 80
+    assert count > 80
     assert all(isinstance(item, Dropped) for item in items[:40]), "what is cut short is never used"
 
 
 def wrong_contents() -> list[tuple[str, object]]:
     """(key, what it is replaced with; None: removed)."""
     flat = np.zeros((30, 104)) + np.r_[640, np.linspace(-200, 200, 51), 300, np.linspace(-100, 300, 51)]
-    found: list[tuple[str, object]] = [("pose/data", None), ("pose", None)]
+    changes: list[tuple[str, object]] = [("pose/data", None), ("pose", None)]
     for bad in (np.nan, np.inf, -np.inf, 1e9, -1e30):
         for k in (0, 1500, 3119):
             spoilt = flat.copy()
             spoilt.flat[k] = bad
-            found.append(("pose/data", spoilt))
-    found += [
+            changes.append(("pose/data", spoilt))
+    changes += [
         ("pose/data", array) for array in (flat[:0], flat[:3], flat[:, :103], flat.T, flat[None], flat[0], np.zeros((30, 104)))
     ]
-    found += [("pose/data", np.repeat(flat, n, 0)) for n in (2, 10)]
-    found += [("pose/data", value) for value in (flat.astype(complex), flat.astype("S8"), "text", 3.0, np.zeros((0, 0)))]
+    changes += [("pose/data", np.repeat(flat, n, 0)) for n in (2, 10)]
+    changes += [("pose/data", value) for value in (flat.astype(complex), flat.astype("S8"), "text", 3.0, np.zeros((0, 0)))]
     columns = {
         "pose/normalize": 104,
         "pose/confidence": 104,
@@ -391,10 +393,10 @@ def wrong_contents() -> list[tuple[str, object]]:
             "x",
             fine.astype("S3"),
         ]
-        found += [(key, new) for new in news]
-    found += [("audio/silence", new) for new in (np.full(30, 7), np.full(30, np.nan), np.zeros(3), np.zeros((3, 3, 3)), "x")]
-    found += [("text/tokens", new) for new in (np.full(30, -1e9), np.zeros(3), np.full(30, np.inf))]
-    return found
+        changes += [(key, new) for new in news]
+    changes += [("audio/silence", new) for new in (np.full(30, 7), np.full(30, np.nan), np.zeros(3), np.zeros((3, 3, 3)), "x")]
+    changes += [("text/tokens", new) for new in (np.full(30, -1e9), np.zeros(3), np.full(30, np.inf))]
+    return changes
 
 
 @pytest.mark.slow
@@ -402,11 +404,11 @@ def test_wrong_contents_are_dropped_with_the_key(small, tmp_path):
     wrong = wrong_contents()
     files = many(small, tmp_path / "raw", len(wrong) + 1)
     for file, (key, value) in zip(files, wrong, strict=False):
-        with h5py.File(file, "a") as opened:
-            if key in opened:
-                del opened[key]
+        with h5py.File(file, "a") as hdf5:
+            if key in hdf5:
+                del hdf5[key]
             if value is not None:
-                opened[key] = value
+                hdf5[key] = value
     *bad, good = pats.read(tmp_path / "raw")
     assert isinstance(good, Clip)
     assert len(bad) == len(wrong) > 75
@@ -438,8 +440,8 @@ def test_wrong_tables_of_words(small, tmp_path):
     changes += [lambda group: group.__delitem__("table")]
     files = many(small, tmp_path / "raw", len(changes))
     for file, apply in zip(files, changes, strict=True):
-        with h5py.File(file, "a") as opened:
-            apply(opened["text/meta"])
+        with h5py.File(file, "a") as hdf5:
+            apply(hdf5["text/meta"])
     for item in pats.read(tmp_path / "raw"):
         assert isinstance(item, Dropped)
         sound(item)
@@ -451,13 +453,13 @@ def test_links_to_other_files_are_not_followed(small, tmp_path):
     for file, link in zip(
         files, (h5py.ExternalLink(small / "processed/oliver/1001.h5", "/pose/data"), None, None), strict=True
     ):
-        with h5py.File(file, "a") as opened:
+        with h5py.File(file, "a") as hdf5:
             if link is not None or file is files[1]:
-                del opened["pose/data"]
+                del hdf5["pose/data"]
             if link is not None:
-                opened["pose/data"] = link
+                hdf5["pose/data"] = link
             elif file is files[1]:
-                space = opened.create_dataset("pose/data", (30, 104), "f8", external=[(tmp_path / "secret", 0, 30 * 104 * 8)])
+                space = hdf5.create_dataset("pose/data", (30, 104), "f8", external=[(tmp_path / "secret", 0, 30 * 104 * 8)])
                 space[...] = 1.0
     first, second, third = pats.read(tmp_path / "raw")
     assert "no pose/data" in first.reason
@@ -479,9 +481,9 @@ ROWS = "train,2.0,2.0,1000,oliver,0.0,,\n"
 def test_tables_that_cannot_be_read(small, tmp_path, text):
     root = copy(small, tmp_path / "raw")
     (root / "cmu_intervals_df.csv").write_bytes(text)
-    with pytest.raises(InputError, match="cmu_intervals_df") as caught:
+    with pytest.raises(InputError, match="cmu_intervals_df") as refusal:
         list(pats.read(root))
-    assert "\n" not in str(caught.value)
+    assert "\n" not in str(refusal.value)
 
 
 WRONG_CELLS = ("", "nan", "-1", "1e300", "x", "../../etc", "a\x00b", "0:0:0:0")
@@ -545,8 +547,8 @@ def test_damaged_lists_of_missing_intervals(small, tmp_path):
         else:
             continue
         assert "missing_intervals.h5" in message
-    with h5py.File(file, "w") as opened:
-        opened["intervals"] = np.arange(3)
+    with h5py.File(file, "w") as hdf5:
+        hdf5["intervals"] = np.arange(3)
     with pytest.raises(InputError, match="intervals are int64"):
         list(pats.read(root))
 

@@ -76,7 +76,7 @@ def raw(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def made(raw, tmp_path_factory):
+def store_and_report(raw, tmp_path_factory):
     folder = tmp_path_factory.mktemp("made") / "store"
     return folder, prepare("beat", raw, folder)
 
@@ -86,8 +86,8 @@ def same(a, b) -> bool:
     return names == sorted(p.name for p in b.iterdir()) and all((a / n).read_bytes() == (b / n).read_bytes() for n in names)
 
 
-def test_the_store_holds_what_the_reader_reads(raw, made):
-    store, read = Store(made[0]), {clip.name: clip for clip in beat.read(raw)}
+def test_the_store_holds_what_the_reader_reads(raw, store_and_report):
+    store, read = Store(store_and_report[0]), {clip.name: clip for clip in beat.read(raw)}
     assert store.fps == 15
     assert store.pose == "euler"
     for entry in store.clips:
@@ -99,10 +99,10 @@ def test_the_store_holds_what_the_reader_reads(raw, made):
         assert EMOTIONS[values["emotion"][0]] == clip.emotion
         np.testing.assert_allclose(values["face"][3], clip.face[12], atol=1e-5)
         assert values["semantic"][[14, 15, 29, 30]].tolist() == pytest.approx([0, 0.7, 0.7, 0])
-        said = [store.words[k] for k in values["word"]]
-        assert said[3:8] == ["so"] * 5
-        assert said[0] == ""
-        assert said[10] == "many"
+        texts = [store.words[k] for k in values["word"]]
+        assert texts[3:8] == ["so"] * 5
+        assert texts[0] == ""
+        assert texts[10] == "many"
 
 
 def test_what_is_cut_or_too_short_is_told(tmp_path):
@@ -124,8 +124,8 @@ def test_what_is_cut_or_too_short_is_told(tmp_path):
     assert "filtered" not in report.summary()
 
 
-def test_a_split_without_clips_is_told(made):
-    folder, report = made
+def test_a_split_without_clips_is_told(store_and_report):
+    folder, report = store_and_report
     assert [note.partition(" split")[0] for note in report.notes] == [f"no clip is in the {n}" for n in ("validation", "test")]
     assert "--split all" in report.notes[1]
     assert replace(report, splits={"train": 1.0, "validation": 1.0, "test": 1.0}).notes == ()
@@ -150,9 +150,9 @@ def nameless(tmp_path):
 
 def test_a_note_on_several_files_is_given_once(nameless, tmp_path_factory):
     raw = nameless(tuple(f"n{k:02d}" for k in range(len(find_skeleton("humanoid")))))
-    with pytest.warns(CospeechWarning) as told:
+    with pytest.warns(CospeechWarning) as notes:
         prepare("folder", raw, tmp_path_factory.mktemp("made") / "store")
-    (note,) = [str(warning.message) for warning in told]
+    (note,) = [str(warning.message) for warning in notes]
     assert note.startswith("'take0.bvh' and 2 more: the names of the joints say nothing")
     assert "--map of generate, convert and render" in note
 
@@ -175,13 +175,13 @@ def test_a_skeleton_that_is_not_recognised_says_what_mends_it(tmp_path):
     raw.mkdir()
     Motion(30.0, rotations, np.zeros((60, 3)), skeleton=chain).save(raw / "a.bvh")
     soundfile.write(raw / "a.wav", voice(2.0).samples, 16_000)
-    with pytest.raises(InputError, match=r"cannot find .*cospeech convert FILE NEW.bvh --map names.toml") as caught:
+    with pytest.raises(InputError, match=r"cannot find .*cospeech convert FILE NEW.bvh --map names.toml") as refusal:
         prepare("folder", raw, tmp_path / "store")
-    assert "--map file.toml" not in str(caught.value)
+    assert "--map file.toml" not in str(refusal.value)
 
 
-def test_the_report_says_what_was_dropped_and_why(made):
-    folder, report = made
+def test_the_report_says_what_was_dropped_and_why(store_and_report):
+    folder, report = store_and_report
     still = [row for row in report.dropped if "static" in row["reason"]]
     assert len(still) == 1
     assert still[0]["end"] - still[0]["start"] == pytest.approx(4.0)
@@ -198,7 +198,7 @@ def test_nothing_is_filtered_if_one_says_so(raw, tmp_path):
     assert prepare("beat", raw, tmp_path / "s", filters=False).seconds == pytest.approx(16.0)
 
 
-def test_stopped_and_started_again_it_makes_the_same_bytes(raw, made, tmp_path, monkeypatch):
+def test_stopped_and_started_again_it_makes_the_same_bytes(raw, store_and_report, tmp_path, monkeypatch):
     calls = []
     real = pieces.encode
 
@@ -216,10 +216,10 @@ def test_stopped_and_started_again_it_makes_the_same_bytes(raw, made, tmp_path, 
     abandoned(tmp_path / "s")  # as a kill while the parts are put together leaves it
     prepare("beat", raw, tmp_path / "s")
     assert len(calls) == 5  # the two parts that were there were not made again
-    assert same(tmp_path / "s", made[0])
+    assert same(tmp_path / "s", store_and_report[0])
 
 
-def test_killed_and_started_again_it_makes_the_same_bytes(raw, made, tmp_path):
+def test_killed_and_started_again_it_makes_the_same_bytes(raw, store_and_report, tmp_path):
     """SIGKILL, in the middle of the third clip."""
     target = tmp_path / "s"
     code = (
@@ -237,10 +237,10 @@ def test_killed_and_started_again_it_makes_the_same_bytes(raw, made, tmp_path):
         process.wait()
     assert len(list((target / ".parts").glob("0*.npz"))) == 2
     prepare("beat", raw, target)
-    assert same(target, made[0])
+    assert same(target, store_and_report[0])
 
 
-def test_parts_of_other_data_or_settings_are_made_again(raw, made, tmp_path, monkeypatch):
+def test_parts_of_other_data_or_settings_are_made_again(raw, store_and_report, tmp_path, monkeypatch):
     real = pieces.encode
     monkeypatch.setattr(pieces, "encode", lambda clip, plan: {n: v * 0 + 1 for n, v in real(clip, plan).items()})
     with pytest.raises(InputError, match="nothing"):  # all frames alike: static
@@ -253,22 +253,24 @@ def test_parts_of_other_data_or_settings_are_made_again(raw, made, tmp_path, mon
 
 
 @pytest.mark.parametrize("backend", ["threading", "loky"])
-def test_workers_make_the_same_bytes(raw, made, tmp_path, backend):
-    seen = []
-    prepare("beat", raw, tmp_path / "s", jobs=2, backend=backend, progress=lambda done, total: seen.append((done, total)))
-    assert same(tmp_path / "s", made[0])
-    assert seen[-1] == (16.0, None)
+def test_workers_make_the_same_bytes(raw, store_and_report, tmp_path, backend):
+    steps = []
+    prepare(
+        "beat", raw, tmp_path / "s", jobs=2, backend=backend, progress=lambda seconds, total: steps.append((seconds, total))
+    )
+    assert same(tmp_path / "s", store_and_report[0])
+    assert steps[-1] == (16.0, None)
 
 
 @pytest.mark.filterwarnings("default")  # of the cluster's own shutdown
-def test_a_dask_cluster_of_two_workers_makes_the_same_bytes(raw, made, tmp_path):
-    distributed = pytest.importorskip("distributed", reason="needs dask.distributed")
-    with distributed.LocalCluster(2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+def test_a_dask_cluster_of_two_workers_makes_the_same_bytes(raw, store_and_report, tmp_path):
+    dask = pytest.importorskip("distributed", reason="needs dask.distributed")
+    with dask.LocalCluster(2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
         prepare("beat", raw, tmp_path / "s", jobs=-1, backend="dask", scheduler=cluster.scheduler_address)
-    assert same(tmp_path / "s", made[0])
+    assert same(tmp_path / "s", store_and_report[0])
 
 
-def test_wrong_options_are_answered_in_one_line(raw, made, tmp_path):
+def test_wrong_options_are_answered_in_one_line(raw, store_and_report, tmp_path):
     for options, words in [
         ({"corpus": "beet"}, "did you mean 'beat'"),
         ({"pose": "eular"}, "did you mean 'euler'"),
@@ -276,7 +278,7 @@ def test_wrong_options_are_answered_in_one_line(raw, made, tmp_path):
         ({"speeds": [3]}, "0.5 … 2"),
         ({"jobs": 0}, "0 jobs"),
         ({"backend": "cluster", "jobs": 2}, "'cluster'"),
-        ({"store": made[0]}, "overwrite"),
+        ({"store": store_and_report[0]}, "overwrite"),
         ({"pose": "keypoints2d"}, "key points"),
         ({"raw": tmp_path / "nowhere"}, "nowhere"),
     ]:
@@ -347,8 +349,8 @@ def test_mirrored_points_change_places(layout, joints, axes):
 
 
 def pitch_of(speech: Speech) -> float:
-    heard = analyse(speech).pitch
-    return float(np.median(heard[heard > 0]))
+    pitch = analyse(speech).pitch
+    return float(np.median(pitch[pitch > 0]))
 
 
 def test_faster_and_higher():
@@ -374,9 +376,9 @@ def test_augmented_clips_are_in_the_train_split_only(raw, tmp_path):
     assert set(store.speakers) == {"ann", "bob", "ann|mirror", "bob|mirror"}
     base = Clip("talk", "s", "folder", split="test")
     assert split_of(base) == "test"
-    drawn = [split_of(replace(base, name=f"talk{k}", split=None)) for k in range(2000)]
-    assert 0.77 < drawn.count("train") / 2000 < 0.83
-    assert 0.08 < drawn.count("test") / 2000 < 0.12
+    splits = [split_of(replace(base, name=f"talk{k}", split=None)) for k in range(2000)]
+    assert 0.77 < splits.count("train") / 2000 < 0.83
+    assert 0.08 < splits.count("test") / 2000 < 0.12
 
 
 def test_ted_filters_find_what_they_are_for():
@@ -388,9 +390,9 @@ def test_ted_filters_find_what_they_are_for():
     rng = np.random.default_rng(2)
     lively = still + 0.6 * np.sin(np.arange(100)[:, None] / 3 + rng.uniform(0, 6, 27)) * (np.arange(27) > 11)
     assert keep(lively, FILTERS["ted"])[0] == [(0, 100)]
-    bent = lively.copy()
-    bent[:, :3] = [0.7, -0.71, 0]
-    assert "spine" in keep(bent, FILTERS["ted"])[1][0].reason
+    stooping = lively.copy()
+    stooping[:, :3] = [0.7, -0.71, 0]
+    assert "spine" in keep(stooping, FILTERS["ted"])[1][0].reason
     half = np.concatenate([lively, np.repeat(still[:1], 100, 0)])
     ((first, end),) = keep(half, FILTERS["ted"])[0]
     assert first == 0
@@ -400,12 +402,12 @@ def test_ted_filters_find_what_they_are_for():
 
 def test_audio_features_are_those_of_the_frames_own_time():
     speech = voice(3.0)
-    heard = analyse(speech, mel=True)
+    analysis = analyse(speech, mel=True)
     features = audio_features(speech, 45, 15.0)
     assert features.shape == (45, len(AUDIO_NAMES))
     rows = slice(round(19.5 / 15 * 100), round(20.5 / 15 * 100))
-    np.testing.assert_allclose(features[20, :80], heard.mel[rows].mean(0), rtol=1e-4)
-    voiced = heard.pitch[rows][heard.pitch[rows] > 0]
+    np.testing.assert_allclose(features[20, :80], analysis.mel[rows].mean(0), rtol=1e-4)
+    voiced = analysis.pitch[rows][analysis.pitch[rows] > 0]
     assert features[20, 81] == pytest.approx(voiced.mean() if len(voiced) else 0, rel=1e-4)
 
 

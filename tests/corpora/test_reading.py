@@ -16,14 +16,14 @@ def test_text_is_read_in_the_encodings_of_windows(tmp_path, encoding):
 
 
 @pytest.mark.parametrize(
-    ("data", "said"),
+    ("data", "message"),
     [
         ("Wörter".encode("cp1252"), "'a.txt' is not UTF-8 text: byte 0xf6 at 1 .save it as UTF-8"),
         (b"\xff\xfea\0b", "'a.txt' is not UTF-16 text: byte 0x62 at 4 .save it as UTF-8"),
         ("ab".encode("utf-16-le"), "holds NUL characters at 1 .*ave it as UTF-8"),
     ],
 )
-def test_what_is_no_such_text_is_told_with_what_helps(tmp_path, data, said):
+def test_what_is_no_such_text_is_told_with_what_helps(tmp_path, data, message):
     (tmp_path / "a.txt").write_bytes(data)
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         read_text(tmp_path / "a.txt")

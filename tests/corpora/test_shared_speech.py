@@ -13,10 +13,12 @@ from cospeech.corpora.store_writer import Piece, write_store
 WORDS = tuple(f"word{k:02d}" for k in range(40))
 
 
-def piece(name: str, split: str, said: list[int] | None) -> Piece:
+def piece(name: str, split: str, numbers: list[int] | None) -> Piece:
     """A clip that says these words, three frames each, with silence after every fourth."""
-    rows = np.array([n + 1 for k, n in enumerate(said or [0] * 9) for n in ([n] * 3 + ([-1] if k % 4 == 3 else []))], np.int32)
-    values = {"pose": np.zeros((len(rows), 2), np.float32)} | ({} if said is None else {"word": rows})
+    rows = np.array(
+        [n + 1 for k, n in enumerate(numbers or [0] * 9) for n in ([n] * 3 + ([-1] if k % 4 == 3 else []))], np.int32
+    )
+    values = {"pose": np.zeros((len(rows), 2), np.float32)} | ({} if numbers is None else {"word": rows})
     return Piece(Entry(name, "ann", split, 0, len(rows), 0.0, tuple(values)), WORDS, lambda: dict(values))
 
 
@@ -27,10 +29,10 @@ def shares(folder, *pieces: Piece) -> dict[str, float]:
 
 def test_shared_speech_is_found_wherever_it_stands(tmp_path):
     train = piece("a", "train", [*range(20)])
-    found = shares(
+    by_split = shares(
         tmp_path / "one", train, piece("b", "test", [30, *range(5, 16)]), piece("c", "validation", [*range(39, 19, -1)])
     )
-    assert found == {"test": pytest.approx(4 / 5), "validation": 0}
+    assert by_split == {"test": pytest.approx(4 / 5), "validation": 0}
     assert shares(tmp_path / "two", train, piece("b", "test", [*range(7)]), piece("c", "validation", None)) == {}
 
 

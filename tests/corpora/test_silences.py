@@ -42,6 +42,6 @@ def test_a_share_of_none_changes_nothing_and_seeds_differ():
 
 
 def test_silence_is_zeros_or_as_loud_as_the_room():
-    found = {round(float(np.abs(add_silences(talk(1e-3), 0.6, seed).samples[:3000]).std() * 1e4)) for seed in range(12)}
-    assert 0 in found
-    assert any(2 < level < 20 for level in found)
+    levels = {round(float(np.abs(add_silences(talk(1e-3), 0.6, seed).samples[:3000]).std() * 1e4)) for seed in range(12)}
+    assert 0 in levels
+    assert any(2 < level < 20 for level in levels)

@@ -50,13 +50,13 @@ def test_what_is_written_is_read(folder, pieces):
     assert len(store) == sum(LENGTHS.values())
     assert store.fps == 15
     assert store.speakers == ("ann", "bob")
-    for made in pieces:
-        read, values = store.clip(made.entry.name), made.load()
+    for original in pieces:
+        read, values = store.clip(original.entry.name), original.load()
         assert set(read) == set(values)
         for name in ("pose", "audio", "face"):
             if name in values:
                 np.testing.assert_array_equal(read[name], values[name])
-        own = np.array(["", *made.words])
+        own = np.array(["", *original.words])
         np.testing.assert_array_equal(np.array(store.words)[read["word"]], own[values["word"]])
 
 
@@ -84,7 +84,7 @@ def test_statistics_are_those_of_the_train_split(folder):
 def test_windows_stay_within_clips_and_reach_every_start(folder):
     store = Store(folder)
     batches = store.windows(32, batch=256, seed=3, arrays=("pose", "word"))
-    seen = set()
+    starts = set()
     for _ in range(8):
         batch = next(batches)
         for start, clip, speaker, pose in zip(batch["start"], batch["clip"], batch["speaker"], batch["pose"], strict=True):
@@ -94,8 +94,8 @@ def test_windows_stay_within_clips_and_reach_every_start(folder):
             assert entry.split == "train"
             assert store.speakers[speaker] == entry.speaker
             np.testing.assert_array_equal(pose, store.arrays["pose"][start : start + 32])
-            seen.add(int(start))
-    assert len(seen) == (40 - 31) + (90 - 31)
+            starts.add(int(start))
+    assert len(starts) == (40 - 31) + (90 - 31)
     again = next(store.windows(32, batch=256, seed=3))
     np.testing.assert_array_equal(again["start"], next(store.windows(32, batch=256, seed=3))["start"])
 
@@ -135,10 +135,10 @@ def test_the_same_pieces_give_the_same_bytes(folder, pieces, tmp_path):
 
 
 def test_a_writing_that_fails_leaves_nothing(pieces, tmp_path):
-    def broken() -> dict:
+    def fail() -> dict:
         raise InputError("a part is gone")
 
-    bad = [*pieces, Piece(pieces[0].entry, (), broken)]
+    bad = [*pieces, Piece(pieces[0].entry, (), fail)]
     with pytest.raises(InputError, match="gone"):
         write_store(tmp_path / "s", bad, corpus="beat", pose="none", fps=15.0, names=NAMES)
     assert list((tmp_path / "s").iterdir()) == []
@@ -153,7 +153,7 @@ def damage(folder, index):
     def clip(**changes):
         edit(clips=[index["clips"][0] | changes, *index["clips"][1:]])
 
-    def pickled(path):
+    def pickle(path):
         np.save(path, np.array([{"a": 1}], object), allow_pickle=True)
 
     pose = folder / "pose.npy"
@@ -180,7 +180,7 @@ def damage(folder, index):
         "cut": lambda: pose.write_bytes(pose.read_bytes()[:-8]),
         "empty": lambda: pose.write_bytes(b""),
         "header": lambda: pose.write_bytes(b"\x93NUMPY\x01\x00v\x00{'descr': __import__('os')"),
-        "pickle": lambda: pickled(pose),
+        "pickle": lambda: pickle(pose),
         "type": lambda: np.save(pose, np.zeros((192, 3))),
         "order": lambda: np.save(pose, np.zeros((192, 3), np.float32, order="F")),
         "zip": lambda: pose.write_bytes(b"PK\x03\x04" + bytes(200)),

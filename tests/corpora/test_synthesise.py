@@ -45,7 +45,7 @@ def recordings(tmp_path_factory):
 
 
 def test_other_gestures_of_the_same_speech(recordings, tmp_path):
-    """What an oracle row is made of: clips of the same names, lengths and sound, that move otherwise."""
+    """The clips of an oracle row have the same names, lengths and sound, and other motion."""
     pytest.importorskip("lmdb")
     stores = []
     for gestures in (0, 1):
@@ -67,21 +67,21 @@ def test_from_speech_to_a_store(layout, recordings, tmp_path):
         pytest.skip(f"needs the reader of {layout}, which is not there yet")
     if layout in NEEDS:
         pytest.importorskip(NEEDS[layout])
-    seen = []
-    made = synthesise(
+    steps = []
+    corpus = synthesise(
         tmp_path / "raw", layout, speech=recordings, hours=1 / 40, speakers=2, seed=4, tts=False,
-        progress=lambda done, total: seen.append((done, total)),
+        progress=lambda seconds, total: steps.append((seconds, total)),
     )  # fmt: skip
-    assert made.takes == len(seen) >= 2 * 3
-    assert 90 <= made.seconds < 90 + 2 * LAYOUTS[layout].take
-    assert seen[-1] == (made.seconds, 90.0)
-    assert made.speeches < made.takes  # several takes per speech
+    assert corpus.takes == len(steps) >= 2 * 3
+    assert 90 <= corpus.seconds < 90 + 2 * LAYOUTS[layout].take
+    assert steps[-1] == (corpus.seconds, 90.0)
+    assert corpus.speeches < corpus.takes  # several takes per speech
     clips = list(import_module(module).read(tmp_path / "raw"))
     assert all(isinstance(clip, Clip) for clip in clips), [c for c in clips if not isinstance(c, Clip)]
-    assert len(clips) == made.takes
+    assert len(clips) == corpus.takes
     report = prepare(layout, tmp_path / "raw", tmp_path / "store", filters=False)
     store = Store(tmp_path / "store")
-    assert report.seconds == pytest.approx(made.seconds, abs=0.2 * made.takes)
+    assert report.seconds == pytest.approx(corpus.seconds, abs=0.2 * corpus.takes)
     assert store.pose == DEFAULT_POSES[layout]
     assert {clip.split for clip in store.clips} == {"train", "validation", "test"} - (
         {"validation"} if layout == "trinity" else set()
@@ -100,7 +100,7 @@ def test_from_speech_to_a_store(layout, recordings, tmp_path):
 
 def test_the_speakers_differ_visibly():
     """Wrist height, speed, use of the right hand, body turn and hip height: no two of eight agree in all, over two takes
-    (each speaker plans by chance of his own, and in one take two may come together)."""
+    (each speaker plans at random, so two may be alike in one take)."""
     samples, rate = soundfile.read(EXAMPLE, dtype="float32")
     speech, people = Speech(samples[: 12 * rate], rate), choose_speakers(8, 0)
     rows = np.array([[traits(speech, person.style, seed) for person in people] for seed in (1, 2)]).mean(0)
@@ -121,7 +121,7 @@ def traits(speech: Speech, style: Style, seed: int) -> list[float]:
     return [high.mean(), np.std(high), sum(speed), speed[1] / sum(speed), turn / 40, points[:, 0, 1].mean()]
 
 
-def test_a_cast_of_many_is_mixed_and_the_seed_s():
+def test_a_cast_of_many_is_mixed_and_depends_on_the_seed():
     many, again, other = choose_speakers(20, 1), choose_speakers(20, 1), choose_speakers(20, 2)
     assert many == again
     assert len({person.name for person in many}) == 20
@@ -147,10 +147,10 @@ def test_a_take_has_everything(recordings):
 
 
 def test_recordings_come_with_their_words(recordings):
-    found = {speech.name: speech for speech in voices.recordings(recordings)}
-    assert sorted(found) == ["one.wav", "two.wav"]
-    assert found["two.wav"].words is None
-    assert [word.text for word in found["one.wav"].words][:3] == ["well", "I", "never"]
+    speeches_by_name = {speech.name: speech for speech in voices.recordings(recordings)}
+    assert sorted(speeches_by_name) == ["one.wav", "two.wav"]
+    assert speeches_by_name["two.wav"].words is None
+    assert [word.text for word in speeches_by_name["one.wav"].words][:3] == ["well", "I", "never"]
 
 
 def test_lj_speech_s_table_is_read(recordings, tmp_path):
@@ -161,8 +161,8 @@ def test_lj_speech_s_table_is_read(recordings, tmp_path):
 
 
 def test_pieces_are_cut_and_joined():
-    def speech(seconds: float, known: bool = True) -> Speech:
-        words = tuple(Word(f"w{k}", k + 0.1, k + 0.9) for k in range(int(seconds))) if known else None
+    def speech(seconds: float, has_words: bool = True) -> Speech:
+        words = tuple(Word(f"w{k}", k + 0.1, k + 0.9) for k in range(int(seconds))) if has_words else None
         return Speech(np.full(round(seconds * 16_000), 0.1, np.float32), 16_000, words)
 
     pieces = list(voices.pieces_of([speech(25), speech(3), speech(4), speech(2, False)], 10))
@@ -185,19 +185,19 @@ def test_engines_speak_with_words(engine):
 def test_voices_are_varied():
     if "espeak-ng" not in ENGINES:
         pytest.skip("needs espeak-ng")
-    found = [voice for voice in voices.find_voices(0) if voice.engine == "espeak-ng"]
-    assert len({(v.name, round(v.speed, 2), v.pitch) for v in found}) >= 15
+    choices = [voice for voice in voices.find_voices(0) if voice.engine == "espeak-ng"]
+    assert len({(v.name, round(v.speed, 2), v.pitch) for v in choices}) >= 15
     pitches = []
     for timbre in ("f5", "m1"):
-        voice = next(v for v in found if v.name.endswith(timbre))
-        heard = analyse(voices.say(voice, 1.0, 0)).pitch
-        pitches.append(np.median(heard[heard > 0]))
+        voice = next(v for v in choices if v.name.endswith(timbre))
+        pitch = analyse(voices.say(voice, 1.0, 0)).pitch
+        pitches.append(np.median(pitch[pitch > 0]))
     assert abs(np.log2(pitches[0] / pitches[1])) > 0.15
 
 
 def test_an_engine_that_fails_is_reported(monkeypatch):
-    failed = subprocess.CompletedProcess([], 1, b"", b"no such voice\n")
-    monkeypatch.setattr(voices.subprocess, "run", lambda *a, **k: failed)
+    process = subprocess.CompletedProcess([], 1, b"", b"no such voice\n")
+    monkeypatch.setattr(voices.subprocess, "run", lambda *a, **k: process)
     with pytest.raises(InternalError, match="no such voice"):
         voices.say(voices.Voice("espeak-ng", "en", 1.0), 2.0, 0)
 
@@ -237,12 +237,12 @@ def test_wrong_options_are_answered_in_one_line(recordings, tmp_path):
 
 
 def test_a_writer_that_fails_leaves_nothing(recordings, tmp_path, monkeypatch):
-    def broken(clips, raw):
+    def fail(clips, raw):
         raw.mkdir()
         next(iter(clips))
         raise InputError("the disk is full")
 
-    monkeypatch.setattr("cospeech.corpora.trinity.read.write", broken)
+    monkeypatch.setattr("cospeech.corpora.trinity.read.write", fail)
     with pytest.raises(InputError, match="full"):
         synthesise(tmp_path / "raw", "trinity", speech=recordings, hours=0.001, tts=False)
     assert list(tmp_path.iterdir()) == []
@@ -257,40 +257,40 @@ def speeches(count: int, seconds: float, reader: str) -> list[Speech]:
 def test_readers_are_told_apart_by_folder(recordings, tmp_path):
     for reader in ("ann", "bob"):
         shutil.copytree(recordings, tmp_path / reader)
-    found = list(voices.recordings(tmp_path))
-    assert [speech.name for speech in found] == ["ann/one.wav", "ann/two.wav", "bob/one.wav", "bob/two.wav"]
-    assert [voices.reader_of(speech) for speech in found] == ["ann", "ann", "bob", "bob"]
+    recorded_speeches = list(voices.recordings(tmp_path))
+    assert [speech.name for speech in recorded_speeches] == ["ann/one.wav", "ann/two.wav", "bob/one.wav", "bob/two.wav"]
+    assert [voices.reader_of(speech) for speech in recorded_speeches] == ["ann", "ann", "bob", "bob"]
     pieces = list(voices.pieces_of([*speeches(3, 2.0, "ann"), *speeches(2, 2.0, "bob")], 30.0))
     assert [voices.reader_of(piece) for piece in pieces] == ["ann", "bob"]
 
 
 @pytest.fixture
 def quick(monkeypatch):
-    """Performing is not what is tested: takes are speeches without motion to speak of."""
-    seen: list[Clip] = []
+    """Performing is not tested here, so takes are speeches without motion."""
+    written_clips: list[Clip] = []
 
     def still(speech, style, *, emotion, seed, fps):
         return Clip("take", "speaker", "synthetic", speech, emotion=emotion)
 
     def keep(clips, raw):
         raw.mkdir()
-        seen.extend(clips)
+        written_clips.extend(clips)
 
     monkeypatch.setattr("cospeech.corpora.synthetic.perform", still)
     monkeypatch.setattr(Clip, "duration", property(lambda clip: float(clip.speech.duration)))
     for layout in LAYOUTS:
         monkeypatch.setattr(f"cospeech.corpora.{layout}.read.write", keep)
-    return seen
+    return written_clips
 
 
 @pytest.mark.parametrize("layout", ["beat", "trinity"])
 def test_emotions_are_dealt_evenly_and_speakers_have_voices(layout, quick, recordings, tmp_path):
     for reader in ("ann", "bob", "cy"):
         shutil.copytree(recordings, tmp_path / "speech" / reader)
-    made = synthesise(tmp_path / "raw", layout, speech=tmp_path / "speech", hours=0.2, speakers=3, tts=False, seed=1)
-    counts = [made.emotions[e] for e in sorted(set(made.emotions) - {"neutral"})]
+    corpus = synthesise(tmp_path / "raw", layout, speech=tmp_path / "speech", hours=0.2, speakers=3, tts=False, seed=1)
+    counts = [corpus.emotions[e] for e in sorted(set(corpus.emotions) - {"neutral"})]
     assert len(counts) == 7
-    neutral = made.emotions["neutral"] / made.takes
+    neutral = corpus.emotions["neutral"] / corpus.takes
     assert 0.1 < neutral < 0.35 if layout == "beat" else 0.35 < neutral < 0.65
     if layout == "beat":
         assert min(counts) >= 0.4 * max(counts)
@@ -303,9 +303,9 @@ def test_where_the_plan_is_full_the_corpus_is_shorter_and_says_so(quick, recordi
     monkeypatch.setattr("cospeech.corpora.synthetic._PLACES", {"train": 1, "validation": 1, "test": 1})
     monkeypatch.setattr("cospeech.corpora.synthetic._NEUTRAL", {"train": 2, "validation": 1, "test": 1})
     with pytest.warns(CospeechWarning, match=r"plan is full: 0\.\d of 1 hours .*--speakers"):
-        made = synthesise(tmp_path / "raw", speech=recordings, hours=1, speakers=2, tts=False)
-    assert made.takes == len(quick) == 2 * (7 * 3 + 4)  # one who is full does not stop the other
-    assert {clip.speaker for clip in quick} == set(made.speakers)
+        corpus = synthesise(tmp_path / "raw", speech=recordings, hours=1, speakers=2, tts=False)
+    assert corpus.takes == len(quick) == 2 * (7 * 3 + 4)  # one who is full does not stop the other
+    assert {clip.speaker for clip in quick} == set(corpus.speakers)
     with pytest.warns(CospeechWarning, match="plan is full"):
         calm = synthesise(tmp_path / "calm", speech=recordings, hours=1, speakers=2, tts=False, neutral=True)
     assert calm.emotions == {"neutral": 2 * 4}
@@ -318,20 +318,20 @@ def test_voices_act_in_every_layout_unless_told_not_to(quick, recordings, tmp_pa
         for split, own in by_split
         for piece in voices.pieces_of(own, 30.0)
     }
-    given_to = [("a", "beat", True), ("b", "beat", False), ("c", "trinity", True), ("d", "trinity", False), ("e", "pats", True)]
-    for name, layout, acted in given_to:
+    cases = [("a", "beat", True), ("b", "beat", False), ("c", "trinity", True), ("d", "trinity", False), ("e", "pats", True)]
+    for name, layout, acts in cases:
         quick.clear()
-        synthesise(tmp_path / name, layout, speech=recordings, hours=0.1, speakers=1, tts=False, act=acted)
+        synthesise(tmp_path / name, layout, speech=recordings, hours=0.1, speakers=1, tts=False, act=acts)
         lengths = {len(clip.speech.samples) for clip in quick}
-        unchanged = lengths & given
-        assert bool(unchanged) != acted, layout
-        assert len(lengths) == (len(quick) if acted else len(unchanged)), layout  # no two takes are acted alike
+        plain_lengths = lengths & given
+        assert bool(plain_lengths) != acts, layout
+        assert len(lengths) == (len(quick) if acts else len(plain_lengths)), layout  # no two takes are acted alike
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("readers", [1, 4])
 def test_no_speech_of_validation_or_test_is_in_training(layout, readers, quick, monkeypatch, tmp_path, capsys):
-    """Recordings, whose samples are numbers of their own, and sentences that engines say; overlap is printed, and is 0."""
+    """Each recording has samples that no other has, and engines say sentences; the overlap is printed, and is 0."""
     pytest.importorskip(NEEDS.get(layout, "numpy"))
     number = iter(range(1, 10**6))
 
@@ -342,26 +342,26 @@ def test_no_speech_of_validation_or_test_is_in_training(layout, readers, quick, 
                 yield Speech(np.float32(values), 16_000, name=f"{reader}/{k}.wav")
 
     def say(voice, seconds, seed, sentences):
-        chosen = np.random.default_rng(seed).permutation(len(sentences))[:3]
-        words = tuple(Word(sentences[k], 2.0 * n, 2.0 * n + 1) for n, k in enumerate(chosen))
+        order = np.random.default_rng(seed).permutation(len(sentences))[:3]
+        words = tuple(Word(sentences[k], 2.0 * n, 2.0 * n + 1) for n, k in enumerate(order))
         return Speech(np.zeros(6 * 16_000, np.float32), 16_000, words, name="engine")
 
     monkeypatch.setattr("cospeech.corpora.synthetic.recordings", read)
     monkeypatch.setattr("cospeech.corpora.synthetic.say", say)
     monkeypatch.setattr("cospeech.corpora.synthetic.find_voices", lambda seed: [voices.Voice("flite", "slt", 1.0)] * 3)
     synthesise(tmp_path / "raw", layout, speech=tmp_path, hours=0.25, speakers=6, act=False)
-    heard = {split: (set(), set()) for split in ("train", "validation", "test")}
+    by_split = {split: (set(), set()) for split in ("train", "validation", "test")}
     for clip in quick:
-        samples, texts = heard[clip.split]
+        samples, texts = by_split[clip.split]
         samples |= set(np.unique(clip.speech.samples).tolist()) - {0.0}
         texts |= {word.text for word in clip.speech.words or ()}
-    assert all(samples and texts for samples, texts in heard.values())
+    assert all(samples and texts for samples, texts in by_split.values())
     for kind, what in enumerate(("recordings", "sentences")):
         for split in ("validation", "test"):
-            shared = heard[split][kind] & heard["train"][kind]
+            overlap = by_split[split][kind] & by_split["train"][kind]
             with capsys.disabled():
-                sys.stdout.write(f"\n{layout}, {readers} readers, {what} of {split} in training: {len(shared)}")
-            assert not shared
+                sys.stdout.write(f"\n{layout}, {readers} readers, {what} of {split} in training: {len(overlap)}")
+            assert not overlap
 
 
 def test_the_same_words_are_in_one_split_whoever_says_them():
@@ -371,8 +371,8 @@ def test_the_same_words_are_in_one_split_whoever_says_them():
 
     many = [speech(f"ann/{k}.wav", *f"a{k} b{k} c{k}".split()) for k in range(4)]
     again = [speech("bob/0.wav", "a1", "b1", "c1"), speech("cy/0.wav", *"pqrstuvwxy"), speech("dee/0.wav", *"PQRSTUVWXY")]
-    found = split_recordings([*many, *again])
-    texts = {split: [[w.text.lower() for w in s.words] for s in own] for split, own in found.items()}
+    by_split = split_recordings([*many, *again])
+    texts = {split: [[w.text.lower() for w in s.words] for s in own] for split, own in by_split.items()}
     assert ["a1", "b1", "c1"] in texts["test"]
     assert texts["test"].count(["a1", "b1", "c1"]) == 2
     assert texts["train"].count(list("pqrstu")) == texts["validation"].count(list("vw")) == texts["test"].count(list("xy")) == 2
@@ -395,27 +395,27 @@ def test_a_take_has_its_own_tempo_amplitude_and_hand():
 
 def test_voices_vary_in_speed_and_pitch_from_speech_to_speech():
     voice = voices.Voice("espeak-ng", "en-us+m1", 1.0, 45)
-    varied = {voices.vary_voice(voice, seed) for seed in range(50)}
-    assert len(varied) == 50
-    assert max(v.pitch for v in varied) - min(v.pitch for v in varied) > 15
-    assert 0.85 < min(v.speed for v in varied) < 0.92 < 1.08 < max(v.speed for v in varied) < 1.16
+    variants = {voices.vary_voice(voice, seed) for seed in range(50)}
+    assert len(variants) == 50
+    assert max(v.pitch for v in variants) - min(v.pitch for v in variants) > 15
+    assert 0.85 < min(v.speed for v in variants) < 0.92 < 1.08 < max(v.speed for v in variants) < 1.16
     assert voices.vary_voice(voice, 7) == voices.vary_voice(voice, 7)
 
 
 def test_a_neutral_corpus_and_one_without_coupling(recordings, tmp_path):
     pytest.importorskip("lmdb")
-    seen = []
+    settings = []
 
     def remember(speech, style, **options):
-        seen.append((style.coupling, options["emotion"]))
+        settings.append((style.coupling, options["emotion"]))
         return perform(speech, style, **options)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("cospeech.corpora.synthetic.perform", remember)
         options = {"speech": recordings, "hours": 1 / 90, "speakers": 2, "tts": False}
-        made = synthesise(tmp_path / "raw", "ted", neutral=True, coupling=0.0, **options)
-    assert set(seen) == {(0.0, "neutral")}
-    assert made.emotions == {"neutral": made.takes}
+        corpus = synthesise(tmp_path / "raw", "ted", neutral=True, coupling=0.0, **options)
+    assert set(settings) == {(0.0, "neutral")}
+    assert corpus.emotions == {"neutral": corpus.takes}
     for wrong in ({"coupling": 1.1}, {"coupling": -0.1}, {"variation": 3.0}):
         with pytest.raises(InputError):
             synthesise(tmp_path / "other", "ted", speech=recordings, tts=False, **wrong)

@@ -59,8 +59,8 @@ def entry(clips: int = 2) -> dict:
 # The container ---------------------------------------------------------------------------------------------------------
 
 
-def test_given_payloads_decode_and_encode_to_the_same_bytes(shared):
-    folder = shared / "data" / "ted_legacy"
+def test_given_payloads_decode_and_encode_to_the_same_bytes(shared_folder):
+    folder = shared_folder / "data" / "ted_legacy"
     window, video = ((folder / f"{name}_entry.bin").read_bytes() for name in ("cache", "raw"))
     value = decode(window)
     with np.load(folder / "cache_entry_expected.npz") as expected:
@@ -155,10 +155,10 @@ def test_what_is_written_comes_back(tmp_path):
     clips = [make_clip(k, f"speaker{k // 7}", frames=20 + k) for k in range(22)]
     names = ted.write([*clips[:3], Dropped("x", "y"), *clips[3:]], tmp_path / "raw")
     assert sorted(path.name for path in (tmp_path / "raw").iterdir()) == ["lmdb_test", "lmdb_train", "lmdb_val"]
-    found = {clip.name: clip for clip in ted.read(tmp_path / "raw")}
-    assert len(found) == len(names) == 22
+    clips_by_name = {clip.name: clip for clip in ted.read(tmp_path / "raw")}
+    assert len(clips_by_name) == len(names) == 22
     for k, (clip, name) in enumerate(zip(clips, names, strict=True)):
-        back = found[name]
+        back = clips_by_name[name]
         assert back.split == {9: "test", 8: "validation"}.get(k % 10, "train")
         assert np.array_equal(back.points.values, clip.points.values.astype(np.float16))
         assert np.array_equal(back.speech.samples, clip.speech.samples.astype(np.float16))
@@ -168,7 +168,7 @@ def test_what_is_written_comes_back(tmp_path):
         assert [w.text for w in back.speech.words] == ["hello", "wörld"]
         times = [[w.start, w.end] for w in back.speech.words]
         assert np.allclose(times, [[0.1, 0.4], [0.5, min(0.9, back.duration)]], atol=1e-9)
-    starts = [(found[name].start, found[name].start + found[name].duration) for name in names[:7]]
+    starts = [(clips_by_name[name].start, clips_by_name[name].start + clips_by_name[name].duration) for name in names[:7]]
     assert all(a[1] < b[0] for a, b in pairwise(starts)), "clips of a speaker follow each other"
 
 
@@ -248,9 +248,9 @@ def window(k: int = 0) -> list:
 
 
 def test_the_cache_is_read_where_there_is_nothing_else(tmp_path):
-    listed = window(1)
-    listed[1] = list(listed[1])  # some versions keep a list of frames
-    put(tmp_path / "lmdb_val_cache", [encode(window()), encode(listed), encode([*window(2), np.zeros((14, 10))])])
+    as_list = window(1)
+    as_list[1] = list(as_list[1])  # some versions keep a list of frames
+    put(tmp_path / "lmdb_val_cache", [encode(window()), encode(as_list), encode([*window(2), np.zeros((14, 10))])])
     clips = list(ted.read(tmp_path))
     assert [clip.split for clip in clips] == ["validation"] * 3
     assert clips[0].points.fps == 15
@@ -278,11 +278,11 @@ def sound(item: Clip | Dropped) -> None:
     assert all(0 <= w.start <= w.end <= item.speech.seconds + 1 for w in item.speech.words)
 
 
-def changed(value, path, new):
+def replace_place(value, path, new):
     """A copy of nested containers with one place replaced, or taken out (...)."""
     copy = dict(value) if isinstance(value, dict) else list(value)
     if len(path) > 1:
-        copy[path[0]] = changed(copy[path[0]], path[1:], new)
+        copy[path[0]] = replace_place(copy[path[0]], path[1:], new)
     elif new is ...:
         del copy[path[0]]
     else:
@@ -298,15 +298,15 @@ def spoilt(array: np.ndarray, value: float) -> np.ndarray:
 
 def wrong_entries() -> list[object]:
     video = entry()
-    clip, found = ("clips", 1), []
+    clip, entries = ("clips", 1), []
     for key in video["clips"][1]:
-        found += [changed(video, (*clip, key), new) for new in (..., None, "text", -1, [], {}, True)]
-    harmless = [v["clips"][1].get("words") == [] or "audio_feat" not in v["clips"][1] for v in found]
-    found = [v for v, fine in zip(found, harmless, strict=True) if not fine]  # nothing said, no spectrum: that may be
+        entries += [replace_place(video, (*clip, key), new) for new in (..., None, "text", -1, [], {}, True)]
+    harmless = [v["clips"][1].get("words") == [] or "audio_feat" not in v["clips"][1] for v in entries]
+    entries = [v for v, fine in zip(entries, harmless, strict=True) if not fine]  # nothing said, no spectrum: that may be
     for key in ("skeletons_3d", "audio_raw", "audio_feat"):
         array = video["clips"][1][key]
         news = [spoilt(array, np.nan), spoilt(array, np.inf), spoilt(array, 5e4), array[:0], array[..., :2], array.astype(int)]
-        found += [changed(video, (*clip, key), new) for new in [*news, array[None], np.float16(1), array.tolist()]]
+        entries += [replace_place(video, (*clip, key), new) for new in [*news, array[None], np.float16(1), array.tolist()]]
     for word in (
         [],
         ["a"],
@@ -319,15 +319,17 @@ def wrong_entries() -> list[object]:
         "a",
         ["a", 1, 2, 3],
     ):
-        found.append(changed(video, (*clip, "words", 0), word))
+        entries.append(replace_place(video, (*clip, "words", 0), word))
     for key in ("start_time", "end_time"):
-        found += [changed(video, (*clip, key), t) for t in (np.nan, -np.inf, 1e9, 100.0, 3.1 if key == "start_time" else 2.05)]
-    found += [changed(video, (*clip, "end_frame_no"), n) for n in (0, 20, 10**6)]
-    found += [
-        changed(video, (*clip, "skeletons_3d"), array)
+        entries += [
+            replace_place(video, (*clip, key), t) for t in (np.nan, -np.inf, 1e9, 100.0, 3.1 if key == "start_time" else 2.05)
+        ]
+    entries += [replace_place(video, (*clip, "end_frame_no"), n) for n in (0, 20, 10**6)]
+    entries += [
+        replace_place(video, (*clip, "skeletons_3d"), array)
         for array in (np.zeros((30, 10, 3)), np.ones((30, 9, 3)), np.ones((5, 10, 3)))
     ]
-    return found
+    return entries
 
 
 @pytest.mark.slow

@@ -28,7 +28,7 @@ def raw(tmp_path_factory):
 
 @pytest.fixture
 def recording(raw, tmp_path):
-    """A function from new contents by folder (None: gone) to what is read."""
+    """A function: new contents of the files by folder (None removes the file) → what the reader gives."""
 
     def read(name="Recording_001", **changes):
         (tmp_path / "Motion").mkdir(exist_ok=True)
@@ -162,7 +162,7 @@ def test_side_files_may_be_missing(recording):
 
 
 @pytest.mark.parametrize(
-    ("folder", "text", "told"),
+    ("folder", "text", "message"),
     [
         (
             "Transcripts",
@@ -187,10 +187,10 @@ def test_side_files_may_be_missing(recording):
         ("Audio", b"RIFF", "Recording_001.wav"),
     ],
 )
-def test_damage_is_told_with_its_place(recording, folder, text, told):
+def test_damage_is_told_with_its_place(recording, folder, text, message):
     item = recording(**{folder: text})
     assert isinstance(item, Dropped)
-    assert told in item.reason
+    assert message in item.reason
 
 
 def test_another_corpus_is_told(recording):

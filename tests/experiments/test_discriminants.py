@@ -1,4 +1,4 @@
-"""Linear discriminants: classes that a direction parts are told apart, whatever else varies; labels by lot are not learnt."""
+"""Linear discriminants tell classes apart that differ in one direction, whatever else varies; they learn no random labels."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from cospeech.experiments.discriminants import LinearDiscriminants
 
 def rows_of(rng, labels):
     """Two features whose difference tells the class; each alone varies as much again."""
-    shared = rng.normal(size=len(labels))
-    rows = np.stack([shared + labels, shared - labels, rng.normal(size=len(labels))], 1)
+    common = rng.normal(size=len(labels))
+    rows = np.stack([common + labels, common - labels, rng.normal(size=len(labels))], 1)
     return rows + 0.1 * rng.normal(size=rows.shape)
 
 
@@ -22,8 +22,8 @@ def share_right(judge, rng, labels):
 def test_what_parts_the_classes_is_found():
     rng = np.random.default_rng(0)
     labels = rng.integers(3, size=600)
-    learnt = LinearDiscriminants(rows_of(rng, labels), labels, 3)
-    assert share_right(learnt, rng, rng.integers(3, size=200)) > 0.6
+    by_labels = LinearDiscriminants(rows_of(rng, labels), labels, 3)
+    assert share_right(by_labels, rng, rng.integers(3, size=200)) > 0.6
     by_lot = LinearDiscriminants(rows_of(rng, labels), rng.permutation(labels), 3)
     assert share_right(by_lot, rng, rng.integers(3, size=200)) < 0.5
 

@@ -29,18 +29,18 @@ FRAMES, FPS = 330, 15.0
 
 
 class Puppet(Windowed):
-    """Plays the recorded windows of a style; or, deaf to style, of whoever speaks, which it hears in the first column."""
+    """Plays the recorded windows of the style; if it ``hears``, those of the speaker, whom the first column of audio names."""
 
     pose, audio, multiple, shortest, styles, modes = 96, 3, 32, 64, 3, 0
 
-    def __init__(self, shown: torch.Tensor, *, hears: bool) -> None:
+    def __init__(self, windows: torch.Tensor, *, hears: bool) -> None:
         super().__init__()
-        self.shown, self.hears = torch.nn.Parameter(shown), hears
+        self.windows, self.hears = torch.nn.Parameter(windows), hears
 
     def make(self, audio: torch.Tensor, style: torch.Tensor, mode_noise: torch.Tensor) -> torch.Tensor:
         who = audio[:, 0, 0].round().long() if self.hears else style[:, 0].argmax(-1)
         loud = 1 + 0.1 * audio[:, :1, 1:2]
-        return self.shown[who][:, : audio.shape[1]] * loud
+        return self.windows[who][:, : audio.shape[1]] * loud
 
     def speaker_styles(self, stretches: torch.Tensor) -> torch.Tensor:
         return torch.eye(len(stretches))
@@ -106,15 +106,15 @@ def test_points_are_mean_and_deviation_of_what_was_made(store):
     assert space.preserved_styles == ("bob",) * 5 + ("ann",) * 5
     start = int(heatmaps.windows_of(store, "bob", 99, seed=0)[0])
     loud = 1 + 0.1 * float(store.arrays["audio"][start, 1])
-    shown = player.stretches[1, 0, : heatmaps.FRAMES] * loud
-    np.testing.assert_allclose(space.preserved[0], np.concatenate([shown.mean(0), shown.std(0)]), atol=1e-4)
+    poses = player.stretches[1, 0, : heatmaps.FRAMES] * loud
+    np.testing.assert_allclose(space.preserved[0], np.concatenate([poses.mean(0), poses.std(0)]), atol=1e-4)
 
 
 def test_both_panels_lie_in_one_plane(store, monkeypatch):
-    seen = []
-    monkeypatch.setattr(spaces, "draw_map", lambda panels: seen.extend(panels) or np.zeros((2, 2, 3), np.uint8))
+    all_panels = []
+    monkeypatch.setattr(spaces, "draw_map", lambda panels: all_panels.extend(panels) or np.zeros((2, 2, 3), np.uint8))
     spaces.draw_gesture_space(player_of(store, hears=False), store)
-    left, right = seen
+    left, right = all_panels
     np.testing.assert_array_equal(left.behind, right.points)
     np.testing.assert_array_equal(right.behind, left.points)
     assert "100%" in left.text
@@ -130,10 +130,10 @@ def test_gesture_spaces_are_of_two_known_speakers(store, speakers):
 
 
 def test_columns_of_heat_maps_are_styles_and_rows_voices(store, monkeypatch):
-    kept = {}
+    drawing = {}
 
     def draw(cells, figure, fps, **labels):
-        kept.update(labels, cells=cells, fps=fps)
+        drawing.update(labels, cells=cells, fps=fps)
         return heatmaps_draw(cells, figure, fps, **labels)
 
     heatmaps_draw = heatmaps.draw_heat
@@ -141,15 +141,15 @@ def test_columns_of_heat_maps_are_styles_and_rows_voices(store, monkeypatch):
     player = player_of(store, hears=False)
     picture = heatmaps.draw_heatmaps(player, store, ("cleo", "ann"), ("bob", "cleo", "ann"))
     assert picture.dtype == np.uint8
-    assert kept["columns"] == ["cleo", "ann"]
-    assert len(kept["rows"]) == len(kept["cells"]) == 4
-    assert ["bob" in row for row in kept["rows"]] == [False, True, False, False]
+    assert drawing["columns"] == ["cleo", "ann"]
+    assert len(drawing["rows"]) == len(drawing["cells"]) == 4
+    assert ["bob" in row for row in drawing["rows"]] == [False, True, False, False]
     start = int(heatmaps.windows_of(store, "ann", 99, seed=0)[0])
-    np.testing.assert_allclose(kept["cells"][0][1][0], to_points(store.arrays["pose"][start : start + 64]), atol=1e-3)
-    said = heatmaps.windows_of(store, "bob", 99, seed=0)
-    loud = 1 + 0.1 * float(store.arrays["audio"][said[2], 1])
-    wanted = to_points(player.unpose(player.stretches[2, 0, :64] * loud))
-    np.testing.assert_allclose(kept["cells"][1][0][2], wanted, atol=0.01)
+    np.testing.assert_allclose(drawing["cells"][0][1][0], to_points(store.arrays["pose"][start : start + 64]), atol=1e-3)
+    starts = heatmaps.windows_of(store, "bob", 99, seed=0)
+    loud = 1 + 0.1 * float(store.arrays["audio"][starts[2], 1])
+    expected = to_points(player.unpose(player.stretches[2, 0, :64] * loud))
+    np.testing.assert_allclose(drawing["cells"][1][0][2], expected, atol=0.01)
     with pytest.raises(InputError, match="no style"):
         heatmaps.draw_heatmaps(player, store, ("dora",))
 

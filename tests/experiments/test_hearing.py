@@ -50,11 +50,11 @@ def run(request, tmp_path_factory):
     return folder, bool(request.param)
 
 
-def test_a_network_that_follows_gains_and_one_that_cannot_does_not(run):
+def test_a_network_that_follows_the_speech_has_a_gain_and_one_that_cannot_has_none(run):
     folder, follows = run
-    found = measure_hearing(folder / "run", folder / "store", batches=6, rows=32)
-    assert found == measure_hearing(folder / "run", folder / "store", batches=6, rows=32)
-    (likelihood,) = [each for each in found if "nll" in each.term]
+    measures = measure_hearing(folder / "run", folder / "store", batches=6, rows=32)
+    assert measures == measure_hearing(folder / "run", folder / "store", batches=6, rows=32)
+    (likelihood,) = [each for each in measures if "nll" in each.term]
     assert likelihood.gain == pytest.approx(likelihood.other - likelihood.own)
     if follows:
         assert likelihood.gain > 3 * likelihood.half
@@ -65,11 +65,11 @@ def test_a_network_that_follows_gains_and_one_that_cannot_does_not(run):
 def test_the_command_prints_it(run):
     folder, _ = run
     call = ["evaluate", f"mine={folder / 'run'}", "--corpus", str(folder / "store"), "--hearing"]
-    told = CliRunner().invoke(app, [*call, "--json"])
-    assert told.exit_code == 0, told.output
-    assert {"term", "own", "other", "gain", "half"} == {*json.loads(told.output)["mine"][0]}
-    told = CliRunner().invoke(app, ["evaluate", "--corpus", str(folder / "store"), "--hearing"])
-    assert "without a run" in str(told.exception)
+    result = CliRunner().invoke(app, [*call, "--json"])
+    assert result.exit_code == 0, result.output
+    assert {"term", "own", "other", "gain", "half"} == {*json.loads(result.output)["mine"][0]}
+    result = CliRunner().invoke(app, ["evaluate", "--corpus", str(folder / "store"), "--hearing"])
+    assert "without a run" in str(result.exception)
 
 
 def test_what_cannot_be_measured_is_said(run, tmp_path):

@@ -1,4 +1,4 @@
-"""Heat maps: ink where arms move, as much as they do, right in red and left in blue."""
+"""Heat maps: arms leave ink where they move and as much as they move, the right one red, the left one blue."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def waving(side: str = "right", size: float = 0.4, frames: int = 90) -> np.ndarr
     return body
 
 
-def mirrored(body: np.ndarray) -> np.ndarray:
+def mirror(body: np.ndarray) -> np.ndarray:
     return (body * [-1, 1])[:, [0, 1, 5, 6, 7, 2, 3, 4]]
 
 
@@ -58,8 +58,8 @@ def test_the_same_movement_at_another_rate_leaves_the_same_ink(fps):
     steps = np.arange(6 * 120) / 120
     fine = np.repeat(REST[None], len(steps), 0)
     fine[:, 4, 1] += 0.4 * np.sin(2 * np.pi * steps / 3)
-    found, wanted = heat([body], BODY, frame, fps)[0], heat([fine], BODY, frame, 120)[0]
-    assert np.abs(found - wanted).sum() < 0.05 * wanted.sum()
+    ink, expected = heat([body], BODY, frame, fps)[0], heat([fine], BODY, frame, 120)[0]
+    assert np.abs(ink - expected).sum() < 0.05 * expected.sum()
 
 
 def test_neither_place_nor_size_of_the_person_matters():
@@ -72,9 +72,9 @@ def test_neither_place_nor_size_of_the_person_matters():
 
 def test_in_the_mirror_right_becomes_left():
     body = waving() + np.array([0.03, 0])
-    frame = frame_of([[body], [mirrored(body)]], BODY)
+    frame = frame_of([[body], [mirror(body)]], BODY)
     right, left = heat([body], BODY, frame, FPS)
-    also_right, also_left = heat([mirrored(body)], BODY, frame, FPS)
+    also_right, also_left = heat([mirror(body)], BODY, frame, FPS)
     assert not left.any()
     assert not also_right.any()
     assert right.sum() == pytest.approx(also_left.sum())

@@ -84,11 +84,11 @@ def player(name: str, settings: dict, excerpts: Excerpts, *, scale: float = 1.0,
     return PlayableRun(net, facts, moments, name)
 
 
-def direct(run: PlayableRun, excerpts: Excerpts, k: int, frame: int, heard: int) -> float:
+def direct(run: PlayableRun, excerpts: Excerpts, k: int, frame: int, speech_of: int) -> float:
     """−ln p of one frame of window ``k`` with the speech of window ``heard``, by the Jacobian of recorded pose → latent."""
     before, after = run.context
     pose = run.pose(excerpts.rows("pose", before, after)[k]).astype(np.float64)
-    audio = torch.from_numpy(run.audio(excerpts.rows("audio", before, after)[heard]).astype(np.float64))[None]
+    audio = torch.from_numpy(run.audio(excerpts.rows("audio", before, after)[speech_of]).astype(np.float64))[None]
     net, at = run.net.double(), before + frame
     mean, std = (torch.from_numpy(run.statistics[f"pose_{what}"]) for what in ("mean", "std"))
     store_mean, store_std = (torch.from_numpy(x.astype(np.float64)) for x in standard_pose(excerpts.store))
@@ -99,12 +99,12 @@ def direct(run: PlayableRun, excerpts: Excerpts, k: int, frame: int, heard: int)
         whole[at] = own
         return net.latents(whole[None], audio)[0, frame]
 
-    recorded = excerpts.rows("pose", before, after)[k][at]
-    x = (torch.from_numpy(recorded.astype(np.float64)) - store_mean) / store_std
+    row = excerpts.rows("pose", before, after)[k][at]
+    x = (torch.from_numpy(row.astype(np.float64)) - store_mean) / store_std
     jacobian = torch.autograd.functional.jacobian(latent, x)
-    found = net.flow.latent.log_prob(latent(x)[None]).item() + torch.linalg.slogdet(jacobian)[1].item()
+    log_density = net.flow.latent.log_prob(latent(x)[None]).item() + torch.linalg.slogdet(jacobian)[1].item()
     run.net.float()
-    return -found
+    return -log_density
 
 
 # exact ----------------------------------------------------------------------------------------------------------------------
@@ -114,14 +114,14 @@ def direct(run: PlayableRun, excerpts: Excerpts, k: int, frame: int, heard: int)
 def test_it_is_the_density_of_the_recorded_poses_whatever_the_network_gives(excerpts, monkeypatch, name, settings):
     from cospeech.experiments.tables import likelihood
 
-    seen = []
-    monkeypatch.setattr(likelihood, "_over_clips", lambda values, excerpts: seen.append(values))
+    tables = []
+    monkeypatch.setattr(likelihood, "_over_clips", lambda values, excerpts: tables.append(values))
     run = player(name, settings, excerpts)
     score_likelihood(run, excerpts)
-    nll, gain = seen
+    nll, gain = tables
     order = order_within_speakers(excerpts.speakers())
     for k, frame in ((0, 0), (3, 7), (len(excerpts) - 1, excerpts.protocol.made - 1)):
-        own, other = (direct(run, excerpts, k, frame, heard) for heard in (k, order[k]))
+        own, other = (direct(run, excerpts, k, frame, speech_of) for speech_of in (k, order[k]))
         assert nll[k, frame] == pytest.approx(own, abs=2e-3)  # float32 against float64
         assert gain[k, frame] == pytest.approx(other - own, abs=4e-3)
 
@@ -166,9 +166,9 @@ def test_the_control_row_is_a_normal_density_of_steps(excerpts):
     steps = np.concatenate([np.diff((excerpts.store.clip(clip)["pose"] - mean) / std, axis=0) for clip in clips])
     test = np.diff((excerpts.rows("pose", 1, 0) - mean) / std, axis=1)
     expected = -stats.norm.logpdf(test, steps.mean(0), steps.std(0)).sum(-1).mean()
-    found = score_still(excerpts)
-    assert found[LIKELIHOOD]["value"] == pytest.approx(expected, abs=1e-4)
-    assert found[HEARING]["value"] == 0
+    cells = score_still(excerpts)
+    assert cells[LIKELIHOOD]["value"] == pytest.approx(expected, abs=1e-4)
+    assert cells[HEARING]["value"] == 0
 
 
 # pairs ----------------------------------------------------------------------------------------------------------------------

@@ -53,7 +53,7 @@ def overview_of(tool) -> dict[str, list[str]]:
     rows = re.findall(
         r"^\| (?:\[([\w-]+)\]\S+|\*\*(all)\*\*) \|.*?\|.*?\| (.*) \|.*?\|$", (tool.DOCS / "results.md").read_text(), re.M
     )
-    return {name or total: told.replace("*", "").split(" | ") for name, total, told in rows}
+    return {name or total: verdicts.replace("*", "").split(" | ") for name, total, verdicts in rows}
 
 
 def test_the_pages_are_what_the_tool_writes():
@@ -63,9 +63,9 @@ def test_the_pages_are_what_the_tool_writes():
 
 
 def test_links_of_the_overview_lead_to_headings():
-    found = re.findall(r"\]\(results/(\w+\.md)#([\w-]+)\)", (ROOT / "docs" / "results.md").read_text("utf-8"))
-    assert len(found) > len(TABLES)
-    for page, anchor in set(found):
+    links = re.findall(r"\]\(results/(\w+\.md)#([\w-]+)\)", (ROOT / "docs" / "results.md").read_text("utf-8"))
+    assert len(links) > len(TABLES)
+    for page, anchor in set(links):
         headings = re.findall(r"^##+ (.*)$", (ROOT / "docs" / "results" / page).read_text("utf-8"), re.M)
         slugs = [re.sub(r"[^\w-]", "", heading.lower().replace(" ", "-")) for heading in headings]
         assert slugs.count(anchor) == 1, f"{page}#{anchor}"
@@ -88,22 +88,22 @@ def test_one_line_shows_a_table_and_text_by_hand_stays(tool):
 def test_the_first_run_of_a_claim_counts_and_earlier_runs_do_not(tool):
     write_page(tool, "## mix-1", FRESH, FIRST, "## mix-3", STYLES)
     tool.main([])
-    found = overview_of(tool)
-    assert found["mix-1"] == ["0", "0", "0", "1", "4"]  # of the fresh seeds; in the first ones it is undecided
-    assert found["mix-3"] == ["2", "0", "1", "0", "0"]
+    overview = overview_of(tool)
+    assert overview["mix-1"] == ["0", "0", "0", "1", "4"]  # of the fresh seeds; in the first ones it is undecided
+    assert overview["mix-3"] == ["2", "0", "1", "0", "0"]
     write_page(tool, "## mix-1", FIRST, FRESH, "## Earlier runs", STYLES)
     tool.main([])
-    found, index = overview_of(tool), (tool.DOCS / "results.md").read_text()
-    assert found["mix-1"] == ["0", "0", "1", "0", "4"]
-    assert "mix-3" not in found
-    assert found["all"][:4] == ["0", "0", "1", "0"]
+    overview, index = overview_of(tool), (tool.DOCS / "results.md").read_text()
+    assert overview["mix-1"] == ["0", "0", "1", "0", "4"]
+    assert "mix-3" not in overview
+    assert overview["all"][:4] == ["0", "0", "1", "0"]
     current, earlier = index.split("<!-- end of decided -->")
     assert "<!-- decided -->\n\nNone." in current
     assert earlier.count("* **holds**: ") == 2
 
 
 @pytest.mark.parametrize(
-    ("lines", "named"),
+    ("lines", "message"),
     [
         (("## mix-1", FRESH, FIRST), rf"{STYLES}\.json .*0 have"),
         (("## mix-1", FRESH, FIRST, FIRST, "## mix-3", STYLES), rf"{FIRST}\.json .*2 have"),
@@ -116,9 +116,9 @@ def test_the_first_run_of_a_claim_counts_and_earlier_runs_do_not(tool):
     ],
     ids=["no place", "two places", "no table", "another section", "no end"],
 )
-def test_tables_and_places_that_do_not_go_together_are_named(tool, lines, named):
+def test_tables_and_places_that_do_not_go_together_are_named(tool, lines, message):
     write_page(tool, *lines)
-    with pytest.raises(InputError, match=named):
+    with pytest.raises(InputError, match=message):
         tool.pages()
 
 

@@ -32,8 +32,8 @@ def moving(hertz: float, seed: int):
 def test_mean_and_amplitude_are_not_seen():
     window, rng = noise(0.5, 1.0, 2.0), np.random.default_rng(1)
     other = rng.normal(size=18) + window * rng.uniform(0.2, 3, 18)
-    seen = [describe_manner(poses, COLUMNS, arms=False) for poses in (window, other)]
-    np.testing.assert_allclose(*seen, atol=1e-9)
+    descriptions = [describe_manner(poses, COLUMNS, arms=False) for poses in (window, other)]
+    np.testing.assert_allclose(*descriptions, atol=1e-9)
 
 
 def test_the_share_of_an_arm_is_seen_unless_it_is_left_out():

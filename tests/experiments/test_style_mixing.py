@@ -22,8 +22,8 @@ pytestmark = pytest.mark.slow
 FPS = 30.0
 SPEECH = Speech(np.zeros(12 * 16000, np.float32), 16000)
 PARENTS = {"slow": (0.5, 0.5, 0.0), "quick": (1.0, 0.0, 0.5)}  # strokes' frequency in Hz, swing of the right and the left arm
-SHIPPED = models.SHIPPED
-BUNDLE = SHIPPED / f"mix-stage{models.BUNDLE}"
+FOLDER = models.SHIPPED
+BUNDLE = FOLDER / f"mix-stage{models.BUNDLE}"
 PAIRS = {"rate": ("ada", "femi"), "amplitude": ("elif", "gita"), "right_share": ("dan", "femi")}
 """Measure → speakers that differ much in it, of the synthetic corpus that the shipped bundle is trained on."""
 RULES = {("storyteller", "reserved"): ("rate", "amplitude"), ("lecturer", "southpaw"): ("right_share",)}
@@ -44,16 +44,16 @@ def swinging(hertz: float, right: float, left: float, seconds: float, phase: flo
 
 
 class Fake:
-    """Plays what lies between its parents at a share that ``bend`` makes of the second one's weight."""
+    """Plays motion between its two parents; ``bend`` maps the weight of the second one to its share."""
 
     takes_at_once = 1
 
     def __init__(self, bend=lambda w: w) -> None:
-        self.bend, self.heard = bend, []
+        self.bend, self.calls = bend, []
 
     def generate(self, speech: Speech, *, style: str, seed: int, parts: tuple[str, ...]) -> Motion:
         shares = {name: float(weight) for name, _, weight in (part.partition(":") for part in style.split(","))}
-        self.heard.append((style, seed))
+        self.calls.append((style, seed))
         assert sum(shares.values()) == pytest.approx(1)
         assert "face" not in parts
         w = self.bend(shares["quick"])
@@ -64,18 +64,18 @@ class Fake:
 def test_mixtures_are_played_and_measured():
     fake = Fake()
     mixing = measure_mixing(fake, [SPEECH, SPEECH], ("slow", "quick"), takes=2, seed=3)
-    assert [style for style, _ in fake.heard[::4]] == [
+    assert [style for style, _ in fake.calls[::4]] == [
         "slow:1,quick:0", "slow:0.75,quick:0.25", "slow:0.5,quick:0.5", "slow:0.25,quick:0.75", "slow:0,quick:1",
     ]  # fmt: skip
-    assert [seed for _, seed in fake.heard[:4]] == [3, 4, 3, 4]
+    assert [seed for _, seed in fake.calls[:4]] == [3, 4, 3, 4]
     hertz = 0.5 + 0.5 * np.array(mixing.weights)
     np.testing.assert_allclose(mixing.means("rate"), 120 * hertz, atol=10)  # twice per period; one at the edge is 5 a minute
     np.testing.assert_allclose(mixing.means("right_share"), 1 - np.array(mixing.weights), atol=0.05)
     arm = np.linalg.norm(np.diff(humanoid().tpose[[humanoid().index[n] for n in ("rightUpperArm", "rightHand")]], axis=0))
     width = np.linalg.norm(np.diff(humanoid().tpose[[humanoid().index[n] for n in ("rightUpperArm", "leftUpperArm")]], axis=0))
     swings = 0.5 * np.stack([1 - np.array(mixing.weights), np.array(mixing.weights)])
-    wanted = arm / width * np.sqrt(np.square(swings).mean(0) / 2)  # of both wrists; a sine's mean square is a half
-    np.testing.assert_allclose(mixing.means("amplitude"), wanted, rtol=0.08)
+    expected = arm / width * np.sqrt(np.square(swings).mean(0) / 2)  # of both wrists; a sine's mean square is a half
+    np.testing.assert_allclose(mixing.means("amplitude"), expected, rtol=0.08)
     assert mixing.monotone("rate")
     assert mixing.monotone("right_share")
     assert mixing.contrast("right_share") > 10
@@ -98,7 +98,7 @@ def test_falling_back(way, back):
     assert fall_back([7 - 3 * v for v in way]) == pytest.approx(back)
 
 
-def test_between_equal_parents_no_way_leads():
+def test_any_detour_between_equal_parents_falls_back_without_limit():
     assert fall_back([1, 2, 1]) > 1e6
 
 
@@ -117,8 +117,8 @@ def test_pictures_show_curves_and_heat_maps():
     assert both.shape[0] > 1.8 * picture.shape[0]
     assert both.shape[1:] == picture.shape[1:]
     own = Attributes(rate=60, amplitude=0.3, right_share=1.0, orientation=0, seated=0)
-    marked = draw_mixing([mixing], title="swinging", recordings={"slow": own, "quick": replace(own, right_share=0)})
-    assert (marked != picture).any()
+    with_recordings = draw_mixing([mixing], title="swinging", recordings={"slow": own, "quick": replace(own, right_share=0)})
+    assert (with_recordings != picture).any()
     with pytest.raises(InputError):
         draw_mixing([], title="nothing")
 
@@ -150,7 +150,7 @@ def test_the_rules_styles_mix_monotonically(pair, measures):
 
 
 def test_takes_at_once_are_those_of_the_seeds():
-    flow = SHIPPED / f"stylised-flow{models.BUNDLE}"
+    flow = FOLDER / f"stylised-flow{models.BUNDLE}"
     if not flow.is_file():
         pytest.skip("stylised-flow does not ship yet")
     model, speech = models.load("stylised-flow"), Speech.load(EXAMPLE).window(0, 3)
@@ -161,7 +161,7 @@ def test_takes_at_once_are_those_of_the_seeds():
 
 
 @pytest.fixture(scope="module")
-def shipped() -> dict[tuple[str, str], Mixing]:
+def mixings() -> dict[tuple[str, str], Mixing]:
     """Pair → the mixtures that the shipped Mix-StAGE plays to the example speech."""
     if not BUNDLE.is_file():
         pytest.skip(f"{BUNDLE.name} does not ship yet")
@@ -170,7 +170,7 @@ def shipped() -> dict[tuple[str, str], Mixing]:
 
 
 @pytest.mark.parametrize("measure", MEASURES)
-def test_what_ships_mixes_monotonically(shipped, measure):
-    mixing = shipped[PAIRS[measure]]
+def test_what_ships_mixes_monotonically(mixings, measure):
+    mixing = mixings[PAIRS[measure]]
     assert mixing.contrast(measure) > 2, "these parents are alike"
     assert mixing.monotone(measure, FALLS), mixing.means(measure)

@@ -21,10 +21,10 @@ ROWS = COG["cog-2"].parts[0].rows
 
 def make(*, store: str = "beat-1", rows: tuple[str, ...] = ("a", "b"), seeds: tuple[int, ...] = (0,), value: float = 1.0):
     cell = {"fgd": {"mean": value, "half": None, "values": [value], "note": ""}}
-    told = {name: {"recipe": "r", "published": {}} | ({"cells": cell} if name in rows else {}) for name in ("a", "b")}
+    table_rows = {name: {"recipe": "r", "published": {}} | ({"cells": cell} if name in rows else {}) for name in ("a", "b")}
     return {
         "table": "cog-2", "title": "t", "columns": {"fgd": "FGD"}, "head": "h", "pose": "euler", "small": True,
-        "seeds": [*seeds], "rows": told, "controls": {}, "verdicts": [],
+        "seeds": [*seeds], "rows": table_rows, "controls": {}, "verdicts": [],
         "origin": {"store": store, "rows": dict.fromkeys(rows, "r-1-0"), "settings": ["train.steps=6"]},
     }  # fmt: skip
 
@@ -47,7 +47,7 @@ def test_a_table_that_has_all_of_the_last_one_takes_its_place(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("last", "said"),
+    ("last", "message"),
     [
         (make(store="beat-2"), "a table of another store;"),
         (make(seeds=(0, 7)), "a table of other seeds;"),
@@ -55,17 +55,17 @@ def test_a_table_that_has_all_of_the_last_one_takes_its_place(tmp_path):
         ({key: value for key, value in make().items() if key != "origin"}, "a table of an unknown store;"),  # older files
     ],
 )
-def test_another_table_is_kept_and_told(tmp_path, last, said):
+def test_another_table_is_kept_and_told(tmp_path, last, message):
     place = tmp_path / "cog-2-euler-small.json"
     place.write_text(json.dumps(last), "utf-8")
     place.with_suffix(".md").write_text("its page", "utf-8")
-    with pytest.warns(CospeechWarning, match=said) as told:
+    with pytest.warns(CospeechWarning, match=message) as notes:
         write_table(make(), tmp_path)
     assert json.loads(place.read_text("utf-8")) == make()
-    (kept,) = tmp_path.glob("cog-2-euler-small-kept-*.json")
-    assert kept.name in str(told[0].message)
-    assert json.loads(kept.read_text("utf-8")) == last
-    assert kept.with_suffix(".md").read_text("utf-8") == "its page"
+    (backup,) = tmp_path.glob("cog-2-euler-small-kept-*.json")
+    assert backup.name in str(notes[0].message)
+    assert json.loads(backup.read_text("utf-8")) == last
+    assert backup.with_suffix(".md").read_text("utf-8") == "its page"
 
 
 def test_a_part_has_a_name_of_its_own(tmp_path):

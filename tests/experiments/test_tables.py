@@ -113,7 +113,7 @@ def table_runs(store, recipes, runs) -> Runs:
 
 @pytest.mark.parametrize("table", sorted({*TABLES} - {"mix-3", "cog-figure-1"}))  # which have no figures
 def test_published_figures_bear_out_what_the_paper_claims_of_them(table):
-    judged = 0
+    count = 0
     for part in TABLES[table].parts:
         figures = {row.name: row.published for row in part.rows}
         for claim in part.claims:
@@ -121,17 +121,19 @@ def test_published_figures_bear_out_what_the_paper_claims_of_them(table):
             if claim.metric in figures[claim.better]:
                 gap = figures[claim.better][claim.metric] - figures[claim.worse][claim.metric]
                 assert gap * (1 if claim.higher else -1) > 0, claim
-                judged += 1
-    assert judged >= 2
+                count += 1
+    assert count >= 2
 
 
-def test_published_figures_are_the_papers(shared):
-    paper = (shared / "papers" / "stylised-flow_ye-2022.txt").read_text("utf-8")
+def test_published_figures_are_the_papers(shared_folder):
+    paper = (shared_folder / "papers" / "stylised-flow_ye-2022.txt").read_text("utf-8")
     tables = paper[paper.index("Dataset\tMethod") :]
     figures = {f"{value:g}" for row in ROWS for value in row.published.values()}
-    printed = {f"{float(word):g}" for word in tables.replace("\n", "\t").split("\t") if word.replace(".", "", 1).isdigit()}
+    paper_figures = {
+        f"{float(word):g}" for word in tables.replace("\n", "\t").split("\t") if word.replace(".", "", 1).isdigit()
+    }
     assert len(figures) > 40
-    assert figures <= printed
+    assert figures <= paper_figures
 
 
 @pytest.mark.parametrize("name", RECIPES)
@@ -264,8 +266,8 @@ def test_codes_lead_back_to_the_poses():
     rng = np.random.default_rng(0)
     pose, audio = rng.normal(size=(4, 5 + 4, 6)).astype(np.float32), rng.normal(size=(4, 5 + 4, 4)).astype(np.float32)
     codes = playing.codes(flow(), pose, audio)
-    made = flow().sample(torch.from_numpy(codes), torch.from_numpy(pose[:, :5]), torch.from_numpy(audio))
-    np.testing.assert_allclose(made.numpy(), pose[:, 5:], atol=1e-4)
+    samples = flow().sample(torch.from_numpy(codes), torch.from_numpy(pose[:, :5]), torch.from_numpy(audio))
+    np.testing.assert_allclose(samples.numpy(), pose[:, 5:], atol=1e-4)
 
 
 @pytest.mark.parametrize("name", ["moglow", "gesticulator", "seq2seq", "speech2gesture"])
@@ -283,31 +285,31 @@ def test_networks_of_every_kind_make_the_frames_of_a_window(store, name):
     facts = {"config": vars(config), "recipe": {"data": {}}, "store": {"speakers": SPEAKERS}}
     player = PlayableRun(net, facts, flat, name, np.zeros((3, 1, 64, 27)))
     which = np.array([0, 20, 41])
-    made = generate_windows(player, excerpts, seed=3, which=which)
-    assert made.shape == (3, excerpts.protocol.made, 27)
-    assert np.isfinite(made).all()
+    windows = generate_windows(player, excerpts, seed=3, which=which)
+    assert windows.shape == (3, excerpts.protocol.made, 27)
+    assert np.isfinite(windows).all()
     if name != "moglow":  # which draws
-        np.testing.assert_allclose(generate_windows(player, excerpts, seed=4, which=which[1:]), made[1:], atol=1e-5)
+        np.testing.assert_allclose(generate_windows(player, excerpts, seed=4, which=which[1:]), windows[1:], atol=1e-5)
     before, after = {"moglow": (4, 2), "gesticulator": (3, 4)}.get(name, (excerpts.protocol.given, 0))
     assert find_context(player, excerpts.protocol.given) == (before, after)
 
     class Blind(StoreInputs):
-        """Knows no recorded pose but those before the frames that are made."""
+        """Hides all recorded poses but those before the frames that are made."""
 
         def gather(self, *given):
-            found = super().gather(*given)
-            return found | {"pose": np.where(np.arange(found["pose"].shape[1])[:, None] < before, found["pose"], 0)}
+            rows = super().gather(*given)
+            return rows | {"pose": np.where(np.arange(rows["pose"].shape[1])[:, None] < before, rows["pose"], 0)}
 
     excerpts.__dict__["inputs"] = Blind(excerpts.store)
-    np.testing.assert_array_equal(generate_windows(player, excerpts, seed=3, which=which), made)
+    np.testing.assert_array_equal(generate_windows(player, excerpts, seed=3, which=which), windows)
 
 
 # the way as a whole -------------------------------------------------------------------------------------------------------
 
 
 def test_a_table_from_nothing_and_again_from_what_is_kept(table_runs, runs, tmp_path):
-    heard: list[str] = []
-    table = make_table("flow-2", replace(table_runs, tell=heard.append), seeds=(0, 1), tell=heard.append)
+    messages: list[str] = []
+    table = make_table("flow-2", replace(table_runs, tell=messages.append), seeds=(0, 1), tell=messages.append)
     assert len(table["rows"]) == 4
     for cells in (row["cells"] for row in table["rows"].values()):
         for metric in ("fgd", "pck_gfge", "pck", "diversity"):
@@ -325,12 +327,12 @@ def test_a_table_from_nothing_and_again_from_what_is_kept(table_runs, runs, tmp_
     assert "draws" not in table["controls"][STILL]["nll"]
     assert "likelihood" in truth["nll"]["why"]
     assert "made up" in table["head"]
-    assert any("step 2 of 2" in text for text in heard)
-    assert {told["verdict"] for told in table["verdicts"]} <= {UNDECIDED, NOT_ASSAYED}  # two seeds
+    assert any("step 2 of 2" in text for text in messages)
+    assert {verdict["verdict"] for verdict in table["verdicts"]} <= {UNDECIDED, NOT_ASSAYED}  # two seeds
 
-    del heard[:]
-    assert make_table("flow-2", replace(table_runs, tell=heard.append), seeds=(0, 1), tell=heard.append) == table
-    assert not any("step" in text for text in heard)
+    del messages[:]
+    assert make_table("flow-2", replace(table_runs, tell=messages.append), seeds=(0, 1), tell=messages.append) == table
+    assert not any("step" in text for text in messages)
 
     part = make_table("flow-2", table_runs, seeds=(0, 1), only=("baseline", "global"), tell=lambda text: None)
     assert {name for name, row in part["rows"].items() if "cells" in row} == {"without global encoder", "baseline"}
@@ -358,9 +360,9 @@ def test_headroom_is_told_before_anything_is_trained(store, table_runs, tmp_path
     arrays = np.load(other / "pose.npy", mmap_mode="r+")
     arrays[:] = arrays[::-1].copy()
     arrays.flush()
-    heard: list[str] = []
-    table = make_table("flow-2", replace(table_runs, oracle=other), trained=False, tell=heard.append)
-    assert not any("row" in text.split(":")[0] and "seed" in text for text in heard)
+    messages: list[str] = []
+    table = make_table("flow-2", replace(table_runs, oracle=other), trained=False, tell=messages.append)
+    assert not any("row" in text.split(":")[0] and "seed" in text for text in messages)
     assert all("cells" not in row for row in table["rows"].values())
     assert table["verdicts"] == []
     assert table["controls"][ORACLE]["pck"]["mean"] < 1
@@ -368,11 +370,11 @@ def test_headroom_is_told_before_anything_is_trained(store, table_runs, tmp_path
     assert "headroom of FGD" in to_text(table)
     pieces = [piece(f"{n}-x", n, s, 200, 1) for n in SPEAKERS for s in ("train", "test")]
     write_store(tmp_path / "else", pieces, corpus="ted", pose="direction-vectors", fps=FPS, names=NAMES)
-    for oracle, said in (("else", "other clips"), ("nowhere", "is not a store")):
-        heard.clear()
-        with pytest.raises(InputError, match=said):
-            make_table("flow-2", replace(table_runs, oracle=tmp_path / oracle), trained=False, tell=heard.append)
-        assert not heard  # before any work
+    for oracle, problem in (("else", "other clips"), ("nowhere", "is not a store")):
+        messages.clear()
+        with pytest.raises(InputError, match=problem):
+            make_table("flow-2", replace(table_runs, oracle=tmp_path / oracle), trained=False, tell=messages.append)
+        assert not messages  # before any work
 
 
 def test_the_perceptual_loss_hears_the_fourth_layer_of_its_own_autoencoder(table_runs):
@@ -404,8 +406,8 @@ def test_a_change_can_be_of_one_recipe(table_runs):
 
 
 def test_a_stopped_table_says_how_it_goes_on(table_runs, tmp_path, monkeypatch):
-    heard: list[str] = []
-    saving = replace(table_runs, runs=tmp_path, overrides=(*table_runs.overrides, "train.save_every=1"), tell=heard.append)
+    messages: list[str] = []
+    saving = replace(table_runs, runs=tmp_path, overrides=(*table_runs.overrides, "train.save_every=1"), tell=messages.append)
 
     def stop(_: object, run: object, end: bool) -> None:
         if run.steps_done == 2:
@@ -418,7 +420,7 @@ def test_a_stopped_table_says_how_it_goes_on(table_runs, tmp_path, monkeypatch):
             saving.run("flow_ted_baseline", 5)
     finally:
         signal.signal(signal.SIGINT, before)
-    assert heard[-1] == "saved at step 1: run the same command again to go on"
+    assert messages[-1] == "saved at step 1: run the same command again to go on"
 
 
 def test_a_run_that_was_cut_off_goes_on(table_runs, tmp_path):
@@ -454,15 +456,15 @@ def run(*arguments: object):
 def test_on_the_command_line(store, recipes, runs, tmp_path):
     out = tmp_path / "table.json"
     common = ["evaluate", "--store", store, "--recipes", recipes, "--runs", runs, "--threads", "1"]
-    made = run(*common, "--table", "flow-2", "--seeds", "0,1", "--about", "made up", "--out", out)
-    assert made.exit_code == 0, made.output
-    assert "without global encoder" in made.output
+    result = run(*common, "--table", "flow-2", "--seeds", "0,1", "--about", "made up", "--out", out)
+    assert result.exit_code == 0, result.output
+    assert "without global encoder" in result.output
     assert json.loads(out.read_text())["seeds"] == [0, 1]
     assert (runs / "flow-2-direction-vectors.md").is_file()
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["--table", "flow-9"], "flow-9"),
         (["--table", "flow-2", "--seeds", "0,a"], "--seeds"),
@@ -476,13 +478,13 @@ def test_on_the_command_line(store, recipes, runs, tmp_path):
         (["--table", "flow-2", "--set", "model.widht=3", "--seeds", "7"], "widht"),
     ],
 )
-def test_wrong_words_on_the_command_line(store, recipes, runs, arguments, said):
+def test_wrong_words_on_the_command_line(store, recipes, runs, arguments, message):
     common = ["--store", store, "--runs", runs, "--threads", "1"]
     recipes_too = [] if "--recipes" in arguments else ["--recipes", recipes]
     result = CliRunner().invoke(app, [str(a) for a in ["evaluate", *arguments, *common, *recipes_too]])
-    told = result.output + str(result.exception)
+    output = result.output + str(result.exception)
     assert result.exit_code != 0
-    assert said in told
+    assert message in output
 
 
 def test_markdown_has_a_cell_for_every_column(table_runs):
@@ -583,7 +585,7 @@ set = ["train.batch=3"]
 
 
 def test_the_next_run_begins_as_soon_as_one_of_several_ends(plan, monkeypatch):
-    """A long run held back all others once: only the oldest process was waited for."""
+    """Once, a long run held back all others, because only the oldest process was waited for."""
     tool, events = experiments(), []
 
     class Process:
@@ -601,13 +603,13 @@ def test_the_next_run_begins_as_soon_as_one_of_several_ends(plan, monkeypatch):
 
     monkeypatch.setattr(tool.subprocess, "Popen", Process)
     monkeypatch.setattr(tool, "sleep", lambda seconds: None)
-    loaded = tool.Plan.load(plan)
-    tool.train_apart(loaded, loaded.jobs(), jobs=2)
+    whole_plan = tool.Plan.load(plan)
+    tool.train_apart(whole_plan, whole_plan.jobs(), jobs=2)
     assert events == ["begin 0", "begin 1", "end 1", "begin 2", "end 2", "begin 3", "end 3", "end 0"]
 
 
 def test_runs_end_when_one_of_them_fails(plan, monkeypatch):
-    tool, stopped = experiments(), []
+    tool, ends = experiments(), []
 
     class Process:
         """A run; the second one fails at once."""
@@ -620,16 +622,16 @@ def test_runs_end_when_one_of_them_fails(plan, monkeypatch):
             return self.returncode
 
         def terminate(self):
-            stopped.append(self.job)
+            ends.append(self.job)
 
         def wait(self):
-            stopped.append(self.job)
+            ends.append(self.job)
 
     monkeypatch.setattr(tool.subprocess, "Popen", Process)
-    loaded = tool.Plan.load(plan)
+    whole_plan = tool.Plan.load(plan)
     with pytest.raises(CospeechError, match="seed 0 ended with code 3"):
-        tool.train_apart(loaded, loaded.jobs(), jobs=2)
-    assert stopped == [0, 0]
+        tool.train_apart(whole_plan, whole_plan.jobs(), jobs=2)
+    assert ends == [0, 0]
 
 
 @pytest.mark.slow
@@ -638,9 +640,9 @@ def test_a_plan_is_trained_scored_and_packed_and_then_there_is_nothing_left(plan
     assert tool.main([str(plan), "--list"]) == 0
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["left"] * 4
     assert tool.main([str(plan), "--pack", str(plan.parent / "kept.tar.gz")]) == 0
-    out, told = capsys.readouterr()
-    assert "0 of 4 runs are there" in told
-    assert "run 4 of 4" in told
+    out, err = capsys.readouterr()
+    assert "0 of 4 runs are there" in err
+    assert "run 4 of 4" in err
     assert "without global encoder" in out
     (table,) = runs.glob("flow-2-*-part.json")
     assert len(json.loads(table.read_text())["rows"]["baseline"]["cells"]["fgd"]["values"]) == 2
@@ -695,9 +697,9 @@ set = ["train.steps=100000", "train.save_every=100000"]
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
-    told = capsys.readouterr().err
-    assert "saved at step" in told
-    assert "goes on" in told
+    err = capsys.readouterr().err
+    assert "saved at step" in err
+    assert "goes on" in err
 
 
 @pytest.mark.parametrize(
@@ -727,28 +729,28 @@ def test_plans_that_come_with_the_project_are_whole(capsys):
 
 # systems of windows -------------------------------------------------------------------------------------------------------
 
-WINDOWED = ("Seq2Seq", "Speech2Gesture", "JEM", "Trimodal Context", "Speech2AffectiveGestures")
+WINDOW_SYSTEMS = ("Seq2Seq", "Speech2Gesture", "JEM", "Trimodal Context", "Speech2AffectiveGestures")
 
 
 @pytest.mark.slow
 def test_systems_of_windows_make_the_frames_that_flows_make(table_runs):
-    table = make_table("flow-1", table_runs, seeds=(0,), only=WINDOWED, tell=lambda text: None)
-    for name in WINDOWED:
+    table = make_table("flow-1", table_runs, seeds=(0,), only=WINDOW_SYSTEMS, tell=lambda text: None)
+    for name in WINDOW_SYSTEMS:
         cells = table["rows"][name]["cells"]
         assert all("mean" in cells[metric] for metric in ("fgd", "pck_gfge", "pck", "diversity", "multimodality")), name
         assert (cells["multimodality"]["mean"] > 0) is (name in ("JEM", "Trimodal Context", "Speech2AffectiveGestures"))
     assert "not built" not in to_text(table)
     excerpts = Excerpts(table_runs.folder)
     player = table_runs.player("seq2seq_ted", 0)
-    chosen = np.arange(3)
-    one, other = (generate_windows(player, excerpts, seed=seed, which=chosen) for seed in (0, 1))
+    which = np.arange(3)
+    one, other = (generate_windows(player, excerpts, seed=seed, which=which) for seed in (0, 1))
     assert one.shape == (3, 30, 27)
     assert np.array_equal(one, other)  # it has no noise
     cut = table_runs.player("trimodal_ted", 0)
-    speakers = [excerpts.speakers()[k] for k in chosen]
+    speakers = [excerpts.speakers()[k] for k in which]
     longer = generate_rows(cut, excerpts.inputs, excerpts.starts[:3], 75, speakers, seed_frames=4, seed=0)
     assert longer.shape == (3, 75, 27)
-    np.testing.assert_allclose(longer[:, :30], generate_windows(cut, excerpts, seed=0, which=chosen), atol=1e-5)
+    np.testing.assert_allclose(longer[:, :30], generate_windows(cut, excerpts, seed=0, which=which), atol=1e-5)
 
 
 def test_a_store_without_samples_says_so_in_the_rows_that_need_them(store, table_runs, tmp_path):
@@ -761,5 +763,5 @@ def test_a_store_without_samples_says_so_in_the_rows_that_need_them(store, table
     (bare / "index.json").write_text(json.dumps(index))
     runs = replace(table_runs, folder=bare)
     row = next(row for row in ROWS if row.name == "JEM")
-    made, _ = making._row(row, None, TABLES["flow-1"], runs, (0,), lambda text: None, "row 1 of 1")
-    assert made["missing"] == "the store was prepared without --waveform"
+    result, _ = making._row(row, None, TABLES["flow-1"], runs, (0,), lambda text: None, "row 1 of 1")
+    assert result["missing"] == "the store was prepared without --waveform"

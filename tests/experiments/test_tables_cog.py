@@ -68,8 +68,8 @@ def values(frames: int, seed: int) -> dict[str, np.ndarray]:
 
 
 def piece(name: str, speaker: str, split: str, frames: int, seed: int, without: str = "") -> Piece:
-    known = {key: array for key, array in values(frames, seed).items() if key != without}
-    return Piece(Entry(name, speaker, split, 0, frames, 0.0, tuple(known)), ("hello", "there"), lambda: dict(known))
+    arrays = {key: array for key, array in values(frames, seed).items() if key != without}
+    return Piece(Entry(name, speaker, split, 0, frames, 0.0, tuple(arrays)), ("hello", "there"), lambda: dict(arrays))
 
 
 @pytest.fixture(scope="session")
@@ -106,13 +106,13 @@ def quiet(text: str) -> None:
 # what the paper says ------------------------------------------------------------------------------------------------------
 
 
-def test_published_figures_are_the_papers(shared):
-    paper = (shared / "papers" / "chain-of-generation_xu-2024.txt").read_text("utf-8")
+def test_published_figures_are_the_papers(shared_folder):
+    paper = (shared_folder / "papers" / "chain-of-generation_xu-2024.txt").read_text("utf-8")
     words = paper.replace("(", " ").replace(")", " ").split()
-    printed = {f"{float(word):g}" for word in words if word.replace(".", "", 1).isdigit()}
+    paper_figures = {f"{float(word):g}" for word in words if word.replace(".", "", 1).isdigit()}
     figures = {f"{value:g}" for row in ROWS for value in row.published.values()}
     assert len(figures) > 40
-    assert figures <= printed
+    assert figures <= paper_figures
     best = [row.published for row in ROWS if row.name in (CHAIN, "+rhythm", "(500, 1000, 1)")]
     assert best[0] == best[1] == best[2] == {FGD: 45.87, SRGR: 0.308, BA: 0.931}
 
@@ -149,8 +149,8 @@ def test_ablations_are_one_step_apart_and_end_with_the_recipe():
     assert configs[-1] == config_of(whole)
     assert rows[-1].overrides == whole.overrides == ()
     own = [vars(ChainExtendedConfig()) | vars(config) for config in configs]  # the first row is of the extension
-    changed = [{key for key in a if a[key] != b[key]} for a, b in pairwise(own)]
-    assert changed == [{"face_teacher_forcing", "face"}, {"attention"}, {"style_injection"}, {"rhythm"}]
+    differences = [{key for key in a if a[key] != b[key]} for a, b in pairwise(own)]
+    assert differences == [{"face_teacher_forcing", "face"}, {"attention"}, {"style_injection"}, {"rhythm"}]
     assert [row.lacks for row in rows] == [LABELS[1:], *[LABELS] * 4]
 
 
@@ -166,9 +166,9 @@ def test_one_network_serves_all_conditions_of_figure_1():
         own = [row for row in rows if row.name.startswith(f"{system}:")]
         assert len({(row.recipe, row.overrides) for row in own}) == 1
         assert [row.lacks for row in own] == [(), *((name,) for name in FOUR), FOUR]
-    joined = config_of(next(row for row in rows if row.name.startswith(CONCATENATION)))
-    assert joined.emotion > 0
-    assert joined.face > 0
+    concatenation = config_of(next(row for row in rows if row.name.startswith(CONCATENATION)))
+    assert concatenation.emotion > 0
+    assert concatenation.face > 0
     assert {claim.metric for claim in COG["cog-figure-1"].parts[0].claims} == {*COSTS}
 
 
@@ -185,8 +185,8 @@ def test_windows_put_together_are_the_clip(data):
     for array in ("pose", "face"):
         rows = data.store.arrays[array]
         windows = np.stack([rows[k : k + FRAMES] for k in data.starts])
-        for entry, joined, frames in zip(data.entries, data.join_windows(windows, array), data.frames, strict=True):
-            np.testing.assert_array_equal(joined, rows[entry.offset : entry.offset + frames])
+        for entry, whole, frames in zip(data.entries, data.join_windows(windows, array), data.frames, strict=True):
+            np.testing.assert_array_equal(whole, rows[entry.offset : entry.offset + frames])
         spoilt = windows.copy()
         spoilt[:, :SEED_FRAMES] = np.nan  # what was given to a window is never taken from it
         for a, b in zip(data.join_windows(spoilt, array), data.join_windows(windows, array), strict=True):
@@ -196,19 +196,19 @@ def test_windows_put_together_are_the_clip(data):
 def test_recordings_are_perfect(data):
     poses = [data.store.clip(e)["pose"][:n] for e, n in zip(data.entries, data.frames, strict=True)]
     faces = [data.store.clip(e)["face"][:n] for e, n in zip(data.entries, data.frames, strict=True)]
-    for made, true in zip(data.samples(poses, faces), data.truth, strict=True):
-        np.testing.assert_allclose(made.rotations, true.rotations, atol=1e-6)
-        np.testing.assert_allclose(made.face, true.face)
-        assert (made.condition, made.seed_frames) == (true.condition, SEED_FRAMES)
-        assert len(made.names) == 48  # the root, and the 47 that move
-        assert made.semantics.max() == pytest.approx(0.6)
+    for sample, true in zip(data.samples(poses, faces), data.truth, strict=True):
+        np.testing.assert_allclose(sample.rotations, true.rotations, atol=1e-6)
+        np.testing.assert_allclose(sample.face, true.face)
+        assert (sample.condition, sample.seed_frames) == (true.condition, SEED_FRAMES)
+        assert len(sample.names) == 48  # the root, and the 47 that move
+        assert sample.semantics.max() == pytest.approx(0.6)
 
 
 def test_key_points_are_refused(tmp_path):
     from cospeech.motion.poses.keypoints2d import KEYPOINTS2D
 
-    known = {"pose": np.zeros((90, KEYPOINTS2D.dimensions), np.float32)}
-    pieces = [Piece(Entry("a", "a", "test", 0, 90, 0.0, ("pose",)), (), lambda: dict(known))]
+    arrays = {"pose": np.zeros((90, KEYPOINTS2D.dimensions), np.float32)}
+    pieces = [Piece(Entry("a", "a", "test", 0, 90, 0.0, ("pose",)), (), lambda: dict(arrays))]
     write_store(tmp_path / "s", pieces, corpus="pats", pose="keypoints2d", fps=FPS, names={"pose": KEYPOINTS2D.names})
     with pytest.raises(InputError, match="keypoints2d"):
         CogWindows(tmp_path / "s")
@@ -231,17 +231,17 @@ def test_what_is_lacking_is_not_looked_at(players, data, monkeypatch):
             arrays = CogWindows.arrays
 
             def other(self, player, array=array, arrays=arrays):
-                found = arrays(self, player)
-                blank = found[array][::-1].copy() if array != "face" else 1 - found[array]
-                return found | {array: blank if array != "emotion" else (blank + 3) % 8}
+                inputs = arrays(self, player)
+                blank = inputs[array][::-1].copy() if array != "face" else 1 - inputs[array]
+                return inputs | {array: blank if array != "emotion" else (blank + 3) % 8}
 
             with monkeypatch.context() as patch:
                 patch.setattr(CogWindows, "arrays", other)
                 again = generate_clips(player, data, (lacking,))[0]
-                changed = generate_clips(player, data, ())[0]
+                with_other = generate_clips(player, data, ())[0]
             for a, b in zip(without, again, strict=True):
                 np.testing.assert_array_equal(a, b)
-            assert any(np.abs(a - b).max() > 1e-6 for a, b in zip(whole, changed, strict=True)), (name, lacking)
+            assert any(np.abs(a - b).max() > 1e-6 for a, b in zip(whole, with_other, strict=True)), (name, lacking)
 
 
 def test_what_a_row_of_table_2_leaves_out_plays_no_part(table_runs, data):
@@ -250,10 +250,10 @@ def test_what_a_row_of_table_2_leaves_out_plays_no_part(table_runs, data):
         parts = {name.split(".")[1] for name, _ in player.net.named_parameters() if name.startswith("cascade.")}
         assert ("body_attention" in parts) is ("hand_attention" in parts) is (k >= 2)
         assert ("body_style" in parts) is ("hand_style" in parts) is (k >= 3)
-        told, heard = (generate_clips(player, data, lacks)[0] for lacks in (("face",), LABELS))
-        assert all(np.array_equal(a, b) for a, b in zip(told, heard, strict=True)) is (k < 3)  # who, and how
-        seen, made = (generate_clips(player, data, lacks)[0] for lacks in (row.lacks, LABELS))
-        assert all(np.array_equal(a, b) for a, b in zip(seen, made, strict=True)) is (k > 0)
+        with_labels, without_labels = (generate_clips(player, data, lacks)[0] for lacks in (("face",), LABELS))
+        assert all(np.array_equal(a, b) for a, b in zip(with_labels, without_labels, strict=True)) is (k < 3)  # who, and how
+        of_row, speech_only = (generate_clips(player, data, lacks)[0] for lacks in (row.lacks, LABELS))
+        assert all(np.array_equal(a, b) for a, b in zip(of_row, speech_only, strict=True)) is (k > 0)
 
 
 def test_a_chain_makes_faces_and_others_do_not(players, data):
@@ -270,9 +270,9 @@ def test_costs_are_differences_to_all_inputs():
 
     cost = cost_cells(cells(7.0, 0.2), cells(4.0, 0.5))
     assert cost["fgd_cost"]["value"] == 3.0
-    drawn = [{name: cell | {"draws": [cell["value"] + k for k in by]} for name, cell in cells(*values).items()}
+    with_draws = [{name: cell | {"draws": [cell["value"] + k for k in by]} for name, cell in cells(*values).items()}
              for values, by in (((7.0, 0.2), (0, 1)), ((4.0, 0.5), (0, 2)))]  # fmt: skip
-    assert cost_cells(*drawn)["fgd_cost"]["draws"] == [3, 2]
+    assert cost_cells(*with_draws)["fgd_cost"]["draws"] == [3, 2]
     assert cost["srgr_cost"]["value"] == pytest.approx(0.3)
     assert cost_cells(cells(1, 1) | {FGD: {"why": "too short"}}, cells(1, 1))["fgd_cost"] == {"why": "too short"}
 
@@ -281,17 +281,17 @@ def test_costs_are_differences_to_all_inputs():
 
 
 def test_a_wrong_recipe_is_told_with_each_known_one_once(table_runs):
-    with pytest.raises(InputError, match="recipe 'camn_beat'") as caught:
+    with pytest.raises(InputError, match="recipe 'camn_beat'") as refusal:
         make_table("cog-2", replace(table_runs, overrides=("camn_beat:train.steps=3",)), tell=quiet)
-    assert str(caught.value).count("chain_of_generation_beat") == 1
+    assert str(refusal.value).count("chain_of_generation_beat") == 1
 
 
 @pytest.mark.parametrize("name", ["cog-1", "cog-2", "cog-4"])
 def test_a_table_from_nothing(table_runs, name, tmp_path):
     table = make_table(name, table_runs, seeds=(0,), tell=quiet)
-    made = {row: cells["cells"] for row, cells in table["rows"].items() if cells.get("cells")}
-    assert len(made) == {"cog-1": 8, "cog-2": 5, "cog-4": 8}[name]
-    for row, cells in made.items():
+    cells_of_rows = {row: cells["cells"] for row, cells in table["rows"].items() if cells.get("cells")}
+    assert len(cells_of_rows) == {"cog-1": 8, "cog-2": 5, "cog-4": 8}[name]
+    for row, cells in cells_of_rows.items():
         for metric in (FGD, SRGR, "srgr"):
             assert np.isfinite(cells[metric]["mean"])
         assert ("mean" in cells["face_mse"]) is (
@@ -311,9 +311,9 @@ def test_a_table_from_nothing(table_runs, name, tmp_path):
 
 
 def test_figure_1_trains_three_networks_and_plays_them_under_six_conditions(table_runs, tmp_path):
-    heard: list[str] = []
-    table = make_table("cog-figure-1", replace(table_runs, runs=tmp_path, tell=heard.append), seeds=(0,), tell=quiet)
-    ends = [sum(f"step {k} of {k}" in text for text in heard) for k in (3, 4)]
+    messages: list[str] = []
+    table = make_table("cog-figure-1", replace(table_runs, runs=tmp_path, tell=messages.append), seeds=(0,), tell=quiet)
+    ends = [sum(f"step {k} of {k}" in text for text in messages) for k in (3, 4)]
     assert ends == [2 + 1, 1]  # the network of FGD too; the classifier of CoG has a step of its own
     for system in (CHAIN, CAMN, CONCATENATION):
         whole = table["rows"][f"{system}: all"]["cells"]

@@ -89,9 +89,9 @@ def build_config(name: str):
 
 
 def tiny_sizes(model: str) -> dict[str, int]:
-    known = network(model).Config.__dataclass_fields__
+    fields = network(model).Config.__dataclass_fields__
     tiny = {"channels": 8, "patch_channels": 4, "discriminator_channels": 4, "mlp": 8, "blocks": 1, "depth": 3, "decoder": 1}
-    return {key: value for key, value in tiny.items() if key in known}
+    return {key: value for key, value in tiny.items() if key in fields}
 
 
 @pytest.fixture(scope="session")
@@ -123,23 +123,25 @@ def small_cast(monkeypatch):
 # what the paper says ------------------------------------------------------------------------------------------------------
 
 
-def test_published_figures_are_the_papers(shared):
-    paper = (shared / "papers" / "mix-stage_ahuja-2020.txt").read_text("utf-8")
-    printed = {f"{float(word):g}" for word in paper.split() if word.replace(".", "", 1).isdigit()}
+def test_published_figures_are_the_papers(shared_folder):
+    paper = (shared_folder / "papers" / "mix-stage_ahuja-2020.txt").read_text("utf-8")
+    paper_figures = {f"{float(word):g}" for word in paper.split() if word.replace(".", "", 1).isdigit()}
     figures = [value for table in MIX.values() for part in table.parts for row in part.rows for value in row.published.values()]
     assert len(figures) > 300
-    assert all(f"{value:g}" in printed or f"{value * 100:g}" in printed for value in figures)
+    assert all(f"{value:g}" in paper_figures or f"{value * 100:g}" in paper_figures for value in figures)
 
 
-def test_rows_bear_the_figures_of_their_own_line(shared):
+def test_rows_bear_the_figures_of_their_own_line(shared_folder):
     """Lines of the supplement's table 5, read from the paper: speaker, then PCK and F1 of the five systems."""
-    paper = (shared / "papers" / "mix-stage_ahuja-2020.txt").read_text("utf-8")
+    paper = (shared_folder / "papers" / "mix-stage_ahuja-2020.txt").read_text("utf-8")
     lines = paper[paper.index("Table 4: Objective metrics for attribute-level") : paper.index("Table 5: Objective metrics")]
-    found = [line.rsplit(None, 10) for line in lines.splitlines() if len(line.split()) >= 11 and line.split()[-1][0] == "0"]
+    paper_rows = [
+        line.rsplit(None, 10) for line in lines.splitlines() if len(line.split()) >= 11 and line.split()[-1][0] == "0"
+    ]
     rows = {row.name: row.published for row in MIX["mix-5"].parts[0].rows}
     names = {"Corden": "corden", "lec cosmic": "lec_cosmic", "ytch prof": "ytch_prof", "Oliver": "oliver", "Ellen": "ellen"}
-    sizes, seen = iter((2, 4, 8)), 0
-    for name, *figures in found:
+    sizes, count = iter((2, 4, 8)), 0
+    for name, *figures in paper_rows:
         if name == "Mean":
             size = next(sizes)
         elif name in names:
@@ -147,8 +149,8 @@ def test_rows_bear_the_figures_of_their_own_line(shared):
                 assert rows[f"{system}, {size} speakers: {names[name]}"] == {
                     PCK: float(figures[2 * k]), F1: float(figures[2 * k + 1])
                 }  # fmt: skip
-                seen += 1
-    assert seen == 5 * (2 + 4 + 5)
+                count += 1
+    assert count == 5 * (2 + 4 + 5)
 
 
 @pytest.mark.parametrize("name", [*RECIPES, f"{CLASSIFIER}_pats"])
@@ -302,10 +304,10 @@ class Echo(torch.nn.Module):
                 self.styles, self.one = styles, torch.nn.Parameter(torch.ones(1))
 
             def make(self, audio, style, mode_noise):
-                made = audio.new_zeros(*audio.shape[:2], 96)
-                made[..., : self.styles] = style
-                made[..., 10] = audio[..., 0]
-                return made
+                frames = audio.new_zeros(*audio.shape[:2], 96)
+                frames[..., : self.styles] = style
+                frames[..., 10] = audio[..., 0]
+                return frames
 
             def speaker_styles(self, stretches):
                 return torch.eye(len(stretches))
@@ -339,13 +341,13 @@ def echo(store: Path) -> PlayableRun:
 def test_styles_are_moved_to_the_speech_of_all_others(store, table_runs):
     table, part = part_of("mix-2", Store(store))
     bench = StyleTransfer(table, part, table_runs, None)
-    made = bench.transfer(echo(store), NAMES)
+    transfer = bench.transfer(echo(store), NAMES)
     data = bench.data
-    pairs = {(data.speaker(k), style) for k, style in zip(made.which, made.styles, strict=True)}
+    pairs = {(data.speaker(k), style) for k, style in zip(transfer.which, transfer.styles, strict=True)}
     assert pairs == {(a, b) for a in NAMES for b in NAMES if a != b}
-    assert len(made.which) == len(data) * 2
-    np.testing.assert_array_equal(made.poses[:, 0, :3], [np.eye(3)[NAMES.index(style)] for style in made.styles])
-    np.testing.assert_allclose(made.poses[..., 10], data.rows("audio", made.which)[..., 0], rtol=1e-6)
+    assert len(transfer.which) == len(data) * 2
+    np.testing.assert_array_equal(transfer.poses[:, 0, :3], [np.eye(3)[NAMES.index(style)] for style in transfer.styles])
+    np.testing.assert_allclose(transfer.poses[..., 10], data.rows("audio", transfer.which)[..., 0], rtol=1e-6)
 
 
 def test_a_system_that_plays_the_recording_is_perfect_and_others_are_not(store, table_runs):
@@ -363,11 +365,11 @@ def test_a_system_that_plays_the_recording_is_perfect_and_others_are_not(store, 
 
 
 def test_a_table_from_nothing_and_again_from_what_is_kept(table_runs, tmp_path):
-    heard: list[str] = []
-    again = replace(table_runs, tell=heard.append)
-    table = make_table("mix-1", again, seeds=(0, 1), tell=heard.append)
+    messages: list[str] = []
+    again = replace(table_runs, tell=messages.append)
+    table = make_table("mix-1", again, seeds=(0, 1), tell=messages.append)
     assert len(table["rows"]) == 16
-    assert any("step 2 of 2" in text for text in heard)
+    assert any("step 2 of 2" in text for text in messages)
     for row in table["rows"].values():
         for metric in (PCK, F1, "pck_2d", "mode_f1"):
             assert len(row["cells"][metric]["values"]) == 2
@@ -375,11 +377,11 @@ def test_a_table_from_nothing_and_again_from_what_is_kept(table_runs, tmp_path):
     assert "3 networks" in table["rows"]["S2G, 8 speakers"]["facts"]
     assert "64 frames" in table["head"]
     assert len(table["verdicts"]) == 5
-    del heard[:]
-    assert make_table("mix-1", again, seeds=(0, 1), tell=heard.append) == json.loads(json.dumps(table))
-    shared = make_table("mix-5", again, seeds=(0, 1), tell=heard.append)
-    assert not any("step" in text for text in heard)  # the same runs
-    own = [shared["rows"][f"MUNIT, 8 speakers: {name}"]["cells"][F1]["mean"] for name in NAMES]
+    del messages[:]
+    assert make_table("mix-1", again, seeds=(0, 1), tell=messages.append) == json.loads(json.dumps(table))
+    by_speaker = make_table("mix-5", again, seeds=(0, 1), tell=messages.append)
+    assert not any("step" in text for text in messages)  # the same runs
+    own = [by_speaker["rows"][f"MUNIT, 8 speakers: {name}"]["cells"][F1]["mean"] for name in NAMES]
     assert np.mean(own) == pytest.approx(table["rows"]["MUNIT, 8 speakers"]["cells"][F1]["mean"])
     assert "(0.33)" in to_text(table)
     draw_table(table, table_runs, tmp_path / "a.png")

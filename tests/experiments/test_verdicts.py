@@ -40,22 +40,22 @@ CLAIM = Claim("fgd", "ours", "theirs", False, "table 0")
 
 def cells(metric: str, values, draws=None, lift: float | None = 0.2) -> list[dict]:
     """One row, a value of each seed."""
-    found = []
+    rows = []
     for k, value in enumerate(values):
         cell = {"value": float(value), "interval": None, "note": ""} | ({"draws": list(draws[k])} if draws is not None else {})
-        found.append({metric: cell} | ({"beat_align": {"value": lift}} if lift is not None and metric != "beat_align" else {}))
-    return found
+        rows.append({metric: cell} | ({"beat_align": {"value": lift}} if lift is not None and metric != "beat_align" else {}))
+    return rows
 
 
 def evidence(rows, *, faults=None, controls=CONTROLS) -> Evidence:
-    known = {name: {metric: {"value": value} for metric, value in row.items()} for name, row in controls.items()}
-    return Evidence(rows, known, HEADS, faults or {})
+    control_cells = {name: {metric: {"value": value} for metric, value in row.items()} for name, row in controls.items()}
+    return Evidence(rows, control_cells, HEADS, faults or {})
 
 
 def word(ours, theirs, claim=CLAIM, **more) -> str:
     rows = {"ours": cells(claim.metric, ours), "theirs": cells(claim.metric, theirs)}
-    (told,) = judge([claim], evidence(rows, **more))
-    return told["verdict"]
+    (verdict,) = judge([claim], evidence(rows, **more))
+    return verdict["verdict"]
 
 
 # statistics ---------------------------------------------------------------------------------------------------------------
@@ -64,20 +64,20 @@ def word(ours, theirs, claim=CLAIM, **more) -> str:
 def test_without_draws_it_is_the_paired_t_test():
     rng = np.random.default_rng(0)
     a, b = rng.normal(size=(2, 7))
-    found = compare([{"value": v} for v in a], [{"value": v} for v in b])
+    comparison = compare([{"value": v} for v in a], [{"value": v} for v in b])
     expected = stats.ttest_rel(a, b)
-    assert found.differs == pytest.approx(expected.pvalue)
-    assert found.freedom == 6
-    assert found.interval == pytest.approx(tuple(expected.confidence_interval()))
+    assert comparison.differs == pytest.approx(expected.pvalue)
+    assert comparison.freedom == 6
+    assert comparison.interval == pytest.approx(tuple(expected.confidence_interval()))
 
 
 def test_clips_that_both_rows_share_cancel_and_others_do_not():
     rng = np.random.default_rng(1)
-    shared = rng.normal(scale=5.0, size=200)
+    of_clips = rng.normal(scale=5.0, size=200)
     seeds = rng.normal(scale=0.1, size=(2, 6))
-    a = [{"value": v + 1, "draws": [*(v + 1 + shared)]} for v in seeds[0]]
-    paired = compare(a, [{"value": v, "draws": [*(v + shared)]} for v in seeds[1]])
-    apart = compare(a, [{"value": v, "draws": [*(v + rng.permutation(shared))]} for v in seeds[1]])
+    a = [{"value": v + 1, "draws": [*(v + 1 + of_clips)]} for v in seeds[0]]
+    paired = compare(a, [{"value": v, "draws": [*(v + of_clips)]} for v in seeds[1]])
+    apart = compare(a, [{"value": v, "draws": [*(v + rng.permutation(of_clips))]} for v in seeds[1]])
     assert paired.error < 0.1
     assert apart.error > 1
     assert paired.mean == pytest.approx(apart.mean)
@@ -88,17 +88,17 @@ def test_no_effect_is_found_in_one_case_of_twenty_and_a_large_one_nearly_always(
     rng = np.random.default_rng(2)
 
     def share(effect: float, trials: int = 400) -> float:
-        found = 0
+        count = 0
         for _ in range(trials):
             clips = rng.normal(scale=0.5, size=40)  # by how much row A is better on each test clip
-            chosen = rng.multinomial(40, np.full(40, 1 / 40), 200)
+            samples = rng.multinomial(40, np.full(40, 1 / 40), 200)
             a, b = [], []
             for _ in range(6):
                 own = clips + rng.normal(scale=0.3, size=40) + rng.normal(scale=0.1) + effect
-                a.append({"value": own.mean(), "draws": [*(chosen @ own / 40)]})
+                a.append({"value": own.mean(), "draws": [*(samples @ own / 40)]})
                 b.append({"value": 0.0, "draws": [0.0] * 200})
-            found += compare(a, b).differs < 0.05
-        return found / trials
+            count += compare(a, b).differs < 0.05
+        return count / trials
 
     assert 0.02 <= share(0.0) <= 0.085
     assert share(0.4) > 0.9
@@ -149,17 +149,17 @@ def test_costs_of_missing_inputs_have_the_headroom_of_their_metric():
     heads = {**HEADS, "fgd_cost": "FGD, worse by ↓"}
     for oracle, expected in ((0.5, HOLDS), (21.0, NOT_ASSAYED)):
         controls = {**CONTROLS, "oracle: the same speech, another take": {"fgd": oracle}}
-        known = {name: {metric: {"value": value} for metric, value in row.items()} for name, row in controls.items()}
-        (told,) = judge([claim], Evidence(rows, known, heads, {}))
-        assert told["verdict"] == expected
+        control_cells = {name: {metric: {"value": value} for metric, value in row.items()} for name, row in controls.items()}
+        (verdict,) = judge([claim], Evidence(rows, control_cells, heads, {}))
+        assert verdict["verdict"] == expected
 
 
 def test_a_test_whose_speech_is_in_training_decides_nothing():
     rows = {"ours": cells("fgd", [1.0, 1.1, 0.9, 1.0, 1.05]), "theirs": cells("fgd", [5.0, 5.2, 4.9, 5.1, 5.0])}
-    known = evidence(rows)
-    assert judge([CLAIM], known)[0]["verdict"] == HOLDS
-    (told,) = judge([CLAIM], replace(known, leak="84 % of the speech of the test split is also said in training"))
-    assert (told["verdict"], told["because"][:12]) == (NOT_ASSAYED, "84 % of the ")
+    facts = evidence(rows)
+    assert judge([CLAIM], facts)[0]["verdict"] == HOLDS
+    (verdict,) = judge([CLAIM], replace(facts, leak="84 % of the speech of the test split is also said in training"))
+    assert (verdict["verdict"], verdict["because"][:12]) == (NOT_ASSAYED, "84 % of the ")
 
 
 def test_many_claims_make_each_harder():
@@ -169,9 +169,9 @@ def test_many_claims_make_each_harder():
     assert alone["verdict"] == HOLDS
     others = {f"row {k}": cells("fgd", 1 + rng.normal(scale=0.1, size=5)) for k in range(12)}
     claims = [CLAIM, *(Claim("fgd", f"row {k}", "theirs", False, "table 0") for k in range(12))]
-    told = judge(claims, evidence(rows | others))
-    assert told[0]["verdict"] == UNDECIDED
-    assert "Holm" in told[0]["because"]
+    verdicts = judge(claims, evidence(rows | others))
+    assert verdicts[0]["verdict"] == UNDECIDED
+    assert "Holm" in verdicts[0]["because"]
 
 
 @pytest.mark.parametrize(("gap", "expected"), [(0.0, HOLDS), (0.5, CONTRADICTED), (0.1, UNDECIDED)])
@@ -197,9 +197,9 @@ def test_a_metric_that_cannot_tell_people_from_noise_gives_no_verdict():
 
 def test_systems_that_do_not_follow_the_speech_give_no_verdict():
     rows = {"ours": cells("fgd", 1 + NEAR), "theirs": cells("fgd", 3 - NEAR, lift=0.07)}
-    (told,) = judge([CLAIM], evidence(rows))
-    assert told["verdict"] == NOT_ASSAYED
-    assert "theirs hardly follows" in told["because"]
+    (verdict,) = judge([CLAIM], evidence(rows))
+    assert verdict["verdict"] == NOT_ASSAYED
+    assert "theirs hardly follows" in verdict["because"]
     silent = {"ours": cells("fgd", 1 + NEAR, lift=None), "theirs": cells("fgd", 3 - NEAR, lift=None)}
     assert judge([CLAIM], evidence(silent))[0]["verdict"] == HOLDS  # a table without sound does not know it
 
@@ -208,7 +208,7 @@ LIKELY = Claim("nll", "ours", "theirs", False, "table 0")
 
 
 def likely(nll, gain, *, lift: float = 0.0) -> list[dict]:
-    """A row with likelihoods: it hardly follows the beat, which is no matter to them."""
+    """A row with likelihoods; it hardly follows the beat, on which likelihoods do not depend."""
     rows = zip(cells("nll", nll, lift=lift), cells("hearing_gain", gain, lift=None), strict=True)
     return [one | other for one, other in rows]
 
@@ -225,16 +225,18 @@ def likely(nll, gain, *, lift: float = 0.0) -> list[dict]:
 def test_a_likelihood_counts_where_it_owes_something_to_the_speech(gain, least, expected, why):
     heads = HEADS | {"nll": "NLL ↓", "hearing_gain": "hearing, nats ↑"}
     rows = {"ours": likely(1 + NEAR, 1 + NEAR), "theirs": likely(3 - NEAR, gain)}
-    known = {name: {metric: {"value": value} for metric, value in row.items()} for name, row in CONTROLS.items()}
-    known["still"] = {"nll": {"value": least}, "hearing_gain": {"value": 0.0}}
-    (told,) = judge([LIKELY], Evidence(rows, known, heads, {}))
-    assert told["verdict"] == expected
-    assert why in told["because"]
-    lifted = Claim("fgd", "ours", "theirs", False, "table 0")
+    control_cells = {name: {metric: {"value": value} for metric, value in row.items()} for name, row in CONTROLS.items()}
+    control_cells["still"] = {"nll": {"value": least}, "hearing_gain": {"value": 0.0}}
+    (verdict,) = judge([LIKELY], Evidence(rows, control_cells, heads, {}))
+    assert verdict["verdict"] == expected
+    assert why in verdict["because"]
+    other_claim = Claim("fgd", "ours", "theirs", False, "table 0")
     for row in rows.values():
         for cell in row:
             cell["fgd"] = {"value": 1.0}
-    assert "hardly follows" in judge([lifted], Evidence(rows, known, heads, {}))[0]["because"]  # all else wants the beat
+    assert (
+        "hardly follows" in judge([other_claim], Evidence(rows, control_cells, heads, {}))[0]["because"]
+    )  # all else wants the beat
 
 
 def test_a_hearing_gain_that_clips_do_not_bear_out_is_none():
@@ -242,14 +244,14 @@ def test_a_hearing_gain_that_clips_do_not_bear_out_is_none():
     rng = np.random.default_rng(0)
     ours = likely(1 + NEAR, 1 + NEAR)
     unsure = [row | {"hearing_gain": {"value": 1.0, "draws": [*rng.normal(1, 2, 200)]}} for row in ours]
-    shared = unsure[0]["hearing_gain"]
-    rows = {"ours": ours, "theirs": [row | {"hearing_gain": shared} for row in unsure]}
-    (told,) = judge([LIKELY], Evidence(rows, {}, heads, {}))
-    assert "theirs does not hear" in told["because"]
+    gain = unsure[0]["hearing_gain"]
+    rows = {"ours": ours, "theirs": [row | {"hearing_gain": gain} for row in unsure]}
+    (verdict,) = judge([LIKELY], Evidence(rows, {}, heads, {}))
+    assert "theirs does not hear" in verdict["because"]
 
 
 def test_a_table_that_is_kept_is_judged_as_it_was():
-    """By seeds and by draws of clips, which it keeps as their means over seeds."""
+    """Verdicts rest on seeds and on draws of clips; a table keeps the means of the draws over seeds."""
     paper_table = TABLES["flow-2"]
     (part,) = [part for part in paper_table.parts if part.corpus == "ted"]
     rng, rows = np.random.default_rng(4), {}
@@ -265,7 +267,7 @@ def test_a_table_that_is_kept_is_judged_as_it_was():
     evidence = Evidence(rows, {}, dict.fromkeys(("nll", "hearing_gain", "fgd", "diversity_gfge"), "x"), {})
     table = keep(rows, evidence, range(6))
     expected = judge(part.claims, evidence)
-    assert {told["verdict"] for told in expected} == {HOLDS, UNDECIDED}
+    assert {verdict["verdict"] for verdict in expected} == {HOLDS, UNDECIDED}
     assert write_tables().judge_again(table)["verdicts"] == expected
     for row in table["rows"].values():
         for cell in row["cells"].values():
@@ -297,26 +299,26 @@ def test_parts_with_other_seeds_join_to_the_table_of_all():
     }
     evidence, tool = Evidence(rows, {}, heads, {}), write_tables()
     whole, parts = keep(rows, evidence, range(6)), [keep(rows, evidence, range(2)), keep(rows, evidence, range(2, 6))]
-    joined = tool.join(parts)
-    assert joined["seeds"] == [*range(6)]
-    assert joined["head"] == whole["head"]
+    table = tool.join(parts)
+    assert table["seeds"] == [*range(6)]
+    assert table["head"] == whole["head"]
     for name, row in whole["rows"].items():
         for metric, cell in row["cells"].items():
-            found = joined["rows"][name]["cells"][metric]
-            assert found["values"] == cell["values"]
-            assert (found["mean"], found["half"]) == (cell["mean"], cell["half"])
-            np.testing.assert_allclose(found["draws"], cell["draws"], atol=1e-5)
-    assert [each["verdict"] for each in joined["verdicts"]] == [each["verdict"] for each in tool.judge_again(whole)["verdicts"]]
+            joint_cell = table["rows"][name]["cells"][metric]
+            assert joint_cell["values"] == cell["values"]
+            assert (joint_cell["mean"], joint_cell["half"]) == (cell["mean"], cell["half"])
+            np.testing.assert_allclose(joint_cell["draws"], cell["draws"], atol=1e-5)
+    assert [each["verdict"] for each in table["verdicts"]] == [each["verdict"] for each in tool.judge_again(whole)["verdicts"]]
     for wrong in ([parts[0], parts[0]], [parts[0], parts[1] | {"corpus": "trinity"}]):
         with pytest.raises(InputError, match=r"seeds 0, 1, 0, 1|parts of different"):
             tool.join(wrong)
 
 
 def test_lists_of_numbers_are_kept_in_one_line(tmp_path):
-    tool, told = write_tables(), {"a": [1.5, -2e-07], "b": ["x", "1, 2"], "c": {"d": []}}
-    text = json.dumps(told, indent=1)
-    short = tool.NUMBERS.sub(lambda found: " ".join(found[0].split()), text)
-    assert json.loads(short) == told
+    tool, content = write_tables(), {"a": [1.5, -2e-07], "b": ["x", "1, 2"], "c": {"d": []}}
+    text = json.dumps(content, indent=1)
+    short = tool.NUMBERS.sub(lambda match: " ".join(match[0].split()), text)
+    assert json.loads(short) == content
     assert '"a": [ 1.5, -2e-07 ]' in short
 
 
@@ -338,8 +340,8 @@ def test_what_was_not_run_is_left_out_and_what_has_no_figure_is_said():
 
 def test_rows_below_a_control_are_named():
     rows = {"ours": cells("pck", 0.25 + NEAR / 100), "theirs": cells("pck", 0.6 + NEAR)}
-    found = below([Claim("pck", "theirs", "ours", True, "t")], evidence(rows))
-    assert found == {"ours": {"pck": "another clip"}}
+    names = below([Claim("pck", "theirs", "ours", True, "t")], evidence(rows))
+    assert names == {"ours": {"pck": "another clip"}}
 
 
 def test_what_was_expected_is_told():
@@ -355,14 +357,14 @@ def test_a_row_of_some_clips_is_compared_with_control_rows_over_these_clips():
     """One arm that rests makes a high PCK easy: what is above the control rows of all may be below those of the pair."""
     claim = Claim("pck", "ours", "theirs", True, "table 0")
     rows = {"ours": cells("pck", [0.53] * 5), "theirs": cells("pck", [0.60, 0.59, 0.60, 0.61, 0.60])}
-    (told,) = judge([claim], evidence(rows))
-    assert told["verdict"] == "contradicted"
+    (verdict,) = judge([claim], evidence(rows))
+    assert verdict["verdict"] == "contradicted"
     pair = {"frozen pose": 0.602, "white noise": 0.58, "another clip": 0.619}
     for seeds in rows.values():
         for each in seeds:
             each["pck"]["controls"] = pair
-    (told,) = judge([claim], evidence(rows))
-    assert (told["verdict"], "another clip" in told["because"]) == ("not assayed", True)
+    (verdict,) = judge([claim], evidence(rows))
+    assert (verdict["verdict"], "another clip" in verdict["because"]) == ("not assayed", True)
     assert below([claim], evidence(rows)) == {name: {"pck": "another clip"} for name in rows}
-    kept = {"cells": {"pck": summary(rows["ours"], "pck")}}
-    assert write_tables().of_seeds(kept["cells"], 5)[0]["pck"]["controls"] == pair
+    table_row = {"cells": {"pck": summary(rows["ours"], "pck")}}
+    assert write_tables().of_seeds(table_row["cells"], 5)[0]["pck"]["controls"] == pair

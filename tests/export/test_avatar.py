@@ -172,8 +172,8 @@ def test_what_an_avatar_does_is_read_back(still, tmp_path, change):
     load_avatar(path).animate(motion, out)
     back = load(out)
     again = back.retarget("humanoid")
-    moved = [k for k, name in enumerate(humanoid().names) if "Arm" in name or "Index" in name or name in ("hips", "head")]
-    assert quat_angle(again.rotations, motion.rotations)[:, moved].max() < 1e-3
+    joints = [k for k, name in enumerate(humanoid().names) if "Arm" in name or "Index" in name or name in ("hips", "head")]
+    assert quat_angle(again.rotations, motion.rotations)[:, joints].max() < 1e-3
     np.testing.assert_allclose(again.root, motion.root, atol=2e-3)
 
 
@@ -184,39 +184,39 @@ def test_faces_in_the_best_alphabet(still, tmp_path):
     motion = Motion(fps=30, rotations=body.rotations, root=body.root, face=face)
     jaw, blink = ARKIT_INDEX["jawOpen"], ARKIT_INDEX["eyeBlinkLeft"]
 
-    def driven(change) -> tuple[str, np.ndarray]:
+    def drive(change) -> tuple[str, np.ndarray]:
         rewrite(still, tmp_path / "theirs.glb", change)
         avatar = load_avatar(tmp_path / "theirs.glb")
         avatar.animate(motion, tmp_path / "out.glb")
         weights = world_at(read_glb(tmp_path / "out.glb"), 9 / 30)["weights"]
         return avatar.face.alphabet, next(iter(weights.values())) if weights else np.zeros(0)
 
-    alphabet, weights = driven(no_change)
+    alphabet, weights = drive(no_change)
     assert alphabet == "ARKit"
     np.testing.assert_allclose(weights, motion.face[9], atol=1e-6)
 
-    def prefixed(document: dict) -> None:
+    def add_prefix(document: dict) -> None:
         extras = next(m["extras"] for m in document["meshes"] if "extras" in m)
         extras["targetNames"] = [
             "Head.M_" + name.replace("Left", "_L").replace("Right", "_R") for name in extras["targetNames"]
         ]
 
-    alphabet, weights = driven(prefixed)
+    alphabet, weights = drive(add_prefix)
     assert alphabet == "ARKit"
     np.testing.assert_allclose(weights, motion.face[9], atol=1e-6)
 
-    alphabet, weights = driven(as_vrm1)
+    alphabet, weights = drive(as_vrm1)
     assert alphabet == "VRM"
     assert weights[jaw] == pytest.approx(0.5 * 0.75, abs=1e-6)  # the expression moves its target by half
     assert weights[blink] in (0, 1)
-    alphabet, weights = driven(as_vrm0)
+    alphabet, weights = drive(as_vrm0)
     assert (alphabet, weights[jaw]) == ("VRM", pytest.approx(0.75, abs=1e-6))
 
     def oculus(document: dict) -> None:
         extras = next(m["extras"] for m in document["meshes"] if "extras" in m)
         extras["targetNames"] = ["viseme_aa", "viseme_O", "viseme_PP", "eyeBlinkLeft"] + [f"x{k}" for k in range(48)]
 
-    alphabet, weights = driven(oculus)
+    alphabet, weights = drive(oculus)
     assert alphabet == "Oculus"
     assert weights[0] == pytest.approx(0.75, abs=1e-6)
     assert weights[3] == pytest.approx(motion.face[9, blink], abs=1e-6)
@@ -225,12 +225,12 @@ def test_faces_in_the_best_alphabet(still, tmp_path):
     def nameless(document: dict) -> None:
         next(m for m in document["meshes"] if "extras" in m).pop("extras")
 
-    assert driven(nameless) == ("", pytest.approx(np.zeros(0)))
+    assert drive(nameless) == ("", pytest.approx(np.zeros(0)))
     assert "body only" in load_avatar(tmp_path / "theirs.glb").describe()
 
 
-def test_all_else_is_untouched(shared, tmp_path):
-    path, out = shared / "data" / "avatars" / "Godette_vrm_v4_CC-BY-3.0.vrm", tmp_path / "out.glb"
+def test_all_else_is_untouched(shared_folder, tmp_path):
+    path, out = shared_folder / "data" / "avatars" / "Godette_vrm_v4_CC-BY-3.0.vrm", tmp_path / "out.glb"
     save(gesturing(20), out, avatar=path)
     (before, old), (after, new) = (split_glb(p.read_bytes(), "''") for p in (path, out))
     assert new[: len(old)] == old
@@ -242,8 +242,8 @@ def test_all_else_is_untouched(shared, tmp_path):
     assert set(after) == set(before) | {"animations"}
 
 
-def test_old_animations_are_dropped(shared, tmp_path):
-    path, out = shared / "data" / "avatars" / "KayKit_Mage_CC0.glb", tmp_path / "out.glb"
+def test_old_animations_are_dropped(shared_folder, tmp_path):
+    path, out = shared_folder / "data" / "avatars" / "KayKit_Mage_CC0.glb", tmp_path / "out.glb"
     avatar = load_avatar(path)
     with pytest.warns(CospeechWarning, match="has 76 clips of its own"):
         avatar.animate(gesturing(20), out)
@@ -251,9 +251,9 @@ def test_old_animations_are_dropped(shared, tmp_path):
     assert "body only" in avatar.describe()
 
 
-def test_animations_of_others_are_read(shared):
+def test_animations_of_others_are_read(shared_folder):
     """KayKit's walk: two steps a second or so, hips level, feet on the floor; retargets to our humanoid."""
-    path = shared / "data" / "avatars" / "KayKit_Mage_CC0.glb"
+    path = shared_folder / "data" / "avatars" / "KayKit_Mage_CC0.glb"
     names = [a["name"] for a in read_glb(path).json["animations"]]
     motion = load(path, animation=names.index("Walking_A"))
     assert (motion.fps, 20 < len(motion) < 60) == (30, True)
@@ -267,9 +267,9 @@ def test_animations_of_others_are_read(shared):
 
 
 @pytest.mark.parametrize("name", ["avatar_mpfb_female_arkit52_viseme15.glb", "avatar_mpfb_male_arkit52_viseme15.glb"])
-def test_mpfb_humans(shared, tmp_path, name):
+def test_mpfb_humans(shared_folder, tmp_path, name):
     """A-pose, Mixamo-like names, 52 shapes on six meshes: hands go where ours go, eyes turn once."""
-    avatar = load_avatar(shared / "data" / "avatars" / name)
+    avatar = load_avatar(shared_folder / "data" / "avatars" / name)
     assert (len(avatar.rig.bones), avatar.face.alphabet, avatar.eyes_by_shapes) == (55, "ARKit", True)
     motion = gesturing(61)
     avatar.animate(motion, tmp_path / "out.glb")
@@ -287,12 +287,12 @@ def test_mpfb_humans(shared, tmp_path, name):
             assert weights.min() >= 0
     still = Motion(fps=30, rotations=motion.rotations, root=motion.root)  # no face: the eye bones turn after all
     avatar.animate(still, tmp_path / "still.glb")
-    turned = [
+    counts = [
         len(read_glb(tmp_path / n).accessor(s["output"], 4))
         for n in ("out.glb", "still.glb")
         for s in [_sampler(read_glb(tmp_path / n), "LeftEye")]
     ]
-    assert turned == [1, 61]
+    assert counts == [1, 61]
 
 
 def _sampler(file: GltfFile, node: str) -> dict:
@@ -309,17 +309,17 @@ def test_characters_that_are_none(tmp_path, still):
     with pytest.raises(InputError):
         load_avatar(tmp_path / "table.glb")
 
-    def mirrored(document: dict) -> None:
+    def mirror(document: dict) -> None:
         document["nodes"][len(humanoid().names)]["scale"] = [-1, 1, 1]
 
-    rewrite(still, tmp_path / "mirrored.glb", mirrored)
+    rewrite(still, tmp_path / "mirrored.glb", mirror)
     with pytest.raises(InputError, match="mirrored"):
         load_avatar(tmp_path / "mirrored.glb")
 
-    def hips_gone(document: dict) -> None:
+    def lose_hips(document: dict) -> None:
         as_vrm1(document)
         document["extensions"]["VRMC_vrm"]["humanoid"]["humanBones"]["hips"]["node"] = 9999
 
-    rewrite(still, tmp_path / "gone.glb", hips_gone)
+    rewrite(still, tmp_path / "gone.glb", lose_hips)
     with pytest.raises(InputError, match="names bones"):
         load_avatar(tmp_path / "gone.glb")

@@ -22,14 +22,14 @@ from tests.support.motions import gesturing
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "tests" / "blender" / "check_addon.py"
 SOUND = Path(cospeech.__file__).parent / "assets" / "example" / "example.ogg"
-FIRST, SHOWN = 11, (11, 40, 70)  # frames of the scene, as check_addon.py has them
+FIRST, FRAMES = 11, (11, 40, 70)  # frames of the scene, as check_addon.py has them
 
 
 def module(path: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location(path.stem, path)
-    made = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(made)
-    return made
+    result = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(result)
+    return result
 
 
 @cache
@@ -41,11 +41,11 @@ def usual() -> Motion:
 def in_blender(blender_python: str, folder: Path, rig: str) -> dict:
     archive = module(ROOT / "tools" / "build_blender.py").build(folder / "addon.zip")
     command = f"{sys.executable} -m cospeech"
-    done = subprocess.run(
+    process = subprocess.run(
         [blender_python, str(SCRIPT), str(archive), str(SOUND), rig, command], capture_output=True, text=True, timeout=300
     )
-    lines = [line for line in done.stdout.splitlines() if line.startswith("RESULT ")]
-    assert lines, (done.stdout + done.stderr)[-3000:]
+    lines = [line for line in process.stdout.splitlines() if line.startswith("RESULT ")]
+    assert lines, (process.stdout + process.stderr)[-3000:]
     return json.loads(lines[0].removeprefix("RESULT "))
 
 
@@ -61,7 +61,7 @@ def a_pose(blender_python, tmp_path_factory) -> dict:
     return in_blender(blender_python, tmp_path_factory.mktemp("addon"), "a-pose")
 
 
-def expected(frame: int) -> dict[str, np.ndarray]:
+def find_places(frame: int) -> dict[str, np.ndarray]:
     """Joint → place in Blender's axes."""
     motion = usual()
     places = motion.positions()[frame - FIRST] @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
@@ -71,8 +71,8 @@ def expected(frame: int) -> dict[str, np.ndarray]:
 @pytest.mark.slow
 def test_our_mannequin_moves_as_our_forward_kinematics_says(mannequin):
     assert mannequin["done"] == ["FINISHED"]
-    for frame in SHOWN:
-        joints = expected(frame)
+    for frame in FRAMES:
+        joints = find_places(frame)
         heads = {name: np.array(place) for name, place in mannequin["heads"][str(frame)].items()}
         for name in joints.keys() & heads.keys():
             assert heads[name] - heads["hips"] == pytest.approx(joints[name] - joints["hips"], abs=0.004), (frame, name)
@@ -81,7 +81,7 @@ def test_our_mannequin_moves_as_our_forward_kinematics_says(mannequin):
 
 @pytest.mark.slow
 def test_shape_keys_have_the_weights_of_the_face(mannequin):
-    for frame in SHOWN:
+    for frame in FRAMES:
         keys = {name.rsplit("/", 1)[1]: value for name, value in mannequin["keys"][str(frame)].items()}
         face = usual().face[frame - FIRST]
         assert {name: keys[name] for name in ARKIT_INDEX} == pytest.approx(
@@ -98,23 +98,23 @@ def test_actions_begin_with_the_strip_and_have_a_key_on_each_frame(mannequin):
 
 @pytest.mark.slow
 def test_a_turned_rig_in_an_a_pose_moves_where_it_stands(a_pose):
-    for frame in SHOWN:
+    for frame in FRAMES:
         heads = {name.removeprefix("mixamorig:"): np.array(place) for name, place in a_pose["heads"][str(frame)].items()}
-        ours = expected(frame)
+        ours = find_places(frame)
         assert np.abs(heads["Hips"][:2] - (1, 2)).max() < 0.3
         for side in ("Left", "Right"):
             low = side.lower()
             for a, b, c, d in (("Arm", "ForeArm", "UpperArm", "LowerArm"), ("UpLeg", "Leg", "UpperLeg", "LowerLeg")):
                 bone = heads[side + b] - heads[side + a]
                 ahead = ours[low + d] - ours[low + c]
-                turned = np.array([-ahead[1], ahead[0], ahead[2]])  # the rig is turned by a quarter
-                cosine = bone @ turned / np.linalg.norm(bone) / np.linalg.norm(turned)
+                direction = np.array([-ahead[1], ahead[0], ahead[2]])  # the rig is turned by a quarter
+                cosine = bone @ direction / np.linalg.norm(bone) / np.linalg.norm(direction)
                 assert cosine > (0.95 if a == "Arm" else 0.99), (frame, side, a)
 
 
 @pytest.mark.slow
 def test_upper_and_lower_case_of_shape_keys_are_one(a_pose):
-    jaw, lid = ([a_pose["keys"][str(frame)][f"Face/{name}"] for frame in SHOWN] for name in ("JawOpen", "eyeBlinkLeft"))
+    jaw, lid = ([a_pose["keys"][str(frame)][f"Face/{name}"] for frame in FRAMES] for name in ("JawOpen", "eyeBlinkLeft"))
     assert max(jaw) > 0.1
     assert max(lid) > 0.02
 

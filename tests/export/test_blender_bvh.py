@@ -27,9 +27,9 @@ def in_blender(python: str, motion: Motion, folder: Path) -> dict:
         rest=(motion.skeleton.tpose - motion.skeleton.tpose[0]) * 100,
     )
     command = [python, str(SCRIPT), str(folder / "talk.bvh"), str(folder / "positions.npz")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stderr[-2000:]
-    return json.loads(done.stdout.strip().splitlines()[-1])
+    process = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert process.returncode == 0, process.stderr[-2000:]
+    return json.loads(process.stdout.strip().splitlines()[-1])
 
 
 def wandering(name: str) -> Motion:
@@ -42,24 +42,24 @@ def wandering(name: str) -> Motion:
 @pytest.mark.parametrize("name", ["humanoid", "mixamo", "beat"])
 def test_bvh_in_blender_has_our_bones_where_ours_are(blender_python, tmp_path, name):
     motion = gesturing(60) if name == "humanoid" else wandering(name)
-    seen = in_blender(blender_python, motion, tmp_path)
-    assert seen["bones"] == sorted(motion.skeleton.names)
-    assert seen["frames"] == len(motion)
-    assert seen["fps"] == pytest.approx(30, rel=1e-6)
-    assert seen["largest_error"] < TOLERANCE
-    assert seen["rest_error"] < TOLERANCE  # the rest pose in Blender is the T-pose
+    result = in_blender(blender_python, motion, tmp_path)
+    assert result["bones"] == sorted(motion.skeleton.names)
+    assert result["frames"] == len(motion)
+    assert result["fps"] == pytest.approx(30, rel=1e-6)
+    assert result["largest_error"] < TOLERANCE
+    assert result["rest_error"] < TOLERANCE  # the rest pose in Blender is the T-pose
 
 
 def test_bvh_check_would_notice(blender_python, tmp_path):
     """The same comparison fails where a single bone is off by a hundredth of a degree at the shoulder."""
     motion = gesturing(5)
-    bent = motion.rotations.copy()
-    bent[:, motion.skeleton.index["leftUpperArm"], 2] += 1e-4
-    bent /= np.linalg.norm(bent, axis=-1, keepdims=True)
+    rotations = motion.rotations.copy()
+    rotations[:, motion.skeleton.index["leftUpperArm"], 2] += 1e-4
+    rotations /= np.linalg.norm(rotations, axis=-1, keepdims=True)
     motion.save(tmp_path / "talk.bvh")
-    other = Motion(fps=30, rotations=bent, root=motion.root)
+    other = Motion(fps=30, rotations=rotations, root=motion.root)
     rest = (motion.skeleton.tpose - motion.skeleton.tpose[0]) * 100
     np.savez(tmp_path / "p.npz", names=np.array(motion.skeleton.names), positions=other.positions() * 100, rest=rest)
     command = [blender_python, str(SCRIPT), str(tmp_path / "talk.bvh"), str(tmp_path / "p.npz")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
-    assert json.loads(done.stdout.strip().splitlines()[-1])["largest_error"] > TOLERANCE
+    process = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
+    assert json.loads(process.stdout.strip().splitlines()[-1])["largest_error"] > TOLERANCE

@@ -106,7 +106,7 @@ def wild(frames: int, skeleton: Skeleton | None = None, seed: int = 0, fps: floa
     return Motion(fps=fps, rotations=rotations, root=np.cumsum(rng.normal(0, 0.01, (frames, 3)), 0), skeleton=skeleton)
 
 
-def written(tmp_path: Path, motion: Motion, **options: object) -> str:
+def write_bvh(tmp_path: Path, motion: Motion, **options: object) -> str:
     motion.save(tmp_path / "a.bvh", **options)
     return (tmp_path / "a.bvh").read_text("ascii")
 
@@ -122,7 +122,7 @@ def read(tmp_path: Path, text: str | bytes, **options: object) -> Motion:
 @pytest.mark.parametrize("name", ["humanoid", "mixamo", "beat", "smplx", "unreal"])
 def test_another_reader_finds_the_same_positions(tmp_path, name):
     motion = wild(40, find_skeleton(name))
-    names, positions, fps = read_plainly(written(tmp_path, motion))
+    names, positions, fps = read_plainly(write_bvh(tmp_path, motion))
     order = [names.index(n) for n in motion.skeleton.names]
     assert np.abs(positions[:, order] - 100 * motion.positions()).max() < 1e-4  # centimetres
     assert fps == pytest.approx(30, rel=1e-7)
@@ -145,7 +145,7 @@ def test_our_reader_gives_the_same_motion_and_skeleton(tmp_path, name):
 
 
 def test_the_text_is_what_the_interface_promises(tmp_path):
-    text = written(tmp_path, gesturing(31))
+    text = write_bvh(tmp_path, gesturing(31))
     lines = text.splitlines()
     assert lines[:3] == ["HIERARCHY", "ROOT hips", "{"]
     assert lines[3].split() == ["OFFSET", "0.000000", "0.000000", "0.000000"]
@@ -168,7 +168,7 @@ def test_the_text_is_what_the_interface_promises(tmp_path):
 @pytest.mark.slow
 def test_pieces_and_whole_give_the_same_bytes(tmp_path):
     motion = wild(1300)
-    whole = written(tmp_path, motion)
+    whole = write_bvh(tmp_path, motion)
     for cuts in ([1, 2, 3, 700, 1299], list(range(0, 1300, 13))):
         with open_writer(tmp_path / "c.bvh", skeleton=motion.skeleton, fps=30) as writer:
             for a, b in zip([0, *cuts], [*cuts, len(motion)], strict=True):
@@ -197,7 +197,7 @@ def test_curves_have_no_jumps(tmp_path):
         rotations[:, joint] = euler_to_quat(t[:, None], order)
     rotations[:, 4] = euler_to_quat(np.stack([0.3 + 0 * t, 1.2 * np.sin(t / 3) + 0.6, 0.2 + 0 * t], 1), "ZXY")
     motion = Motion(fps=30, rotations=quat_continuous(rotations), root=np.zeros((400, 3)))
-    rows = np.array([line.split() for line in written(tmp_path, motion).splitlines()[-400:]], float)
+    rows = np.array([line.split() for line in write_bvh(tmp_path, motion).splitlines()[-400:]], float)
     assert np.abs(np.diff(rows[:, 3:], axis=0)).max() < 5  # 2.7° per frame are real
     assert np.ptp(rows[:, 3:], axis=0).max() == pytest.approx(1080, abs=1)
 
@@ -213,7 +213,7 @@ def test_continuous_angles_are_the_same_rotations():
     assert np.abs(np.diff(both, axis=0)).max() <= np.pi + 1e-9
 
 
-def tilted(skeleton: Skeleton, seed: int = 3) -> tuple[Skeleton, np.ndarray]:
+def tilt_axes(skeleton: Skeleton, seed: int = 3) -> tuple[Skeleton, np.ndarray]:
     """The same body with bones whose own axes lie anyhow, so that its zero pose is a heap; and the axes (J, 4)."""
     frames = rotvec_to_quat(np.random.default_rng(seed).normal(0, 1.5, (len(skeleton), 3)))
     above = frames[[max(p, 0) for p in skeleton.parents]]
@@ -225,7 +225,7 @@ def tilted(skeleton: Skeleton, seed: int = 3) -> tuple[Skeleton, np.ndarray]:
 
 
 def test_the_zero_pose_of_the_file_is_the_t_pose(tmp_path):
-    skeleton, frames = tilted(humanoid())
+    skeleton, frames = tilt_axes(humanoid())
     assert np.allclose(skeleton.tpose, humanoid().tpose, atol=1e-12)
     motion = wild(20)
     above = frames[[max(p, 0) for p in skeleton.parents]]
@@ -233,11 +233,11 @@ def test_the_zero_pose_of_the_file_is_the_t_pose(tmp_path):
     local = quat_multiply(quat_multiply(above * (-1, -1, -1, 1), motion.rotations), frames)
     same = replace(motion, rotations=local, skeleton=skeleton)
     assert np.allclose(same.positions(), motion.positions(), atol=1e-9)
-    assert written(tmp_path, same) == written(tmp_path, motion)
+    assert write_bvh(tmp_path, same) == write_bvh(tmp_path, motion)
 
 
 def test_metres_on_request(tmp_path):
-    names, positions, _ = read_plainly(written(tmp_path, gesturing(5), units="m"))
+    names, positions, _ = read_plainly(write_bvh(tmp_path, gesturing(5), units="m"))
     order = [names.index(n) for n in humanoid().names]
     assert np.abs(positions[:, order] - gesturing(5).positions()).max() < 1e-6
     assert np.abs(Motion.load(tmp_path / "a.bvh").positions() - gesturing(5).positions()).max() < 1e-6  # told by height
@@ -247,7 +247,7 @@ def test_metres_on_request(tmp_path):
 
 def test_names_that_bvh_cannot_hold(tmp_path):
     skeleton = Skeleton(("my root", "my\troot", "mixamorig:Arm", "a{b}"), (-1, 0, 1, 2), np.ones((4, 3)))
-    names, _, _ = read_plainly(written(tmp_path, wild(3, skeleton)))
+    names, _, _ = read_plainly(write_bvh(tmp_path, wild(3, skeleton)))
     assert names == ["my_root", "my_root_2", "mixamorig:Arm", "a_b_"]
     assert Motion.load(tmp_path / "a.bvh").skeleton.names == tuple(names)
 
@@ -451,8 +451,8 @@ def test_units_are_told_by_height(tmp_path, unit):
     motion, k = gesturing(4), 0.01 / UNITS[unit]
     ends = {name: tuple(k * x for x in end) for name, end in motion.skeleton.ends.items()}
     skeleton = replace(motion.skeleton, offsets=motion.skeleton.offsets * k, ends=ends)
-    scaled = replace(motion, root=motion.root * k, skeleton=skeleton)
-    scaled.save(tmp_path / "a.bvh")  # now each of the file's numbers is in `unit`
+    in_unit = replace(motion, root=motion.root * k, skeleton=skeleton)
+    in_unit.save(tmp_path / "a.bvh")  # now each of the file's numbers is in `unit`
     assert np.abs(Motion.load(tmp_path / "a.bvh").positions() - motion.positions()).max() < 1e-4
     assert np.abs(Motion.load(tmp_path / "a.bvh", units="cm").positions() - k * motion.positions()).max() < 1e-4 * max(k, 1)
 
@@ -477,11 +477,11 @@ def test_z_up_files(tmp_path, zero_pose_too):
         skeleton = replace(skeleton, offsets=quat_rotate(turn, skeleton.offsets), ends={
             n: tuple(quat_rotate(turn, np.array(e))) for n, e in skeleton.ends.items()})  # fmt: skip
     z_up = Motion(fps=30, rotations=rotations, root=root, skeleton=replace(skeleton, kind="custom"))
-    again = read(tmp_path, written(tmp_path, z_up))
+    again = read(tmp_path, write_bvh(tmp_path, z_up))
     assert np.abs(again.positions() - motion.positions()).max() < 1e-5
     assert np.allclose(again.skeleton.tpose, motion.skeleton.tpose, atol=1e-5)
-    kept = read(tmp_path, written(tmp_path, z_up), up="y")
-    assert np.abs(kept.positions() - quat_rotate(turn, motion.positions())).max() < 1e-5
+    with_z_up = read(tmp_path, write_bvh(tmp_path, z_up), up="y")
+    assert np.abs(with_z_up.positions() - quat_rotate(turn, motion.positions())).max() < 1e-5
 
 
 def zero_pose(turns: dict[str, tuple[float, float, float]]) -> Skeleton:
@@ -512,7 +512,7 @@ POSES = {
 def test_zero_poses_are_brought_to_the_t_pose(tmp_path, pose):
     skeleton = zero_pose(POSES[pose])
     still = Motion(fps=30, rotations=quat_identity(2, 55), root=np.tile(skeleton.offsets[0], (2, 1)), skeleton=skeleton)
-    rest = read(tmp_path, written(tmp_path, replace(still, skeleton=replace(skeleton, rest=None))), up="y").skeleton.tpose
+    rest = read(tmp_path, write_bvh(tmp_path, replace(still, skeleton=replace(skeleton, rest=None))), up="y").skeleton.tpose
     apart = np.linalg.norm(rest - humanoid().tpose, axis=-1)
     assert apart.max() < 0.02, dict(zip(humanoid().names, apart.round(3), strict=True))
 
@@ -533,12 +533,12 @@ def heap_of_bones() -> tuple[Skeleton, np.ndarray]:
 
 
 def test_a_heap_of_a_zero_pose_is_brought_to_the_t_pose(tmp_path):
-    """The body's own shape must do."""
+    """The zero pose says nothing, so the shape of the body has to be enough."""
     (heap, frames), ours, motion = heap_of_bones(), humanoid(), gesturing(8)
     above = frames[[max(p, 0) for p in ours.parents]] * (-1, -1, -1, 1)
     above[0] = (0, 0, 0, 1)
     local = quat_multiply(quat_multiply(above, motion.rotations), frames)
-    text = written(tmp_path, Motion(fps=30, rotations=local, root=motion.root, skeleton=heap))
+    text = write_bvh(tmp_path, Motion(fps=30, rotations=local, root=motion.root, skeleton=heap))
     again = read(tmp_path, text)
     assert np.abs(again.positions() - motion.positions()).max() < 1e-5
     names = [n for n in ours.names if not re.search("Thumb|Eye|jaw", n)]
@@ -550,14 +550,14 @@ def test_a_heap_of_a_zero_pose_is_brought_to_the_t_pose(tmp_path):
 # --- the files of others
 
 
-def files(shared: Path) -> list[Path]:
-    found = sorted((shared / "data" / "bvh").glob("*.bvh"))
-    assert len(found) == 14
-    return found
+def files(shared_folder: Path) -> list[Path]:
+    paths = sorted((shared_folder / "data" / "bvh").glob("*.bvh"))
+    assert len(paths) == 14
+    return paths
 
 
-def test_files_of_fourteen_exporters(tmp_path, shared):
-    for path in files(shared):
+def test_files_of_fourteen_exporters(tmp_path, shared_folder):
+    for path in files(shared_folder):
         motion = Motion.load(path)
         names, positions, _ = read_plainly(path.read_text("utf-8").replace(" \n", "\n"))
         assert motion.skeleton.names == tuple(re.sub(r"\s+", "_", n) for n in names), path.name
@@ -578,8 +578,8 @@ def test_files_of_fourteen_exporters(tmp_path, shared):
         assert np.abs(third.positions() - motion.positions()).max() < 2e-6, path.name
 
 
-def test_t_poses_of_others(shared):
-    for path in files(shared):
+def test_t_poses_of_others(shared_folder):
+    for path in files(shared_folder):
         skeleton = Motion.load(path).skeleton
         try:
             names = recognise(skeleton)

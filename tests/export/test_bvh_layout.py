@@ -72,7 +72,7 @@ class Rig:
         return f"HIERARCHY\n{tree}\nMOTION\nFrames: 1\nFrame Time: 0.04\n{' '.join(f'{v:.7f}' for v in row)}\n"
 
 
-def mixed(joint: int, name: str) -> list[str]:
+def mix_orders(joint: int, name: str) -> list[str]:
     """Orders that differ from joint to joint, and the root's positions after its rotations, in another order."""
     own = turns(("XYZ", "ZYX", "ZXY", "YXZ")[joint % 4])
     return own if joint else [*own, "Zposition", "Xposition", "Yposition"]
@@ -83,19 +83,19 @@ RIGS = {
     "inches, arms down, XYZ": Rig(
         zero_pose(POSES["arms down"]), 1 / 0.0254, lambda k, _: [*([] if k else PLACE[::-1]), *turns("XYZ")], offset=(1, 2, 3)
     ),
-    "metres, bones along one axis, mixed orders": Rig(heap_of_bones()[0], 1.0, mixed),
+    "metres, bones along one axis, mixed orders": Rig(heap_of_bones()[0], 1.0, mix_orders),
     "decimetres, positions of all joints, ZYX": Rig(zero_pose(POSES["legs apart"]), 10.0, lambda k, _: [*PLACE, *turns("ZYX")]),
-    "centimetres, Z up, mixed orders": Rig(zero_pose(POSES["A-pose"]), 100.0, mixed, z_up=True),
+    "centimetres, Z up, mixed orders": Rig(zero_pose(POSES["A-pose"]), 100.0, mix_orders, z_up=True),
     "millimetres, facing away": Rig(zero_pose(POSES["facing away"]), 1000.0),
-    "our names in another order of joints": Rig(humanoid(), 100.0, mixed, prefix="", reverse=True),
+    "our names in another order of joints": Rig(humanoid(), 100.0, mix_orders, prefix="", reverse=True),
 }
 
 
 def words(text: str) -> list[str | float]:
     """The HIERARCHY section; numbers as numbers."""
     number = re.compile(r"[-+\d.]+(e[-+]?\d+)?$", re.IGNORECASE)
-    found = text.split("MOTION")[0].replace("{", " { ").replace("}", " } ").split()
-    return [float(word) if number.match(word) else word for word in found]
+    parts = text.split("MOTION")[0].replace("{", " { ").replace("}", " } ").split()
+    return [float(word) if number.match(word) else word for word in parts]
 
 
 def paste(rig: str, text: str) -> str:
@@ -106,10 +106,10 @@ def paste(rig: str, text: str) -> str:
 def check_paste(rig: str, text: str, motion: Motion, tolerance: float = 1e-5) -> np.ndarray:
     """Assert that pasted curves give the poses of a motion; (T, J, 3) pasted joints in metres and our axes, in its order."""
     assert words(text) == words(rig)
-    names, pasted, _ = read_plainly(paste(rig, text))
-    assert np.array_equal(pasted, read_plainly(text)[1])
+    names, places, _ = read_plainly(paste(rig, text))
+    assert np.array_equal(places, read_plainly(text)[1])
     layout = motion.skeleton.layout
-    points = pasted / layout.scale
+    points = places / layout.scale
     points = points if layout.turn is None else quat_rotate(layout.turn * (-1, -1, -1, 1), points)
     points = points[:, [file_names(names).index(name) for name in motion.skeleton.names]]
     assert np.abs(points - motion.positions()).max() < tolerance
@@ -131,7 +131,7 @@ def test_curves_can_be_pasted_onto_the_rig(rig, tmp_path):
     assert len(points) == 30
     prefix = there.skeleton.names[0].removesuffix("hips")
     for upper, lower in (("UpperArm", "LowerArm"), ("LowerArm", "Hand"), ("UpperLeg", "LowerLeg")):
-        for side in ("left", "right"):  # the poses are those of the speaker, and not only what we hold them for
+        for side in ("left", "right"):  # the poses are those of the speaker, not only those that our reader sees
             a, b = (motion.positions()[:, humanoid().index[side + part]] for part in (upper, lower))
             c, d = (points[:, there.skeleton.index[prefix + side + part]] for part in (upper, lower))
             assert (
@@ -186,14 +186,15 @@ def test_other_bones_or_names_than_the_file_has_are_written_in_our_layout(tmp_pa
     for change in ({"offsets": 1.1 * motion.skeleton.offsets}, {"names": names}):
         other = replace(motion, skeleton=replace(motion.skeleton, **change))
         other.save(tmp_path / "a.bvh")
-        found, points, _ = read_plainly((tmp_path / "a.bvh").read_text())
-        assert np.abs(points[:, [found.index(n) for n in other.skeleton.names]] - 100 * other.positions()).max() < 1e-3
+        names_of_file, points, _ = read_plainly((tmp_path / "a.bvh").read_text())
+        assert np.abs(points[:, [names_of_file.index(n) for n in other.skeleton.names]] - 100 * other.positions()).max() < 1e-3
 
 
 def test_an_equal_skeleton_gets_the_layout_of_the_rig(tmp_path):
     """A take of the same character from another exporter."""
     rigs = [
-        replace(RIGS["centimetres, A-pose"], scale=scale, channels=channels) for scale, channels in ((1, mixed), (100, usual))
+        replace(RIGS["centimetres, A-pose"], scale=scale, channels=channels)
+        for scale, channels in ((1, mix_orders), (100, usual))
     ]
     for name, each in zip(("rig", "take"), rigs, strict=True):
         (tmp_path / f"{name}.bvh").write_text(each.text())
@@ -230,22 +231,22 @@ def test_what_few_channels_cannot_hold_is_told_and_goes_on_to_the_children(hinge
     rotations, elbow = motion.rotations.copy(), motion.skeleton.index["my:leftLowerArm"]
     angles = np.stack([np.linspace(0.2, 0.9, 40), np.linspace(0, 0.4, 40)], 1)
     rotations[:, elbow] = euler_to_quat(angles, "YX")  # a forearm that turns about itself by up to 23°
-    twisted = replace(motion, rotations=rotations)
-    with pytest.warns(CospeechWarning, match=r"too few channels.*my:leftLowerArm by up to 23°") as told:
-        twisted.save(tmp_path / "out.bvh")
-    assert len(told) == 1
-    assert "right" not in str(told[0].message)
+    twist = replace(motion, rotations=rotations)
+    with pytest.warns(CospeechWarning, match=r"too few channels.*my:leftLowerArm by up to 23°") as notes:
+        twist.save(tmp_path / "out.bvh")
+    assert len(notes) == 1
+    assert "right" not in str(notes[0].message)
     text = (tmp_path / "out.bvh").read_text()
     assert words(text) == words(hinges.read_text())
     again = load(tmp_path / "out.bvh")
     apart = quat_angle(
-        again.skeleton.forward(again.rotations, again.root)[1], twisted.skeleton.forward(rotations, motion.root)[1]
+        again.skeleton.forward(again.rotations, again.root)[1], twist.skeleton.forward(rotations, motion.root)[1]
     )
     hand, finger = (motion.skeleton.index[f"my:left{part}"] for part in ("Hand", "MiddleProximal"))
     assert np.degrees(apart[:, elbow].max()) == pytest.approx(np.degrees(0.4), abs=0.1)
     assert np.degrees(apart[:, hand].max()) < 1.0  # the wrist takes the turn, as X is one of its axes
     assert np.degrees(apart[:, finger].max()) < 1e-3  # three channels hold the rest
-    assert np.abs(again.positions()[:, hand] - twisted.positions()[:, hand]).max() < 1e-5
+    assert np.abs(again.positions()[:, hand] - twist.positions()[:, hand]).max() < 1e-5
 
 
 def test_a_root_without_positions_is_told(tmp_path):
@@ -265,9 +266,9 @@ def test_pieces_are_written_as_the_whole_is(hinges, tmp_path):
 
 
 @pytest.mark.slow
-def test_curves_can_be_pasted_onto_the_rigs_of_many_exporters(shared, tmp_path):
+def test_curves_can_be_pasted_onto_the_rigs_of_many_exporters(shared_folder, tmp_path):
     motion, count = gesturing(10), 0
-    for path in [*files(shared), *sorted((shared / "data" / "mocap_cmu").glob("*.bvh"))[::7]]:
+    for path in [*files(shared_folder), *sorted((shared_folder / "data" / "mocap_cmu").glob("*.bvh"))[::7]]:
         if path.name in ("fairmotion_sinusoidal.bvh", "pybvh_tests_fixtures_rotation_first_root.bvh"):
             continue  # no people
         raw = path.read_text("utf-8").replace(" \n", "\n")
@@ -283,8 +284,8 @@ def test_curves_can_be_pasted_onto_the_rigs_of_many_exporters(shared, tmp_path):
 
 
 @pytest.mark.slow
-def test_files_of_many_exporters_keep_their_layout(shared, tmp_path):
-    for path in files(shared):
+def test_files_of_many_exporters_keep_their_layout(shared_folder, tmp_path):
+    for path in files(shared_folder):
         raw = path.read_text("utf-8").replace(" \n", "\n")
         load(path).save(tmp_path / "a.bvh")
         text = (tmp_path / "a.bvh").read_text()

@@ -73,7 +73,7 @@ def bodies(folder: Path) -> list[bytes]:
     return [(folder / "body.bvh").read_bytes(), (folder / "chain.bvh").read_bytes(), six.encode()]
 
 
-def damaged(data: bytes, rng: np.random.Generator) -> bytes:
+def damage(data: bytes, rng: np.random.Generator) -> bytes:
     """One to three of: other bytes, other words, lines gone, doubled or swapped, an end cut off, a piece put elsewhere."""
     for _ in range(rng.integers(1, 3)):
         kind = rng.integers(12)
@@ -104,10 +104,10 @@ def damaged(data: bytes, rng: np.random.Generator) -> bytes:
 
 @pytest.mark.slow
 def test_damaged_files_are_read_or_refused(tmp_path):
-    rng, sound, seen, told = np.random.default_rng(20), bodies(tmp_path), Counter(), set()
+    rng, sound, outcomes, messages = np.random.default_rng(20), bodies(tmp_path), Counter(), set()
     path = tmp_path / "mutant.bvh"
     for k in range(COUNT):
-        data = damaged(sound[k % len(sound)], rng)
+        data = damage(sound[k % len(sound)], rng)
         path.write_bytes(data)
         try:
             with warnings.catch_warnings():
@@ -115,8 +115,8 @@ def test_damaged_files_are_read_or_refused(tmp_path):
                 motion = Motion.load(path)
                 positions = motion.positions()
         except InputError as error:
-            seen[re.sub(r"line \d+:? ?|'.*?'|\d+", "", error.problem)] += 1
-            told.add(str(error))
+            outcomes[re.sub(r"line \d+:? ?|'.*?'|\d+", "", error.problem)] += 1
+            messages.add(str(error))
         except Exception as error:
             pytest.fail(f"mutant {k}: {error!r} from {data[:2000]!r}")
         else:
@@ -125,8 +125,8 @@ def test_damaged_files_are_read_or_refused(tmp_path):
             assert np.allclose(np.linalg.norm(motion.rotations, axis=-1), 1, atol=1e-6)
             assert 0 < motion.fps <= 1e4
             assert len(set(motion.skeleton.names)) == len(motion.skeleton)
-            seen["read"] += 1
-    assert not [message for message in told if "\n" in message or len(message) > 500]
-    assert seen["read"] > COUNT / 10, seen  # the damage is not so great that nothing is tested behind the header
-    assert seen["read"] < COUNT * 0.9, seen
-    assert len(seen) > 6, seen
+            outcomes["read"] += 1
+    assert not [message for message in messages if "\n" in message or len(message) > 500]
+    assert outcomes["read"] > COUNT / 10, outcomes  # the damage is not so great that nothing is tested behind the header
+    assert outcomes["read"] < COUNT * 0.9, outcomes
+    assert len(outcomes) > 6, outcomes

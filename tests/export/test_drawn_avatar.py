@@ -38,7 +38,7 @@ def still(tmp_path):
     return path
 
 
-def changed(source, target, change):
+def rewrite_to(source, target, change):
     rewrite(source, target, change)
     return target
 
@@ -77,16 +77,16 @@ def with_texture(uri, **material):
 @pytest.mark.parametrize("change", [no_change, hanging_arms, as_vrm0])
 def test_a_character_of_ours_comes_back_as_it_was(still, tmp_path, change):
     """Whatever names, units, axes, rest pose and facing the file has."""
-    found, ours = load_character(changed(still, tmp_path / "theirs.glb", change)), stand_in()
-    assert found.skeleton.names == humanoid().names
-    assert found.skeleton.offsets[1:] == pytest.approx(humanoid().offsets[1:], abs=2e-3)
-    lift = found.skeleton.tpose[0] - humanoid().tpose[0]
+    character, ours = load_character(rewrite_to(still, tmp_path / "theirs.glb", change)), stand_in()
+    assert character.skeleton.names == humanoid().names
+    assert character.skeleton.offsets[1:] == pytest.approx(humanoid().offsets[1:], abs=2e-3)
+    lift = character.skeleton.tpose[0] - humanoid().tpose[0]
     motion = gesturing(20)
     positions, rotations = humanoid().forward(motion.rotations[10], motion.root[10])
-    moved = motion.retarget(found.skeleton)
-    theirs = found.skeleton.forward(moved.rotations[10], moved.root[10])
+    their_motion = motion.retarget(character.skeleton)
+    theirs = character.skeleton.forward(their_motion.rotations[10], their_motion.root[10])
     expected = np.concatenate(skin(ours, rotations, positions))
-    got = np.concatenate(skin(found, theirs[1], theirs[0]))
+    got = np.concatenate(skin(character, theirs[1], theirs[0]))
     if change is not hanging_arms:  # there the surface of the arms was not modelled for that rest
         shift = (got - expected).mean(0)
         assert np.abs(got - expected - shift).max() < 4e-3
@@ -107,14 +107,14 @@ def test_pictures_of_the_mannequin_as_an_avatar_are_those_of_the_mannequin(tmp_p
 
 @pytest.mark.parametrize("change", [no_change, as_vrm1, as_vrm0])
 def test_faces_of_every_alphabet_move(still, tmp_path, change):
-    character = load_character(changed(still, tmp_path / "theirs.glb", change))
+    character = load_character(rewrite_to(still, tmp_path / "theirs.glb", change))
     face = np.zeros(52)
     face[ARKIT_INDEX["jawOpen"]] = 1
     pose = humanoid().forward(gesturing(1).rotations[0], gesturing(1).root[0])
-    rest, opened = (np.concatenate(skin(character, pose[1], pose[0], weights)) for weights in (np.zeros(52), face))
-    moved = np.abs(opened - rest).max(1) > 1e-4
-    assert 0 < moved.sum() < len(moved) / 2
-    assert (opened - rest)[moved, 1].max() < 0  # down
+    rest, open_jaw = (np.concatenate(skin(character, pose[1], pose[0], weights)) for weights in (np.zeros(52), face))
+    moving = np.abs(open_jaw - rest).max(1) > 1e-4
+    assert 0 < moving.sum() < len(moving) / 2
+    assert (open_jaw - rest)[moving, 1].max() < 0  # down
 
 
 def test_what_moves_with_a_bone_that_is_not_ours_goes_with_the_nearest_that_is(still, tmp_path):
@@ -125,7 +125,7 @@ def test_what_moves_with_a_bone_that_is_not_ours_goes_with_the_nearest_that_is(s
         for skin_entry in document["skins"]:
             skin_entry["joints"][head] = len(document["nodes"]) - 1
 
-    character = load_character(changed(still, tmp_path / "theirs.glb", with_ribbon))
+    character = load_character(rewrite_to(still, tmp_path / "theirs.glb", with_ribbon))
     assert humanoid().index["head"] in character.parts[0].joints[:, 0]
 
 
@@ -135,7 +135,7 @@ def test_fingers_that_are_missing_leave_the_hand(still, tmp_path):
             if any(word in node["name"] for word in ("Thumb", "Index", "Middle", "Ring", "Little", "Eye", "jaw", "Toes")):
                 node["name"] = f"extra {node['name']}"
 
-    character = load_character(changed(still, tmp_path / "theirs.glb", without_fingers))
+    character = load_character(rewrite_to(still, tmp_path / "theirs.glb", without_fingers))
     motion = gesturing(3).retarget(character.skeleton)
     positions, rotations = character.skeleton.forward(motion.rotations[2], motion.root[2])
     assert all(np.isfinite(part).all() for part in skin(character, rotations, positions))
@@ -143,8 +143,8 @@ def test_fingers_that_are_missing_leave_the_hand(still, tmp_path):
 
 
 def test_textures_give_the_colour(still, tmp_path):
-    red = of_head(changed(still, tmp_path / "a.glb", with_texture(png((255, 0, 0, 255)))))
-    plain = of_head(changed(still, tmp_path / "b.glb", with_texture(png((255, 255, 255, 255)))))
+    red = of_head(rewrite_to(still, tmp_path / "a.glb", with_texture(png((255, 0, 0, 255)))))
+    plain = of_head(rewrite_to(still, tmp_path / "b.glb", with_texture(png((255, 255, 255, 255)))))
     assert red[0] == pytest.approx(plain[0], abs=12)
     assert red[1:].max() < plain[1:].min() - 40  # what is left are the highlights
 
@@ -155,10 +155,10 @@ def test_textures_give_the_colour(still, tmp_path):
 )
 def test_one_sees_through_holes(still, tmp_path, mode, opacity, share):
     """A black head before the light backdrop: how dark the picture is tells how much of it is there."""
-    seen = of_head(changed(still, tmp_path / "a.glb", with_texture(png((0, 0, 0, opacity)), alphaMode=mode))).mean()
-    black = of_head(changed(still, tmp_path / "b.glb", with_texture(png((0, 0, 0, 255))))).mean()
-    nothing = of_head(changed(still, tmp_path / "c.glb", with_texture(png((0, 0, 0, 0)), alphaMode="MASK"))).mean()
-    linear = (np.array([seen, black, nothing]) / 255) ** 2.2
+    with_hole = of_head(rewrite_to(still, tmp_path / "a.glb", with_texture(png((0, 0, 0, opacity)), alphaMode=mode))).mean()
+    black = of_head(rewrite_to(still, tmp_path / "b.glb", with_texture(png((0, 0, 0, 255))))).mean()
+    nothing = of_head(rewrite_to(still, tmp_path / "c.glb", with_texture(png((0, 0, 0, 0)), alphaMode="MASK"))).mean()
+    linear = (np.array([with_hole, black, nothing]) / 255) ** 2.2
     assert (linear[2] - linear[0]) / (linear[2] - linear[1]) == pytest.approx(share, abs=0.2)
 
 
@@ -166,7 +166,7 @@ def test_one_sees_through_holes(still, tmp_path, mode, opacity, share):
     "change", [no_change, with_texture(png((200, 120, 40, 255))), with_texture(png((200, 120, 40, 140)), alphaMode="BLEND")]
 )
 def test_pictures_do_not_depend_on_how_many_places_are_found_at_a_time(still, tmp_path, monkeypatch, change):
-    character = load_character(changed(still, tmp_path / "a.glb", change))
+    character = load_character(rewrite_to(still, tmp_path / "a.glb", change))
     whole = picture(character, gesturing(1))
     monkeypatch.setattr(raster, "_CHUNK", 100)
     assert np.array_equal(picture(character, gesturing(1)), whole)
@@ -177,7 +177,7 @@ def test_backs_are_seen_where_the_material_says_so(still, tmp_path):
         for entry in document["materials"]:
             entry["doubleSided"] = True
 
-    assert len(load_character(changed(still, tmp_path / "a.glb", double)).parts) == 2 * len(load_character(still).parts)
+    assert len(load_character(rewrite_to(still, tmp_path / "a.glb", double)).parts) == 2 * len(load_character(still).parts)
 
 
 def bomb() -> str:
@@ -189,7 +189,7 @@ def bomb() -> str:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("uri", "told"),
+    ("uri", "message"),
     [
         ("data:image/png;base64," + base64.b64encode(b"\x89PNG\r\n\x1a\n garbage").decode(), "no PNG or JPEG"),
         ("data:image/png;base64,%%%", "not base64"),
@@ -198,9 +198,9 @@ def bomb() -> str:
         (png((1, 2, 3, 4))[:80], "base64|no PNG"),
     ],
 )
-def test_hostile_textures_are_refused_in_a_line(still, tmp_path, uri, told):
-    path = changed(still, tmp_path / "a.glb", with_texture(uri() if callable(uri) else uri))
-    with pytest.raises(InputError, match=told) as error:
+def test_hostile_textures_are_refused_in_a_line(still, tmp_path, uri, message):
+    path = rewrite_to(still, tmp_path / "a.glb", with_texture(uri() if callable(uri) else uri))
+    with pytest.raises(InputError, match=message) as error:
         load_character(path)
     assert "\n" not in str(error.value)
 
@@ -215,7 +215,7 @@ def no_mesh(document):
         node.pop("mesh", None)
 
 
-def packed(document):
+def require_draco(document):
     document["extensionsRequired"] = ["KHR_draco_mesh_compression"]
 
 
@@ -228,9 +228,9 @@ def wrong_joint(document):
     document["skins"][0]["joints"] = document["skins"][0]["joints"][:3]
 
 
-@pytest.mark.parametrize("change", [far_vertex, no_mesh, packed, wrong_corner, wrong_joint])
+@pytest.mark.parametrize("change", [far_vertex, no_mesh, require_draco, wrong_corner, wrong_joint])
 def test_damaged_characters_are_refused_in_a_line(still, tmp_path, change):
-    path = changed(still, tmp_path / "a.glb", change)
+    path = rewrite_to(still, tmp_path / "a.glb", change)
     with pytest.raises(InputError) as error:
         load_character(path)
     assert "\n" not in str(error.value)
@@ -239,7 +239,7 @@ def test_damaged_characters_are_refused_in_a_line(still, tmp_path, change):
 @pytest.mark.slow
 def test_damage_of_any_kind_ends_in_a_line(still, tmp_path):
     rng = np.random.default_rng(5)
-    document, data = split_glb(changed(still, tmp_path / "a.glb", with_texture(png((9, 9, 9, 9)))).read_bytes(), "'a'")
+    document, data = split_glb(rewrite_to(still, tmp_path / "a.glb", with_texture(png((9, 9, 9, 9)))).read_bytes(), "'a'")
     for trial in range(40):
         spoilt = bytearray(data)
         for place in rng.integers(0, len(spoilt), 30):
@@ -247,12 +247,12 @@ def test_damage_of_any_kind_ends_in_a_line(still, tmp_path):
         path = tmp_path / f"{trial}.glb"
         with path.open("wb") as out:
             GltfBuilder(document, bytes(spoilt)).write(out)
-        told = ""
+        message = ""
         try:
             assert load_character(path).parts
         except InputError as error:
-            told = str(error)
-        assert "\n" not in told
+            message = str(error)
+        assert "\n" not in message
 
 
 def bowing(frames=300, fps=30.0):
@@ -266,29 +266,29 @@ def bowing(frames=300, fps=30.0):
     return Motion(fps=fps, rotations=rotations, root=root, face=motion.face)
 
 
-def framed(motion, view, pieces=1):
-    stage, framing, found = PoseStage(humanoid(), motion.fps), Framing(view, humanoid(), motion.fps), []
+def frame_poses(motion, view, pieces=1):
+    stage, framing, frames = PoseStage(humanoid(), motion.fps), Framing(view, humanoid(), motion.fps), []
     for piece in range(pieces):
         part = motion[len(motion) * piece // pieces : len(motion) * (piece + 1) // pieces]
         for pose in map(FramedPose, *stage.place(part)):
-            found += framing.push(pose)
-    return [*found, *framing.flush()]
+            frames += framing.push(pose)
+    return [*frames, *framing.flush()]
 
 
 @pytest.mark.slow
 def test_the_face_camera_follows_the_head():
     motion, view = bowing(), find_view("face")
-    found = framed(motion, view)
-    assert len(found) == len(motion)
+    frames = frame_poses(motion, view)
+    assert len(frames) == len(motion)
     head = humanoid().index["head"]
-    for pose, box in found:
+    for pose, box in frames:
         skull = pose.positions[head] + np.array([0.0, 0.08, 0.0])  # near enough at any tilt
         x, y, inverse = view.camera(box[:3], box[3:], 100, 100).project(skull[None])[0]
         assert inverse > 0
         assert 25 < x < 75
         assert 20 < y < 80
-    middles = np.array([(box[:3] + box[3:]) / 2 for _, box in found])
-    sizes = np.array([box[3:] - box[:3] for _, box in found])
+    middles = np.array([(box[:3] + box[3:]) / 2 for _, box in frames])
+    sizes = np.array([box[3:] - box[:3] for _, box in frames])
     assert np.ptp(middles[:, 1]) > 0.15  # it goes down with the bow
     assert np.abs(np.diff(middles, 2, axis=0)).max() < 0.003  # without jerks
     assert sizes.max() < 0.75
@@ -297,17 +297,17 @@ def test_the_face_camera_follows_the_head():
 @pytest.mark.parametrize("pieces", [3, 50])
 def test_the_face_camera_does_not_depend_on_pieces(pieces):
     motion, view = bowing(200), find_view("face")
-    for (_, one), (_, other) in zip(framed(motion, view), framed(motion, view, pieces), strict=True):
+    for (_, one), (_, other) in zip(frame_poses(motion, view), frame_poses(motion, view, pieces), strict=True):
         assert np.array_equal(one, other)
 
 
-def test_shared_avatars_are_drawn(shared, tmp_path):
+def test_shared_avatars_are_drawn(shared_folder, tmp_path):
     """Each stands where the camera looks, in more than one colour, and none fills the picture."""
     for name in ("Godette_vrm_v4_CC-BY-3.0.vrm", "KayKit_Mage_CC0.glb", "avatar_mpfb_female_arkit52_viseme15.glb"):
-        path = shared / "data" / "avatars" / name
+        path = shared_folder / "data" / "avatars" / name
         render_motion(gesturing(2), tmp_path / "a.png", size=(360, 240), camera="full", avatar=path)
-        drawn = np.asarray(Image.open(tmp_path / "a.png")).astype(int)
-        figure = (np.abs(np.diff(drawn, axis=1)).max(2) > 20).mean()
+        pixels = np.asarray(Image.open(tmp_path / "a.png")).astype(int)
+        figure = (np.abs(np.diff(pixels, axis=1)).max(2) > 20).mean()
         assert 0.01 < figure < 0.5
         character = load_character(path)
         feet = min(float(part.vertices[:, 1].min()) for part in character.parts)

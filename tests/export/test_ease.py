@@ -49,26 +49,26 @@ def test_a_bent_tube_is_stretched_less(tube, bends):
     assert np.abs(points - tube.points).max() <= 0.004 + 1e-9
     np.testing.assert_allclose(weights.sum(1), 1)
     assert weights.min() >= 0
-    held = tube.free == 0
-    np.testing.assert_array_equal(weights[held], tube.weights[held])
-    np.testing.assert_array_equal(points[held], tube.points[held])
+    is_fixed = tube.free == 0
+    np.testing.assert_array_equal(weights[is_fixed], tube.weights[is_fixed])
+    np.testing.assert_array_equal(points[is_fixed], tube.points[is_fixed])
 
 
 def test_the_gradient_is_that_of_the_price(tube, bends):
-    turned = tube.sculpted.copy()
-    turned[1] = bends.moves[0, 1]  # sculpted with the tube bent by 30°
+    shapes = tube.sculpted.copy()
+    shapes[1] = bends.moves[0, 1]  # sculpted with the tube bent by 30°
     follow = np.eye(len(tube.points))
     follow[-1] = 0
     follow[-1, [3, 60]] = 0.4, 0.6
-    cloth = replace(tube, sculpted=turned, follow=csr_matrix(follow))
-    descent, chosen = _Descent(cloth, bends), np.arange(6)
+    cloth = replace(tube, sculpted=shapes, follow=csr_matrix(follow))
+    descent, which = _Descent(cloth, bends), np.arange(6)
     rng = np.random.default_rng(3)
     count = int(descent.may.sum())
     values = np.concatenate([0.03 * rng.random(count), 1e-3 * rng.normal(size=3 * len(descent.loose))])
-    _, slope = descent._price(values, chosen)
+    _, slope = descent._price(values, which)
     for k in [*rng.integers(count, size=4), *(count + rng.integers(3 * len(descent.loose), size=4))]:
         step = 1e-5 * (np.arange(len(values)) == k)
-        change = (descent._price(values + step, chosen)[0] - descent._price(values - step, chosen)[0]) / 2e-5
+        change = (descent._price(values + step, which)[0] - descent._price(values - step, which)[0]) / 2e-5
         assert change == pytest.approx(slope[k], rel=2e-2, abs=2e-3 * np.abs(slope).max())
 
 
@@ -92,7 +92,7 @@ def test_a_symmetric_cloth_stays_symmetric(tube, bends):
 
 def test_places_at_rest_are_skinned_to_where_they_were_sculpted(tube, bends):
     weights = np.random.default_rng(0).dirichlet([1, 1], len(tube.points))
-    sculpted = bends.moves[1]
-    rest = place(tube.points, weights, sculpted)
-    blend = np.einsum("vj,jab->vab", weights, sculpted)
+    moves = bends.moves[1]
+    rest = place(tube.points, weights, moves)
+    blend = np.einsum("vj,jab->vab", weights, moves)
     np.testing.assert_allclose(np.einsum("vab,vb->va", blend[..., :3], rest) + blend[..., 3], tube.points, atol=1e-9)

@@ -47,23 +47,23 @@ def as_presets(document: dict) -> None:
 
 def test_a_character_of_vrm_keeps_its_face_when_its_clip_is_read(still, tmp_path):  # noqa: F811
     rewrite(still, tmp_path / "me.glb", as_presets)
-    said, avatar = talking(), load_avatar(tmp_path / "me.glb")
-    save(said, tmp_path / "talk.glb", avatar=avatar)
+    talk, avatar = talking(), load_avatar(tmp_path / "me.glb")
+    save(talk, tmp_path / "talk.glb", avatar=avatar)
     again = load(tmp_path / "talk.glb")
-    (wanted,), (found,) = (avatar.face.weights(motion.face).values() for motion in (said, again))
-    assert wanted.max(0)[[0, 1, 2, 3, 4, 5, 7, 8]].min() > 0.1
-    assert np.abs(found - wanted).mean() < 0.005
-    assert np.abs(found - wanted).max() < 0.1
+    (expected,), (weights,) = (avatar.face.weights(motion.face).values() for motion in (talk, again))
+    assert expected.max(0)[[0, 1, 2, 3, 4, 5, 7, 8]].min() > 0.1
+    assert np.abs(weights - expected).mean() < 0.005
+    assert np.abs(weights - expected).max() < 0.1
 
 
-def test_it_can_be_cut_and_given_to_others(still, tmp_path):  # noqa: F811
+def test_a_face_that_is_read_can_be_written_in_another_format(still, tmp_path):  # noqa: F811
     rewrite(still, tmp_path / "me.glb", as_presets)
-    said = talking()
-    save(said, tmp_path / "talk.glb", avatar=tmp_path / "me.glb")
+    talk = talking()
+    save(talk, tmp_path / "talk.glb", avatar=tmp_path / "me.glb")
     convert_file(tmp_path / "talk.glb", tmp_path / "talk.vrma")
-    read, wanted = vrm_presets(load(tmp_path / "talk.vrma").face), vrm_presets(said.face)
+    read, expected = vrm_presets(load(tmp_path / "talk.vrma").face), vrm_presets(talk.face)
     for name in ("aa", "ou", "oh", "blink", "happy"):
-        assert np.corrcoef(read[name], wanted[name])[0, 1] > 0.95, name
+        assert np.corrcoef(read[name], expected[name])[0, 1] > 0.95, name
 
 
 def test_visemes_of_oculus_are_read_and_the_lids_of_arkit_beside_them(still, tmp_path):  # noqa: F811
@@ -74,15 +74,15 @@ def test_visemes_of_oculus_are_read_and_the_lids_of_arkit_beside_them(still, tmp
         extras["targetNames"] = names + [f"x{k}" for k in range(52 - len(names))]
 
     rewrite(still, tmp_path / "me.glb", as_oculus)
-    said, avatar = talking(), load_avatar(tmp_path / "me.glb")
+    talk, avatar = talking(), load_avatar(tmp_path / "me.glb")
     assert avatar.face.alphabet == "Oculus"
-    save(said, tmp_path / "talk.glb", avatar=avatar)
+    save(talk, tmp_path / "talk.glb", avatar=avatar)
     again = load(tmp_path / "talk.glb").face
     for name in ("eyeBlinkLeft", "eyeBlinkRight"):
-        np.testing.assert_allclose(again[:, ARKIT_INDEX[name]], said.face[:, ARKIT_INDEX[name]], atol=1e-5)
-    read, wanted = oculus_visemes(again), oculus_visemes(said.face)
+        np.testing.assert_allclose(again[:, ARKIT_INDEX[name]], talk.face[:, ARKIT_INDEX[name]], atol=1e-5)
+    read, expected = oculus_visemes(again), oculus_visemes(talk.face)
     for name in ("aa", "E", "O", "U"):
-        assert np.corrcoef(read[name], wanted[name])[0, 1] > 0.95, name
+        assert np.corrcoef(read[name], expected[name])[0, 1] > 0.95, name
 
 
 def test_a_clip_that_moves_no_target_has_no_face(still, tmp_path):  # noqa: F811

@@ -190,9 +190,9 @@ def test_json_of_audio2face(tmp_path, fps):
 def test_bad_faces(tmp_path, suffix, text, problem):
     path = tmp_path / f"a{suffix}"
     path.write_text(text)
-    with pytest.raises(InputError, match=problem) as caught:
+    with pytest.raises(InputError, match=problem) as refusal:
         load(path)
-    assert "\n" not in str(caught.value)
+    assert "\n" not in str(refusal.value)
 
 
 def test_readers_do_not_hang_on_pipes_and_folders(tmp_path):

@@ -18,7 +18,7 @@ from cospeech.motion.skeletons.arkit import ARKIT
 from tests.support.motions import gesturing
 
 
-def opened(path) -> Node:
+def parse_file(path) -> Node:
     return parse_fbx(path.read_bytes(), path.name)
 
 
@@ -30,22 +30,22 @@ def ours(tmp_path_factory):
 
 
 def test_our_humanoid_comes_back(ours):
-    motion, found = gesturing(90), load(ours)
-    assert (found.fps, len(found), found.skeleton.names) == (30.0, 90, motion.skeleton.names)
-    np.testing.assert_allclose(found.positions(), motion.positions(), atol=1e-6)
-    np.testing.assert_allclose(found.face, motion.face, atol=1e-6)
+    motion, again = gesturing(90), load(ours)
+    assert (again.fps, len(again), again.skeleton.names) == (30.0, 90, motion.skeleton.names)
+    np.testing.assert_allclose(again.positions(), motion.positions(), atol=1e-6)
+    np.testing.assert_allclose(again.face, motion.face, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", ["mixamo", "unreal"])
 def test_another_skeleton_comes_back_with_its_names(tmp_path, name):
     motion = gesturing(40).retarget(find_skeleton(name))
     save(motion, tmp_path / "a.fbx")
-    found = load(tmp_path / "a.fbx")
-    joints = [found.skeleton.index[joint] for joint in motion.skeleton.names if joint in found.skeleton.index]
-    kept = [motion.skeleton.index[found.skeleton.names[joint]] for joint in joints]
+    again = load(tmp_path / "a.fbx")
+    joints = [again.skeleton.index[joint] for joint in motion.skeleton.names if joint in again.skeleton.index]
+    indices = [motion.skeleton.index[again.skeleton.names[joint]] for joint in joints]
     assert len(joints) > 50
-    made, wanted = found.positions()[:, joints], motion.positions()[:, kept]
-    off = made - wanted  # a rig that is read stands on its lowest joint
+    places, expected = again.positions()[:, joints], motion.positions()[:, indices]
+    off = places - expected  # a rig that is read stands on its lowest joint
     np.testing.assert_allclose(off, np.broadcast_to(off[:1, :1], off.shape), atol=1e-5)
     assert np.abs(off).max() < 0.03
 
@@ -53,10 +53,10 @@ def test_another_skeleton_comes_back_with_its_names(tmp_path, name):
 def test_bones_alone_carry_the_face_as_numbers_of_the_root(tmp_path):
     motion = gesturing(20).retarget(find_skeleton("mixamo"))
     save(motion, tmp_path / "a.fbx")
-    fbx = Document(opened(tmp_path / "a.fbx"), "a")
-    root = next(found for found in fbx.of_kind("Model") if found.name == "mixamorig:Hips")
+    fbx = Document(parse_file(tmp_path / "a.fbx"), "a")
+    root = next(model for model in fbx.of_kind("Model") if model.name == "mixamorig:Hips")
     assert {*ARKIT} <= root.properties.keys()
-    (node,) = [found for found, name in fbx.below(root.number, "AnimationCurveNode") if name == "jawOpen"]
+    (node,) = [child for child, name in fbx.below(root.number, "AnimationCurveNode") if name == "jawOpen"]
     ((curve, name),) = fbx.below(node.number, "AnimationCurve")
     assert name == "d|jawOpen"
     np.testing.assert_allclose(curve.node.array("KeyValueFloat"), motion.face[:, ARKIT.index("jawOpen")], atol=1e-6)
@@ -64,7 +64,7 @@ def test_bones_alone_carry_the_face_as_numbers_of_the_root(tmp_path):
 
 
 def test_objects_are_counted_and_connections_lead_somewhere(ours):
-    root = opened(ours)
+    root = parse_file(ours)
     fbx, kinds = Document(root, "a"), root.find("Definitions")
     counts = {node.values[0]: node.value("Count") for node in kinds.all("ObjectType")}
     assert counts.pop("GlobalSettings") == 1
@@ -75,7 +75,7 @@ def test_objects_are_counted_and_connections_lead_somewhere(ours):
 
 
 def test_curves_have_a_key_on_every_frame_and_no_jumps(ours):
-    fbx = Document(opened(ours), "a")
+    fbx = Document(parse_file(ours), "a")
     longest = 0
     for curve in fbx.of_kind("AnimationCurve"):
         times, values = curve.node.array("KeyTime"), curve.node.array("KeyValueFloat")
@@ -97,16 +97,16 @@ def test_a_turn_beyond_180_degrees_goes_on(tmp_path):
     motion.rotations[:, 0] = axis_angle_to_quat((0, 1, 0), np.linspace(0, 4 * np.pi, 60))
     save(motion, tmp_path / "a.fbx")
     np.testing.assert_allclose(load(tmp_path / "a.fbx").positions(), motion.positions(), atol=1e-5)
-    fbx = Document(opened(tmp_path / "a.fbx"), "a")
+    fbx = Document(parse_file(tmp_path / "a.fbx"), "a")
     most = max(np.ptp(curve.node.array("KeyValueFloat")) for curve in fbx.of_kind("AnimationCurve"))
     assert most == pytest.approx(720, abs=1e-2)
 
 
 @pytest.mark.parametrize(
-    ("fps", "told"), [(30, 6), (24, 11), (60, 3), (30000 / 1001, 9), (24000 / 1001, 13), (15, 14), (12.5, 14)]
+    ("fps", "mode"), [(30, 6), (24, 11), (60, 3), (30000 / 1001, 9), (24000 / 1001, 13), (15, 14), (12.5, 14)]
 )
-def test_frame_rates_are_told_by_number_or_as_they_are(tmp_path, fps, told):
-    assert find_mode(fps) == (told, fps if told == 14 else -1.0)
+def test_frame_rates_are_told_by_number_or_as_they_are(tmp_path, fps, mode):
+    assert find_mode(fps) == (mode, fps if mode == 14 else -1.0)
     save(gesturing(12, fps), tmp_path / "a.fbx")
     assert load(tmp_path / "a.fbx").fps == pytest.approx(fps, rel=1e-4)
 
@@ -120,16 +120,16 @@ def test_pieces_make_the_bytes_of_the_whole(ours, tmp_path):
 
 
 def test_a_character_is_copied_with_our_clip_in_the_place_of_its_own(ours, tmp_path):
-    motion, first = gesturing(50), Document(opened(ours), "a")
+    motion, first = gesturing(50), Document(parse_file(ours), "a")
     with pytest.warns(UserWarning, match="clip"):
         save(motion, tmp_path / "b.fbx", avatar=ours)
-    second = Document(opened(tmp_path / "b.fbx"), "b")
+    second = Document(parse_file(tmp_path / "b.fbx"), "b")
     for kind in ("Model", "Geometry", "Deformer", "Material", "Pose"):
-        assert [found.number for found in second.of_kind(kind)] == [found.number for found in first.of_kind(kind)]
+        assert [item.number for item in second.of_kind(kind)] == [item.number for item in first.of_kind(kind)]
     assert len(second.of_kind("AnimationStack")) == 1
-    found = load(tmp_path / "b.fbx")
-    np.testing.assert_allclose(found.positions(), motion.positions(), atol=1e-6)
-    np.testing.assert_allclose(found.face, motion.face, atol=1e-6)
+    again = load(tmp_path / "b.fbx")
+    np.testing.assert_allclose(again.positions(), motion.positions(), atol=1e-6)
+    np.testing.assert_allclose(again.face, motion.face, atol=1e-6)
 
 
 def test_a_character_of_another_format_is_refused(tmp_path):

@@ -17,7 +17,7 @@ from cospeech.export.fbx.tree import parse_fbx
 from tests.support.motions import gesturing
 
 
-def patched_figure(path: Path, old: bytes, new: bytes, times: int = 1) -> Path:
+def patch_figure(path: Path, old: bytes, new: bytes, times: int = 1) -> Path:
     """Our figure with other bytes at some place."""
     save(gesturing(3), path)
     data = path.read_bytes()
@@ -36,7 +36,7 @@ def test_a_joint_that_was_saved_out_of_place_goes_back(tmp_path):
     motion = gesturing(3)
     joint = motion.skeleton.index["leftUpperArm"]
     x, y, z = motion.skeleton.offsets[joint] * 100.0
-    path = patched_figure(tmp_path / "a.fbx", pack(x, y, z), pack(x + 5, y + 6, z + 7))
+    path = patch_figure(tmp_path / "a.fbx", pack(x, y, z), pack(x + 5, y + 6, z + 7))
     save(motion, tmp_path / "b.fbx", avatar=path)
     file = read_character(tmp_path / "b.fbx")
     (node,) = [k for k, entry in enumerate(file.list("nodes")) if entry["name"] == "leftUpperArm"]
@@ -49,7 +49,7 @@ def test_numbers_of_objects_that_leave_none_for_new_ones(tmp_path):
     fbx = Document(parse_fbx((tmp_path / "a.fbx").read_bytes(), "a"), "a")
     number = fbx.of_kind("Material")[0].number
     old, new = (b"L" + struct.pack("<q", k) for k in (number, (1 << 63) - 1))
-    path = patched_figure(tmp_path / "a.fbx", old, new, -1)
+    path = patch_figure(tmp_path / "a.fbx", old, new, -1)
     with pytest.raises(InputError, match="number 9223372036854775807"):
         save(gesturing(3), tmp_path / "b.fbx", avatar=path)
 
@@ -59,7 +59,7 @@ def test_connections_between_properties_are_kept(tmp_path):
     """Those of constraints, say: OP, PO and PP, with names of properties between or after the numbers."""
     save(gesturing(3), tmp_path / "a.fbx")
     fbx = Document(parse_fbx((tmp_path / "a.fbx").read_bytes(), "a"), "a")
-    bone, other = (found.number for found in fbx.of_kind("Model")[:2])
+    bone, other = (model.number for model in fbx.of_kind("Model")[:2])
     more = ("PP", Long(bone), "Lcl Rotation", Long(other), "Lcl Rotation")
     with (tmp_path / "b.fbx").open("wb") as file:
         nodes = NodeWriter(file)
@@ -72,5 +72,5 @@ def test_connections_between_properties_are_kept(tmp_path):
             nodes.leaf("C", *more)
         nodes.finish()
     save(gesturing(3), tmp_path / "c.fbx", avatar=tmp_path / "b.fbx")
-    copied = Document(parse_fbx((tmp_path / "c.fbx").read_bytes(), "c"), "c")
-    assert list(more) in [node.values for node in copied.connections]
+    copy = Document(parse_fbx((tmp_path / "c.fbx").read_bytes(), "c"), "c")
+    assert list(more) in [node.values for node in copy.connections]

@@ -27,9 +27,9 @@ def write_mesh(path: Path, polygons: list[int], layers: list[Tree], more: list[T
     return write_objects(path, objects, [("OO", Long(1), Long(0)), ("OO", Long(2), Long(1)), *connections])
 
 
-def layer(kind: str, mapped: str, *values: Tree) -> Tree:
-    told = [("MappingInformationType", [mapped], []), ("ReferenceInformationType", ["IndexToDirect"], []), *values]
-    return (f"LayerElement{kind}", [0], told)
+def layer(kind: str, mapping: str, *values: Tree) -> Tree:
+    nodes = [("MappingInformationType", [mapping], []), ("ReferenceInformationType", ["IndexToDirect"], []), *values]
+    return (f"LayerElement{kind}", [0], nodes)
 
 
 def test_materials_that_share_a_picture_share_its_bytes(tmp_path):
@@ -53,8 +53,8 @@ def test_materials_that_are_not_there_cost_nothing(tmp_path):
     file = read_character(write_mesh(tmp_path / "a.fbx", [0, 1, ~2] * count, [materials], more, links))
     assert time.process_time() - begin < HANG
     parts = file.list("meshes")[0]["primitives"]
-    found = {part.get("material"): len(file.accessor(part["indices"], 1)) // 3 for part in parts}
-    assert found == {None: count - 2, 0: 1, 1: 1}
+    counts = {part.get("material"): len(file.accessor(part["indices"], 1)) // 3 for part in parts}
+    assert counts == {None: count - 2, 0: 1, 1: 1}
 
 
 def test_meshes_that_would_fill_the_memory(tmp_path, monkeypatch):
@@ -93,12 +93,12 @@ def test_corners_without_a_place_on_the_texture(tmp_path):
     """Maya says -1 where a polygon has no texture coordinates."""
     places = ("UV", [np.array([0.25, 0.5, 0.75, 0.5])], []), ("UVIndex", [np.array([0, 1, -1], np.int32)], [])
     file = read_character(write_mesh(tmp_path / "a.fbx", [0, 1, ~2], [layer("UV", "ByPolygonVertex", *places)], [], []))
-    found = file.accessor(file.list("meshes")[0]["primitives"][0]["attributes"]["TEXCOORD_0"], 2)
-    np.testing.assert_allclose(found, [(0.25, 0.5), (0.75, 0.5), (0, 1)])
+    coordinates = file.accessor(file.list("meshes")[0]["primitives"][0]["attributes"]["TEXCOORD_0"], 2)
+    np.testing.assert_allclose(coordinates, [(0.25, 0.5), (0.75, 0.5), (0, 1)])
 
 
 def test_a_shape_that_no_clip_moves_stays_as_it_was_saved(tmp_path):
-    """As the shapes of a body: a motion of the face may not take them back. What a clip moves rests at 0."""
+    """For example shapes of a body: a motion of the face must not reset them. A shape that a clip moves rests at 0."""
     more = [("Deformer", [Long(10), "b", "BlendShape"], [])]
     links = [("OO", Long(10), Long(2))]
     shape = [("Indexes", [np.array([0], np.int32)], []), ("Vertices", [np.ones(3)], [])]

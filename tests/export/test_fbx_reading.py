@@ -63,24 +63,24 @@ def test_places_follow_the_formula_of_the_format(tmp_path):
     c = c @ shift(0, 2, 0) @ np.diag([2, 2, 2, 1]) @ shift(0, -2, 0)
     d = c @ shift(0, 10, 0)
     file = read_character(write_bones(tmp_path / "a.fbx", ODD))
-    for found, wanted in zip(world_matrices(file), (a, b, c, d), strict=False):
-        wanted[:3] *= 0.01  # centimetres
-        np.testing.assert_allclose(found, wanted, atol=1e-9)
+    for matrix, expected in zip(world_matrices(file), (a, b, c, d), strict=False):
+        expected[:3] *= 0.01  # centimetres
+        np.testing.assert_allclose(matrix, expected, atol=1e-9)
 
 
-def test_a_place_is_made_of_properties_again(tmp_path):
+def test_a_place_is_turned_back_into_properties(tmp_path):
     fbx = Document(parse_fbx(write_bones(tmp_path / "a.fbx", ODD).read_bytes(), "a"), "a")
-    for found in fbx.of_kind("Model"):
-        model = FbxModel(found)
+    for node in fbx.of_kind("Model"):
+        model = FbxModel(node)
         place, angles = model.still[0], model.still[1]
         where = model.place(*model.still)
-        back, made = model.properties_at(where.translation, where.rotation)
+        back, rotation = model.properties_at(where.translation, where.rotation)
         np.testing.assert_allclose(back, place, atol=1e-9)
-        np.testing.assert_allclose(np.degrees(sort_axes(quat_to_euler(made, model.order), model.order)), angles, atol=1e-9)
+        np.testing.assert_allclose(np.degrees(sort_axes(quat_to_euler(rotation, model.order), model.order)), angles, atol=1e-9)
 
 
 @pytest.mark.parametrize(
-    ("settings", "wanted"),
+    ("settings", "expected"),
     [
         ({}, (0.01, 0.02, 0.03)),
         ({"UnitScaleFactor": 100.0}, (1, 2, 3)),
@@ -89,10 +89,10 @@ def test_a_place_is_made_of_properties_again(tmp_path):
         ({"UpAxis": 1, "UpAxisSign": 1, "FrontAxis": 1}, (0.01, 0.02, 0.03)),  # one axis named twice: taken as Y up
     ],
 )
-def test_axes_and_units(tmp_path, settings, wanted):
+def test_axes_and_units(tmp_path, settings, expected):
     bones = [("a", -1, {"Lcl Translation": (1, 2, 3)}), ("b", 0, {})]
     file = read_character(write_bones(tmp_path / "a.fbx", bones, settings=settings))
-    np.testing.assert_allclose(world_matrices(file)[0, :3, 3], wanted, atol=1e-9)
+    np.testing.assert_allclose(world_matrices(file)[0, :3, 3], expected, atol=1e-9)
 
 
 @pytest.mark.parametrize(("flags", "middle"), [(2, 0.0), (4, 5.0), (8, 5.0)])
@@ -127,7 +127,7 @@ def test_places_of_64_bits():
 
 HEAD = MAGIC + struct.pack("<I", 7400)
 BOMB = b"d" + struct.pack("<III", 1 << 28, 1, 1000) + zlib.compress(bytes(1 << 20), 9)[:1000].ljust(1000, b"\0")
-DAMAGED = {
+BAD_FILES = {
     "text": (b"; FBX 7.3.0 project file\n", "FBX as text"),
     "no FBX": (b"hello there, this is not it", "not a binary FBX"),
     "old": (MAGIC + struct.pack("<I", 6100) + bytes(200), "version 6.1"),
@@ -139,13 +139,13 @@ DAMAGED = {
 }
 
 
-@pytest.mark.parametrize("name", DAMAGED)
+@pytest.mark.parametrize("name", BAD_FILES)
 def test_damage_is_told_in_a_line(tmp_path, name):
-    data, told = DAMAGED[name]
+    data, message = BAD_FILES[name]
     (tmp_path / "a.fbx").write_bytes(data)
-    with pytest.raises(InputError, match=told) as caught:
+    with pytest.raises(InputError, match=message) as refusal:
         load(tmp_path / "a.fbx")
-    assert "\n" not in str(caught.value)
+    assert "\n" not in str(refusal.value)
 
 
 def test_a_small_file_cannot_fill_the_memory():
@@ -180,9 +180,9 @@ def test_a_bone_that_hangs_on_itself(tmp_path):
 
 def run_blender(python: str, script: str, *arguments: object) -> str:
     command = [python, str(SCRIPTS / script), *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, (done.stdout + done.stderr)[-3000:]
-    return done.stdout
+    process = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert process.returncode == 0, (process.stdout + process.stderr)[-3000:]
+    return process.stdout
 
 
 AXES = [("-Z", "Y", "FBX_SCALE_NONE"), ("-Y", "Z", "FBX_SCALE_ALL")]
@@ -194,11 +194,11 @@ def test_what_blender_writes_is_read(blender_python, tmp_path, forward, up, scal
     motion = gesturing(40)
     save(motion, tmp_path / "a.glb")
     run_blender(blender_python, "export_fbx.py", tmp_path / "a.glb", tmp_path / "b.fbx", len(motion), forward, up, scale)
-    found = load(tmp_path / "b.fbx")
-    joints = [found.skeleton.index[name] for name in motion.skeleton.names]
-    assert (found.fps, len(found)) == (30.0, 40)
-    np.testing.assert_allclose(found.positions()[:, joints], motion.positions(), atol=1e-5)
-    np.testing.assert_allclose(found.face, motion.face, atol=1e-5)
+    again = load(tmp_path / "b.fbx")
+    joints = [again.skeleton.index[name] for name in motion.skeleton.names]
+    assert (again.fps, len(again)) == (30.0, 40)
+    np.testing.assert_allclose(again.positions()[:, joints], motion.positions(), atol=1e-5)
+    np.testing.assert_allclose(again.face, motion.face, atol=1e-5)
 
 
 def test_blender_shows_a_copied_character_as_its_glb(blender_python, tmp_path):
@@ -217,7 +217,7 @@ def test_blender_shows_a_copied_character_as_its_glb(blender_python, tmp_path):
 
 
 def test_a_part_without_a_curve_is_what_its_clip_says(tmp_path):
-    """Not what the bone says: two clips may hold it differently."""
+    """The clip counts and not the bone: two clips may hold the part differently."""
     keys = {(0, "Lcl Translation", "X"): ([0, 1], [0, 10])}
     bones = [("a", -1, {"Lcl Translation": (0, 7, 3)})]
     curve = read_character(write_bones(tmp_path / "a.fbx", bones, keys, constants={"Y": 5.0})).curves(0)[0, "translation"]
@@ -248,6 +248,6 @@ def test_a_copied_node_keeps_an_empty_block(tmp_path):
     node = parse_fbx(HEAD + record(b"Objects", b"", 0, inner + bytes(13), len(HEAD)) + bytes(13), "a").find("Objects")
     with (tmp_path / "b.fbx").open("wb") as file:
         NodeWriter(file).copy(node)
-    copied = parse_fbx((tmp_path / "b.fbx").read_bytes() + bytes(13), "b").find("Objects")
-    assert copied.nodes[0].has_block
-    assert not copied.nodes[0].nodes
+    copy = parse_fbx((tmp_path / "b.fbx").read_bytes() + bytes(13), "b").find("Objects")
+    assert copy.nodes[0].has_block
+    assert not copy.nodes[0].nodes

@@ -67,21 +67,21 @@ def test_pieces_make_the_same_bytes(tmp_path, suffix):
     with open_writer(pieces, skeleton=motion.skeleton, fps=motion.fps, **small(suffix)) as writer:
         for first, last in ((0, 1), (1, 1), (1, 1024), (1024, 1100), (1100, 2500)):
             part = motion[first:last]
-            flipped = Motion(fps=30, rotations=-part.rotations, root=part.root, face=part.face)  # the same rotations
-            writer.write(flipped if first == 1024 and suffix != ".npz" else part)
+            opposite = Motion(fps=30, rotations=-part.rotations, root=part.root, face=part.face)  # the same rotations
+            writer.write(opposite if first == 1024 and suffix != ".npz" else part)
     assert whole.read_bytes() == pieces.read_bytes()
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".vrma", ".npz", ".csv", ".json"])
 def test_nothing_is_left_behind_on_failure(tmp_path, suffix):
-    def interrupted() -> None:
+    def interrupt() -> None:
         motion = gesturing(10)
         with open_writer(tmp_path / f"a{suffix}", skeleton=motion.skeleton, fps=30) as writer:
             writer.write(motion)
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        interrupted()
+        interrupt()
     assert list(tmp_path.iterdir()) == []
 
 
@@ -150,7 +150,7 @@ def test_vrma_follows_its_specification(tmp_path):
 
 @pytest.mark.parametrize("options", [{}, {"presets": False}, {"arkit": False}])
 def test_vrma_says_the_gaze_once(tmp_path, options):
-    """A player adds eyeLook* to lookAt where an avatar has both; so a clip has one of them, and either tells the other."""
+    """A player adds eyeLook* to lookAt where an avatar has both. So a clip has one of them, and we read both from either."""
     motion = gesturing(60)
     for look_at in (True, False):
         save(motion, tmp_path / "a.vrma", look_at=look_at, **options)
@@ -199,10 +199,10 @@ def test_presets_are_modest():
 def test_an_emotion_is_a_mood_of_avatars_that_have_presets_alone(emotion, mood):
     speech = cospeech.Speech(np.random.default_rng(0).normal(0, 0.1, 3 * 16_000).astype(np.float32), 16_000)
     presets = vrm_presets(cospeech.load("rules").generate(speech, emotion=emotion, parts=["face"]).face)
-    found = {name: np.median(presets[name]) for name in MOODS}
-    others = [weight for name, weight in found.items() if name != mood]
+    weights = {name: np.median(presets[name]) for name in MOODS}
+    others = [weight for name, weight in weights.items() if name != mood]
     assert max(others) < 0.2
-    assert mood is None or found[mood] > max(0.25, max(others) + 0.1)
+    assert mood is None or weights[mood] > max(0.25, max(others) + 0.1)
 
 
 def test_curves_are_sampled_as_the_specification_says():
@@ -214,8 +214,8 @@ def test_curves_are_sampled_as_the_specification_says():
     cubic = np.stack([3 * keys**2, keys**3, 3 * keys**2], 1).reshape(-1, 1)
     np.testing.assert_allclose(Curve(keys, cubic, "CUBICSPLINE", False).at(at)[:, 0], np.clip(at, 0, 3) ** 3, atol=1e-9)
     a, b = axis_angle_to_quat((0, 1, 0), 0.2), -axis_angle_to_quat((0, 1, 0), 1.8)  # the short way round
-    turned = Curve(np.array([0.0, 1.0]), np.stack([a, b]), "LINEAR", True).at(np.array([0.25]))
-    assert quat_angle(turned, quat_slerp(a, -b, 0.25)[None]).max() < 1e-9
+    rotation = Curve(np.array([0.0, 1.0]), np.stack([a, b]), "LINEAR", True).at(np.array([0.25]))
+    assert quat_angle(rotation, quat_slerp(a, -b, 0.25)[None]).max() < 1e-9
 
 
 def document(accessor: dict, views: list[dict], data: bytes, **more: object) -> GltfFile:
@@ -228,27 +228,27 @@ def test_accessors_of_all_kinds():
     view = {"buffer": 0, "byteOffset": 4, "byteLength": 24}
     plain = {"bufferView": 0, "componentType": 5122, "count": 3, "type": "VEC4"}
     np.testing.assert_array_equal(document(plain, [view], b"....%b" % ints.tobytes()).accessor(0, 4), ints)
-    scaled = document(plain | {"normalized": True}, [view], b"....%b" % ints.tobytes()).accessor(0, 4)
-    np.testing.assert_allclose(scaled, ints / 32767, rtol=1e-6)
-    strided = np.zeros((3, 8), "<f4")
-    strided[:, 1:4] = np.arange(9).reshape(3, 3)
+    shares = document(plain | {"normalized": True}, [view], b"....%b" % ints.tobytes()).accessor(0, 4)
+    np.testing.assert_allclose(shares, ints / 32767, rtol=1e-6)
+    rows = np.zeros((3, 8), "<f4")
+    rows[:, 1:4] = np.arange(9).reshape(3, 3)
     view = {"buffer": 0, "byteLength": 96, "byteStride": 32}
     entry = {"bufferView": 0, "byteOffset": 4, "componentType": 5126, "count": 3, "type": "VEC3"}
-    got = document(entry, [view], strided.tobytes())
-    np.testing.assert_array_equal(got.accessor(0, 3), strided[:, 1:4])
+    got = document(entry, [view], rows.tobytes())
+    np.testing.assert_array_equal(got.accessor(0, 3), rows[:, 1:4])
 
 
 def test_sparse_accessors_and_empty_ones():
     builder = GltfBuilder({"asset": {"version": "2.0"}})
-    moved = np.zeros((700, 3), np.float32)
-    moved[[3, 650]] = [[1, 2, 3], [4, 5, 6]]
+    displacements = np.zeros((700, 3), np.float32)
+    displacements[[3, 650]] = [[1, 2, 3], [4, 5, 6]]
     dense = np.random.default_rng(0).normal(size=(70000, 3)).astype(np.float32)
-    indices = [builder.add_sparse(a) for a in (moved, np.zeros((5, 3)), dense)]
+    indices = [builder.add_sparse(a) for a in (displacements, np.zeros((5, 3)), dense)]
     out = io.BytesIO()
     builder.write(out)
     file = GltfFile(*split_glb(out.getvalue(), "'test'"), "'test'")
-    for index, wanted in zip(indices, (moved, np.zeros((5, 3)), dense), strict=True):
-        np.testing.assert_array_equal(file.accessor(index, 3), wanted)
+    for index, expected in zip(indices, (displacements, np.zeros((5, 3)), dense), strict=True):
+        np.testing.assert_array_equal(file.accessor(index, 3), expected)
     empty = document({"componentType": 5126, "count": 4, "type": "VEC3"}, [], b"")
     np.testing.assert_array_equal(empty.accessor(0, 3), np.zeros((4, 3)))
 
@@ -282,8 +282,8 @@ def test_where_data_may_lie(tmp_path):
     data = np.arange(3, dtype="<f4").tobytes()
     entry, view = {"bufferView": 0, "componentType": 5126, "count": 1, "type": "VEC3"}, {"buffer": 0, "byteLength": 12}
     uri = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
-    embedded = document(entry, [view], b"", buffers=[{"byteLength": 12, "uri": uri}])
-    np.testing.assert_array_equal(embedded.accessor(0, 3), [[0, 1, 2]])
+    file = document(entry, [view], b"", buffers=[{"byteLength": 12, "uri": uri}])
+    np.testing.assert_array_equal(file.accessor(0, 3), [[0, 1, 2]])
     for bad in ("other.bin", "../../secret", "http://example.org/a.bin", "data:x;base64,!!!!", "file:///etc/passwd"):
         with pytest.raises(InputError):
             document(entry, [view], b"", buffers=[{"byteLength": 12, "uri": bad}]).accessor(0, 3)
@@ -313,9 +313,9 @@ def test_containers_that_are_broken(tmp_path):
     for k, data in enumerate(bad):
         path = tmp_path / f"{k}.glb"
         path.write_bytes(data)
-        with pytest.raises(InputError) as caught:
+        with pytest.raises(InputError) as refusal:
             load(path)
-        assert "\n" not in str(caught.value)
+        assert "\n" not in str(refusal.value)
 
 
 def test_character_without_animation_says_so(tmp_path):

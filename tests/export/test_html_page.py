@@ -77,8 +77,8 @@ def test_a_character_that_the_viewer_cannot_read_is_refused_before_the_work(tmp_
         (tmp_path / name).write_text("")
     monkeypatch.setattr(html_page, "VIEWER", tmp_path)
     still(2).save(tmp_path / "me.glb")
-    used = {"extensionsUsed": [extension], "extensionsRequired": [extension]}
-    rewrite(tmp_path / "me.glb", tmp_path / "packed.glb", lambda document: document.update(used))
+    extensions = {"extensionsUsed": [extension], "extensionsRequired": [extension]}
+    rewrite(tmp_path / "me.glb", tmp_path / "packed.glb", lambda document: document.update(extensions))
     writer = html_page.Writer(tmp_path / "talk.html", skeleton=still(2).skeleton, fps=30, avatar=tmp_path / "packed.glb")
     with pytest.raises(InputError, match=f"is packed by {extension}.*export it without compression"), writer:
         pytest.fail("the work began")
@@ -96,17 +96,17 @@ def test_a_share_file_opens_offline_and_speaks(viewer, tmp_path):
     with open_chromium() as browser:
         context = browser.new_context(offline=True)
         page, wrong = context.new_page(), []
-        page.on("console", lambda said: wrong.append(said.text))
+        page.on("console", lambda message: wrong.append(message.text))
         page.goto(path.as_uri())
         wait_until(page, "document.documentElement.dataset.ready === 'true'")
         assert page.evaluate("cospeechStudio.seconds") == pytest.approx(19.003, abs=0.005)
-        opened = []
+        openings = []
         for at in np.arange(0.2, 3, 0.3):
             scrub(page, float(at))
             time.sleep(0.05)
-            opened.append(page.evaluate("cospeechStudio.jawOpen()"))
-        assert max(opened) > 0.2
-        assert min(opened) < 0.05
+            openings.append(page.evaluate("cospeechStudio.jawOpen()"))
+        assert max(openings) > 0.2
+        assert min(openings) < 0.05
         page.click("#play")
         wait_until(page, "cospeechStudio.playing && cospeechStudio.time > 3.2")
         assert not find_violations(page)

@@ -1,4 +1,4 @@
-"""What a format cannot do is said, and not passed over: options that it lacks, and maps of other joints."""
+"""What a format cannot do is an error and is not ignored: options that it lacks, and maps of other joints."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def test_the_nearest_option_is_named_even_where_another_class_takes_it(tmp_path)
 
 
 def test_readers_say_what_they_take(tmp_path):
-    for suffix, known in ((".bvh", "did you mean 'units'"), (".vrma", "there are none")):
+    for suffix, hint in ((".bvh", "did you mean 'units'"), (".vrma", "there are none")):
         save(gesturing(3), tmp_path / f"a{suffix}")
-        with pytest.raises(InputError, match=f"a {suffix} file is read without an option 'unit' .{known}"):
+        with pytest.raises(InputError, match=f"a {suffix} file is read without an option 'unit' .{hint}"):
             load(tmp_path / f"a{suffix}", unit="m")
 
 

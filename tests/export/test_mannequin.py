@@ -22,7 +22,7 @@ def character():
     return mannequin.build()
 
 
-def posed(character, face=None, **turns):
+def pose_character(character, face=None, **turns):
     """Vertices by part of a pose given as joint → (axis, degrees)."""
     skeleton = character.skeleton
     local = quat_identity(len(skeleton))
@@ -115,20 +115,20 @@ def test_building_is_cached(character):
 
 
 def test_the_kept_file_is_of_this_code():
-    with np.load(ASSET) as kept:
-        assert str(kept["sources"]) == digest_sources(), "run tools/build_mannequin.py"
+    with np.load(ASSET) as asset:
+        assert str(asset["sources"]) == digest_sources(), "run tools/build_mannequin.py"
 
 
 def test_a_part_is_kept_as_it_was_sculpted(tmp_path, character):
-    """The same parts after another way through the file; displacements to a few micrometres."""
+    """Saving the parts again gives the same file; normals may be rounded otherwise."""
     save(character, tmp_path / "again.npz", "")
-    with np.load(tmp_path / "again.npz") as again, np.load(ASSET) as kept:
-        assert {*again.files} == {*kept.files}
-        for name in {*kept.files} - {"sources"}:
+    with np.load(tmp_path / "again.npz") as again, np.load(ASSET) as asset:
+        assert {*again.files} == {*asset.files}
+        for name in {*asset.files} - {"sources"}:
             if name.endswith("normals"):  # they are rounded and made one long each time
-                np.testing.assert_allclose(again[name].astype(int), kept[name].astype(int), atol=2, err_msg=name)
+                np.testing.assert_allclose(again[name].astype(int), asset[name].astype(int), atol=2, err_msg=name)
             else:
-                np.testing.assert_array_equal(again[name], kept[name], err_msg=name)
+                np.testing.assert_array_equal(again[name], asset[name], err_msg=name)
 
 
 def test_all_52_expressions_move_the_face(character):
@@ -140,8 +140,8 @@ def test_all_52_expressions_move_the_face(character):
     for name in twins:
         left, right = face.morphs[name], face.morphs[name[:-4] + "Right"]
         assert np.abs(np.linalg.norm(left, axis=1).sum() / np.linalg.norm(right, axis=1).sum() - 1) < 1e-3
-        moved = np.linalg.norm(left, axis=1)
-        assert moved @ face.vertices[:, 0] > 0, f"{name} moves the wrong side"
+        distances = np.linalg.norm(left, axis=1)
+        assert distances @ face.vertices[:, 0] > 0, f"{name} moves the wrong side"
 
 
 @pytest.mark.parametrize(
@@ -190,8 +190,8 @@ def lid_gap(face, head, weight):
     near = np.flatnonzero(on_lid & (np.abs(neutral[:, 0] - 0.031) < 0.002) & (neutral[:, 2] > 0.08))
     near = near[np.argsort(neutral[near, 1])]
     widest = int(np.argmax(np.diff(neutral[near, 1])))
-    moved = (neutral + weight * face.morphs["eyeBlinkLeft"])[near[widest : widest + 2]]
-    return moved[1, 1] - moved[0, 1]
+    edges = (neutral + weight * face.morphs["eyeBlinkLeft"])[near[widest : widest + 2]]
+    return edges[1, 1] - edges[0, 1]
 
 
 def test_a_blink_closes_the_lids(character):
@@ -232,11 +232,11 @@ def test_teeth_and_tongue_follow_the_jaw_and_no_bone_doubles_it(character):
 
 
 def test_eyeballs_follow_the_eye_bones(character):
-    turned, _ = posed(character, leftEye=((0, 1, 0), 25))
-    flat, _ = posed(character)
+    aside, _ = pose_character(character, leftEye=((0, 1, 0), 25))
+    flat, _ = pose_character(character)
     front = int(np.argmax(flat["leftEye"][:, 2]))
-    assert turned["leftEye"][front, 0] - flat["leftEye"][front, 0] > 0.005
-    assert np.array_equal(turned["face"], flat["face"])
+    assert aside["leftEye"][front, 0] - flat["leftEye"][front, 0] > 0.005
+    assert np.array_equal(aside["face"], flat["face"])
 
 
 def distance_to_segment(p, a, b):
@@ -247,7 +247,7 @@ def distance_to_segment(p, a, b):
 @pytest.mark.parametrize("down", [45, 80])
 def test_hanging_arms_keep_their_shape(character, down):
     turns = {"leftUpperArm": ((0, 0, 1), -down), "rightUpperArm": ((0, 0, 1), down), "leftLowerArm": ((0, 1, 0), -20)}
-    parts, positions = posed(character, **turns)
+    parts, positions = pose_character(character, **turns)
     shirt, index = character["shirt"], character.skeleton.index
     arm = np.where(np.isin(shirt.joints, [index["leftUpperArm"], index["leftLowerArm"]]), shirt.weights, 0).sum(1) > 0.85
     shoulder, elbow, hand = (positions[index["left" + n]] for n in ("UpperArm", "LowerArm", "Hand"))
@@ -261,11 +261,11 @@ def test_hanging_arms_keep_their_shape(character, down):
 
 def test_elbow_and_forearm_hold(character):
     shirt = character["shirt"]
-    flat = volume(*cut(character, posed(character)[0]["shirt"]))
-    bent = posed(character, leftLowerArm=((0, 1, 0), -100), rightLowerArm=((0, 1, 0), 100))[0]["shirt"]
-    twisted = posed(character, leftHand=((1, 0, 0), 80), rightHand=((1, 0, 0), -80))[0]["shirt"]
-    assert len(shirt.vertices) == len(bent)
-    for shape in (bent, twisted):
+    flat = volume(*cut(character, pose_character(character)[0]["shirt"]))
+    with_bend = pose_character(character, leftLowerArm=((0, 1, 0), -100), rightLowerArm=((0, 1, 0), 100))[0]["shirt"]
+    with_twist = pose_character(character, leftHand=((1, 0, 0), 80), rightHand=((1, 0, 0), -80))[0]["shirt"]
+    assert len(shirt.vertices) == len(with_bend)
+    for shape in (with_bend, with_twist):
         assert 0.9 < volume(*cut(character, shape)) / flat < 1.1
 
 
@@ -278,8 +278,8 @@ def test_fist_keeps_its_volume_and_reaches_the_palm(character):
     for finger in ("Index", "Middle", "Ring", "Little"):
         for joint, angle in (("Proximal", 80), ("Intermediate", 95), ("Distal", 55)):
             turns[f"left{finger}{joint}"] = ((0, 0, 1), -angle)
-    fist, positions = posed(character, **turns)
-    flat, _ = posed(character)
+    fist, positions = pose_character(character, **turns)
+    flat, _ = pose_character(character)
     triangles = character["leftHand"].triangles
     wrist = positions[character.skeleton.index["leftHand"]]
     ratio = volume(fist["leftHand"] - wrist, triangles) / volume(flat["leftHand"] - wrist, triangles)
@@ -301,7 +301,7 @@ def test_normals_of_the_skin_are_unit(character):
 
 
 def test_neutral_skinning_gives_the_t_pose(character):
-    parts, _ = posed(character)
+    parts, _ = pose_character(character)
     for part in character.parts:
         np.testing.assert_allclose(parts[part.name], part.vertices, atol=1e-5)
 

@@ -68,9 +68,9 @@ def test_a_map_reaches_the_clip_of_the_style(tmp_path):
     options |= {"style": tmp_path / "odd.bvh", "bone_map": tmp_path / "map.toml"}
     with warnings.catch_warnings():
         warnings.simplefilter("error", CospeechWarning)
-        made = generate_files(sound, [tmp_path / "b.bvh"], **options)
+        report = generate_files(sound, [tmp_path / "b.bvh"], **options)
     assert (tmp_path / "a.bvh").read_bytes() == (tmp_path / "b.bvh").read_bytes()
-    assert made.style == str(tmp_path / "odd.bvh")
+    assert report.style == str(tmp_path / "odd.bvh")
 
 
 def assert_moves(path, motion) -> None:
@@ -148,20 +148,20 @@ def test_a_map_of_another_file_stays_for_that(odd, still, tmp_path):  # noqa: F8
 
 def test_a_map_overrides_what_a_vrm_says(still, tmp_path):  # noqa: F811
     rewrite(still, tmp_path / "a.glb", as_vrm1)
-    told = load_avatar(tmp_path / "a.glb").rig
+    own_rig = load_avatar(tmp_path / "a.glb").rig
     toes = humanoid().index["leftToes"]
     rig = load_avatar(tmp_path / "a.glb", {"leftEye": "", "jaw": f"J_{toes:02}"}).rig
-    assert rig.nodes[rig.bones["jaw"]] == told.nodes[told.bones["leftToes"]]
-    assert {*told.bones} - {*rig.bones} == {"leftEye", "leftToes"}
+    assert rig.nodes[rig.bones["jaw"]] == own_rig.nodes[own_rig.bones["leftToes"]]
+    assert {*own_rig.bones} - {*rig.bones} == {"leftEye", "leftToes"}
     with pytest.raises(InputError, match="takes the joint of hips"):
         load_avatar(tmp_path / "a.glb", {"jaw": "J_00"})
 
 
 def test_the_shape_of_an_avatar_is_told_once(still, tmp_path):  # noqa: F811
     rewrite(still, tmp_path / "a.glb", as_nameless)
-    with pytest.warns(CospeechWarning, match="fingers, eyes, jaw were not found") as told:
+    with pytest.warns(CospeechWarning, match="fingers, eyes, jaw were not found") as notes:
         save(gesturing(3), tmp_path / "b.glb", avatar=tmp_path / "a.glb")
-    assert len(told) == 1
+    assert len(notes) == 1
     with pytest.warns(CospeechWarning, match="tree was used; eyes, jaw were not found"):
         avatar = load_avatar(tmp_path / "a.glb", {name: NAMES[name] for name in NAMES if "leftIndex" in name})
     assert {"hips", "head", "leftIndexProximal"} <= {*avatar.rig.bones}
@@ -190,9 +190,9 @@ def test_a_map_reaches_the_avatar_of_a_stream(odd, cli):
     assert code == 2
     assert "cannot find" in err
     code, _, err = cli(*command, *to, "--map", str(names))
-    sent, dropped = map(int, re.search(r"(\d+) sent, (\d+) dropped", err).groups())
-    assert (code, sent + dropped) == (0, 191)
-    assert sent > 0, "a busy machine may drop some"
+    sent_count, dropped_count = map(int, re.search(r"(\d+) sent, (\d+) dropped", err).groups())
+    assert (code, sent_count + dropped_count) == (0, 191)
+    assert sent_count > 0, "a busy machine may drop some"
     code, _, err = cli(*command[:-2], *to, "--map", str(names))
     assert code == 2
     assert "--map without --avatar" in err
@@ -241,16 +241,16 @@ def test_the_command_line_takes_map_and_clip_and_tells_each_note_once(odd, two_c
     type_command("render a.bvh a.png --avatar odd.glb --map map.toml", tmp_path)
     type_command("convert a.bvh b.glb --avatar odd.glb --map map.toml", tmp_path)
     assert "--map" in type_command("convert a.bvh c.glb --avatar odd.glb", tmp_path, code=2)[1]
-    _, told = type_command("convert two.glb d.bvh", tmp_path)
-    assert told.count("note: ") == 1
-    assert "--clip" in told
+    _, err = type_command("convert two.glb d.bvh", tmp_path)
+    assert err.count("note: ") == 1
+    assert "--clip" in err
     assert type_command("convert two.glb d.bvh --clip turn", tmp_path)[1] == ""
     rewrite(still, tmp_path / "nameless.glb", as_nameless)
     soundfile.write(tmp_path / "talk.wav", 0.1 * np.sin(np.arange(8000) * 0.05), 16000)
-    _, told = type_command("generate talk.wav -o t.glb -o t.png --avatar nameless.glb --takes 2 -q", tmp_path)
-    assert told.count("note: ") == told.count("fingers, eyes, jaw were not found") == 1
+    _, err = type_command("generate talk.wav -o t.glb -o t.png --avatar nameless.glb --takes 2 -q", tmp_path)
+    assert err.count("note: ") == err.count("fingers, eyes, jaw were not found") == 1
     (tmp_path / "talk2.wav").write_bytes((tmp_path / "talk.wav").read_bytes())
     both = "generate talk.wav talk2.wav -o {name}.glb --avatar nameless.glb --jobs 2 -q"
-    _, told = type_command(both, tmp_path)
-    assert told.startswith("note: ")
-    assert told.count("\n") == 1
+    _, err = type_command(both, tmp_path)
+    assert err.startswith("note: ")
+    assert err.count("\n") == 1

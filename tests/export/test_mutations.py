@@ -29,7 +29,7 @@ STRANGE = (
 )  # fmt: skip
 
 
-def flipped(data: bytes, chance: random.Random) -> bytes:
+def flip_bytes(data: bytes, chance: random.Random) -> bytes:
     """Bytes changed, cut, doubled or moved."""
     out = bytearray(data)
     for _ in range(chance.choice((1, 1, 2, 5, 20))):
@@ -49,7 +49,7 @@ def flipped(data: bytes, chance: random.Random) -> bytes:
     return bytes(out)
 
 
-def bent(value: object, chance: random.Random) -> object:
+def bend_json(value: object, chance: random.Random) -> object:
     """The same JSON with a few values replaced, removed or repeated."""
     places: list[tuple[object, object]] = []
 
@@ -76,11 +76,11 @@ def bent(value: object, chance: random.Random) -> object:
 @pytest.fixture(scope="module")
 def sources(tmp_path_factory) -> dict[str, bytes]:
     folder, motion = tmp_path_factory.mktemp("good"), gesturing(6)
-    made = {}
+    contents = {}
     for suffix in (".glb", ".fbx", ".vrma", ".csv", ".json", ".npz"):
         save(motion, folder / f"a{suffix}", **({"character": stand_in()} if suffix == ".glb" else {}))
-        made[suffix] = (folder / f"a{suffix}").read_bytes()
-    return made
+        contents[suffix] = (folder / f"a{suffix}").read_bytes()
+    return contents
 
 
 def read(load_one, path) -> str:
@@ -103,7 +103,7 @@ def test_bytes(sources, tmp_path, suffix):
     chance, outcomes = random.Random(suffix), []
     for _ in range(EACH):
         path = tmp_path / f"a{suffix}"
-        path.write_bytes(flipped(sources[suffix], chance))
+        path.write_bytes(flip_bytes(sources[suffix], chance))
         outcomes.append(read(load, path))
     assert outcomes.count("refused") > EACH / 20
     assert outcomes.count("read") > (0 if suffix == ".npz" else EACH / 50)
@@ -124,10 +124,10 @@ def test_documents(sources, tmp_path, suffix):
     for _ in range(EACH):
         path = tmp_path / f"a{suffix}"
         if suffix == ".json":
-            path.write_text(json.dumps(bent(json.loads(sources[suffix]), chance)))
+            path.write_text(json.dumps(bend_json(json.loads(sources[suffix]), chance)))
         else:
             document, data = split_glb(sources[suffix], "")
-            path.write_bytes(glb_of(bent(document, chance), data))
+            path.write_bytes(glb_of(bend_json(document, chance), data))
         outcomes.append(read(load, path))
     assert outcomes.count("refused") > EACH / 20
     assert outcomes.count("read") > EACH / 20
@@ -147,17 +147,17 @@ def test_vrm_extensions(sources, tmp_path, version):
         preset = {"aa": {"morphTargetBinds": [bind]}, "blink": {"morphTargetBinds": [bind], "isBinary": True}}
         good: dict = {"VRMC_vrm": {"humanoid": {"humanBones": humans}, "expressions": {"preset": preset, "custom": preset}}}
     else:
-        listed = [{"bone": name, "node": k} for k, name in enumerate(bones)]
+        bone_list = [{"bone": name, "node": k} for k, name in enumerate(bones)]
         groups = [{"name": "A", "presetName": "a", "binds": [bind]}, {"name": "B", "presetName": "blink", "binds": [bind]}]
-        good = {"VRM": {"humanoid": {"humanBones": listed}, "blendShapeMaster": {"blendShapeGroups": groups}}}
+        good = {"VRM": {"humanoid": {"humanBones": bone_list}, "blendShapeMaster": {"blendShapeGroups": groups}}}
     document.pop("animations")
     for mesh in document["meshes"]:
         mesh.pop("extras", None)
     for k, node in enumerate(document["nodes"]):
         node["name"] = f"n{k}"
     for _ in range(EACH // 2):
-        damaged = bent(json.loads(json.dumps(good)), chance)
-        (tmp_path / "a.vrm").write_bytes(glb_of(document | {"extensions": damaged}, data))
+        extension = bend_json(json.loads(json.dumps(good)), chance)
+        (tmp_path / "a.vrm").write_bytes(glb_of(document | {"extensions": extension}, data))
 
         def drive(path) -> Motion:
             avatar = load_avatar(path)

@@ -28,12 +28,12 @@ def run(node: str, script: str, *arguments: object) -> list[dict]:
     """One JSON object per line of a script's output."""
     assert (FOLDER / "node_modules").is_dir(), "run `npm ci` in tests/node (`make test` does)"
     command = [node, str(FOLDER / script), *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stderr[-2000:]
-    return [json.loads(line) for line in done.stdout.splitlines()]
+    process = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert process.returncode == 0, process.stderr[-2000:]
+    return [json.loads(line) for line in process.stdout.splitlines()]
 
 
-def described(skeleton: Skeleton, path: Path) -> Path:
+def write_skeleton(skeleton: Skeleton, path: Path) -> Path:
     bones = [
         {"name": name, "parent": skeleton.names[p] if p >= 0 else None, "offset": skeleton.offsets[k].tolist()}
         for k, (name, p) in enumerate(zip(skeleton.names, skeleton.parents, strict=True))
@@ -70,11 +70,11 @@ def test_three_vrm_plays_the_clip(node, tmp_path):
     save(motion, tmp_path / "a.vrma")
     skeleton = humanoid()
     times = [k / 30 for k in FRAMES]
-    (played,) = run(node, "check_vrma.mjs", tmp_path / "a.vrma", described(skeleton, tmp_path / "h.json"), *times)
-    assert played["duration"] == pytest.approx(89 / 30, abs=1e-5)
+    (result,) = run(node, "check_vrma.mjs", tmp_path / "a.vrma", write_skeleton(skeleton, tmp_path / "h.json"), *times)
+    assert result["duration"] == pytest.approx(89 / 30, abs=1e-5)
     ours, presets = motion.positions(), vrm_presets(motion.face)
     look = np.degrees(quat_to_euler(motion.rotations[:, skeleton.index["leftEye"]], "YXZ"))
-    for k, sample in zip(FRAMES, played["samples"], strict=True):
+    for k, sample in zip(FRAMES, result["samples"], strict=True):
         theirs = np.array([sample["positions"][name] for name in skeleton.names])
         assert np.linalg.norm(theirs - ours[k], axis=1).max() < 1e-4
         for name in PRESETS:
@@ -92,8 +92,8 @@ def test_three_vrm_plays_a_gaze_of_expressions_alone(node, tmp_path):
     motion = gesturing(90)
     save(motion, tmp_path / "a.vrma", look_at=False)
     times = [k / 30 for k in FRAMES]
-    (played,) = run(node, "check_vrma.mjs", tmp_path / "a.vrma", described(humanoid(), tmp_path / "h.json"), *times)
-    for k, sample in zip(FRAMES, played["samples"], strict=True):
+    (result,) = run(node, "check_vrma.mjs", tmp_path / "a.vrma", write_skeleton(humanoid(), tmp_path / "h.json"), *times)
+    for k, sample in zip(FRAMES, result["samples"], strict=True):
         for column, name in enumerate(ARKIT):
             assert sample["expressions"][name] == pytest.approx(motion.face[k, column], abs=1e-4)
         assert (sample["lookAt"]["yaw"], sample["lookAt"]["pitch"]) == (0, 0)
@@ -102,9 +102,9 @@ def test_three_vrm_plays_a_gaze_of_expressions_alone(node, tmp_path):
 def test_three_moves_the_mannequin(node, tmp_path):
     motion = gesturing(90)
     save(motion, tmp_path / "a.glb")
-    (played,) = run(node, "check_glb.mjs", tmp_path / "a.glb", *(k / 30 for k in FRAMES))
+    (result,) = run(node, "check_glb.mjs", tmp_path / "a.glb", *(k / 30 for k in FRAMES))
     ours = motion.positions()
-    for k, sample in zip(FRAMES, played["samples"], strict=True):
+    for k, sample in zip(FRAMES, result["samples"], strict=True):
         theirs = np.array([sample["positions"][name] for name in humanoid().names])
         assert np.linalg.norm(theirs - ours[k], axis=1).max() < 1e-4
         faces = [mesh for mesh in sample["meshes"].values() if mesh["names"]]
@@ -118,9 +118,9 @@ AVATARS = ("Godette_vrm_v4_CC-BY-3.0.vrm", "KayKit_Mage_CC0.glb", "avatar_mpfb_m
 
 
 @pytest.mark.parametrize("name", AVATARS)
-def test_three_moves_the_avatars_of_others(node, shared, tmp_path, name):
+def test_three_moves_the_avatars_of_others(node, shared_folder, tmp_path, name):
     """No new faults, and in three.js the arms of the character are where its skeleton, retargeted, has them."""
-    path, out = shared / "data" / "avatars" / name, tmp_path / "a.glb"
+    path, out = shared_folder / "data" / "avatars" / name, tmp_path / "a.glb"
     motion = gesturing(90)
     avatar = load_avatar(path)
     clips = avatar.file.list("animations")
@@ -130,9 +130,9 @@ def test_three_moves_the_avatars_of_others(node, shared, tmp_path, name):
     assert (after["numErrors"], after["numWarnings"]) == (before["numErrors"], before["numWarnings"])
     body = motion.retarget(avatar.skeleton)
     points = body.positions() - avatar.rig.shift
-    (played,) = run(node, "check_glb.mjs", out, *(k / 30 for k in FRAMES))
+    (result,) = run(node, "check_glb.mjs", out, *(k / 30 for k in FRAMES))
     back = np.array([-1, 1, -1]) if name.endswith(".vrm") else np.ones(3)  # VRM 0.x faces −Z
-    for k, sample in zip(FRAMES, played["samples"], strict=True):
+    for k, sample in zip(FRAMES, result["samples"], strict=True):
         for bone in ("leftHand", "rightHand", "head", "leftFoot", "rightLowerArm"):
             joint = avatar.rig.bones[bone]
             node_name = avatar.file.json["nodes"][avatar.rig.nodes[joint]]["name"]

@@ -27,10 +27,10 @@ def test_the_page_is_text_of_an_attribute(tmp_path, monkeypatch):
     (tmp_path / "viewer.js").write_text("\"é</iframe>'", "utf-8")
     (tmp_path / "viewer.css").write_text("")
     monkeypatch.setattr(html_page, "VIEWER", tmp_path)
-    shown = still(2).show(height=300)._repr_html_()
-    assert shown.isascii()
-    assert "&quot;&#233;&lt;/iframe&gt;&#x27;" in shown
-    assert (shown.count('"'), shown.count("<"), "height: 300px" in shown) == (10, 2, True)
+    html = still(2).show(height=300)._repr_html_()
+    assert html.isascii()
+    assert "&quot;&#233;&lt;/iframe&gt;&#x27;" in html
+    assert (html.count('"'), html.count("<"), "height: 300px" in html) == (10, 2, True)
 
 
 @pytest.mark.parametrize("options", [{"height": 20}, {"height": 10**6}, {"audio": 3}])
@@ -45,7 +45,7 @@ def test_a_cell_plays_the_speech(viewer):  # noqa: F811
     cell = still(60).show(speech)._repr_html_()
     with open_chromium() as browser:
         page, wrong = browser.new_page(), []
-        page.on("console", lambda said: wrong.append(said.text))
+        page.on("console", lambda message: wrong.append(message.text))
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.set_content(f"<html><body>{cell}</body></html>")
         frame = page.frames[1]

@@ -122,11 +122,11 @@ def test_amass_stands_upright_with_every_body(tmp_path, joints, fingers):
     np.testing.assert_allclose(quat_to_rotvec(motion.rotations[:, 0].astype(float)), 0, atol=1e-6)
     np.testing.assert_allclose(motion.root[:, 1], 0.9, atol=0.03)  # the height
     np.testing.assert_allclose(np.diff(motion.root[[0, -1]], axis=0)[0], [1, 0, 0], atol=1e-6)
-    turned = quat_to_rotvec(motion.rotations.astype(float))
+    angles = quat_to_rotvec(motion.rotations.astype(float))
     names = list(motion.skeleton.names)
-    np.testing.assert_allclose(turned[:, names.index("head"), 0], np.linspace(0, 0.4, 20), atol=1e-6)
-    np.testing.assert_allclose(turned[:, names.index("left_elbow"), 1], -0.8, atol=1e-6)
-    np.testing.assert_allclose(turned[:, names.index("left_index1"), 2], 0 if fingers is None else 0.5, atol=1e-6)
+    np.testing.assert_allclose(angles[:, names.index("head"), 0], np.linspace(0, 0.4, 20), atol=1e-6)
+    np.testing.assert_allclose(angles[:, names.index("left_elbow"), 1], -0.8, atol=1e-6)
+    np.testing.assert_allclose(angles[:, names.index("left_index1"), 2], 0 if fingers is None else 0.5, atol=1e-6)
 
 
 def test_a_world_with_y_up_stays_and_so_does_who_bows(tmp_path):
@@ -174,6 +174,6 @@ def bomb() -> bytes:
 )
 def test_bad_files(tmp_path, data, problem):
     (tmp_path / "a.npz").write_bytes(data)
-    with pytest.raises(InputError, match=problem) as caught:
+    with pytest.raises(InputError, match=problem) as refusal:
         load(tmp_path / "a.npz")
-    assert "\n" not in str(caught.value)
+    assert "\n" not in str(refusal.value)

@@ -45,10 +45,10 @@ def prune(document: dict, pattern: str) -> None:
             pass
         return k
 
-    kept = [k for k, node in enumerate(nodes) if not re.fullmatch(pattern, node["name"])]
-    new = {k: i for i, k in enumerate(kept)}
-    result = [{key: value for key, value in nodes[k].items() if key != "children"} for k in kept]
-    for k, node in zip(kept, result, strict=True):
+    remaining = [k for k, node in enumerate(nodes) if not re.fullmatch(pattern, node["name"])]
+    new = {k: i for i, k in enumerate(remaining)}
+    result = [{key: value for key, value in nodes[k].items() if key != "children"} for k in remaining]
+    for k, node in zip(remaining, result, strict=True):
         node["translation"] = (place(k) - (0 if above(k) is None else place(above(k)))).tolist()
         if above(k) is not None:
             result[new[above(k)]].setdefault("children", []).append(new[k])
@@ -56,12 +56,12 @@ def prune(document: dict, pattern: str) -> None:
         entry["joints"] = [new.get(j, new.get(above(j), 0)) for j in entry["joints"]]
         entry.pop("skeleton")
     document["nodes"] = result
-    document["scenes"] = [{"nodes": [new[k] for k in kept if above(k) is None]}]
-    used = sorted({node["mesh"] for node in result if "mesh" in node})
-    document["meshes"] = [document["meshes"][k] for k in used]
+    document["scenes"] = [{"nodes": [new[k] for k in remaining if above(k) is None]}]
+    meshes = sorted({node["mesh"] for node in result if "mesh" in node})
+    document["meshes"] = [document["meshes"][k] for k in meshes]
     for node in result:
         if "mesh" in node:
-            node["mesh"] = used.index(node["mesh"])
+            node["mesh"] = meshes.index(node["mesh"])
 
 
 def as_half(document: dict) -> None:
@@ -104,13 +104,13 @@ def as_nodes(document: dict) -> None:
 
 def read(source, target, change, note: str) -> Avatar:
     rewrite(source, target, change)
-    with pytest.warns(CospeechWarning, match=re.escape(target.name) + "' has no " + note) as told:
+    with pytest.warns(CospeechWarning, match=re.escape(target.name) + "' has no " + note) as notes:
         avatar = load_avatar(target)
-    assert len(told) == 1
+    assert len(notes) == 1
     return avatar
 
 
-def animated(path) -> set[tuple[str, str]]:
+def list_channels(path) -> set[tuple[str, str]]:
     """(name of a node, what moves)."""
     file = read_glb(path)
     return {
@@ -119,7 +119,7 @@ def animated(path) -> set[tuple[str, str]]:
     }
 
 
-def turned(path, name: str, frame: int) -> np.ndarray:
+def read_rotation(path, name: str, frame: int) -> np.ndarray:
     """(4,) local rotation of a node that an animation turns."""
     file = read_glb(path)
     entry = file.json["animations"][0]
@@ -191,11 +191,11 @@ def test_a_bust_moves_head_and_trunk(still, tmp_path):  # noqa: F811
     assert {*avatar.rig.bones} == there
     motion = gesturing(40)
     avatar.animate(motion, tmp_path / "out.glb")
-    assert animated(tmp_path / "out.glb") == {(name, "rotation") for name in there} | {
+    assert list_channels(tmp_path / "out.glb") == {(name, "rotation") for name in there} | {
         ("hips", "translation"),
         ("face", "weights"),
     }
-    assert quat_angle(turned(tmp_path / "out.glb", "head", 20), motion.rotations[20, INDEX["head"]]) < 1e-3
+    assert quat_angle(read_rotation(tmp_path / "out.glb", "head", 20), motion.rotations[20, INDEX["head"]]) < 1e-3
     theirs, ours = world_at(read_glb(tmp_path / "out.glb"), 20 / 30), motion.positions()[20]
     np.testing.assert_allclose(theirs["head"] - theirs["hips"], ours[INDEX["head"]] - ours[0], atol=1e-3)
     character = load_character(avatar)
@@ -205,27 +205,27 @@ def test_a_bust_moves_head_and_trunk(still, tmp_path):  # noqa: F811
 
 @pytest.mark.parametrize("change", [as_head, as_nodes])
 def test_a_head_turns_in_its_place(still, tmp_path, change):  # noqa: F811
-    """By the turn of our head in the world: what the trunk does is in it."""
+    """It turns as our head does in the world: the turns of the trunk are in it."""
     avatar = read(still, tmp_path / "head.glb", change, "body: head and face move")
     eye, top = ("leftEye", "head") if change is as_head else ("eyeLeft", "grp_transform")
     motion = gesturing(40)
     avatar.animate(motion, tmp_path / "out.glb")
-    moved = {("neck", "rotation"), ("rightEye", "rotation"), ("jaw", "rotation"), ("face", "weights")}
-    moved = moved if change is as_head else {("", "weights")}
-    assert animated(tmp_path / "out.glb") == moved | {(eye, "rotation"), (top, "rotation")}
+    channels = {("neck", "rotation"), ("rightEye", "rotation"), ("jaw", "rotation"), ("face", "weights")}
+    channels = channels if change is as_head else {("", "weights")}
+    assert list_channels(tmp_path / "out.glb") == channels | {(eye, "rotation"), (top, "rotation")}
     world = humanoid().forward(motion.rotations, motion.root)[1]
-    turn = turned(tmp_path / "out.glb", top, 20)
-    turn = quat_multiply(turned(tmp_path / "out.glb", "neck", 20), turn) if change is as_head else turn
+    turn = read_rotation(tmp_path / "out.glb", top, 20)
+    turn = quat_multiply(read_rotation(tmp_path / "out.glb", "neck", 20), turn) if change is as_head else turn
     assert quat_angle(turn, world[20, INDEX["head"]]) < 1e-3
-    assert quat_angle(turned(tmp_path / "out.glb", eye, 20), motion.rotations[20, INDEX["leftEye"]]) < 1e-3
+    assert quat_angle(read_rotation(tmp_path / "out.glb", eye, 20), motion.rotations[20, INDEX["leftEye"]]) < 1e-3
     weights = world_at(read_glb(tmp_path / "out.glb"), 20 / 30)["weights"]
     np.testing.assert_allclose(next(iter(weights.values())), motion.face[20], atol=1e-6)
     with pytest.raises(InputError, match="nothing of this character is where the camera looks"):
         render_motion(motion, tmp_path / "a.png", camera="hands", avatar=avatar)
     theirs = Subject(avatar).pose(motion)  # the picture shows the same
     assert np.ptp(theirs.root, 0).max() == 0
-    drawn = theirs.skeleton.forward(theirs.rotations, theirs.root)[1]
-    assert quat_angle(drawn[:, INDEX["head"]], world[:, INDEX["head"]]).max() < 1e-6
+    rotations = theirs.skeleton.forward(theirs.rotations, theirs.root)[1]
+    assert quat_angle(rotations[:, INDEX["head"]], world[:, INDEX["head"]]).max() < 1e-6
 
 
 def test_a_head_is_drawn_as_large_as_a_persons(still, tmp_path):  # noqa: F811
@@ -238,9 +238,9 @@ def test_a_head_is_drawn_as_large_as_a_persons(still, tmp_path):  # noqa: F811
     assert (np.array(view.low)[:2] >= points.min(0)[:2] - 0.061).all()
     pose = Subject(load_avatar_quietly(tmp_path / "head.glb")).pose(gesturing(40))
     positions, rotations = character.skeleton.forward(pose.rotations[35], pose.root[35])
-    moved = np.concatenate(skin(character, rotations, positions))
-    assert np.linalg.norm(moved.mean(0) - points.mean(0)) < 0.05
-    assert np.abs(moved - points).max() > 0.01
+    vertices = np.concatenate(skin(character, rotations, positions))
+    assert np.linalg.norm(vertices.mean(0) - points.mean(0)) < 0.05
+    assert np.abs(vertices - points).max() > 0.01
 
 
 def load_avatar_quietly(path) -> Avatar:
@@ -271,9 +271,9 @@ def test_a_face_without_a_head_that_can_turn_moves_alone(still, tmp_path):  # no
         avatar = read(still, tmp_path / "face.glb", change, "body: its face moves, its head does not turn")
         assert avatar.rig.bones == {}
         avatar.animate(motion, tmp_path / "out.glb")
-        assert {path for _, path in animated(tmp_path / "out.glb")} == {"weights"}
-        posed = Subject(avatar).pose(motion)
-        assert np.ptp(posed.rotations, 0).max() == np.ptp(posed.root, 0).max() == 0
+        assert {path for _, path in list_channels(tmp_path / "out.glb")} == {"weights"}
+        pose = Subject(avatar).pose(motion)
+        assert np.ptp(pose.rotations, 0).max() == np.ptp(pose.root, 0).max() == 0
         with pytest.warns(CospeechWarning, match="has no body"):
             back = load(tmp_path / "out.glb")
         np.testing.assert_allclose(back.face, motion.face, atol=1e-6)
@@ -316,8 +316,8 @@ def test_a_body_that_is_not_recognised_is_no_head(still, tmp_path):  # noqa: F81
 def test_the_command_line_writes_files_and_pictures_of_a_part(still, tmp_path, change, note):  # noqa: F811
     rewrite(still, tmp_path / "part.glb", change)
     soundfile.write(tmp_path / "talk.wav", 0.1 * np.sin(np.arange(16000) * 0.05), 16000)
-    _, told = type_command("generate talk.wav -o t.glb -o t.png --avatar part.glb -q", tmp_path)
-    assert told.count("note: ") == told.count(note) == 1
+    _, err = type_command("generate talk.wav -o t.glb -o t.png --avatar part.glb -q", tmp_path)
+    assert err.count("note: ") == err.count(note) == 1
     assert (tmp_path / "t.png").read_bytes()[:4] == b"\x89PNG"
-    _, told = type_command("render t.glb r.png --avatar part.glb --camera face", tmp_path)
-    assert told.count(note) == 2  # of the motion and of the avatar
+    _, err = type_command("render t.glb r.png --avatar part.glb --camera face", tmp_path)
+    assert err.count(note) == 2  # of the motion and of the avatar

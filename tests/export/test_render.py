@@ -32,14 +32,14 @@ WIDTH, HEIGHT = 120, 90
 
 
 def see(points, triangles, width=WIDTH, height=HEIGHT):
-    drawn = raster.Raster(np.array(points, np.float32), np.array(triangles, np.intp).reshape(-1, 3).T, width, height)
-    seen = drawn.see(np.arange(width * height, dtype=np.int32))
-    return seen._replace(triangle=drawn.number[seen.triangle])
+    target = raster.Raster(np.array(points, np.float32), np.array(triangles, np.intp).reshape(-1, 3).T, width, height)
+    visible = target.see(np.arange(width * height, dtype=np.int32))
+    return visible._replace(triangle=target.number[visible.triangle])
 
 
-def coverage(seen, width=WIDTH, height=HEIGHT):
+def coverage(visible, width=WIDTH, height=HEIGHT):
     """Samples per pixel, (H, W)."""
-    return np.bincount(seen.sample >> 2, minlength=width * height).reshape(height, width)
+    return np.bincount(visible.sample >> 2, minlength=width * height).reshape(height, width)
 
 
 def test_area_of_a_triangle():
@@ -57,8 +57,8 @@ def test_exactly_the_samples_inside_a_triangle_are_covered():
         (b[0] - a[0]) * (y - a[1]) - (x - a[0]) * (b[1] - a[1]) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)
     ]
     inside = (np.array(edges) > 0).all(0)
-    seen = see([(*c, 1) for c in corners], [(0, 1, 2)])
-    assert np.array_equal(every[inside], seen.sample)
+    visible = see([(*c, 1) for c in corners], [(0, 1, 2)])
+    assert np.array_equal(every[inside], visible.sample)
 
 
 @pytest.mark.slow
@@ -80,9 +80,9 @@ def test_a_mesh_without_cracks_or_double_samples():
 def test_the_nearer_triangle_wins_in_any_order(order):
     points = [(0, 0, 0.5), (WIDTH, 0, 0.5), (0, HEIGHT, 0.5), (0, 0, 0.4), (WIDTH, 0, 0.9), (0, HEIGHT, 0.4)]
     triangles = np.array([(0, 1, 2), (3, 4, 5)])[list(order)]
-    seen = see(points, triangles)
-    x, _ = raster.sample_positions(seen.sample, WIDTH)
-    second = np.array(order)[seen.triangle] == 1
+    visible = see(points, triangles)
+    x, _ = raster.sample_positions(visible.sample, WIDTH)
+    second = np.array(order)[visible.triangle] == 1
     cross = WIDTH * 0.2  # 0.4 + 0.5 x / WIDTH = 0.5
     clear = np.abs(x - cross) > 0.1
     assert np.array_equal(second[clear], (x > cross)[clear])
@@ -92,45 +92,45 @@ def test_many_layers_settle_on_the_nearest():
     rng = np.random.default_rng(0)
     points = rng.uniform([0, 0, 0.1], [WIDTH, HEIGHT, 1.1], (900, 3))
     triangles = np.arange(900).reshape(-1, 3)
-    seen = see(points, triangles)
+    visible = see(points, triangles)
     best = np.zeros(WIDTH * HEIGHT * 4)
     for k in range(len(triangles)):
         one = see(points, triangles[k : k + 1])
         best[one.sample] = np.maximum(best[one.sample], one.inverse)
-    assert np.allclose(best[seen.sample], seen.inverse, rtol=1e-4)
-    assert np.count_nonzero(best) == len(seen.sample)
+    assert np.allclose(best[visible.sample], visible.inverse, rtol=1e-4)
+    assert np.count_nonzero(best) == len(visible.sample)
 
 
 def test_depth_is_that_of_the_plane():
     camera = Camera(np.zeros(3), np.array([0.0, 0.0, -1.0]), 0.5, WIDTH, HEIGHT)
     corners = np.array([(-1.0, -0.8, -2.0), (1.5, -0.5, -4.0), (0.0, 1.2, -3.0)])
-    seen = see(camera.project(corners), [(0, 1, 2)])
-    x, y = raster.sample_positions(seen.sample, WIDTH)
+    visible = see(camera.project(corners), [(0, 1, 2)])
+    x, y = raster.sample_positions(visible.sample, WIDTH)
     ray = np.stack([(x - WIDTH / 2) / camera.focal, (HEIGHT / 2 - y) / camera.focal, -np.ones(len(x))])
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     depth = (normal @ corners[0]) / (normal @ ray)
-    assert np.allclose(1 / seen.inverse, depth, rtol=2e-5)
+    assert np.allclose(1 / visible.inverse, depth, rtol=2e-5)
 
 
 def test_all_outlines_and_borders_are_looked_at_by_samples():
     rng = np.random.default_rng(5)
     corners = rng.uniform([0, 0, 0.2], [WIDTH, HEIGHT, 0.9], (8, 1, 3)) + rng.uniform(-1, 1, (8, 3, 3)) * (25, 25, 0.0)
     triangles, part = np.arange(24).reshape(8, 3).T, np.arange(8)
-    drawn = raster.Raster(corners.reshape(-1, 3).astype(np.float32), triangles, WIDTH, HEIGHT)
-    every = drawn.see(np.arange(WIDTH * HEIGHT))
-    shown = np.full(WIDTH * HEIGHT * 4, -1)
-    shown[every.sample] = every.triangle
-    shown = shown.reshape(-1, 4)
-    found = find_points(drawn, part[drawn.number], np.zeros(8, bool))
-    mixed = np.zeros(len(shown), bool)
-    mixed[found.edge] = True
-    assert np.array_equal(np.flatnonzero(mixed), found.edge)
-    assert np.array_equal(found.coverage, (shown[mixed] >= 0).sum(1))
-    assert np.array_equal(found.sample_triangle, shown[mixed][shown[mixed] >= 0])
-    some = (shown >= 0).any(1)
-    left_out = some & ~mixed
-    left_out[found.whole] = False  # thinner than a pixel, between four middles
-    wrong = (shown[found.whole] != found.triangle[:, None]).any(1)
+    target = raster.Raster(corners.reshape(-1, 3).astype(np.float32), triangles, WIDTH, HEIGHT)
+    every = target.see(np.arange(WIDTH * HEIGHT))
+    in_samples = np.full(WIDTH * HEIGHT * 4, -1)
+    in_samples[every.sample] = every.triangle
+    in_samples = in_samples.reshape(-1, 4)
+    points = find_points(target, part[target.number], np.zeros(8, bool))
+    is_edge = np.zeros(len(in_samples), bool)
+    is_edge[points.edge] = True
+    assert np.array_equal(np.flatnonzero(is_edge), points.edge)
+    assert np.array_equal(points.coverage, (in_samples[is_edge] >= 0).sum(1))
+    assert np.array_equal(points.sample_triangle, in_samples[is_edge][in_samples[is_edge] >= 0])
+    some = (in_samples >= 0).any(1)
+    left_out = some & ~is_edge
+    left_out[points.whole] = False  # thinner than a pixel, between four middles
+    wrong = (in_samples[points.whole] != points.triangle[:, None]).any(1)
     assert left_out.sum() + wrong.sum() < 0.005 * some.sum()
 
 
@@ -145,8 +145,8 @@ def test_which_side_is_the_front():
     camera = Camera(np.array([0, 0, 5.0]), np.array([0.0, 0.0, -1.0]), 0.5, WIDTH, HEIGHT)
     corners = np.array([(-1.0, -1, 0), (1, -1, 0), (0, 1, 0), (0, 0, 6.0)])
     triangles = np.array([(0, 1, 2), (0, 2, 1), (0, 1, 3)])
-    drawn = [raster.Raster(camera.project(corners), triangles.T, WIDTH, HEIGHT, side) for side in (1, -1)]
-    assert [set(side.number[side.see_middles().triangle].tolist()) for side in drawn] == [{0}, {1}]
+    both_sides = [raster.Raster(camera.project(corners), triangles.T, WIDTH, HEIGHT, side) for side in (1, -1)]
+    assert [set(side.number[side.see_middles().triangle].tolist()) for side in both_sides] == [{0}, {1}]
 
 
 def test_projection_by_hand():
@@ -197,10 +197,10 @@ def test_a_ball_is_round_and_lit_from_the_key():
     size, tangent = 200, 0.2
     camera = Camera(centre + np.array([0, 0, 6.0]), np.array([0.0, 0.0, -1.0]), tangent, size, size)
     picture = Scene(character, size, size, (0, 255, 0)).draw(camera, *still()).astype(int)
-    shown = picture[..., 0] > 60  # the backdrop has no red
+    is_ball = picture[..., 0] > 60  # the backdrop has no red
     radius = 0.5 / np.sqrt(36 - 0.25) * camera.focal  # outline of a ball in perspective
-    rows, columns = np.nonzero(shown)
-    assert shown.sum() == pytest.approx(np.pi * radius**2, rel=0.02)
+    rows, columns = np.nonzero(is_ball)
+    assert is_ball.sum() == pytest.approx(np.pi * radius**2, rel=0.02)
     assert (rows.mean(), columns.mean()) == pytest.approx((99.5, 99.5), abs=0.3)
     top_left, bottom_right = picture[75, 75].sum(), picture[125, 125].sum()
     assert top_left > 1.3 * bottom_right
@@ -274,11 +274,11 @@ def look():
 @pytest.mark.slow
 def test_film_is_the_same_in_pieces_and_from_helpers(look, monkeypatch):
     motion = gesturing(40)
-    helped = frames_of(motion, (), look, 30)
+    with_helpers = frames_of(motion, (), look, 30)
     monkeypatch.setattr("cospeech.export.render.frames.cores", lambda: 1)
     alone = frames_of(motion, (0, 7, 8, 8, 31), look, 30)  # empty pieces too
-    assert helped.shape == (40, 40, 48, 3)
-    assert np.array_equal(helped, alone)
+    assert with_helpers.shape == (40, 40, 48, 3)
+    assert np.array_equal(with_helpers, alone)
 
 
 @pytest.mark.parametrize(("fps", "rate", "count"), [(30, 30, 17), (60, 30, 9), (25, 30, 21), (30, 12.5, 8), (29.97, 29.97, 17)])
@@ -293,16 +293,16 @@ BLANK = Patch(0, 0, np.zeros((40, 48, 3), np.uint8))
 
 
 def test_film_shows_the_frame_of_its_time(look, monkeypatch):
-    seen = []
+    poses = []
     monkeypatch.setattr(
         FrameRenderer,
         "draw",
-        lambda self, rows: seen.append(rows[0, :220].copy()) or [Patch(0, 0, np.zeros((2, 2, 3), np.uint8))],
+        lambda self, rows: poses.append(rows[0, :220].copy()) or [Patch(0, 0, np.zeros((2, 2, 3), np.uint8))],
     )
     motion = gesturing(20, 60)
     frames_of(motion, (), look, 20)
     world = PoseStage(humanoid(), 60).place(motion).rotations
-    assert np.allclose(seen, world[::3].reshape(7, -1), atol=1e-6)
+    assert np.allclose(poses, world[::3].reshape(7, -1), atol=1e-6)
 
 
 @pytest.mark.parametrize("size", [(0, 40), (48, 100_000), (-3, 5)])
@@ -320,13 +320,13 @@ def test_unknown_camera_lists_those_known():
 def test_helpers_end_with_the_film(look):
     frames = FrameStream(look, 30, 30)
 
-    def interrupted():
+    def interrupt():
         with frames:
             list(frames.push(gesturing(340)))
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        interrupted()
+        interrupt()
     assert frames._all_helpers
     assert all(helper._worker.process.poll() is not None for helper in frames._all_helpers)
 
@@ -374,31 +374,31 @@ def test_stage_follows_one_who_walks_and_not_one_who_sways():
     hips = PoseStage(humanoid(), 30).place(walking(300)).positions[:, 0]
     assert np.abs(hips[:, [0, 2]]).max() < 0.8
     swaying = gesturing(300)
-    placed = PoseStage(humanoid(), 30).place(swaying).positions[:, 0]
-    moved = placed - placed[0] - (swaying.root - swaying.root[0])
-    assert np.ptp(placed[:, 0]) > 0.03
-    assert np.abs(moved[:, 1]).max() < 1e-9
+    on_stage = PoseStage(humanoid(), 30).place(swaying).positions[:, 0]
+    difference = on_stage - on_stage[0] - (swaying.root - swaying.root[0])
+    assert np.ptp(on_stage[:, 0]) > 0.03
+    assert np.abs(difference[:, 1]).max() < 1e-9
 
 
 def test_stage_turns_the_first_frame_to_the_camera():
     motion = gesturing(3)
-    turned = motion.rotations.copy()
+    rotations = motion.rotations.copy()
     from cospeech.motion.rotations import axis_angle_to_quat, quat_multiply, quat_rotate
 
-    turned[:, 0] = quat_multiply(axis_angle_to_quat((0, 1, 0), 2.0), turned[:, 0])
-    placed = PoseStage(humanoid(), 30).place(Motion(fps=30, rotations=turned, root=motion.root + np.array([5, 0, 3])))
-    ahead = quat_rotate(placed.rotations[0, 0], np.array([0, 0, 1.0]))
+    rotations[:, 0] = quat_multiply(axis_angle_to_quat((0, 1, 0), 2.0), rotations[:, 0])
+    on_stage = PoseStage(humanoid(), 30).place(Motion(fps=30, rotations=rotations, root=motion.root + np.array([5, 0, 3])))
+    ahead = quat_rotate(on_stage.rotations[0, 0], np.array([0, 0, 1.0]))
     assert ahead == pytest.approx([0, ahead[1], np.sqrt(1 - ahead[1] ** 2)], abs=1e-9)
-    assert placed.positions[0, 0, [0, 2]] == pytest.approx([0, 0], abs=1e-9)
+    assert on_stage.positions[0, 0, [0, 2]] == pytest.approx([0, 0], abs=1e-9)
 
 
 @pytest.mark.parametrize(("lift", "stays"), [(0.0, True), (0.2, True), (-0.95, False), (1.4, False)])
 def test_stage_finds_the_floor_of_files_that_have_another(lift, stays):
     motion = gesturing(4)
-    placed = PoseStage(humanoid(), 30).place(
+    on_stage = PoseStage(humanoid(), 30).place(
         Motion(fps=30, rotations=motion.rotations, root=motion.root + np.array([0, lift, 0]))
     )
-    lowest = placed.positions[0, :, 1].min()
+    lowest = on_stage.positions[0, :, 1].min()
     assert lowest == pytest.approx(humanoid().tpose[:, 1].min() + (lift if stays else 0.0), abs=0.02)
 
 
@@ -410,16 +410,16 @@ def test_hands_never_leave_the_picture_and_the_camera_moves_smoothly(pieces):
     rotations[600:, skeleton.index["leftUpperArm"]] = [0, 0, np.sin(0.6), np.cos(0.6)]  # up, all at once
     stage, framing = PoseStage(skeleton, fps), Framing(view, skeleton, fps)
     motion = Motion(fps=fps, rotations=rotations, root=motion.root)
-    framed = []
+    frames = []
     for k in range(0, 900, 900 // pieces):
         for pose in map(FramedPose, *stage.place(motion[k : k + 900 // pieces])):
-            framed += framing.push(pose)
-    framed += framing.flush()
-    assert len(framed) == 900
-    boxes = np.array([box for _, box in framed])
-    needed = np.array([box_of(view, skeleton, pose.positions[None]) for pose, _ in framed])
-    assert (boxes[:, :3] <= needed[:, :3] + 1e-9).all()
-    assert (boxes[:, 3:] >= needed[:, 3:] - 1e-9).all()
+            frames += framing.push(pose)
+    frames += framing.flush()
+    assert len(frames) == 900
+    boxes = np.array([box for _, box in frames])
+    least_boxes = np.array([box_of(view, skeleton, pose.positions[None]) for pose, _ in frames])
+    assert (boxes[:, :3] <= least_boxes[:, :3] + 1e-9).all()
+    assert (boxes[:, 3:] >= least_boxes[:, 3:] - 1e-9).all()
     assert np.ptp(boxes[:250], axis=0).max() < 1e-9
     assert boxes[-1, 4] > boxes[0, 4] + 0.2
     assert np.abs(np.diff(boxes, axis=0)).max() < 0.02
@@ -452,9 +452,9 @@ def test_moments_of_short_motion(frames):
 
 def test_a_row_says_all_about_a_picture(look):
     stage = PoseStage(humanoid(), 30)
-    placed = stage.place(gesturing(2))
-    poses = list(map(FramedPose, *placed))
-    box = box_of(look.view, humanoid(), placed.positions)
+    on_stage = stage.place(gesturing(2))
+    poses = list(map(FramedPose, *on_stage))
+    box = box_of(look.view, humanoid(), on_stage.positions)
     pictures = FrameRenderer(look).pictures(np.stack([pack(pose, box) for pose in poses]))
     assert pictures.shape == (2, 40, 48, 3)
     assert pictures.std(axis=(1, 2)).min() > 5

@@ -1,4 +1,4 @@
-"""What keeps light away, against shadows that are known from geometry."""
+"""Shadows, against those that are known from geometry."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def test_the_shadow_of_a_plate(direction, blur):
 
 def test_only_what_is_asked_for_is_measured():
     vertices, normals, corners, x, _ = plate_above_floor(UP)
-    asked = np.arange(len(vertices)) % 3 == 0
+    mask = np.arange(len(vertices)) % 3 == 0
     every = measure_light(vertices, normals, corners, UP.astype(np.float32), 0.05)
-    some = measure_light(vertices, normals, corners, UP.astype(np.float32), 0.05, asked)
-    assert np.array_equal(some, np.where(asked, every, 0))
+    some = measure_light(vertices, normals, corners, UP.astype(np.float32), 0.05, mask)
+    assert np.array_equal(some, np.where(mask, every, 0))
     assert 0 < np.count_nonzero(every[: len(x)] < 1) < len(x) / 2

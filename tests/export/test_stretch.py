@@ -22,16 +22,16 @@ def speak(style, seconds):
 
 @pytest.mark.parametrize("style", ["natural", "seated"])
 def test_no_edge_is_stretched_by_30_percent(style):
-    found = measure_stretch(mannequin.build(), speak(style, 4), PARTS, every=5)
-    for part, stretch in found.items():
+    by_part = measure_stretch(mannequin.build(), speak(style, 4), PARTS, every=5)
+    for part, stretch in by_part.items():
         assert stretch.most < LIMIT, (part, stretch)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("style", STYLES)
 def test_no_edge_is_stretched_by_30_percent_in_any_style(style):
-    found = measure_stretch(mannequin.build(), speak(style, 19), PARTS, every=3)
-    for part, stretch in found.items():
+    by_part = measure_stretch(mannequin.build(), speak(style, 19), PARTS, every=3)
+    for part, stretch in by_part.items():
         assert stretch.most < LIMIT, (part, stretch)
 
 
@@ -54,9 +54,9 @@ def test_a_joint_near_its_limit_stretches_its_part_little(joint):
     skeleton = humanoid()
     rotations = np.tile(quat_identity(len(skeleton)), (1, 1, 1))
     rotations[0, skeleton.index[joint]] = axis_angle_to_quat(np.array(axis), np.radians(degrees))
-    found = measure_stretch(mannequin.build(), Motion(30.0, rotations, skeleton.offsets[:1]), limits)
+    by_part = measure_stretch(mannequin.build(), Motion(30.0, rotations, skeleton.offsets[:1]), limits)
     for part, most in limits.items():
-        assert found[part].most < most, (part, found[part])
+        assert by_part[part].most < most, (part, by_part[part])
 
 
 def test_stretch_of_a_bent_elbow_is_found():
@@ -64,8 +64,8 @@ def test_stretch_of_a_bent_elbow_is_found():
     rotations = np.tile(quat_identity(len(skeleton)), (2, 1, 1))
     rotations[1, skeleton.index["leftLowerArm"]] = axis_angle_to_quat(np.array([0.0, 1.0, 0.0]), np.radians(-150))
     motion = Motion(30.0, rotations, np.tile(skeleton.offsets[0], (2, 1)))
-    still, bent = (measure_stretch(mannequin.build(), part, ("shirt",))["shirt"] for part in (motion[:1], motion))
+    still, elbow = (measure_stretch(mannequin.build(), part, ("shirt",))["shirt"] for part in (motion[:1], motion))
     assert still.most < 1e-3
     assert still.ever == still.mean == 0
-    assert 0.2 < bent.most < 0.6
-    assert bent.mean == pytest.approx(bent.ever / 2)
+    assert 0.2 < elbow.most < 0.6
+    assert elbow.mean == pytest.approx(elbow.ever / 2)

@@ -56,11 +56,11 @@ def test_the_camera_stands_back_only_where_it_must():
 
 
 def test_cameras_show_different_strips():
-    seen = {camera: crop(camera, 3000, 20, 25).box for camera in ("full", "body", "hands")}
-    heights = {camera: box[4] - box[1] for camera, box in seen.items()}
+    boxes = {camera: crop(camera, 3000, 20, 25).box for camera in ("full", "body", "hands")}
+    heights = {camera: box[4] - box[1] for camera, box in boxes.items()}
     assert heights["full"] > 1.4 * heights["body"] > 1.4 * 1.4 * heights["hands"]
-    assert seen["full"][1] < 0  # feet and floor
-    assert seen["body"][1] > 0.3
+    assert boxes["full"][1] < 0  # feet and floor
+    assert boxes["body"][1] > 0.3
 
 
 def test_edges_of_pictures_of_own_widths():
@@ -71,7 +71,7 @@ def test_edges_of_pictures_of_own_widths():
 
 
 def find_figures(picture, layout):
-    """Of a strip without sound: the columns of its pictures in which something stands out from the backdrop."""
+    """The columns of the pictures of a strip (without sound) in which something stands out from the backdrop."""
     high = layout.cell[1]
     pixels = picture[layout.margin : layout.margin + high].astype(int)
     backdrop = pixels[:, layout.margin + 1][:, None]
@@ -90,9 +90,9 @@ def test_nobody_touches_the_border_of_a_picture(tmp_path):
     stops = [b for a, b in pairwise(gaps) if b - a > 1]
     assert len(starts) == 3
     layout = StripLayout(900, 500, 3)
-    shown = find_figures(picture, layout)
+    has_figure = find_figures(picture, layout)
     for start, stop in zip(starts, stops, strict=True):
-        columns = np.flatnonzero(shown[start:stop])
+        columns = np.flatnonzero(has_figure[start:stop])
         assert columns[0] > 2
         assert columns[-1] < stop - start - 3
     widths = [stop - start for start, stop in zip(starts, stops, strict=True)]
@@ -106,8 +106,8 @@ def test_as_many_moments_as_leave_the_figures_large(tmp_path, camera, least, mos
         writer.write(stand(*np.tile([75, 40], 20)))
     picture = np.asarray(Image.open(path).convert("RGB"))
     paper = (picture[30:100] > 250).all((0, 2))
-    shown = int((np.diff(paper.astype(int)) == -1).sum())
-    assert least <= shown <= most
+    count = int((np.diff(paper.astype(int)) == -1).sum())
+    assert least <= count <= most
 
 
 def test_the_speech_may_be_a_speech(tmp_path):
@@ -128,6 +128,6 @@ def test_times_do_not_overlap(count):
     pictures = np.full((count, layout.cell[1], layout.cell[0], 3), 200, np.uint8)
     sheet = draw_strip(layout, pictures, np.arange(count) + 10.25, count + 20.0)
     below = layout.margin + layout.cell[1]
-    inked = (sheet[below + round(0.5 * layout.unit) : below + round(2 * layout.unit)] < 100).all(-1).any(0)
-    ends = np.flatnonzero(np.diff(np.flatnonzero(inked)) > layout.unit)  # between two times
+    has_ink = (sheet[below + round(0.5 * layout.unit) : below + round(2 * layout.unit)] < 100).all(-1).any(0)
+    ends = np.flatnonzero(np.diff(np.flatnonzero(has_ink)) > layout.unit)  # between two times
     assert len(ends) + 1 == min(count, 12)

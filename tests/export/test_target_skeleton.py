@@ -135,9 +135,9 @@ def test_a_map_tells_the_reader_unit_and_t_pose(odd, tmp_path):
     doll = Skeleton(plain.skeleton.names, above, offsets, ends={k: (0, 0, 0.001) for k in plain.skeleton.ends})
     save(replace(plain, skeleton=doll), tmp_path / "m.bvh")
     assert load(tmp_path / "m.bvh").skeleton.tpose[:, 1].max() < 0.1
-    found = load(tmp_path / "m.bvh", bone_map=table).skeleton
-    assert found.tpose[:, 1].max() > 1.4
-    arm, hand = (found.tpose[found.index[table[name]]] for name in ("leftUpperArm", "leftHand"))
+    skeleton = load(tmp_path / "m.bvh", bone_map=table).skeleton
+    assert skeleton.tpose[:, 1].max() > 1.4
+    arm, hand = (skeleton.tpose[skeleton.index[table[name]]] for name in ("leftUpperArm", "leftHand"))
     assert abs(hand[1] - arm[1]) < 0.02
     assert hand[0] > arm[0] + 0.3
     with pytest.raises(InputError, match="cannot find head"):

@@ -26,7 +26,7 @@ av = pytest.importorskip("av", reason="needs PyAV: cospeech[av]")
 SMALL = {"size": (64, 48)}
 
 
-def decoded(path):
+def decode_film(path):
     """All pictures (N, H, W, 3), their times, the sound and the time of its first sample, of an .mp4."""
     with av.open(str(path)) as file:
         frames = list(file.decode(video=0))
@@ -62,7 +62,7 @@ def jumping(frames, when, fps=30.0):
 @pytest.mark.parametrize(("fps", "frames"), [(30.0, 20), (25.0, 13), (29.97, 20), (60.0, 21)])
 def test_mp4_has_a_picture_per_frame(tmp_path, fps, frames):
     gesturing(frames, fps).save(tmp_path / "a.mp4", **SMALL)
-    pictures, times, sound, _ = decoded(tmp_path / "a.mp4")
+    pictures, times, sound, _ = decode_film(tmp_path / "a.mp4")
     assert pictures.shape == (frames, 48, 64, 3)
     assert np.allclose(times, np.arange(frames) / fps, atol=1e-4)
     assert sound is None
@@ -78,13 +78,13 @@ def test_mp4_sound_and_picture_are_in_sync(tmp_path):
     fps, when = 30.0, 9
     speech = clicks(tmp_path / "click.wav", [when / fps], 0.7)
     jumping(21, when, fps).save(tmp_path / "a.mp4", audio=speech, **SMALL)
-    pictures, times, sound, first = decoded(tmp_path / "a.mp4")
+    pictures, times, sound, first = decode_film(tmp_path / "a.mp4")
     change = np.abs(np.diff(pictures.astype(float), axis=0)).mean((1, 2, 3))
     assert np.argmax(change) + 1 == when
     assert change.max() > 8 * np.median(change)
     rate = 48_000
-    heard = first + np.argmax(np.abs(sound) > 0.3) / rate
-    assert heard == pytest.approx(times[when], abs=0.005)  # a frame lasts 0.033 s
+    click = first + np.argmax(np.abs(sound) > 0.3) / rate
+    assert click == pytest.approx(times[when], abs=0.005)  # a frame lasts 0.033 s
     assert first + len(sound) / rate == pytest.approx(0.7, abs=0.05)
 
 
@@ -101,7 +101,7 @@ def test_mp4_in_pieces_with_long_sound_and_odd_size(tmp_path):
     with open_writer(tmp_path / "A.MP4", skeleton=motion.skeleton, fps=30, audio=speech, size=(63, 47)) as writer:
         for piece in (motion[:4], motion[4:5], motion[5:]):
             writer.write(piece)
-    pictures, times, sound, _ = decoded(tmp_path / "A.MP4")
+    pictures, times, sound, _ = decode_film(tmp_path / "A.MP4")
     assert pictures.shape == (15, 48, 64, 3)
     assert len(times) == 15
     assert len(sound) >= 0.5 * 48_000
@@ -117,7 +117,7 @@ def test_mp4_is_the_same_every_time(tmp_path):
 
 def test_mp4_shows_the_colours_that_were_drawn(tmp_path):
     render_motion(gesturing(3), tmp_path / "a.mp4", size=(64, 48), background=(200, 120, 40))
-    pictures, *_ = decoded(tmp_path / "a.mp4")
+    pictures, *_ = decode_film(tmp_path / "a.mp4")
     assert pictures[1, 20, 2].astype(float) == pytest.approx((200, 120, 40), abs=14)
 
 
@@ -130,7 +130,7 @@ def test_mp4_without_pyav_says_what_to_install(tmp_path, monkeypatch):
 
 def test_rates_other_than_the_motions(tmp_path):
     render_motion(gesturing(20, 60), tmp_path / "a.mp4", size=(64, 48), fps=30)
-    pictures, times, *_ = decoded(tmp_path / "a.mp4")
+    pictures, times, *_ = decode_film(tmp_path / "a.mp4")
     assert len(pictures) == 10
     assert np.allclose(np.diff(times), 1 / 30)
 
@@ -155,16 +155,16 @@ def test_gif_plays_at_the_right_speed_and_loops(tmp_path):
 def test_gif_pictures_are_those_drawn(tmp_path, monkeypatch):
     from cospeech.export.gif import Writer
 
-    drawn = []
+    pictures = []
     append = Writer._append
-    monkeypatch.setattr(Writer, "_append", lambda self, picture: drawn.append(picture) or append(self, picture))
+    monkeypatch.setattr(Writer, "_append", lambda self, picture: pictures.append(picture) or append(self, picture))
     gesturing(70).save(tmp_path / "a.gif", size=(64, 64))
-    assert len(drawn) == 35
+    assert len(pictures) == 35
     with Image.open(tmp_path / "a.gif") as picture:
-        for k, expected in enumerate(drawn):
+        for k, expected in enumerate(pictures):
             picture.seek(k)
-            shown = np.asarray(picture.convert("RGB")).astype(float)
-            assert np.abs(shown - expected).mean() < 2.5
+            frame = np.asarray(picture.convert("RGB")).astype(float)
+            assert np.abs(frame - expected).mean() < 2.5
 
 
 def test_gif_of_one_frame_that_does_not_move(tmp_path):
@@ -232,13 +232,13 @@ def test_render_motion_knows_its_formats(tmp_path):
 def test_an_interrupted_film_leaves_nothing(tmp_path):
     motion = gesturing(10)
 
-    def interrupted():
+    def interrupt():
         with open_writer(tmp_path / "a.mp4", skeleton=motion.skeleton, fps=30, **SMALL) as writer:
             writer.write(motion)
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        interrupted()
+        interrupt()
     assert list(tmp_path.iterdir()) == []
 
 

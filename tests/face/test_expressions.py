@@ -28,7 +28,7 @@ def talk(words: bool = True) -> Speech:
 
 
 @cache
-def shown(emotion: str, words: bool = True) -> Motion:
+def show_emotion(emotion: str, words: bool = True) -> Motion:
     """The face that ships, with the words of the example."""
     return models.load("rules").generate(talk(words), parts=("face",), emotion=emotion, fps=FPS, seed=2)
 
@@ -41,7 +41,7 @@ def onsets(*names: str) -> list[slice]:
 
 
 def aperture(face: np.ndarray) -> np.ndarray:
-    """(T,) how far jaw and lips are apart; as much as parts the lips above what the jaw does."""
+    """(T,) how far the mouth is open: by the jaw, and by the lips beyond what the jaw does."""
     lips = [channel(face, name + side) for name in ("mouthLowerDown", "mouthUpperUp") for side in ("Left", "Right")]
     return channel(face, "jawOpen") - channel(face, "mouthClose") + np.mean(lips, 0)
 
@@ -49,7 +49,7 @@ def aperture(face: np.ndarray) -> np.ndarray:
 @pytest.mark.slow
 @pytest.mark.parametrize("emotion", EMOTIONS)
 def test_lips_close_for_every_b_p_and_m_whatever_is_felt(emotion):
-    apart = aperture(shown(emotion).face)
+    apart = aperture(show_emotion(emotion).face)
     closures = onsets("PP")
     assert len(closures) >= 4
     assert max(apart[at].min() for at in closures) < 0.05
@@ -58,24 +58,24 @@ def test_lips_close_for_every_b_p_and_m_whatever_is_felt(emotion):
 
 @pytest.mark.slow
 def test_by_the_sound_alone_most_of_them_close():
-    apart = aperture(shown("neutral", words=False).face)
+    apart = aperture(show_emotion("neutral", words=False).face)
     assert np.mean([apart[at].min() < 0.05 for at in onsets("PP")]) >= 0.5
 
 
 def test_known_words_round_the_lips_for_o_and_u():
-    def rounded(motion, names):
+    def measure_rounding(motion, names):
         lips = channel(motion.face, "mouthPucker") + channel(motion.face, "mouthFunnel")
         return np.mean([lips[at].max() for at in onsets(*names)])
 
-    known = shown("neutral")
-    assert rounded(known, ("O", "U")) > max(0.4, 1.6 * rounded(known, ("I",)))
-    assert rounded(known, ("O", "U")) > rounded(shown("neutral", words=False), ("O", "U"))
+    with_words = show_emotion("neutral")
+    assert measure_rounding(with_words, ("O", "U")) > max(0.4, 1.6 * measure_rounding(with_words, ("I",)))
+    assert measure_rounding(with_words, ("O", "U")) > measure_rounding(show_emotion("neutral", words=False), ("O", "U"))
 
 
 def test_emotions_change_more_than_the_mouth_and_differ_from_each_other():
     """Brows, lids and cheeks alone tell any two emotions apart."""
     upper = [k for name, k in ARKIT_INDEX.items() if name.startswith(("brow", "cheek", "nose", "eyeSquint", "eyeWide"))]
-    mean = {emotion: shown(emotion).face[:, upper].mean(0) for emotion in EMOTIONS}
+    mean = {emotion: show_emotion(emotion).face[:, upper].mean(0) for emotion in EMOTIONS}
     for one in EMOTIONS:
         for other in set(EMOTIONS) - {one}:
             assert np.abs(mean[one] - mean[other]).max() > 0.15
@@ -83,7 +83,7 @@ def test_emotions_change_more_than_the_mouth_and_differ_from_each_other():
 
 def test_happiness_lifts_cheeks_and_leaves_the_eyes_open():
     """A smile below lowered lids looks smug."""
-    happy = shown("happiness").face
+    happy = show_emotion("happiness").face
     assert channel(happy, "cheekSquintLeft").mean() > 0.5
     assert channel(happy, "eyeSquintLeft").mean() < 0.25 * channel(happy, "cheekSquintLeft").mean()
     assert channel(happy, "mouthDimpleLeft").mean() < 0.05
@@ -96,16 +96,16 @@ def test_happiness_lifts_cheeks_and_leaves_the_eyes_open():
 )  # fmt: skip
 def test_laughter_is_told_from_words(text, laughs):
     times = np.arange(0, 5, 0.05)
-    found = laughter(times, [Word(text, 1.0, 1.6)])
-    assert (found.max() > 0) == laughs
+    weights = laughter(times, [Word(text, 1.0, 1.6)])
+    assert (weights.max() > 0) == laughs
     if laughs:
-        assert found[(times > 1.0) & (times < 1.6)].min() > 0.95
-        assert 0 < found[np.searchsorted(times, 2.0)] < 1
-        assert not found[(times < 0.8) | (times > 1.6 + AFTER)].any()
+        assert weights[(times > 1.0) & (times < 1.6)].min() > 0.95
+        assert 0 < weights[np.searchsorted(times, 2.0)] < 1
+        assert not weights[(times < 0.8) | (times > 1.6 + AFTER)].any()
 
 
 @pytest.mark.parametrize(
-    ("language", "laughed", "said"),
+    ("language", "laughing", "plain"),
     [("de", "haha hihi Hehehe [Lachen] (lacht) ahaha ha-ha", "hohe hoho-Wort jaja jajaja Lachen hatte höhe"),
      ("fr", "hahaha [rires] (rit)", "rires rit ha"), ("es", "jaja jejeje jajajaj [risas]", "jaula risas jota"),
      ("en", "haha jajaja", "jaja hohe heha hah www"), ("ru", "хаха ахаха ха-ха (смех)", "хата уха смех хахе"),
@@ -113,12 +113,12 @@ def test_laughter_is_told_from_words(text, laughs):
      ("ko", "하하 ㅋㅋ ㅎㅎㅎ [웃음]", "하 웃음 하루"), ("ar", "ههه هههه هاها [ضحك]", "هه ها ضحك"),
      ("", "haha [laughter]", "hohe laugh [] ()")],
 )  # fmt: skip
-def test_laughter_in_other_languages(language, laughed, said):
+def test_laughter_in_other_languages(language, laughing, plain):
     def laughs(text):
         return laughter(np.arange(0, 5, 0.05), [Word(text, 1.0, 1.6, language)]).max() > 0
 
-    assert [text for text in laughed.split() if not laughs(text)] == []
-    assert [text for text in said.split() if laughs(text)] == []
+    assert [text for text in laughing.split() if not laughs(text)] == []
+    assert [text for text in plain.split() if laughs(text)] == []
 
 
 def test_a_laugh_shows_in_the_face():
@@ -132,11 +132,11 @@ def test_a_laugh_shows_in_the_face():
 def test_emphasis_says_how_many_accents_move_the_brows_and_how_far():
     accents = [Accent(2.0 + 3.0 * k, 0.8) for k in range(300)]
     peaks = np.array([a.time for a in accents])
-    moved = {amount: accent_brows(peaks, accents, seed=7, amount=amount)[:, :3].max(1) for amount in (0.0, 0.5, 1.0, 2.0)}
-    shares = {amount: (rise > 0.05).mean() for amount, rise in moved.items()}
-    assert moved[0.0].max() == 0
+    rises = {amount: accent_brows(peaks, accents, seed=7, amount=amount)[:, :3].max(1) for amount in (0.0, 0.5, 1.0, 2.0)}
+    shares = {amount: (rise > 0.05).mean() for amount, rise in rises.items()}
+    assert rises[0.0].max() == 0
     assert 0 < shares[0.5] < shares[1.0] < shares[2.0]
-    assert np.median(moved[2.0][moved[2.0] > 0.05]) > 1.2 * np.median(moved[1.0][moved[1.0] > 0.05])
+    assert np.median(rises[2.0][rises[2.0] > 0.05]) > 1.2 * np.median(rises[1.0][rises[1.0] > 0.05])
 
 
 def test_brows_go_along_with_strokes_as_closely_as_they_are_coupled():

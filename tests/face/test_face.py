@@ -60,17 +60,17 @@ def speech(seconds, seed=0) -> tuple[Heard, list[Accent]]:
     return Heard(0, loud, np.zeros(n), (bands[:, 0] > -40).astype(float), np.zeros(n), bands), accents
 
 
-def window(heard: Heard, start: float, end: float) -> Heard:
-    a, b = max(int(np.floor(start * RATE)), 0), min(int(np.ceil(end * RATE)) + 1, len(heard.loudness))
+def window(voice: Heard, start: float, end: float) -> Heard:
+    a, b = max(int(np.floor(start * RATE)), 0), min(int(np.ceil(end * RATE)) + 1, len(voice.loudness))
     names = ("loudness", "tone", "voicing", "onset", "bands")
-    return Heard(a, *(getattr(heard, name)[a:b] for name in names))
+    return Heard(a, *(getattr(voice, name)[a:b] for name in names))
 
 
-def act(face, times, heard, *, accents=(), words=(), emotion="neutral", gaze=None, **more):
+def act(face, times, voice, *, accents=(), words=(), emotion="neutral", gaze=None, **more):
     mood = np.zeros((len(times), 8))
     mood[:, EMOTIONS.index(emotion)] = 1
     gaze = np.zeros((len(times), 2)) if gaze is None else gaze
-    return face.weights(times, heard, accents=accents, words=words, emotion=mood, gaze=eyes(gaze), **more)
+    return face.weights(times, voice, accents=accents, words=words, emotion=mood, gaze=eyes(gaze), **more)
 
 
 def eyes(gaze):
@@ -95,14 +95,14 @@ WORDS = [Word(text, 0.3 + 0.36 * k, 0.3 + 0.36 * k + 0.33) for k, text in enumer
 @pytest.mark.parametrize("words", [(), WORDS], ids=["sound", "words"])
 @pytest.mark.parametrize("frames", [30, 7, 1])
 def test_blocks_equal_the_whole(words, frames):
-    heard, accents = speech(16)
+    voice, accents = speech(16)
     face, fps = Face(seed=5, intensity=1.2), 30
     times = np.arange(16 * fps) / fps
     random = np.random.default_rng(1)
     mood, gaze = random.dirichlet(np.ones(8), len(times)), eyes(0.3 * random.standard_normal((len(times), 2)))
     shifts = [(t, 0.4) for t in np.arange(0.7, 16, 1.9)]
     give = {"accents": accents, "words": words, "shifts": shifts}
-    whole = face.weights(times, heard, emotion=mood, gaze=gaze, **give)
+    whole = face.weights(times, voice, emotion=mood, gaze=gaze, **give)
     for k in range(0, len(times), frames):
         part = times[k : k + frames]
         a, b = part[0], part[-1]
@@ -112,27 +112,27 @@ def test_blocks_equal_the_whole(words, frames):
             "shifts": [s for s in shifts if a - 0.6 < s[0] < b + 0.6],
         }
         got = face.weights(
-            part, window(heard, a - 0.5, b + 0.5), emotion=mood[k : k + frames], gaze=gaze[k : k + frames], **near
+            part, window(voice, a - 0.5, b + 0.5), emotion=mood[k : k + frames], gaze=gaze[k : k + frames], **near
         )
         assert np.abs(got - whole[k : k + frames]).max() < 1e-9
 
 
 @pytest.mark.slow
 def test_range_and_determinism():
-    heard, accents = speech(20, seed=3)
+    voice, accents = speech(20, seed=3)
     times = np.arange(600) / 30
     random = np.random.default_rng(2)
     for emotion in EMOTIONS:
         give = {"accents": accents, "words": WORDS, "emotion": emotion, "gaze": random.uniform(-1, 1, (600, 2))}
         more = {"head_speed": random.uniform(0, 6, 600), "shifts": [(3.0, 0.6)]}
-        loud = act(Face(seed=2, intensity=2, expressiveness=2), times, heard, **give, **more)
+        loud = act(Face(seed=2, intensity=2, expressiveness=2), times, voice, **give, **more)
         assert loud.shape == (600, 52)
         assert loud.min() >= 0
         assert loud.max() <= 1
-        assert np.array_equal(loud, act(Face(seed=2, intensity=2, expressiveness=2), times, heard, **give, **more))
-    other = act(Face(seed=9, intensity=2, expressiveness=2), times, heard, **give, **more)
+        assert np.array_equal(loud, act(Face(seed=2, intensity=2, expressiveness=2), times, voice, **give, **more))
+    other = act(Face(seed=9, intensity=2, expressiveness=2), times, voice, **give, **more)
     assert np.abs(other - loud).max() > 0.3  # another seed is another performance
-    assert act(Face(seed=1), times[:0], heard).shape == (0, 52)
+    assert act(Face(seed=1), times[:0], voice).shape == (0, 52)
 
 
 def test_silence_keeps_the_mouth_shut_and_the_eyes_blinking():
@@ -156,16 +156,16 @@ def test_mouth_is_shut_in_pauses_and_parts_before_the_sound():
         assert jaw[285:].max() < 0.03
         assert jaw[170:245].min() > 0.1
     neutral = channel(act(Face(seed=4), times, hear(loud)), "mouthLowerDownLeft")
-    parted = np.flatnonzero(neutral > neutral[:100].max() + 0.004) / RATE
-    assert 1.38 < parted[0] < 1.47  # some 100 ms ahead
-    assert 2.55 < parted[-1] < 2.80
+    times_apart = np.flatnonzero(neutral > neutral[:100].max() + 0.004) / RATE
+    assert 1.38 < times_apart[0] < 1.47  # some 100 ms ahead
+    assert 2.55 < times_apart[-1] < 2.80
 
 
 def test_jaw_follows_the_energy_by_thirty_milliseconds():
-    heard = syllables(12)
+    voice = syllables(12)
     times = np.arange(200, 1000) / RATE
-    jaw = channel(act(Face(seed=1), times, heard), "jawOpen")
-    loud = heard.loudness[200:1000]
+    jaw = channel(act(Face(seed=1), times, voice), "jawOpen")
+    loud = voice.loudness[200:1000]
     lags = np.arange(-8, 15)
     match = [np.corrcoef(np.roll(loud, lag), jaw)[0, 1] for lag in lags]
     assert max(match) > 0.9
@@ -214,9 +214,9 @@ def opening(weights):
 def test_bilabials_close_the_lips_whatever_is_felt(emotion):
     text = ["papa", "mama", "bebop"]
     words = [Word(w, 0.5 + 0.5 * k, 0.5 + 0.5 * k + 0.44) for k, w in enumerate(text)]
-    fps, heard = 60, hear(np.full(300, 0.9))
+    fps, voice = 60, hear(np.full(300, 0.9))
     times = np.arange(3 * fps) / fps
-    weights = act(Face(seed=2), times, heard, words=words, emotion=emotion)
+    weights = act(Face(seed=2), times, voice, words=words, emotion=emotion)
     phones = phones_of(words, 0, 3)
     closures = phones.centre[phones_to_mouth(phones.centre, phones).closed > 0.99]
     assert len(closures) == 7
@@ -230,10 +230,10 @@ def test_bilabials_close_the_lips_whatever_is_felt(emotion):
 
 
 def test_words_shape_the_lips():
-    heard, times = hear(np.full(300, 0.85)), np.arange(60, 110) / RATE
+    voice, times = hear(np.full(300, 0.85)), np.arange(60, 110) / RATE
 
     def most(word, name):
-        return channel(act(Face(seed=1), times, heard, words=[Word(word, 0.6, 1.1)]), name).max()
+        return channel(act(Face(seed=1), times, voice, words=[Word(word, 0.6, 1.1)]), name).max()
 
     assert most("woo", "mouthPucker") > 0.4 > 0.2 > most("see", "mouthPucker")
     assert most("see", "mouthStretchLeft") > 1.5 * most("woo", "mouthStretchLeft")
@@ -304,13 +304,13 @@ def test_a_blink_closes_faster_than_it_opens():
 
 def test_blinks_gather_at_the_ends_of_phrases_and_with_gaze_shifts():
     loud = np.tile(np.concatenate([np.full(200, 0.8), np.zeros(50)]), 40)
-    heard = hear(loud)
-    assert np.array_equal(phrase_ends(heard), 200 + 250 * np.arange(40))
+    voice = hear(loud)
+    assert np.array_equal(phrase_ends(voice), 200 + 250 * np.arange(40))
     times = np.arange(0, 100, 1 / 60)
     near_ends, near_shifts, plain = 0, 0, 0
     shifts = [(1.0 + 2.5 * k, 0.5) for k in range(40)]
     for seed in range(10):
-        lids = eyelids(times, heard, seed=seed, rate=22 / 60, shifts=shifts)
+        lids = eyelids(times, voice, seed=seed, rate=22 / 60, shifts=shifts)
         phase = blinks(lids, 60) % 2.5
         near_ends += int(((phase > 1.98) & (phase < 2.3)).sum())
         near_shifts += int(((phase > 0.95) & (phase < 1.27)).sum())
@@ -350,32 +350,32 @@ def test_brows_rise_on_many_strong_accents_and_few_weak_ones():
 
 @pytest.mark.parametrize("emotion", EMOTIONS[1:])
 def test_each_emotion_raises_its_own_channels(emotion):
-    heard, accents = speech(20, seed=1)
+    voice, accents = speech(20, seed=1)
     times = np.arange(600) / 30
-    calm = act(Face(seed=6), times, heard, accents=accents).mean(0)
-    felt = act(Face(seed=6), times, heard, accents=accents, emotion=emotion)
-    weak = act(Face(seed=6, intensity=0.4), times, heard, accents=accents, emotion=emotion).mean(0)
+    calm = act(Face(seed=6), times, voice, accents=accents).mean(0)
+    strong = act(Face(seed=6), times, voice, accents=accents, emotion=emotion)
+    weak = act(Face(seed=6, intensity=0.4), times, voice, accents=accents, emotion=emotion).mean(0)
     row = EXPRESSIONS[EMOTIONS.index(emotion)]
     for k in np.flatnonzero(row > 0.2):
         name = ARKIT[k]
-        assert felt[:, k].mean() > calm[k] + 0.25 * row[k], name
-        assert felt[:, k].mean() > weak[k], name
-        assert felt[:, k].std() > 0.01, f"{name} is a frozen mask"
-    others = {other: act(Face(seed=6), times, heard, accents=accents, emotion=other).mean(0) for other in EMOTIONS[1:]}
+        assert strong[:, k].mean() > calm[k] + 0.25 * row[k], name
+        assert strong[:, k].mean() > weak[k], name
+        assert strong[:, k].std() > 0.01, f"{name} is a frozen mask"
+    others = {other: act(Face(seed=6), times, voice, accents=accents, emotion=other).mean(0) for other in EMOTIONS[1:]}
     nearest = max(others, key=lambda other: np.corrcoef(others[other] - calm, row)[0, 1])
     assert nearest == emotion
 
 
 def test_contempt_is_one_sided():
-    heard, _ = speech(10)
-    weights = act(Face(seed=1), np.arange(300) / 30, heard, emotion="contempt").mean(0)
+    voice, _ = speech(10)
+    weights = act(Face(seed=1), np.arange(300) / 30, voice, emotion="contempt").mean(0)
     assert weights[ARKIT_INDEX["mouthDimpleLeft"]] > 0.1 + weights[ARKIT_INDEX["mouthDimpleRight"]]
 
 
 def test_three_hours_in():
     start = 3 * 3600
-    heard, face = syllables(61, start=start * 100 - 50), Face(seed=8)
-    weights = [act(face, start + m + np.arange(30) / 30, window_of(heard, start + m)) for m in range(60)]
+    voice, face = syllables(61, start=start * 100 - 50), Face(seed=8)
+    weights = [act(face, start + m + np.arange(30) / 30, window_of(voice, start + m)) for m in range(60)]
     weights = np.concatenate(weights)
     assert 15 <= len(blinks(channel(weights, "eyeBlinkRight"), 30)) <= 32
     assert channel(weights, "jawOpen").max() > 0.2
@@ -385,8 +385,8 @@ def test_three_hours_in():
     assert np.abs(early[:, mouth] - late[:, mouth]).max() < 1e-6  # the same sound, the same mouth
 
 
-def window_of(heard: Heard, at: float) -> Heard:
-    a = round((at - 0.5) * RATE) - heard.start
+def window_of(voice: Heard, at: float) -> Heard:
+    a = round((at - 0.5) * RATE) - voice.start
     names = ("loudness", "tone", "voicing", "onset", "bands")
     a = max(a, 0)
-    return Heard(heard.start + a, *(getattr(heard, name)[a : a + 200] for name in names))
+    return Heard(voice.start + a, *(getattr(voice, name)[a : a + 200] for name in names))

@@ -1,4 +1,4 @@
-"""Eyes on the listener: the plan of the gaze, and eyes that are turned against whatever head a system ends up with."""
+"""Eyes on the listener: the plan of the gaze, and eyes that make up for the turns of the head, whatever system moves it."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ NEAR = np.radians(12.0)
 
 def world(motion: Motion, joint: str) -> np.ndarray:
     """(N, 4) of a joint of the head in the world."""
-    found = quat_identity(len(motion))
+    rotations = quat_identity(len(motion))
     for name in (*CHAIN, joint) if joint != "head" else CHAIN:
-        found = quat_multiply(found, motion.rotations[:, JOINT[name]].astype(float))
-    return found
+        rotations = quat_multiply(rotations, motion.rotations[:, JOINT[name]].astype(float))
+    return rotations
 
 
 def off_listener(motion: Motion) -> np.ndarray:
@@ -42,7 +42,7 @@ def off_listener(motion: Motion) -> np.ndarray:
 
 @cache
 def talk() -> Speech:
-    """A minute and a half: one passage thrice, of which every performance makes something else."""
+    """A minute and a half: one passage three times; every performance of it is another one."""
     samples = Speech.load(EXAMPLE).samples
     return Speech(np.concatenate([samples, samples, samples]))
 
@@ -53,11 +53,11 @@ def speaking() -> np.ndarray:
     listener = EventDetector()
     listener.push(talk().samples)
     listener.finish()
-    heard = listener.window(0.0, talk().duration)
-    return heard.at(np.arange(talk().frames(30)) / 30, heard.loudness) > 0.4
+    features = listener.window(0.0, talk().duration)
+    return features.at(np.arange(talk().frames(30)) / 30, features.loudness) > 0.4
 
 
-def turned(**turns: tuple[float, float, float]) -> np.ndarray:
+def turn_joints(**turns: tuple[float, float, float]) -> np.ndarray:
     """(1, J, 4) of a body with joints turned by rotation vectors in degrees."""
     rotations = quat_identity(1, len(humanoid()))
     for name, turn in turns.items():
@@ -71,8 +71,8 @@ HOME = humanoid().offsets[0][None].astype(float)
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["rules", *sorted(path.stem for path in models.SHIPPED.glob(f"*{models.BUNDLE}"))])
 def test_every_system_looks_at_the_listener_while_it_speaks(model):
-    made = models.load(model).generate(talk(), seed=3, emotion="neutral", fps=30.0)
-    near = (off_listener(made) < NEAR)[speaking()]
+    motion = models.load(model).generate(talk(), seed=3, emotion="neutral", fps=30.0)
+    near = (off_listener(motion) < NEAR)[speaking()]
     assert 0.75 <= near.mean() <= 0.95
     changes = np.flatnonzero(np.diff(near.astype(int)))
     assert 4 <= len(changes) / (len(near) / 30 / 60) <= 60  # a minute: glances away, not one long stare
@@ -82,23 +82,23 @@ def test_every_system_looks_at_the_listener_while_it_speaks(model):
 @pytest.mark.parametrize("style", ["lively", "reserved", "restless"])
 def test_styles_look_at_the_listener(style):
     assert style in STYLES
-    made = models.load("rules").generate(talk(), seed=1, emotion="neutral", fps=30.0, style=style)
-    assert 0.75 <= (off_listener(made) < NEAR)[speaking()].mean() <= 0.95
+    motion = models.load("rules").generate(talk(), seed=1, emotion="neutral", fps=30.0, style=style)
+    assert 0.75 <= (off_listener(motion) < NEAR)[speaking()].mean() <= 0.95
 
 
 @pytest.mark.parametrize("head", [(0, 0, 0), (0, 25, 0), (15, -20, 8), (-10, 10, -12)])
 @pytest.mark.parametrize("chest", [(0, 0, 0), (5, 12, -4)])
 def test_eyes_stay_where_they_are_planned_while_the_head_turns(head, chest):
     """As long as the eyes can turn so far in their sockets."""
-    body = turned(head=head, chest=chest)
+    body = turn_joints(head=head, chest=chest)
     plan = np.array([[0.05, -0.03]])
-    made = Motion(30.0, look(body, eye_angles(body, HOME, plan)), HOME, None, humanoid())
-    both = np.mean([direction_of(world(made, eye)) for eye in ("leftEye", "rightEye")], 0)
+    motion = Motion(30.0, look(body, eye_angles(body, HOME, plan)), HOME, None, humanoid())
+    both = np.mean([direction_of(world(motion, eye)) for eye in ("leftEye", "rightEye")], 0)
     np.testing.assert_allclose(both, plan, atol=np.radians(0.6))
 
 
 def test_eyes_converge_on_the_listener_and_follow_them_when_the_body_walks():
-    body = turned()
+    body = turn_joints()
     angles = eye_angles(body, HOME, np.zeros((1, 2)))[0]
     assert angles[0, 0] < 0 < angles[1, 0]  # the left eye looks to the right
     apart = np.degrees(angles[1, 0] - angles[0, 0])
@@ -110,9 +110,9 @@ def test_eyes_converge_on_the_listener_and_follow_them_when_the_body_walks():
 
 
 def test_eyes_turn_no_further_than_eyes_do():
-    far = eye_angles(turned(head=(0, 80, 0)), HOME, np.zeros((1, 2)))[0]
+    far = eye_angles(turn_joints(head=(0, 80, 0)), HOME, np.zeros((1, 2)))[0]
     assert np.degrees(np.abs(far)).max() < 40
-    near = eye_angles(turned(head=(0, 20, 0)), HOME, np.zeros((1, 2)))[0]
+    near = eye_angles(turn_joints(head=(0, 20, 0)), HOME, np.zeros((1, 2)))[0]
     assert np.degrees(near.mean(0)[0]) == pytest.approx(-20, abs=0.1)
 
 

@@ -59,10 +59,10 @@ def test_digits_are_read_in_the_language(language, digit, phones):
 
 
 def test_words_in_scripts_without_rules_leave_the_mouth_to_the_sound():
-    heard, _ = speech(4)
+    voice, _ = speech(4)
     times = np.arange(120) / 30
     words = [Word("言葉", 0.5, 1.0), Word("สวัสดี", 1.0, 1.5), Word("—", 1.5, 1.6), Word("zero", 2.0, 2.0)]
-    assert np.array_equal(act(Face(seed=1), times, heard, words=words), act(Face(seed=1), times, heard))
+    assert np.array_equal(act(Face(seed=1), times, voice, words=words), act(Face(seed=1), times, voice))
 
 
 @pytest.mark.slow
@@ -81,17 +81,17 @@ def test_every_letter_of_every_language_has_a_mouth():
     [("ru", "мама"), ("ja", "ぱぱ"), ("ko", "아빠"), ("hi", "पापा"), ("ar", "بابا"), ("he", "אבא"), ("es", "vive")],
 )
 def test_lips_close_in_every_script(language, word):
-    heard, times = hear(np.full(300, 0.9)), np.arange(45, 115) / RATE
+    voice, times = hear(np.full(300, 0.9)), np.arange(45, 115) / RATE
     words = [Word(word, 0.6, 1.1, language)]
-    assert opening(act(Face(seed=1), times, heard, words=words)).min() < 0.012
-    assert opening(act(Face(seed=1), times, heard)).min() > 0.05
+    assert opening(act(Face(seed=1), times, voice, words=words)).min() < 0.012
+    assert opening(act(Face(seed=1), times, voice)).min() > 0.05
 
 
 def test_languages_shape_the_same_letters_otherwise():
-    heard, times = hear(np.full(300, 0.85)), np.arange(60, 110) / RATE
+    voice, times = hear(np.full(300, 0.85)), np.arange(60, 110) / RATE
 
     def most(word, language, name):
-        return channel(act(Face(seed=1), times, heard, words=[Word(word, 0.6, 1.1, language)]), name).max()
+        return channel(act(Face(seed=1), times, voice, words=[Word(word, 0.6, 1.1, language)]), name).max()
 
     assert most("will", "en", "mouthPucker") > 0.4 > 0.1 > most("will", "de", "mouthPucker")
     assert most("will", "de", "mouthRollLower") > 0.2 > 0.05 > most("will", "en", "mouthRollLower")
@@ -103,9 +103,9 @@ def test_languages_shape_the_same_letters_otherwise():
 
 def test_a_note_tells_that_a_spelling_does_not_say_how_words_sound():
     chinese = [Word(sign, 0.1 * k, 0.1 * k + 0.1, "zh") for k, sign in enumerate("晚上好")]
-    with pytest.warns(CospeechWarning, match="the spelling of Chinese does not tell how '晚' sounds") as told:
+    with pytest.warns(CospeechWarning, match="the spelling of Chinese does not tell how '晚' sounds") as notes:
         note_unread_words(chinese)
-    assert len(told) == 1
+    assert len(notes) == 1
     note_unread_words([*chinese, *(Word("ok", 0.5, 0.6, "zh") for _ in range(4))])  # most are read: no note
     note_unread_words(None)
     note_unread_words([Word("—", 0.0, 0.1)])

@@ -14,14 +14,14 @@ PAGE = Path(__file__).parents[2] / "docs" / "guides" / "python.md"
 ROW = re.compile(r"^\| (right|left)-handed, (Y|Z) up[^|]*\| ([^|]*) \| ([^|]*) \|$", re.MULTILINE)
 
 
-def numbers(cell: str, **known: float) -> np.ndarray:
-    """What ``100 z, −x`` says."""
+def numbers(cell: str, **values: float) -> np.ndarray:
+    """The numbers that a cell such as ``100 z, −x`` stands for."""
     text = re.sub(r"(\d) ([xyzw])", r"\1 * \2", cell.replace("−", "-"))
-    return np.array(eval(f"[{text}]", {}, known))
+    return np.array(eval(f"[{text}]", {}, values))
 
 
 @pytest.mark.parametrize("row", ROW.findall(PAGE.read_text("utf-8")), ids=" ".join)
-def test_a_turn_that_is_carried_over_turns_what_is_carried_over(row):
+def test_a_converted_rotation_turns_converted_places(row):
     hand, up, place, quaternion = row
     rng = np.random.default_rng(0)
     turn, point = rng.normal(size=4), rng.normal(size=3)

@@ -204,12 +204,12 @@ def test_commands_of_the_docs_work(desk, line):
         if "{name}" in name:
             continue  # the tests of that command know how the speeches are called
         takes = re.search(r"--takes (\d+)", line)
-        made = [desk / name] if not takes else [desk / f"{Path(name).stem}.{k}{Path(name).suffix}" for k in (1, int(takes[1]))]
-        assert all(path.stat().st_size > 100 for path in made)
+        paths = [desk / name] if not takes else [desk / f"{Path(name).stem}.{k}{Path(name).suffix}" for k in (1, int(takes[1]))]
+        assert all(path.stat().st_size > 100 for path in paths)
 
 
 def test_the_readme_was_read():
-    """The commands above are there to be tested: a change of layout must not make them vanish."""
+    """The commands of the README are found: a change of its layout must not leave them without a test."""
     assert len(LINES) >= 10
     assert any("generate" in line for line in commands(ROOT / "README.md"))
 
@@ -249,13 +249,13 @@ def test_the_client_in_javascript_turns_an_avatar_of_vrm_0_that_faces_the_other_
     (client,) = fences(ROOT / "docs" / "guides" / "live.md", "js")
     start = {"type": "start", "joints": ["hips"], "offsets": [[0, 1, 0]], "face": ["jawOpen"]}
     frame = {"type": "frame", "root": [0.1, 0.9, 0.2], "rotations": [[0.1, 0.2, 0.3, 0.9]], "face": [0]}
-    moved = {}
+    hips = {}
     for version in "01":
         script = BROWSER % (json.dumps([start, frame]), version, client)
-        done = subprocess.run([node, "-e", script], capture_output=True, text=True, timeout=60, check=True)
-        moved[version] = [pytest.approx(values) for values in json.loads(done.stdout)]
-    assert moved["1"] == [[0.2, 1.8, 0.4], [0.1, 0.2, 0.3, 0.9]]  # its hips are twice as high as ours
-    assert moved["0"] == [[-0.2, 1.8, -0.4], [-0.1, 0.2, -0.3, 0.9]]  # the same, after a half turn about the vertical
+        process = subprocess.run([node, "-e", script], capture_output=True, text=True, timeout=60, check=True)
+        hips[version] = [pytest.approx(values) for values in json.loads(process.stdout)]
+    assert hips["1"] == [[0.2, 1.8, 0.4], [0.1, 0.2, 0.3, 0.9]]  # its hips are twice as high as ours
+    assert hips["0"] == [[-0.2, 1.8, -0.4], [-0.1, 0.2, -0.3, 0.9]]  # the same, after a half turn about the vertical
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)

@@ -17,12 +17,12 @@ from tests.house.test_docs import ROOT, run
 
 pytestmark = pytest.mark.slow
 
-TITLED = re.compile(r'^```python title="([\w.]+)"\n(.*?)^```', re.S | re.M)
+BLOCK = re.compile(r'^```python title="([\w.]+)"\n(.*?)^```', re.S | re.M)
 
 
 def files(page: str) -> dict[str, str]:
     """Name → text of the files that a page tells to save."""
-    return dict(TITLED.findall((ROOT / "docs" / page).read_text("utf-8")))
+    return dict(BLOCK.findall((ROOT / "docs" / page).read_text("utf-8")))
 
 
 def follow(page: str, place: Path) -> str:
@@ -31,24 +31,24 @@ def follow(page: str, place: Path) -> str:
     run("generate talk.wav -o talk.bvh -q", place)
     for name, text in files(page).items():
         (place / name).write_text(text, "utf-8")
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "try_it.py"], cwd=place, capture_output=True, text=True, check=False,
         env=os.environ | {"PYTHONIOENCODING": "utf-8"},
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    assert process.returncode == 0, process.stderr
+    return process.stdout
 
 
 def type_own(page: str, place: Path, *instead: str) -> str:
     """Run the line ``python -c`` of a page, or its code with other arguments; what it prints."""
     (line,) = re.findall(r"^python (-c .*)$", (ROOT / "docs" / page).read_text("utf-8"), re.M)
     arguments = shlex.split(line)
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, *(arguments[:2] if instead else arguments), *instead], cwd=place, capture_output=True, text=True,
         check=False, env=os.environ | {"PYTHONIOENCODING": "utf-8"},
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    assert process.returncode == 0, process.stderr
+    return process.stdout
 
 
 def test_add_a_metric(tmp_path):
@@ -66,9 +66,9 @@ def test_add_a_metric(tmp_path):
 def test_add_a_corpus(tmp_path):
     for name in ("h5py", "scipy"):
         pytest.importorskip(name, reason=f"corpora need {name} (cospeech[corpora])")
-    said = follow("add_a_corpus.md", tmp_path)
-    assert "'calm_1', 'lively_2', 'orator_3', 'seated_4'" in said
-    assert "lost_5 dropped: 'lost_5.bvh' is not there" in said
+    output = follow("add_a_corpus.md", tmp_path)
+    assert "'calm_1', 'lively_2', 'orator_3', 'seated_4'" in output
+    assert "lost_5 dropped: 'lost_5.bvh' is not there" in output
     assert "clips: 4" in type_own("add_a_corpus.md", tmp_path)
 
 
@@ -80,5 +80,5 @@ def test_code_of_the_pages_is_as_tidy_as_ours(tmp_path):
         for name, text in files(page).items():
             (tmp_path / f"{page[:-3]}_{name}").write_text(text, "utf-8")
     options = ["--line-length", "128", "--isolated"]
-    done = subprocess.run([ruff, "format", "--check", *options, str(tmp_path)], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
+    process = subprocess.run([ruff, "format", "--check", *options, str(tmp_path)], capture_output=True, text=True, check=False)
+    assert process.returncode == 0, process.stdout

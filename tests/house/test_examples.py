@@ -16,13 +16,13 @@ EXAMPLES = sorted(FOLDER.glob("*.py"))
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_example(path, tmp_path):
-    done = subprocess.run([sys.executable, "-W", "error", path], cwd=tmp_path, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout
+    process = subprocess.run([sys.executable, "-W", "error", path], cwd=tmp_path, capture_output=True, text=True)
+    assert (process.returncode, process.stderr) == (0, "")
+    assert process.stdout
     assert list(tmp_path.iterdir()) == [], "examples leave nothing behind"
 
 
 def test_every_example_is_listed():
-    listed = (FOLDER / "README.md").read_text("utf-8")
+    readme = (FOLDER / "README.md").read_text("utf-8")
     assert EXAMPLES
-    assert [path.name for path in EXAMPLES if f"`{path.name}`" not in listed] == []
+    assert [path.name for path in EXAMPLES if f"`{path.name}`" not in readme] == []

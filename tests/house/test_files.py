@@ -33,35 +33,35 @@ def sizes(folder: Path, before: set[Path]) -> list[int]:
 
 
 @pytest.fixture
-def begun(long_speech):
-    """Starts runs, and returns when they are writing."""
-    started: list[subprocess.Popen] = []
+def begin_run(long_speech):
+    """A function that starts a run, and returns when the run is writing."""
+    processes: list[subprocess.Popen] = []
 
     def begin(target: Path) -> subprocess.Popen:
         before = {*target.parent.rglob("*.bvh")}
-        started.append(subprocess.Popen([*COSPEECH, "generate", str(long_speech), "-o", str(target), "-q"]))
+        processes.append(subprocess.Popen([*COSPEECH, "generate", str(long_speech), "-o", str(target), "-q"]))
         until = time.monotonic() + 60
         while not any(size > 10_000 for size in sizes(target.parent, before)):
-            assert started[-1].poll() is None
+            assert processes[-1].poll() is None
             assert time.monotonic() < until
             time.sleep(0.02)
-        return started[-1]
+        return processes[-1]
 
     yield begin
-    for process in started:
+    for process in processes:
         process.kill()
         process.wait()
 
 
-def test_killed_its_leftovers_go_with_the_next_run_and_a_running_one_is_left_alone(tmp_path, begun):
+def test_leftovers_of_a_killed_run_go_with_the_next_one_and_a_running_one_is_left_alone(tmp_path, begin_run):
     out = tmp_path / "out"
     out.mkdir()
-    killed = begun(out / "a.bvh")
-    killed.kill()
-    killed.wait()
+    first = begin_run(out / "a.bvh")
+    first.kill()
+    first.wait()
     left = {path.name for path in out.iterdir()}
     assert len(left) == 1
-    running = begun(out / "b.bvh")
+    running = begin_run(out / "b.bvh")
     beside = {path.name for path in out.iterdir()}
     assert not left & beside  # the second has swept
     soundfile.write(tmp_path / "short.wav", soundfile.read(EXAMPLE, frames=48_000)[0], 48_000)
@@ -78,9 +78,9 @@ def test_only_what_is_abandoned_goes(tmp_path):
     notes = tmp_path / f"{PREFIX}notes"
     notes.mkdir()
     (notes / "mine.txt").write_text("a folder of the user's")
-    marked = tmp_path / f"{PREFIX}c1c2c3c4"
-    marked.mkdir()
-    (marked / "lock").write_text("of somebody else's program")
+    foreign = tmp_path / f"{PREFIX}c1c2c3c4"
+    foreign.mkdir()
+    (foreign / "lock").write_text("of somebody else's program")
     empty = tmp_path / f"{PREFIX}d1d2d3d4"
     empty.mkdir()  # its process is about to lock it
     link = tmp_path / f"{PREFIX}link"
@@ -88,13 +88,13 @@ def test_only_what_is_abandoned_goes(tmp_path):
     with workplace(tmp_path) as own:
         sweep(tmp_path)
         assert own.is_dir()
-        kept = {theirs, notes, marked, empty, link, own}
-        assert {*tmp_path.iterdir()} == kept
+        expected = {theirs, notes, foreign, empty, link, own}
+        assert {*tmp_path.iterdir()} == expected
         long_ago = time.time() - ABANDONED - 60
-        for path in (theirs, theirs / "lock", notes, notes / "mine.txt", marked, marked / "lock", empty):
+        for path in (theirs, theirs / "lock", notes, notes / "mine.txt", foreign, foreign / "lock", empty):
             os.utime(path, (long_ago, long_ago))
         sweep(tmp_path)
-        assert {*tmp_path.iterdir()} == {notes, marked, link, own}
+        assert {*tmp_path.iterdir()} == {notes, foreign, link, own}
         assert (notes / "mine.txt").exists()
     assert not own.exists()
 
@@ -116,26 +116,26 @@ def test_a_folder_of_somebody_else_keeps_nobody_waiting(tmp_path, lead):
 def without_locks(monkeypatch) -> set[Path]:
     """As on Windows: no locks, and a file that is open cannot be removed. The set: what others have open."""
     monkeypatch.setattr("cospeech.files.workplaces.fcntl", None)
-    held, unlink = set[Path](), os.unlink
+    open_files, unlink = set[Path](), os.unlink
 
-    def refuse(path: str | Path, **named: Any) -> None:
-        folder = Path(f"/proc/self/fd/{named['dir_fd']}").resolve() if named.get("dir_fd") is not None else Path()
+    def refuse(path: str | Path, **keywords: Any) -> None:
+        folder = Path(f"/proc/self/fd/{keywords['dir_fd']}").resolve() if keywords.get("dir_fd") is not None else Path()
         whole = (folder / os.fspath(path)).absolute()
-        if whole in held or whole in {each.resolve() for each in Path("/proc/self/fd").iterdir()}:
+        if whole in open_files or whole in {each.resolve() for each in Path("/proc/self/fd").iterdir()}:
             raise PermissionError(errno.EACCES, "The process cannot access the file", str(path))
-        unlink(path, **named)
+        unlink(path, **keywords)
 
     monkeypatch.setattr(os, "unlink", refuse)
-    return held
+    return open_files
 
 
 @pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="tells what this process has open")
 def test_where_nothing_can_be_locked_an_open_file_tells(tmp_path, without_locks):
     with workplace(tmp_path) as own:
         assert {path.name for path in own.iterdir()} == {"lock"}
-        ended, running = abandoned(tmp_path), abandoned(tmp_path, name="a1b2c3d4")
+        old, running = abandoned(tmp_path), abandoned(tmp_path, name="a1b2c3d4")
         theirs = abandoned(tmp_path, machine="another", name="b1b2b3b4")
-        (ended / "0.bvh").write_text("half")
+        (old / "0.bvh").write_text("half")
         without_locks.add(running / "lock")
         sweep(tmp_path)
         assert {*tmp_path.iterdir()} == {own, running, theirs}  # of another machine: nobody knows yet
@@ -166,49 +166,49 @@ def _write_both(first: Path, second: Path, meanwhile: Callable[[], object]) -> N
 def test_a_file_that_another_program_has_open_is_told_before_the_work_and_keeps_back_all(tmp_path, monkeypatch):
     """Windows refuses to replace it; `generate` asks before it begins (`check_destination`)."""
     monkeypatch.setattr("cospeech.files._REPLACES_OPEN", False)
-    new, kept = tmp_path / "new.bvh", tmp_path / "kept.csv"
-    kept.write_text("kept")
-    opened = {kept}
+    new, old = tmp_path / "new.bvh", tmp_path / "kept.csv"
+    old.write_text("kept")
+    open_files = {old}
     for name in ("rename", "replace"):
         usual = getattr(Path, name)
 
         def refuse(path: Path, target: Path, usual: Any = usual) -> Path:
-            if {path, Path(target)} & opened:
+            if {path, Path(target)} & open_files:
                 raise PermissionError(errno.EACCES, "Permission denied", str(path))
             return usual(path, target)
 
         monkeypatch.setattr(Path, name, refuse)
-    told = r"cannot write '.*kept.csv': Permission denied \(does another program have it open\?"
-    with pytest.raises(InputError, match=told):
-        check_destination(kept)
-    for write in (atomic(kept), all_or_none([new, kept])):
-        with pytest.raises(InputError, match=told), write:
+    message = r"cannot write '.*kept.csv': Permission denied \(does another program have it open\?"
+    with pytest.raises(InputError, match=message):
+        check_destination(old)
+    for write in (atomic(old), all_or_none([new, old])):
+        with pytest.raises(InputError, match=message), write:
             raise AssertionError
-    opened.clear()
-    with pytest.raises(InputError, match=told):
-        _write_both(new, kept, lambda: opened.add(kept))  # while the work goes on
-    assert ({*tmp_path.iterdir()}, kept.read_text()) == ({kept}, "kept")
-    opened.clear()
-    _write_both(new, kept, list)
-    assert (new.read_text(), kept.read_text()) == ("new", "new")
+    open_files.clear()
+    with pytest.raises(InputError, match=message):
+        _write_both(new, old, lambda: open_files.add(old))  # while the work goes on
+    assert ({*tmp_path.iterdir()}, old.read_text()) == ({old}, "kept")
+    open_files.clear()
+    _write_both(new, old, list)
+    assert (new.read_text(), old.read_text()) == ("new", "new")
 
 
 def test_a_program_that_was_started_meanwhile_holds_no_lock(tmp_path):
-    """The decoder, say, that outlives its parent for a moment."""
+    """For example the decoder, which outlives its parent for a moment."""
     with workplace(tmp_path) as place:
         code = "import fcntl, sys; fcntl.flock(open(sys.argv[1]), fcntl.LOCK_SH | fcntl.LOCK_NB)"
         child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"], close_fds=False)
-        held = tmp_path / "held"
-        held.hardlink_to(place / "lock")
-        assert subprocess.run([sys.executable, "-c", code, held], stderr=subprocess.DEVNULL, check=False).returncode != 0
+        link = tmp_path / "held"
+        link.hardlink_to(place / "lock")
+        assert subprocess.run([sys.executable, "-c", code, link], stderr=subprocess.DEVNULL, check=False).returncode != 0
     try:
-        subprocess.run([sys.executable, "-c", code, held], check=True)
+        subprocess.run([sys.executable, "-c", code, link], check=True)
     finally:
         child.kill()
         child.wait()
 
 
-def _interrupted(target: Path) -> None:
+def _interrupt(target: Path) -> None:
     with atomic(target) as path:
         path.write_text("half")
         raise KeyboardInterrupt
@@ -221,7 +221,7 @@ def test_atomic_leaves_no_trace(tmp_path):
         assert not target.exists()
     assert [*tmp_path.iterdir()] == [target]
     with pytest.raises(KeyboardInterrupt):
-        _interrupted(target)
+        _interrupt(target)
     assert ([*tmp_path.iterdir()], target.read_text()) == ([target], "whole")
 
 
@@ -270,18 +270,18 @@ def test_the_hint_fits_the_folder(tmp_path, monkeypatch, number, there, hint):
 
     folder = tmp_path if there else tmp_path / "nowhere"
     monkeypatch.setattr(Path, "mkdir", refuse)
-    with pytest.raises(InputError) as caught, atomic(folder / "a.bvh"):
+    with pytest.raises(InputError) as refusal, atomic(folder / "a.bvh"):
         raise AssertionError
-    assert str(caught.value) == f"cannot write {str(folder / 'a.bvh')!r}: {os.strerror(number)}{hint}"
+    assert str(refusal.value) == f"cannot write {str(folder / 'a.bvh')!r}: {os.strerror(number)}{hint}"
 
 
 def test_an_error_of_writing_names_the_file_and_no_other(tmp_path):
-    named = []
+    filenames = []
     for names_it in (True, False):  # else another file could not be written: this one can
-        with pytest.raises(OSError, match="No space") as caught, atomic(tmp_path / "a.bvh") as temporary:
+        with pytest.raises(OSError, match="No space") as error, atomic(tmp_path / "a.bvh") as temporary:
             raise OSError(errno.ENOSPC, "No space left on device", *[str(temporary)] * names_it)
-        named.append(caught.value.filename)
+        filenames.append(error.value.filename)
     target = tmp_path / "b.bvh"
-    with pytest.raises(OSError, match="No space") as caught, all_or_none([target]) as place, atomic(place(target)) as temporary:
+    with pytest.raises(OSError, match="No space") as error, all_or_none([target]) as place, atomic(place(target)) as temporary:
         raise OSError(errno.ENOSPC, "No space left on device", str(temporary))
-    assert [*named, caught.value.filename] == [str(tmp_path / "a.bvh"), None, str(target)]
+    assert [*filenames, error.value.filename] == [str(tmp_path / "a.bvh"), None, str(target)]

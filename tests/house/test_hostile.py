@@ -77,8 +77,8 @@ def test_a_textgrid_with_a_long_number(tmp_path, tail):
     """Quadratic once: 10.9 s for 20,000 digits."""
     path = tmp_path / "a.TextGrid"
     path.write_text('"ooTextFile" "TextGrid" ' + "1" * 400_000 + tail)
-    said, seconds, peak = peak_of(path, "cospeech.audio.transcripts.load_words(path, speech_seconds=9)")
-    assert said.startswith("'a.TextGrid': a TextGrid with")
+    outcome, seconds, peak = peak_of(path, "cospeech.audio.transcripts.load_words(path, speech_seconds=9)")
+    assert outcome.startswith("'a.TextGrid': a TextGrid with")
     assert seconds < SOON
     assert peak < MOST_MEMORY
 
@@ -146,20 +146,20 @@ def test_small_files_that_want_gigabytes(tmp_path, name):
     path = tmp_path / f"a{suffix}"
     path.write_bytes(make(tmp_path))
     assert path.stat().st_size < 3_000_000
-    said, seconds, peak = peak_of(path)
-    assert said != "read"
-    assert peak < MOST_MEMORY, said
+    outcome, seconds, peak = peak_of(path)
+    assert outcome != "read"
+    assert peak < MOST_MEMORY, outcome
     assert seconds < SOON
     if "far" in name or name in ("NPZ of zeros", "BVH of many joints"):
-        assert "frames is the most for a file of" in said
+        assert "frames is the most for a file of" in outcome
 
 
 def test_what_a_small_file_may_become_is_read_in_moderate_memory(tmp_path):
     """The largest motion that a small file may become."""
     path = tmp_path / "a.glb"
     path.write_bytes(far_glb(tmp_path, ".glb", 300, 1000.0))
-    said, _, peak = peak_of(path)
-    assert said == "read"
+    outcome, _, peak = peak_of(path)
+    assert outcome == "read"
     assert peak < 700
 
 
@@ -262,8 +262,8 @@ TRANSCRIPTS = {
 def test_transcripts_of_millions(tmp_path, name):
     file, data, problem = TRANSCRIPTS[name]
     (tmp_path / file).write_bytes(data)
-    said, seconds, peak = peak_of(tmp_path / file, "cospeech.audio.transcripts.load_words(path, speech_seconds=9)")
-    assert problem is None or problem in said
+    outcome, seconds, peak = peak_of(tmp_path / file, "cospeech.audio.transcripts.load_words(path, speech_seconds=9)")
+    assert problem is None or problem in outcome
     assert seconds < 30  # a second or three
     assert peak < MOST_MEMORY
 
@@ -276,8 +276,8 @@ def test_a_subtitle_with_an_endless_character(tmp_path, entity):
 
 def test_an_emotion_track_of_blank_lines(tmp_path):
     (tmp_path / "a.csv").write_bytes(b"time,emotion\n" + b"\n" * (15 << 20))
-    said, seconds, _ = peak_of(tmp_path / "a.csv", "cospeech.audio.emotions.read_emotion_track(path)")
-    assert "more than 100,000 rows" in said
+    outcome, seconds, _ = peak_of(tmp_path / "a.csv", "cospeech.audio.emotions.read_emotion_track(path)")
+    assert "more than 100,000 rows" in outcome
     assert seconds < SOON
 
 
@@ -456,7 +456,7 @@ def test_what_is_no_file_is_refused(tmp_path, name, kind):
     """A pipe that nobody writes to blocks whoever opens it, for ever."""
     if not hasattr(os, "mkfifo"):
         pytest.skip("this system has no such files")
-    suffix, opened = OPENERS[name]
+    suffix, opener = OPENERS[name]
     path = tmp_path / (suffix[1:] if suffix.startswith("/") else f"a{suffix}")
     if kind == "pipe":
         os.mkfifo(path)
@@ -469,9 +469,9 @@ def test_what_is_no_file_is_refused(tmp_path, name, kind):
     else:
         path.touch()
     before = sorted(p.name for p in tmp_path.iterdir())
-    with pytest.raises(InputError) as caught:
-        opened(path)
-    assert "\n" not in str(caught.value)
+    with pytest.raises(InputError) as refusal:
+        opener(path)
+    assert "\n" not in str(refusal.value)
     assert sorted(p.name for p in tmp_path.iterdir()) == before
 
 
@@ -481,9 +481,9 @@ def test_what_is_no_file_is_refused(tmp_path, name, kind):
 def test_every_limit_is_a_row_of_the_table():
     tree = ast.parse(inspect.getsource(limits))
     table = next(node for node in tree.body if isinstance(node, ast.Assign) and node.targets[0].id == "LIMITS")
-    named = {node.id for node in ast.walk(table) if isinstance(node, ast.Name)}
+    names = {node.id for node in ast.walk(table) if isinstance(node, ast.Name)}
     constants = {name for name in limits.__all__ if name.isupper()} - {"LIMITS"}
-    assert constants <= named, sorted(constants - named)
+    assert constants <= names, sorted(constants - names)
     assert len({(row.what, row.unit) for row in limits.LIMITS}) == len(limits.LIMITS)
     assert all(row.value > 0 and row.why and row.unit for row in limits.LIMITS)
 
@@ -525,27 +525,27 @@ GOOD_TRANSCRIPTS = {
 def good(tmp_path_factory) -> dict[str, bytes]:
     """A small good file of every format."""
     folder, motion = tmp_path_factory.mktemp("good"), gesturing(3)
-    made: dict[str, bytes] = {}
+    contents: dict[str, bytes] = {}
     for suffix in (".bvh", ".csv", ".json", ".glb", ".vrma"):
         save(motion, folder / f"a{suffix}", **({"character": stand_in()} if suffix == ".glb" else {}))
-        made[suffix] = (folder / f"a{suffix}").read_bytes()
+        contents[suffix] = (folder / f"a{suffix}").read_bytes()
     tier = "".join(f'{k / 2} {k / 2 + 0.5} "{word}"\n' for k, word in enumerate(("Hello", "", "<sil>", "a b")))
-    made["textgrid"] = f'"ooTextFile"\n"TextGrid"\n0 2 <exists> 1\n"IntervalTier" "words" 0 2 4\n{tier}'.encode()
-    made["tsv"] = b"start\tend\tword\n0.1\t0.5\tHello,\n0.5\t1,25\tworld (laughs)\n1.5\t2\t<sil>\n"
-    made["srt"] = (
+    contents["textgrid"] = f'"ooTextFile"\n"TextGrid"\n0 2 <exists> 1\n"IntervalTier" "words" 0 2 4\n{tier}'.encode()
+    contents["tsv"] = b"start\tend\tword\n0.1\t0.5\tHello,\n0.5\t1,25\tworld (laughs)\n1.5\t2\t<sil>\n"
+    contents["srt"] = (
         b"1\n00:00:01,000 --> 00:00:02,500\n<i>Hello</i> &amp; &#228;\nworld\n\n2\n00:00:03,000 --> 00:00:04,000\nBye\n"
     )
-    made |= {name: text.encode() for name, text in GOOD_TRANSCRIPTS.items()}
+    contents |= {name: text.encode() for name, text in GOOD_TRANSCRIPTS.items()}
     words = [{"word": w, "start": k / 2, "end": k / 2 + 0.4} for k, w in enumerate(["so", "what", "is", "that"])]
-    made["words.json"] = json.dumps({"segments": [{"words": words}]}, indent=1).encode()
-    made["txt"] = "Well, the big house - and 42 others! 你好。 สวัสดี (laughs)\n".encode() * 3
-    made["named"] = b"time,emotion,weight\n0,neutral,1\n2.5,happiness,0.7\n9,anger,1\n"
-    made["shares"] = b"time,happiness,anger\n0,0,0\n2.5,0.5,0.2\n9,1,1\n"
-    made["map"] = b'[bones]\nleftUpperArm = "L_Arm"\nhips = "pelvis"\nleftHand = ""\n'
-    made["recipe"] = b'[model]\nname = "moglow"\n[data]\nfps = 20.0\nspeakers = ["a", "b"]\n[train]\nbetas = [0.9, 0.99]\n'
-    made["split"] = b"id,type\n1_wayne_0_1_1,train\n1_wayne_0_2_2,test\n"
-    made["info"] = b"anim_bvh,validation\na.bvh,TRUE\nb.bvh,FALSE\n"
-    return made
+    contents["words.json"] = json.dumps({"segments": [{"words": words}]}, indent=1).encode()
+    contents["txt"] = "Well, the big house - and 42 others! 你好。 สวัสดี (laughs)\n".encode() * 3
+    contents["named"] = b"time,emotion,weight\n0,neutral,1\n2.5,happiness,0.7\n9,anger,1\n"
+    contents["shares"] = b"time,happiness,anger\n0,0,0\n2.5,0.5,0.2\n9,1,1\n"
+    contents["map"] = b'[bones]\nleftUpperArm = "L_Arm"\nhips = "pelvis"\nleftHand = ""\n'
+    contents["recipe"] = b'[model]\nname = "moglow"\n[data]\nfps = 20.0\nspeakers = ["a", "b"]\n[train]\nbetas = [0.9, 0.99]\n'
+    contents["split"] = b"id,type\n1_wayne_0_1_1,train\n1_wayne_0_2_2,test\n"
+    contents["info"] = b"anim_bvh,validation\na.bvh,TRUE\nb.bvh,FALSE\n"
+    return contents
 
 
 TEXTS = {  # name of the good file → suffix, reader
@@ -568,7 +568,7 @@ TEXTS = {  # name of the good file → suffix, reader
 }  # fmt: skip
 
 
-def bounded(read, path: Path) -> str:
+def read_within_bounds(read, path: Path) -> str:
     """Read in bounded time and memory; a motion is finite, and no larger than its file may become."""
 
     def one() -> None:
@@ -589,7 +589,7 @@ def test_hostile_texts(good, tmp_path, name):
         for _ in range(EACH):
             path = tmp_path / f"a{suffix}"
             path.write_text(hostile_text(text, chance) or " ", "utf-8")
-            ends.append(bounded(read, path))
+            ends.append(read_within_bounds(read, path))
     assert ends.count("refused") > (0 if name == "txt" else EACH / 10)  # almost anything is a text
     assert ends.count("read") > EACH / 100
 
@@ -611,7 +611,7 @@ def test_hostile_documents(good, tmp_path, suffix):
             else:
                 tree = bent_tree(document, chance)
             path.write_bytes(glb_of(tree, bytes(binary)))
-            ends.append(bounded(Motion.load, path))
+            ends.append(read_within_bounds(Motion.load, path))
     assert min(ends.count("refused"), ends.count("read")) > EACH / 20
 
 
@@ -632,7 +632,7 @@ def test_hostile_arrays(tmp_path):
                 numbers["mocap_frame_rate"] = struct.pack("<f", rate)
             path = tmp_path / "a.npz"
             path.write_bytes(npz_of({key: (heads[key], numbers[key]) for key in heads}))
-            ends.append(bounded(Motion.load, path))
+            ends.append(read_within_bounds(Motion.load, path))
     assert ends.count("refused") > EACH / 2
     assert ends.count("read") > 0
 
@@ -641,18 +641,18 @@ def test_hostile_manifests(bundle, tmp_path):
     chance, ends = random.Random("hostile manifest"), []
     manifest = dict(read_bundle(bundle).manifest)
     for _ in range(EACH):
-        bent = bent_tree(manifest, chance)
+        mutant = bent_tree(manifest, chance)
         with bounded_memory():
-            ends.append(answer(lambda tree=bent: TrainedModel.open(rewritten(bundle, tmp_path / "a.cospeech", dict(tree)))))
+            ends.append(answer(lambda tree=mutant: TrainedModel.open(rewritten(bundle, tmp_path / "a.cospeech", dict(tree)))))
     assert min(ends.count("refused"), ends.count("read")) > EACH / 50
 
 
 def test_hostile_lists_of_arrays():
     """Heads of safetensors: text in front of numbers."""
     chance, ends = random.Random("hostile safetensors"), []
-    packed = pack_arrays({"a": np.zeros((2, 3), np.float32), "b": np.ones(4, np.float32)})
-    size = int.from_bytes(packed[:8], "little")
-    head, data = packed[8 : 8 + size].decode(), packed[8 + size :]
+    whole = pack_arrays({"a": np.zeros((2, 3), np.float32), "b": np.ones(4, np.float32)})
+    size = int.from_bytes(whole[:8], "little")
+    head, data = whole[8 : 8 + size].decode(), whole[8 + size :]
     with bounded_memory():
         for _ in range(EACH):
             text = hostile_text(head, chance).encode()
@@ -677,7 +677,7 @@ def test_hostile_graphs(bundle):
 
 
 def test_hostile_speech():
-    """Speech made in a program of extreme rates, times and words."""
+    """Speech that a program makes, with extreme rates, times and words."""
     chance, ends = random.Random("hostile speech"), []
     odd = (1e-300, 1e300, 10**30, -1, 0, 0.5, 1.0, float("nan"), float("inf"), "x", None, True, Fraction(1, 3), 100, 1e7)
     for _ in range(EACH):

@@ -32,9 +32,9 @@ def test_public_names_resolve():
 
 def test_import_is_light():
     code = "import sys, cospeech; print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "cospeech" in done.stdout.split()
-    assert {"numpy", "onnxruntime", "pydantic", "soundfile", "torch", "typer"}.isdisjoint(done.stdout.split())
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "cospeech" in process.stdout.split()
+    assert {"numpy", "onnxruntime", "pydantic", "soundfile", "torch", "typer"}.isdisjoint(process.stdout.split())
 
 
 # What the core does not install (the extras and the tools of development), and who runs as if it were not there.
@@ -72,12 +72,12 @@ assert 0 < frames + sum(map(len, session.finish())) == speech.frames(20)
 def without(modules: set[str], code: str, *arguments: object, folder: Path) -> None:
     """Run Python code in a process that cannot import ``modules``; it must succeed, and warn of nothing."""
     command = [sys.executable, "-c", code, ",".join(sorted(modules)), *map(str, arguments)]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
+    process = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert (process.returncode, process.stderr) == (0, "")
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory) -> Path:
+def core_files(tmp_path_factory) -> Path:
     """Files that ``generate`` wrote where the core alone can be imported."""
     folder = tmp_path_factory.mktemp("core")
     outputs = [part for suffix in ("bvh", "glb", "csv", "npz") for part in ("-o", f"talk.{suffix}")]
@@ -90,9 +90,9 @@ def made(tmp_path_factory) -> Path:
     ["--help", "generate --help", "convert talk.bvh other.vrma -q", "render talk.npz talk.png -q"]
     + [f"list {what}" for what in ("models", "styles", "emotions", "formats", "skeletons", "metrics", "corpora", "recipes")],
 )
-def test_the_core_is_enough(made, line):
+def test_the_core_is_enough(core_files, line):
     """Neither torch nor scipy nor anything else that `make demo` does not install is imported on the way to a motion."""
-    without(BEYOND_THE_CORE, COMMAND, *line.split(), folder=made)
+    without(BEYOND_THE_CORE, COMMAND, *line.split(), folder=core_files)
 
 
 def test_the_core_is_enough_for_a_session(tmp_path):
@@ -100,8 +100,8 @@ def test_the_core_is_enough_for_a_session(tmp_path):
 
 
 @pytest.mark.parametrize("line", ["--help", "list models", "convert talk.bvh again.bvh -q"])
-def test_onnxruntime_waits_for_a_bundle(made, line):
-    without({"onnxruntime", "safetensors"}, COMMAND, *line.split(), folder=made)
+def test_onnxruntime_waits_for_a_bundle(core_files, line):
+    without({"onnxruntime", "safetensors"}, COMMAND, *line.split(), folder=core_files)
 
 
 def test_rules_by_themselves_need_no_onnxruntime_and_without_a_plan_no_pydantic(tmp_path):
@@ -168,8 +168,8 @@ cospeech.train train
 @pytest.mark.parametrize("line", OLD_PATHS.strip().splitlines())
 def test_import_paths_of_the_first_documentation_work(line):
     module, *names = line.split()
-    found = import_module(module)
-    assert all(hasattr(found, name) for name in names)
+    result = import_module(module)
+    assert all(hasattr(result, name) for name in names)
 
 
 @pytest.mark.parametrize("line", OLD_PATHS_OF_TRAINING.strip().splitlines())
@@ -183,26 +183,26 @@ def test_a_module_under_its_old_path_is_the_same_object():
     assert import_module("cospeech.audio.speech").__spec__.name == "cospeech.audio.speech"
 
 
-def locked() -> dict[str, str]:
+def read_lock() -> dict[str, str]:
     """Name → versions of the lock, joined."""
-    found: dict[str, str] = {}
+    versions: dict[str, str] = {}
     for package in tomllib.loads((ROOT / "uv.lock").read_text("utf-8"))["package"]:
-        found[package["name"]] = f"{found.get(package['name'], '')} {package.get('version', '')}"
-    return found
+        versions[package["name"]] = f"{versions.get(package['name'], '')} {package.get('version', '')}"
+    return versions
 
 
-def pinned(name: str) -> dict[str, str]:
+def read_pins(name: str) -> dict[str, str]:
     text = (ROOT / "requirements" / name).read_text("utf-8")
-    found: dict[str, str] = {}
+    versions: dict[str, str] = {}
     for package, version in re.findall(r"^([\w.-]+)==(\S+)", text, re.M):
-        found[package] = f"{found.get(package, '')} {version}"
-    return found
+        versions[package] = f"{versions.get(package, '')} {version}"
+    return versions
 
 
 @pytest.mark.parametrize("name", ["core.txt", "studio.txt", "node.txt"])
 def test_what_pip_installs_is_what_the_lock_says(name):
-    assert pinned(name)
-    assert all(set(version.split()) <= set(locked()[package].split()) for package, version in pinned(name).items())
+    assert read_pins(name)
+    assert all(set(version.split()) <= set(read_lock()[package].split()) for package, version in read_pins(name).items())
 
 
 @pytest.mark.parametrize(("name", "command"), [("core.txt", "EXPORT"), ("studio.txt", "STUDIO"), ("node.txt", "NODE")])
@@ -211,8 +211,8 @@ def test_lists_for_pip_are_made_from_the_lock(name, command):
     if not uv.is_file():
         pytest.skip("needs uv beside this Python (`make test` installs it)")
     export = re.search(rf'^{command} = "(.*)"$', (ROOT / "tools" / "lock.py").read_text("utf-8"), re.M)[1].split()
-    done = subprocess.run([uv, *export, "--offline"], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert done.stdout == (ROOT / "requirements" / name).read_text("utf-8"), "run `make lock`"
+    process = subprocess.run([uv, *export, "--offline"], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert process.stdout == (ROOT / "requirements" / name).read_text("utf-8"), "run `make lock`"
 
 
 def test_the_core_has_no_torch_and_is_small():
@@ -224,7 +224,7 @@ def test_the_core_has_no_torch_and_is_small():
     }  # fmt: skip
     of_intel_macs = {"coloredlogs", "humanfriendly", "mpmath", "sympy"}  # wanted by the last onnxruntime for them
     to_install = {"hatchling", "pathspec", "pluggy", "tomlkit", "trove-classifiers"}
-    assert set(pinned("core.txt")) == direct | of_theirs | of_intel_macs | to_install
+    assert set(read_pins("core.txt")) == direct | of_theirs | of_intel_macs | to_install
 
 
 def test_the_wheel_is_complete(tmp_path):

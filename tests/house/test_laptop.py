@@ -37,9 +37,9 @@ def test_the_block_of_the_page_runs(tmp_path, monkeypatch):
     assert commands == ["synthesise", "prepare", "train", "bundle", "generate"]
     monkeypatch.setenv("PATH", str(tmp_path))  # no espeak-ng, no flite
     for line in lines():
-        _, told = type_command(f"{line} {LESS.get(line.split()[1], '')}", tmp_path)
+        _, err = type_command(f"{line} {LESS.get(line.split()[1], '')}", tmp_path)
         if "synthesise" in line:
-            assert told.startswith("note: neither espeak-ng nor flite is installed")
+            assert err.startswith("note: neither espeak-ng nor flite is installed")
     assert len(Motion.load(tmp_path / "talk.bvh")) == 180
     assert (tmp_path / "talk.glb").stat().st_size > 1000
 
@@ -53,9 +53,9 @@ def test_recipes_that_come_with_the_program(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("laptop").write_text((SHIPPED / "laptop.toml").read_text("utf-8").replace("batch = 32", "batch = 7"), "utf-8")
     assert load_recipe("laptop").train.batch == 7, "a file of the user's comes first"
-    known = ", ".join(list_recipes())
-    told = rf"'latpop': .* \(did you mean 'laptop'\? a TOML file, or one that comes with the program: {known}\)"
-    with pytest.raises(InputError, match=told):
+    names = ", ".join(list_recipes())
+    message = rf"'latpop': .* \(did you mean 'laptop'\? a TOML file, or one that comes with the program: {names}\)"
+    with pytest.raises(InputError, match=message):
         load_recipe("latpop")
     with pytest.raises(InputError, match=r"directory \(a TOML file"):
         load_recipe("latpop.toml")

@@ -23,32 +23,32 @@ def part(path: Path) -> str:
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
-def imported(tree: ast.AST, path: Path) -> set[str]:
+def list_imports(tree: ast.AST, path: Path) -> set[str]:
     """Dotted names of everything that a file imports, at its top or later; relative imports made absolute."""
     package = ["cospeech", *path.relative_to(PACKAGE).parts[:-1]]
-    found = set()
+    names = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             base = package[: len(package) - node.level + 1] if node.level else []
             module = ".".join([*base, *([node.module] if node.module else [])])
-            found |= {f"{module}.{alias.name}" for alias in node.names}
-    return found
+            names |= {f"{module}.{alias.name}" for alias in node.names}
+    return names
 
 
 def faults(source: str, path: Path) -> list[str]:
     """Imports of a file that go upwards, or bring torch where it does not belong."""
-    own, found = part(path), []
-    for name in imported(ast.parse(source), path):
+    own, problems = part(path), []
+    for name in list_imports(ast.parse(source), path):
         top, *rest = name.split(".")
         if top == "torch" and own not in TORCH:
-            found.append(f"{own} imports torch")
+            problems.append(f"{own} imports torch")
         if top != "cospeech" or not rest or rest[0].startswith("__") or rest[0] == own:
             continue
         if rest[0] in RANK and RANK[rest[0]] >= RANK[own] and (own, rest[0]) not in FACADES:
-            found.append(f"{own} imports {rest[0]}")
-    return found
+            problems.append(f"{own} imports {rest[0]}")
+    return problems
 
 
 def test_every_module_and_package_has_a_layer_and_they_are_few():
@@ -61,7 +61,7 @@ def test_every_module_and_package_has_a_layer_and_they_are_few():
 
 def test_imports_go_downwards():
     files = [path for path in PACKAGE.rglob("*.py") if part(path) not in {"__init__", "__main__"}]
-    wrong = {str(path.relative_to(PACKAGE)): found for path in files if (found := faults(path.read_text(), path))}
+    wrong = {str(path.relative_to(PACKAGE)): problems for path in files if (problems := faults(path.read_text(), path))}
     assert wrong == {}
 
 
@@ -71,7 +71,7 @@ def test_facades_are_imported_only_when_called(pair):
     for path in (PACKAGE / low).rglob("*.py"):
         top = ast.Module([node for node in ast.parse(path.read_text()).body if not isinstance(node, ast.If)], [])
         at_once = {node for node in top.body if isinstance(node, ast.Import | ast.ImportFrom)}
-        names = imported(ast.Module(list(at_once), []), path)
+        names = list_imports(ast.Module(list(at_once), []), path)
         assert not [name for name in names if name.startswith(f"cospeech.{high}.")], path
 
 

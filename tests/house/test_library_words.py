@@ -28,7 +28,7 @@ def with_graph(bundle: Bundle, graph: str, data: bytes, path: Path) -> Path:
     return path
 
 
-def damaged(bundle: Bundle, rng: np.random.Generator, path: Path) -> Path:
+def damage_graph(bundle: Bundle, rng: np.random.Generator, path: Path) -> Path:
     """A bundle with some bytes of one of its graphs changed."""
     graph = str(rng.choice(sorted(name for name in bundle.members if name.endswith(".onnx"))))
     data = bytearray(bundle.members[graph])
@@ -44,7 +44,7 @@ def test_a_damaged_graph_is_told_in_our_words_and_nothing_is_printed(tmp_path, c
     speech = Speech(0.1 * rng.normal(size=8000).clip(-3, 3).astype(np.float32))
     for _ in range(MUTANTS):
         try:
-            cospeech.load(str(damaged(bundle, rng, tmp_path / "mine.cospeech"))).generate(speech)
+            cospeech.load(str(damage_graph(bundle, rng, tmp_path / "mine.cospeech"))).generate(speech)
         except InputError as error:
             refusals.append(error)
     assert len(refusals) > MUTANTS // 2
@@ -75,8 +75,8 @@ def test_a_name_in_a_graph_that_is_no_text_is_told_in_our_words(tmp_path, capfd,
 )
 def test_a_file_that_is_no_sound_is_told_in_our_words(tmp_path, capfd, content):
     (tmp_path / "talk.wav").write_bytes(content)
-    with pytest.raises(InputError, match=r"^'talk\.wav'") as caught:
+    with pytest.raises(InputError, match=r"^'talk\.wav'") as refusal:
         Speech.load(tmp_path / "talk.wav")
-    assert LIBRARIES.search(str(caught.value)) is None
-    assert caught.value.__cause__ is not None
+    assert LIBRARIES.search(str(refusal.value)) is None
+    assert refusal.value.__cause__ is not None
     assert capfd.readouterr() == ("", "")

@@ -42,7 +42,7 @@ FIELD_TERMS = frozenset({
 })  # fmt: skip
 """Participles that name values all the same."""
 PREDICATES = ("is", "has", "was")
-PUBLISHED = "published"
+PAPER_SUFFIX = "published"
 """The last word of functions of `cospeech.metrics` that follow a paper's code to the letter: they carry the metric's name."""
 
 
@@ -107,14 +107,14 @@ def test_no_value_is_named_by_a_past_participle_alone():
 
 
 def test_no_function_is_named_by_a_past_participle():
-    found = []
+    problems = []
     for path in sorted(PACKAGE.rglob("*.py")):
         for name, noun in functions(path.read_text("utf-8")):
             words = name.strip("_").split("_")
-            allowed = (words[-1] == PUBLISHED and path.parent.name == "metrics") or (noun and len(words) > 1)
-            if bare_participle(name) and not allowed and name != "_remove_abandoned":  # a verb, and whom it is about
-                found.append(f"{path.relative_to(PACKAGE)}: {name}")
-    assert not found, "\n".join(found)
+            is_allowed = (words[-1] == PAPER_SUFFIX and path.parent.name == "metrics") or (noun and len(words) > 1)
+            if bare_participle(name) and not is_allowed and name != "_remove_abandoned":  # a verb, and whom it is about
+                problems.append(f"{path.relative_to(PACKAGE)}: {name}")
+    assert not problems, "\n".join(problems)
 
 
 OLD = (
@@ -147,15 +147,15 @@ ENDINGS = (".py", ".md", ".toml", ".yml")
 
 
 def test_old_names_are_gone():
-    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
-    pattern, found = OLD_NAMES, []
-    for name in listed:
+    files = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
+    pattern, problems = OLD_NAMES, []
+    for name in files:
         if name.startswith(FREE) or not name.endswith(ENDINGS) or not (ROOT / name).is_file():
             continue
         for number, line in enumerate((ROOT / name).read_text("utf-8").splitlines(), 1):
             if not line.endswith("# old name"):  # an error speaks of it
-                found += [f"{name}:{number}: {match.group()}" for match in pattern.finditer(line)]
-    assert not found, "\n".join(found)
+                problems += [f"{name}:{number}: {match.group()}" for match in pattern.finditer(line)]
+    assert not problems, "\n".join(problems)
 
 
 def test_an_old_key_of_a_recipe_is_refused_with_its_new_name():
@@ -170,9 +170,9 @@ def test_an_old_key_of_a_recipe_is_refused_with_its_new_name():
 
 def test_every_renamed_key_is_a_key_of_a_model_or_an_objective():
     """The table of old keys is about keys that there are."""
-    known = {*Data.__dataclass_fields__, "discriminator"}
+    keys = {*Data.__dataclass_fields__, "discriminator"}
     for entry in ENTRIES.values():
         if entry.trains and entry.where.startswith("cospeech."):
             module, _, attribute = entry.where.partition(":")
-            known |= {*getattr(import_module(module), attribute).Config.__dataclass_fields__}
-    assert {new for names in RENAMED.values() for new in names} <= known
+            keys |= {*getattr(import_module(module), attribute).Config.__dataclass_fields__}
+    assert {new for names in RENAMED.values() for new in names} <= keys

@@ -48,7 +48,7 @@ def test_a_metric_cannot_change_what_the_next_one_sees():
 
 
 @pytest.mark.parametrize(
-    ("value", "said"),
+    ("value", "message"),
     [
         (1.5, "gives float"),
         (None, "gives nothing"),
@@ -58,13 +58,13 @@ def test_a_metric_cannot_change_what_the_next_one_sees():
     ],
     ids=str,
 )
-def test_what_is_no_score_is_told(value, said):
-    with pytest.raises(InputError, match=said):
+def test_what_is_no_score_is_told(value, message):
+    with pytest.raises(InputError, match=message):
         metric("positions", better="lower")(lambda generated, reference, tools: value)([sample()])
 
 
 @pytest.mark.parametrize(
-    ("keywords", "said"),
+    ("keywords", "message"),
     [
         ({"better": "hihger"}, "better='hihger' of a metric"),
         ({"better": "lower", "same": "rate"}, "same='rate' of a metric"),
@@ -72,8 +72,8 @@ def test_what_is_no_score_is_told(value, said):
     ],
     ids=str,
 )
-def test_rules_of_the_decorator(keywords, said):
-    with pytest.raises(InputError, match=said):
+def test_rules_of_the_decorator(keywords, message):
+    with pytest.raises(InputError, match=message):
         metric("positions", **keywords)
 
 
@@ -94,13 +94,13 @@ def test_a_mean_says_which_value_is_no_number():
 
 def test_rows_of_metrics_that_lead_nowhere(own, monkeypatch):
     own.plain = lambda generated, reference, tools: Score(0.0)
-    for row, said in (
+    for row, message in (
         ("no_such_module:x", "No module named 'no_such_module'"),
         ("own_parts:x", "own_parts has no 'x'"),
         ("own_parts:plain", "is a function"),
     ):
         monkeypatch.setitem(METRICS, "mine", row)
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=message):
             load_metric("mine")
 
 
@@ -108,7 +108,7 @@ def test_rows_of_metrics_that_lead_nowhere(own, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("values", "said"),
+    ("values", "message"),
     [
         ({"split": "dev"}, "clip 'a': 'dev' is no split"),
         ({"speaker": None}, "clip 'a': the speaker is None"),
@@ -116,8 +116,8 @@ def test_rows_of_metrics_that_lead_nowhere(own, monkeypatch):
     ],
     ids=str,
 )
-def test_clips_are_checked_where_they_are_made(values, said):
-    with pytest.raises(InputError, match=said):
+def test_clips_are_checked_where_they_are_made(values, message):
+    with pytest.raises(InputError, match=message):
         Clip(**{"name": "a", "speaker": "me", "corpus": "mine", **values})
 
 
@@ -127,23 +127,23 @@ def test_one_damaged_recording_does_not_end_the_reading():
             return {}["joints"]
         return Clip(name, "me", "mine")
 
-    first, lost, last = read_each("abc", read)
+    first, missing, last = read_each("abc", read)
     assert (first.name, last.name) == ("a", "c")
-    assert lost == Dropped("b", "KeyError: 'joints'")
+    assert missing == Dropped("b", "KeyError: 'joints'")
 
     for error in (csv.Error, EOFError, zipfile.BadZipFile):
-        (lost,) = read_each("a", lambda name, error=error: (_ for _ in ()).throw(error("x")))
-        assert isinstance(lost, Dropped)
+        (missing,) = read_each("a", lambda name, error=error: (_ for _ in ()).throw(error("x")))
+        assert isinstance(missing, Dropped)
 
-    def broken(name):
+    def fail(name):
         return name.joints
 
     with pytest.raises(AttributeError):
-        list(read_each("abc", broken))
+        list(read_each("abc", fail))
 
 
 @pytest.mark.parametrize(
-    ("read", "said"),
+    ("read", "message"),
     [
         (lambda raw: iter(["one"]), "yields str"),
         (lambda raw: None, "gives NoneType"),
@@ -151,11 +151,11 @@ def test_one_damaged_recording_does_not_end_the_reading():
     ],
     ids=["text", "nothing", "no reader"],
 )
-def test_readers_that_break_the_rules(own, monkeypatch, tmp_path, read, said):
+def test_readers_that_break_the_rules(own, monkeypatch, tmp_path, read, message):
     if read is not None:
         own.read = read
     monkeypatch.setitem(CORPORA, "mine", Corpus("own_parts", "mine", writable=False))
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         prepare("mine", tmp_path / "raw", tmp_path / "store", pose="rot6d-humanoid")
     with pytest.raises(InputError, match=r"no pose representation is set for 'mine' .*rot6d-humanoid"):
         prepare("mine", tmp_path / "raw", tmp_path / "store")
@@ -188,7 +188,7 @@ class Half(Writer):
 
 
 @pytest.mark.parametrize(
-    ("writer", "said"),
+    ("writer", "message"),
     [
         (Silent, "nothing was written to"),
         (Half, "the Writer of own_parts cannot write .mine files"),
@@ -196,11 +196,11 @@ class Half(Writer):
     ],
     ids=lambda value: getattr(value, "__name__", ""),
 )
-def test_writers_that_break_the_rules(own, monkeypatch, tmp_path, writer, said):
+def test_writers_that_break_the_rules(own, monkeypatch, tmp_path, writer, message):
     own.Writer = writer
     monkeypatch.setitem(FORMATS.ours, ".mine", Format("own_parts", "mine", "nothing"))
     motion = cospeech.load("rules").generate(cospeech.Speech(np.zeros(8000, np.float32)))
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         motion.save(tmp_path / "a.mine")
     assert not [*tmp_path.iterdir()]
 

@@ -1,4 +1,4 @@
-"""What Windows and macOS do otherwise, played here: neither is among the machines on which the tests run."""
+"""What Windows and macOS do otherwise is imitated here: the tests run on neither of them."""
 
 from __future__ import annotations
 
@@ -60,42 +60,42 @@ print(found)
 @pytest.mark.slow
 def test_every_module_can_be_imported_without_what_windows_lacks():
     pytest.importorskip("torch")
-    done = subprocess.run([sys.executable, "-c", IMPORT_ALL], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr[-2000:]
-    assert int(done.stdout) > 500
+    process = subprocess.run([sys.executable, "-c", IMPORT_ALL], capture_output=True, text=True, check=False)
+    assert process.returncode == 0, process.stderr[-2000:]
+    assert int(process.stdout) > 500
 
 
 def faults(source: str) -> list[str]:
     """Calls that read or write text in a way that depends on the machine: its code page, or its ends of lines."""
-    found = []
+    problems = []
     for node in ast.walk(ast.parse(source)):
         if not isinstance(node, ast.Call):
             continue
         name = node.func.attr if isinstance(node.func, ast.Attribute) else ""
-        named = {keyword.arg for keyword in node.keywords}
+        keywords = {keyword.arg for keyword in node.keywords}
         texts = [each.value for each in node.args if isinstance(each, ast.Constant) and isinstance(each.value, str)]
         mode = next((text for text in texts if set(text) <= {*"rwaxbt+"}), "r")
-        if name in ("read_text", "write_text") and "encoding" not in named and "utf-8" not in texts:
-            found.append(f"{name} without an encoding")
+        if name in ("read_text", "write_text") and "encoding" not in keywords and "utf-8" not in texts:
+            problems.append(f"{name} without an encoding")
         if (
             name == "open"
             and ("w" in mode or "a" in mode)
             and "b" not in mode
-            and "encoding" in named
-            and "newline" not in named
+            and "encoding" in keywords
+            and "newline" not in keywords
         ):
-            found.append("open without newline")
-        if name == "write_text" and "newline" not in named:
-            found.append("write_text without newline")
-    return found
+            problems.append("open without newline")
+        if name == "write_text" and "newline" not in keywords:
+            problems.append("write_text without newline")
+    return problems
 
 
 @pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_text_is_the_same_on_every_system(path):
-    found = faults(path.read_text("utf-8"))
+    problems = faults(path.read_text("utf-8"))
     if "src" not in path.parts:  # our own tools: git looks after the ends of their lines (.gitattributes)
-        found = [fault for fault in found if "newline" not in fault]
-    assert found == []
+        problems = [fault for fault in problems if "newline" not in fault]
+    assert problems == []
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def test_the_test_would_notice(source, fault):
 @pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="their file systems take no such name")
 def test_a_name_that_is_no_utf8_is_written_into_a_report_all_the_same(tmp_path):
     """As unpacked from an archive of another system, or where the terminal speaks ASCII."""
-    for name, shown in ((b"Zo\xeb.ogg", "Zo�.ogg"), ("Zoë.ogg".encode(), "Zoë.ogg")):
+    for name, text in ((b"Zo\xeb.ogg", "Zo�.ogg"), ("Zoë.ogg".encode(), "Zoë.ogg")):
         shutil.copyfile(EXAMPLE, tmp_path / os.fsdecode(name))
         command = [
             sys.executable,
@@ -133,7 +133,7 @@ def test_a_name_that_is_no_utf8_is_written_into_a_report_all_the_same(tmp_path):
         ]
         variables = os.environ | {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
         subprocess.run(command, cwd=tmp_path, env=variables, check=True)
-        assert json.loads((tmp_path / "r.json").read_text("utf-8"))["speech"] == shown
+        assert json.loads((tmp_path / "r.json").read_text("utf-8"))["speech"] == text
 
 
 class Terminal(io.TextIOWrapper):
@@ -145,17 +145,17 @@ def test_a_pipe_gets_utf8_whatever_the_code_page_is(monkeypatch):
     """So that `cospeech list models --json > models.json` is JSON. What is shown stays as the terminal wants it."""
     monkeypatch.delenv("PYTHONIOENCODING", raising=False)
     monkeypatch.setattr("cospeech.cli.standard_streams.os", WINDOWS)
-    piped, shown = io.TextIOWrapper(io.BytesIO(), "cp1252"), Terminal(io.BytesIO(), "cp1252")
-    monkeypatch.setattr(sys, "stdout", piped)
-    monkeypatch.setattr(sys, "stderr", shown)
+    pipe, terminal = io.TextIOWrapper(io.BytesIO(), "cp1252"), Terminal(io.BytesIO(), "cp1252")
+    monkeypatch.setattr(sys, "stdout", pipe)
+    monkeypatch.setattr(sys, "stderr", terminal)
     ready_streams()
-    for stream in (piped, shown):
+    for stream in (pipe, terminal):
         print("⌈3 × 30⌉ → Zoë", end="", file=stream, flush=True)
-    assert piped.buffer.getvalue().decode("utf-8") == "⌈3 × 30⌉ → Zoë"  # type: ignore[attr-defined]
-    assert shown.buffer.getvalue().decode("cp1252") == "?3 × 30? ? Zoë"  # type: ignore[attr-defined]
+    assert pipe.buffer.getvalue().decode("utf-8") == "⌈3 × 30⌉ → Zoë"  # type: ignore[attr-defined]
+    assert terminal.buffer.getvalue().decode("cp1252") == "?3 × 30? ? Zoë"  # type: ignore[attr-defined]
 
 
-class Gone(io.RawIOBase):
+class ClosedPipe(io.RawIOBase):
     """A pipe whose reader has left, as Windows tells it."""
 
     def writable(self) -> bool:
@@ -168,8 +168,8 @@ class Gone(io.RawIOBase):
 def test_a_reader_that_leaves_is_no_error_on_windows_either(monkeypatch):
     monkeypatch.setattr("cospeech.errors.os", WINDOWS)
     with pytest.raises(BrokenPipeError):
-        LineWire(Gone()).send(b"{}")  # type: ignore[arg-type]
-    plain = io.TextIOWrapper(io.BufferedWriter(Gone()), "utf-8")
+        LineWire(ClosedPipe()).send(b"{}")  # type: ignore[arg-type]
+    plain = io.TextIOWrapper(io.BufferedWriter(ClosedPipe()), "utf-8")
     for name in ("stdout", "__stdout__"):
         monkeypatch.setattr(sys, name, plain)
     ready_streams()
@@ -179,17 +179,17 @@ def test_a_reader_that_leaves_is_no_error_on_windows_either(monkeypatch):
     with pytest.raises(OSError, match="Invalid argument"):  # what waits in the buffer is tried once more
         plain.buffer.close()
     monkeypatch.setattr("cospeech.errors.os", os)
-    with pytest.raises(OSError, match="Invalid argument") as caught:
-        LineWire(Gone()).send(b"{}")  # type: ignore[arg-type]
-    assert not isinstance(caught.value, BrokenPipeError)
+    with pytest.raises(OSError, match="Invalid argument") as error:
+        LineWire(ClosedPipe()).send(b"{}")  # type: ignore[arg-type]
+    assert not isinstance(error.value, BrokenPipeError)
 
 
 def test_two_servers_share_no_port(monkeypatch):
     """Windows' SO_REUSEADDR would let them: it takes the port of a server that runs."""
     monkeypatch.setattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_KEEPALIVE, raising=False)
-    with open_socket("127.0.0.1", 0) as made:
-        assert made.getsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR) == 0
-        assert made.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
+    with open_socket("127.0.0.1", 0) as server:
+        assert server.getsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR) == 0
+        assert server.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
 
 
 @pytest.mark.slow

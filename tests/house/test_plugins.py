@@ -51,12 +51,12 @@ def toys(tmp_path_factory):
 def run(place: Path, *arguments: str, cwd: Path, code: int = 0) -> subprocess.CompletedProcess[str]:
     """``cospeech`` where ``place`` is on the path."""
     path = os.pathsep.join([str(place), *filter(None, [os.environ.get("PYTHONPATH")])])
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "cospeech", *arguments], cwd=cwd, capture_output=True, text=True,
         env=os.environ | {"PYTHONPATH": path, "PYTHONIOENCODING": "utf-8"},
     )  # fmt: skip
-    assert done.returncode == code, done.stderr
-    return done
+    assert process.returncode == code, process.stderr
+    return process
 
 
 COMMANDS = """
@@ -77,20 +77,20 @@ print(json.dumps(ended))
 def run_all(place: Path, *commands: list[str], cwd: Path) -> list[tuple[int, str, str]]:
     """Exit codes, outputs and errors of commands in one process: PyTorch takes seconds to begin."""
     path = os.pathsep.join([str(place), *filter(None, [os.environ.get("PYTHONPATH")])])
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", COMMANDS, json.dumps(commands)], cwd=cwd, capture_output=True, text=True,
         env=os.environ | {"PYTHONPATH": path, "PYTHONIOENCODING": "utf-8"},
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return [(code, said, told) for code, said, told in json.loads(done.stdout)]
+    assert process.returncode == 0, process.stderr
+    return [(code, out, err) for code, out, err in json.loads(process.stdout)]
 
 
 def test_a_format_of_another_package_is_listed_and_written(toys, tmp_path):
     rows = json.loads(run(toys, "list", "formats", "--json", cwd=tmp_path).stdout)
     assert [row["name"] for row in rows] == [*FORMATS.ours, ".hands"]
     assert (rows[-1]["holds"], rows[-1]["access"]) == ("body", "write")
-    done = run(toys, "generate", str(EXAMPLE), "-o", "talk.hands", "-o", "talk.bvh", cwd=tmp_path)
-    assert "numpy.loadtxt" in done.stdout
+    process = run(toys, "generate", str(EXAMPLE), "-o", "talk.hands", "-o", "talk.bvh", cwd=tmp_path)
+    assert "numpy.loadtxt" in process.stdout
     motion = cospeech.Motion.load(tmp_path / "talk.bvh")
     hands = motion.positions()[:, [motion.skeleton.index[name] for name in ("leftHand", "rightHand")]]
     np.testing.assert_allclose(np.loadtxt(tmp_path / "talk.hands").reshape(-1, 2, 3), hands, atol=2e-3)
@@ -144,9 +144,9 @@ def test_a_broken_plug_in_is_one_line_and_harms_no_other(package):
         "good": "strange_rows:ROW",
     }
     formats = registry(package(rows, "text = 'no row'\nROW = Format(__name__, 'theirs', 'nothing')\n"))
-    with pytest.warns(CospeechWarning) as told:
+    with pytest.warns(CospeechWarning) as notes:
         assert list(formats) == [".ours", ".good"]
-    texts = [str(warning.message) for warning in told]
+    texts = [str(warning.message) for warning in notes]
     assert len(texts) == 3
     assert all("of strange (cospeech.test" in text and "cannot be used: " in text and "\n" not in text for text in texts)
     assert "no_such_module" in texts[2]
@@ -215,14 +215,14 @@ print(model.session(parts=("body",)).look_ahead)
 
 
 def play(place: Path, name: str, cwd: Path) -> float:
-    """A bundle generates and streams the same, in another style another motion; how far its body hears ahead."""
+    """Assert that a bundle streams what it generates, and that styles differ; gives how far its body hears ahead, seconds."""
     path = os.pathsep.join([str(place), *filter(None, [os.environ.get("PYTHONPATH")])])
     code = PLAY.format(name=name, speech=str(EXAMPLE))
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", code], cwd=cwd, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": path}
     )
-    assert done.returncode == 0, done.stderr
-    return float(done.stdout)
+    assert process.returncode == 0, process.stderr
+    return float(process.stdout)
 
 
 def test_a_model_of_another_package_is_listed_without_its_name_meaning_more(toys, tmp_path):
@@ -264,16 +264,16 @@ def test_the_studio_offers_models_of_other_packages_and_leaves_out_broken_ones(t
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(InputError, match=r"plug-in 'gone' .* has no attribute 'Gone'"):
         cospeech.load("gone")
-    found = Jobs().describe()
-    models = {row["name"]: row for row in found["models"]}
+    description = Jobs().describe()
+    models = {row["name"]: row for row in description["models"]}
     assert models["rules"]["takes_gestures"]
     assert models["rules"]["seated"] == ["seated"]
     assert models["still"]["styles"] == ["upright"]
     assert not models["still"]["takes_gestures"]
     assert not {"gone", "fails"} & {*models}
-    fails, gone = found["left_out"]
+    fails, missing = description["left_out"]
     assert fails == "the model 'fails' is left out: ValueError('no weights')"
-    assert gone.startswith(
+    assert missing.startswith(
         "the model 'gone' is left out: plug-in 'gone' of still (cospeech.models) cannot be used: AttributeError"
     )
 
@@ -353,12 +353,12 @@ def bundles(toys, corpus):
     good = []
     for name, recipe in recipes.items():
         good += [["train", recipe, "--store", "store", "--out", name], ["bundle", name, "-o", f"{name}.cospeech"]]
-    *made, refused = run_all(place, *good, *wrong, cwd=corpus)
-    for code, _, told in made:
-        assert code == 0, told
-    assert "20 steps" in made[0][1]
-    assert refused[0] == 2
-    assert refused[2].startswith("error: frames, channels, reach of a ToyNet")
+    *results, refusal = run_all(place, *good, *wrong, cwd=corpus)
+    for code, _, err in results:
+        assert code == 0, err
+    assert "20 steps" in results[0][1]
+    assert refusal[0] == 2
+    assert refusal[2].startswith("error: frames, channels, reach of a ToyNet")
     return corpus
 
 

@@ -69,32 +69,32 @@ def desk(tmp_path):
 
 def watch(desk: Path, *command: str) -> str:
     """Run a command with a home of its own; its calls for sockets, where strace can be had."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", *cospeech.NO_TELEMETRY))}
-    environment = kept | {"HOME": str(desk / "home"), "TMPDIR": str(desk / "temporary")}
+    variables = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", *cospeech.NO_TELEMETRY))}
+    environment = variables | {"HOME": str(desk / "home"), "TMPDIR": str(desk / "temporary")}
     strace, trace = shutil.which("strace"), desk / "trace"
     spy = [strace, "-f", "-qq", "--seccomp-bpf", "-e", "trace=%net", "-o", str(trace)] if strace else []
-    done = subprocess.run([*spy, *command], cwd=desk / "work", env=environment, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    process = subprocess.run([*spy, *command], cwd=desk / "work", env=environment, capture_output=True, text=True)
+    assert process.returncode == 0, process.stderr
     return trace.read_text(errors="replace") if strace else ""
 
 
-def left_behind(desk: Path) -> list[str]:
+def list_leftovers(desk: Path) -> list[str]:
     """Files and folders in the home and among the temporary files."""
     return sorted(str(path.relative_to(desk)) for name in ("home", "temporary") for path in (desk / name).rglob("*"))
 
 
-def assert_nothing_happened(desk: Path, command: str, trace: str, but: Collection[str] = ()) -> None:
-    assert set(left_behind(desk)) <= set(but), command
+def assert_privacy(desk: Path, command: str, trace: str, but: Collection[str] = ()) -> None:
+    assert set(list_leftovers(desk)) <= set(but), command
     assert OUTSIDE.findall(trace) == [], command
 
 
 def test_commands_write_what_was_asked_for_and_open_no_socket(desk):
     trace = watch(desk, sys.executable, "-c", PROGRAM, *COMMANDS)
-    assert_nothing_happened(desk, "all commands", trace)
-    made = {path.name for path in (desk / "work").iterdir()}
-    written = {part for command in COMMANDS for part in command.split() if part.startswith(("rules.", "talk.", "other."))}
+    assert_privacy(desk, "all commands", trace)
+    names = {path.name for path in (desk / "work").iterdir()}
+    outputs = {part for command in COMMANDS for part in command.split() if part.startswith(("rules.", "talk.", "other."))}
     others = {"raw", "store", "report.json", "guest.pair.bvh", "pair.mp4", "robot.csv"}
-    assert made >= written | others
+    assert names >= outputs | others
 
 
 def test_training_writes_its_run_and_opens_no_socket(desk):
@@ -104,7 +104,7 @@ def test_training_writes_its_run_and_opens_no_socket(desk):
     make_store(desk / "work" / "tiny")
     trace = watch(desk, sys.executable, "-m", "cospeech", *TRAINING.split())
     # PyTorch makes an empty folder for its compiler, which we do not use.
-    assert_nothing_happened(desk, TRAINING, trace, but=[f"temporary/torchinductor_{getpass.getuser()}"])
+    assert_privacy(desk, TRAINING, trace, but=[f"temporary/torchinductor_{getpass.getuser()}"])
 
 
 def test_the_check_can_fail(desk):
@@ -114,7 +114,7 @@ def test_the_check_can_fail(desk):
     code = "import socket; socket.socket(socket.AF_INET, socket.SOCK_DGRAM)"
     assert OUTSIDE.findall(watch(desk, sys.executable, "-c", code)) == ["AF_INET"]
     watch(desk, sys.executable, "-c", "import pathlib; pathlib.Path('~/.trace').expanduser().touch()")
-    assert left_behind(desk) == ["home/.trace"]
+    assert list_leftovers(desk) == ["home/.trace"]
 
 
 @pytest.mark.parametrize("first", ["", "import onnxruntime\n"])

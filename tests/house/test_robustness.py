@@ -45,13 +45,13 @@ def names() -> list[str]:
     return sorted(path.name for path in Path().iterdir())
 
 
-def refuse(done: subprocess.CompletedProcess[str]) -> str:
-    """Exit code 2 and one line, which is given back."""
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr.startswith("error: ")
-    assert done.stderr.count("\n") == 1
-    return done.stderr
+def refuse(process: subprocess.CompletedProcess[str]) -> str:
+    """Assert exit code 2 and one line of error; gives this line."""
+    assert process.returncode == 2
+    assert process.stdout == ""
+    assert process.stderr.startswith("error: ")
+    assert process.stderr.count("\n") == 1
+    return process.stderr
 
 
 # --- where files go --------------------------------------------------------------------------------------------------------
@@ -128,8 +128,8 @@ def test_takes_do_not_overwrite_what_is_read_or_written(place, role):
 
 
 def test_numbers_are_said_in_full(place):
-    said = refuse(run("generate", "talk.wav", "-o", "a.bvh", "--seed", str(2**63)))
-    assert f"seed {2**63} is out of range (0 … {2**63 - 1})" in said
+    err = refuse(run("generate", "talk.wav", "-o", "a.bvh", "--seed", str(2**63)))
+    assert f"seed {2**63} is out of range (0 … {2**63 - 1})" in err
 
 
 # --- what surrounds the program --------------------------------------------------------------------------------------------
@@ -139,15 +139,15 @@ def test_numbers_are_said_in_full(place):
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
 def test_closed_streams(place, closed):
     line = " ".join(COMMAND)
-    done = subprocess.run(
+    process = subprocess.run(
         f"{line} generate talk.wav -o a.bvh {closed}", shell=True, capture_output=True, timeout=60, check=False
     )
-    assert done.returncode == 0
+    assert process.returncode == 0
     assert len(Motion.load("a.bvh")) == 30
-    failed = subprocess.run(
+    failure = subprocess.run(
         f"{line} generate none.wav -o b.bvh {closed}", shell=True, capture_output=True, timeout=60, check=False
     )
-    assert failed.returncode == 2
+    assert failure.returncode == 2
 
 
 @posix
@@ -161,9 +161,9 @@ def test_a_closed_terminal_leaves_nothing(place):
     while names() == before and time.monotonic() < deadline:
         time.sleep(0.01)
     working.send_signal(signal.SIGHUP)
-    _, said = working.communicate(timeout=90)
+    _, err = working.communicate(timeout=90)
     assert working.returncode == 128 + signal.SIGHUP
-    assert said == b""
+    assert err == b""
     assert names() == before
 
 
@@ -185,13 +185,13 @@ def test_a_pipe_as_bone_map(place):
 
 
 def test_video_is_the_same_every_time(tmp_path):
-    """x264's macroblock tree gave other bytes in one film of five or so, which eight show most of the time."""
+    """x264's macroblock tree once gave other bytes in about one film of five; eight films show it most of the time."""
     pytest.importorskip("av")
-    motion, seen = gesturing(20), set()
+    motion, digests = gesturing(20), set()
     for _ in range(8):
         motion.save(tmp_path / "a.mp4", size=(320, 320))
-        seen.add(hashlib.sha256((tmp_path / "a.mp4").read_bytes()).hexdigest())
-    assert len(seen) == 1
+        digests.add(hashlib.sha256((tmp_path / "a.mp4").read_bytes()).hexdigest())
+    assert len(digests) == 1
 
 
 # --- the library -----------------------------------------------------------------------------------------------------------
@@ -215,7 +215,7 @@ def test_lists_and_whole_numbers_make_a_motion():
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"rotations": None}, "type object"),
         ({"rotations": 3}, "rotations"),
@@ -233,14 +233,14 @@ def test_lists_and_whole_numbers_make_a_motion():
         ({"skeleton": "humanoid"}, "not a skeleton"),
     ],
 )
-def test_what_is_no_motion(change, said):
+def test_what_is_no_motion(change, message):
     good = gesturing(3)
     values = {"fps": 30, "rotations": good.rotations, "root": good.root, "face": good.face}
     for name, value in change.items():
-        scaled = isinstance(value, float | complex) and name in ("rotations", "root", "face")
+        is_factor = isinstance(value, float | complex) and name in ("rotations", "root", "face")
         with np.errstate(invalid="ignore"):
-            values[name] = values[name] * value if scaled else value
-    with pytest.raises(InputError, match=said):
+            values[name] = values[name] * value if is_factor else value
+    with pytest.raises(InputError, match=message):
         Motion(**values)
 
 

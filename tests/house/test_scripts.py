@@ -22,13 +22,13 @@ def exists(module: str) -> bool:
 
 def missing(source: str, folder: Path) -> list[str]:
     """What a script in this folder imports of the package, or of the scripts beside it, and does not find."""
-    found = []
+    names = []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
-            found += [n.name for n in node.names if n.name.split(".")[0] == "cospeech" and not exists(n.name)]
+            names += [n.name for n in node.names if n.name.split(".")[0] == "cospeech" and not exists(n.name)]
         elif isinstance(node, ast.ImportFrom) and node.module:
-            found += [f"{node.module}.{n.name}" for n in node.names if not has(node.module, n.name, folder)]
-    return found
+            names += [f"{node.module}.{n.name}" for n in node.names if not has(node.module, n.name, folder)]
+    return names
 
 
 def has(module: str, name: str, folder: Path) -> bool:
@@ -44,13 +44,13 @@ def has(module: str, name: str, folder: Path) -> bool:
 def names_of(path: Path) -> set[str]:
     """What a script binds at its top."""
     body = ast.parse(path.read_text("utf-8")).body
-    found = {node.name for node in body if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+    names = {node.name for node in body if isinstance(node, ast.FunctionDef | ast.ClassDef)}
     for node in body:
         targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
-        found |= {name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)}
+        names |= {name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)}
         if isinstance(node, ast.Import | ast.ImportFrom):
-            found |= {alias.asname or alias.name for alias in node.names}
-    return found
+            names |= {alias.asname or alias.name for alias in node.names}
+    return names
 
 
 @pytest.mark.torch

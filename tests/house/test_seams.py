@@ -22,9 +22,9 @@ PLACES = ("models", "experiments/tables")
 def words_of(path: Path) -> set[str]:
     """Names that a module imports, and its texts that are one word."""
     tree = ast.parse(path.read_text("utf-8"))
-    found = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+    words = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)}
     imports = [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
-    return found | {alias.name.rpartition(".")[2] for node in imports for alias in node.names}
+    return words | {alias.name.rpartition(".")[2] for node in imports for alias in node.names}
 
 
 @pytest.fixture(scope="module")
@@ -37,8 +37,8 @@ def elsewhere() -> dict[str, set[str]]:
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_no_other_module_names_a_system(elsewhere, name):
     module, _, kind = ENTRIES[name].where.rpartition(".")[2].partition(":")
-    named = [path for path, words in elsewhere.items() if words & {name, kind, module} - {"stage"}]
-    assert named == []
+    paths = [path for path, words in elsewhere.items() if words & {name, kind, module} - {"stage"}]
+    assert paths == []
 
 
 def test_the_check_finds_a_name(elsewhere):

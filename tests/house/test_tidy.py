@@ -39,23 +39,23 @@ def name_of(node: ast.AST) -> str:
 
 def faults_of_call(node: ast.Call, in_cli: bool) -> list[str]:
     name, keywords = name_of(node.func), {k.arg: k.value for k in node.keywords}
-    found = []
+    problems = []
     if name in FORBIDDEN_CALLS and not (in_cli and name in {"print", "sys.exit"}):
-        found.append(f"calls {name}()")
+        problems.append(f"calls {name}()")
     if name.endswith(".cuda"):
-        found.append("calls .cuda()")
+        problems.append("calls .cuda()")
     if name == "torch.load" and not is_true(keywords.get("weights_only")):
-        found.append("torch.load without weights_only=True")
+        problems.append("torch.load without weights_only=True")
     if is_true(keywords.get("allow_pickle")) or is_true(keywords.get("shell")):
-        found.append("allow_pickle=True or shell=True")
-    return found
+        problems.append("allow_pickle=True or shell=True")
+    return problems
 
 
 def lines_of(function: ast.FunctionDef) -> int:
-    """Lines of a function, its docstring not counted: nobody shall save words there."""
+    """Lines of a function without its docstring, so that nobody saves words there."""
     first = function.body[0]
-    documented = ast.get_docstring(function, clean=False) is not None
-    words = (first.end_lineno or 0) - first.lineno + 1 if documented else 0
+    has_docstring = ast.get_docstring(function, clean=False) is not None
+    words = (first.end_lineno or 0) - first.lineno + 1 if has_docstring else 0
     return (function.end_lineno or 0) - function.lineno + 1 - words
 
 
@@ -65,21 +65,21 @@ def is_true(node: ast.AST | None) -> bool:
 
 def faults(source: str, *, in_cli: bool = False) -> list[str]:
     """What a file does that house rules forbid, one line each."""
-    tree, found = ast.parse(source), []
+    tree, problems = ast.parse(source), []
     for node in ast.walk(tree):
         if isinstance(node, ast.Call):
-            found += faults_of_call(node, in_cli)
+            problems += faults_of_call(node, in_cli)
         elif isinstance(node, ast.ImportFrom) and any(alias.name == "*" for alias in node.names):
-            found.append("star import")
+            problems.append("star import")
         elif isinstance(node, ast.Import) and any(alias.name in PICKLERS for alias in node.names):
-            found.append("imports a pickler")
+            problems.append("imports a pickler")
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and ABSOLUTE.match(node.value):
-            found.append(f"absolute path {node.value!r}")
+            problems.append(f"absolute path {node.value!r}")
         elif isinstance(node, ast.FunctionDef) and (size := lines_of(node)) > FUNCTION_LINES:
-            found.append(f"{node.name}() has {size} lines")
+            problems.append(f"{node.name}() has {size} lines")
     if not ast.get_docstring(tree):
-        found.append("no docstring at the top")
-    return found
+        problems.append("no docstring at the top")
+    return problems
 
 
 def relative(path: Path) -> str:
@@ -87,7 +87,9 @@ def relative(path: Path) -> str:
 
 
 def test_no_file_breaks_the_house_rules():
-    wrong = {relative(p): found for p in FILES if (found := faults(p.read_text("utf-8"), in_cli=relative(p) == "cli/main.py"))}
+    wrong = {
+        relative(p): problems for p in FILES if (problems := faults(p.read_text("utf-8"), in_cli=relative(p) == "cli/main.py"))
+    }
     assert wrong == {}
 
 

@@ -16,7 +16,7 @@ from tests.house.test_docs import ROOT, commands, fences, run
 pytestmark = pytest.mark.slow
 
 VOICE = ROOT / "docs" / "tutorials" / "voice_to_blender.md"
-ASKED = """
+CHECK = """
 import json
 armatures = [o for o in bpy.data.objects if o.type == "ARMATURE"]
 keys = [[k.name for k in o.data.shape_keys.key_blocks][1:] for o in bpy.data.objects if o.type == "MESH" and o.data.shape_keys]
@@ -25,7 +25,7 @@ print("RESULT " + json.dumps({"armatures": len(armatures), "keys": keys, "end": 
 
 
 @pytest.fixture(scope="module")
-def typed(tmp_path_factory):
+def tutorial_folder(tmp_path_factory):
     """A folder in which a reader has recorded two seconds and typed every command of the tutorial, in its order."""
     place = tmp_path_factory.mktemp("tutorial")
     soundfile.write(place / "talk.wav", *soundfile.read(EXAMPLE, frames=48_000))
@@ -37,21 +37,26 @@ def typed(tmp_path_factory):
     return place
 
 
-def test_the_voice_tutorial_gives_a_character(typed):
+def test_the_voice_tutorial_gives_a_character(tutorial_folder):
     for name in ("talk.png", "talk.mp4", "lively.png", "words.png"):
-        assert (typed / name).stat().st_size > 1000
-    rate, samples = soundfile.info(typed / "talk.wav").samplerate, 48_000
+        assert (tutorial_folder / name).stat().st_size > 1000
+    rate, samples = soundfile.info(tutorial_folder / "talk.wav").samplerate, 48_000
     frames = -(-samples * 30 // rate)
-    assert len(Motion.load(typed / "talk.bvh")) == len(Motion.load(typed / "talk.glb")) == frames
+    assert len(Motion.load(tutorial_folder / "talk.bvh")) == len(Motion.load(tutorial_folder / "talk.glb")) == frames
 
 
-def test_the_voice_tutorial_opens_in_blender(typed, blender_python):
+def test_the_voice_tutorial_opens_in_blender(tutorial_folder, blender_python):
     (script,) = fences(VOICE, "python")
     empty = script.replace("import bpy\n", "import bpy\nbpy.ops.wm.read_factory_settings(use_empty=True)\n", 1)
-    done = subprocess.run(
-        [blender_python, "-c", empty + ASKED], cwd=typed, capture_output=True, text=True, timeout=300, check=False
+    process = subprocess.run(
+        [blender_python, "-c", empty + CHECK], cwd=tutorial_folder, capture_output=True, text=True, timeout=300, check=False
     )
-    lines = [line for line in done.stdout.splitlines() if line.startswith("RESULT ")]
-    assert lines, (done.stdout + done.stderr)[-3000:]
-    seen = json.loads(lines[0].removeprefix("RESULT "))
-    assert seen == {"armatures": 1, "keys": [list(ARKIT)], "end": len(Motion.load(typed / "talk.bvh")) - 1, "fps": 30}
+    lines = [line for line in process.stdout.splitlines() if line.startswith("RESULT ")]
+    assert lines, (process.stdout + process.stderr)[-3000:]
+    result = json.loads(lines[0].removeprefix("RESULT "))
+    assert result == {
+        "armatures": 1,
+        "keys": [list(ARKIT)],
+        "end": len(Motion.load(tutorial_folder / "talk.bvh")) - 1,
+        "fps": 30,
+    }

@@ -42,30 +42,30 @@ def test_minima_are_found_where_motion_pauses():
     t = np.arange(300) / FPS
     positions = np.zeros((300, 2, 3))
     positions[:, 1, 1] = np.cos(2 * np.pi * 0.5 * t)  # turns back once a second
-    found = speed_minima(positions, 5)
+    minima = speed_minima(positions, 5)
     speed = np.concatenate([[0], np.abs(np.diff(positions[:, 1, 1]))])
-    np.testing.assert_array_equal(found, argrelextrema(speed, np.less, order=5)[0])
-    assert np.abs(found / FPS - np.round(found / FPS)).max() < 0.07
+    np.testing.assert_array_equal(minima, argrelextrema(speed, np.less, order=5)[0])
+    assert np.abs(minima / FPS - np.round(minima / FPS)).max() < 0.07
     change = np.array([0, 1, 0.5, 1, 1, 0.98, 1, 1, 0.2, 0.21, 0.9, 1])
     assert angle_minima(change).tolist() == [2, 8]  # .98 between ones is too shallow
 
 
 @pytest.fixture(scope="module")
-def rows(shared_speech):
+def rows(ljspeech):
     """Samples of the control rows of two minutes of speech with the rule-based gesturer's motion."""
     clips = [
         Clip(f"clip {k}", "speaker", "synthetic", speech, RuleBasedModel().generate(speech, seed=k, fps=FPS))
-        for k, speech in enumerate(shared_speech)
+        for k, speech in enumerate(ljspeech)
     ]
-    return {name: [sample_of(clip) for clip in made] for name, made in control_rows(clips).items()}
+    return {name: [sample_of(clip) for clip in row_clips] for name, row_clips in control_rows(clips).items()}
 
 
 @pytest.fixture(scope="module")
-def shared_speech(shared):
-    files = sorted((shared / "data" / "speech" / "ljspeech").glob("*.flac"))[:24]
+def ljspeech(shared_folder):
+    files = sorted((shared_folder / "data" / "speech" / "ljspeech").glob("*.flac"))[:24]
     pause = np.zeros(8000, np.float32)
-    loaded = [np.concatenate([Speech.load(path).samples, pause]) for path in files]
-    return [Speech(np.concatenate(loaded[6 * k : 6 * k + 6]), 16000) for k in range(4)]
+    sounds = [np.concatenate([Speech.load(path).samples, pause]) for path in files]
+    return [Speech(np.concatenate(sounds[6 * k : 6 * k + 6]), 16000) for k in range(4)]
 
 
 def test_as_coded_noise_is_a_better_speaker_than_a_speaker(rows):

@@ -43,9 +43,9 @@ def gestures(times: np.ndarray, noise: float = 0.0, seed: int = 0) -> Track:
 
 def test_accents_and_wrist_peaks_are_found_where_they_are():
     samples, times = bursts(0)
-    found = accents(samples, RATE)
-    assert np.median(np.abs(found[:, None] - times).min(1)) < 0.02
-    assert len(found) == pytest.approx(len(times), rel=0.3)
+    accent_times = accents(samples, RATE)
+    assert np.median(np.abs(accent_times[:, None] - times).min(1)) < 0.02
+    assert len(accent_times) == pytest.approx(len(times), rel=0.3)
     assert np.abs(wrist_peaks(gestures(times))[:, None] - times).min(1).max() < 0.05
 
 
@@ -112,12 +112,12 @@ def test_too_little_speech_is_an_error():
         beat_lift([(np.zeros(20 * RATE), RATE, gestures(times))])
 
 
-def test_a_real_speaker(shared):
+def test_a_real_speaker(shared_folder):
     """One of three takes of which a far lift of 31, 53 or 64 % and a near one of 20, 23 or 51 % are published."""
     import soundfile
 
-    take = np.load(shared / "data/reference_motion/003_Neutral_2.npy", allow_pickle=False)[::2, :, :3]
-    samples, rate = soundfile.read(shared / "data/reference_motion/003_Neutral_2.flac")
+    take = np.load(shared_folder / "data/reference_motion/003_Neutral_2.npy", allow_pickle=False)[::2, :, :3]
+    samples, rate = soundfile.read(shared_folder / "data/reference_motion/003_Neutral_2.flac")
     result = beat_lift([(samples, rate, Track(FPS, take[:, 0], take[:, [6, 3]], take[:, [7, 4]], take[:, [8, 5]]))])
     assert result.far == pytest.approx(0.31, abs=0.04)
     assert result.near == pytest.approx(0.20, abs=0.04)

@@ -43,10 +43,10 @@ def ease(peak: float = 0.5) -> np.ndarray:
 
 
 def test_a_straight_stroke_is_straight_and_an_arched_one_is_not():
-    straight, arched = (body_statistics(track(path(ease(), bulge)))["stroke straightness"] for bulge in (0.0, 0.09))
+    straight, arc = (body_statistics(track(path(ease(), bulge)))["stroke straightness"] for bulge in (0.0, 0.09))
     assert straight > 0.99
     chord, length = 0.4, np.linalg.norm(np.diff(path(ease(), 0.09)[:16], axis=0), axis=1).sum()
-    assert arched == pytest.approx(chord / length, abs=0.02)
+    assert arc == pytest.approx(chord / length, abs=0.02)
 
 
 def test_strokes_of_one_ease_peak_at_one_place_and_others_do_not():
@@ -67,8 +67,8 @@ def test_travel_height_and_speed_of_the_body():
 
 def test_turns_of_pelvis_and_clavicles_add_over_axes():
     a, b = (np.radians(size) * np.sin(2 * np.pi * rate * TIMES) for size, rate in ((8.0, 0.2), (6.0, 0.3)))
-    turned = quat_multiply(axis_angle_to_quat([0.0, 1.0, 0.0], a), axis_angle_to_quat([0.0, 0.0, 1.0], b))
-    rows = body_statistics(track(pelvis=turned, clavicles=np.stack([turned, quat_identity(len(TIMES))], 1)))
+    turns = quat_multiply(axis_angle_to_quat([0.0, 1.0, 0.0], a), axis_angle_to_quat([0.0, 0.0, 1.0], b))
+    rows = body_statistics(track(pelvis=turns, clavicles=np.stack([turns, quat_identity(len(TIMES))], 1)))
     assert rows["pelvis rotation SD, deg"] == pytest.approx(np.hypot(8, 6) / np.sqrt(2), rel=0.02)
     assert rows["clavicle rotation SD, deg"] == pytest.approx(np.hypot(8, 6) / np.sqrt(2) / 2, rel=0.02)
 
@@ -114,9 +114,9 @@ def test_bad_input():
             body_statistics(wrong)
 
 
-def test_a_real_speaker_and_the_printed_figures(shared):
+def test_a_real_speaker_and_the_printed_figures(shared_folder):
     """The take at hand has the figures of real people, and lies in all ranges but two."""
-    take = np.load(shared / "data/reference_motion/003_Neutral_2.npy", allow_pickle=False)[::2].astype(float)
+    take = np.load(shared_folder / "data/reference_motion/003_Neutral_2.npy", allow_pickle=False)[::2].astype(float)
     place = take[..., :3]
     real = Track(FPS, place[:, 0], place[:, [6, 3]], place[:, [7, 4]], place[:, [8, 5]], pelvis=take[:, 0, 3:])
     rows = body_statistics(real)

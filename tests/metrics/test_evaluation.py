@@ -39,24 +39,24 @@ FPS = 15.0
 def clips() -> tuple[Clip, ...]:
     """Four stretches of the example speech with the rule-based gesturer's motion: synthetic."""
     whole = Speech.load(example()[0])
-    made = []
+    examples = []
     for k, (start, end) in enumerate([(0, 9), (9, 18), (3, 12), (6, 15)]):
         speech = Speech(whole.samples[start * 16000 : end * 16000], 16000)
         style = ("calm", "lively")[k % 2]
         motion = RuleBasedModel().generate(speech, seed=k, fps=FPS, style=style, parts=("body", "hands"))
-        made.append(Clip(f"clip{k}", style, "synthetic", speech, motion, semantics=(Semantic(1.0, 3.0, 0.5),)))
-    return tuple(made)
+        examples.append(Clip(f"clip{k}", style, "synthetic", speech, motion, semantics=(Semantic(1.0, 3.0, 0.5),)))
+    return tuple(examples)
 
 
 @cache
 def pats() -> tuple[Clip, ...]:
     rng = np.random.default_rng(0)
-    made = []
+    results = []
     for clip in clips():
         walk = np.cumsum(rng.normal(size=(len(clip.motion), 52, 2)), 0) * 3 + rng.normal(size=(1, 52, 2)) * 5
         rest = np.random.default_rng(1).normal(size=(52, 2)) * 150
-        made.append(replace(clip, motion=None, points=Points(FPS, walk + rest, "pats")))
-    return tuple(made)
+        results.append(replace(clip, motion=None, points=Points(FPS, walk + rest, "pats")))
+    return tuple(results)
 
 
 @cache
@@ -88,10 +88,10 @@ def test_where_there_are_no_data_the_cell_is_empty_and_says_why():
 
 @pytest.mark.slow
 def test_metrics_that_reward_the_wrong_row_are_marked():
-    found = evaluate_clips({}, clips(), metrics=("beat_align_ha2g", "l1_div_beat", "pck", "fgd", "w1_speed", "movement"))
-    assert {"beat_align_ha2g", "pck"} <= set(found.faults)
-    assert not {"fgd", "w1_speed", "movement"} & set(found.faults)
-    text = found.to_text()
+    result = evaluate_clips({}, clips(), metrics=("beat_align_ha2g", "l1_div_beat", "pck", "fgd", "w1_speed", "movement"))
+    assert {"beat_align_ha2g", "pck"} <= set(result.faults)
+    assert not {"fgd", "w1_speed", "movement"} & set(result.faults)
+    text = result.to_text()
     assert "beat_align_ha2g ↑!" in text
     assert any(line.startswith("! beat_align_ha2g: white noise is not worse than ground truth") for line in text.splitlines())
     assert "fgd ↓ " in text
@@ -109,8 +109,8 @@ def test_metrics_that_reward_the_wrong_row_are_marked():
     ],
 )
 def test_an_interval_that_is_not_symmetric_is_shown_by_its_ends(value, interval, text):
-    shown = Table(("a",), ("pck",), {"a": {"pck": Score(value, interval)}}).to_text()
-    assert shown.splitlines()[2].split(maxsplit=1) == ["a", text]
+    output = Table(("a",), ("pck",), {"a": {"pck": Score(value, interval)}}).to_text()
+    assert output.splitlines()[2].split(maxsplit=1) == ["a", text]
 
 
 def test_intervals_over_few_clips_are_said_to_be_too_narrow():
@@ -119,11 +119,11 @@ def test_intervals_over_few_clips_are_said_to_be_too_narrow():
     for clips_scored in (0, 1, 10):
         assert "too narrow" not in replace(table(), clips=clips_scored).to_text()
     rng = np.random.default_rng(3)
-    held = 0
+    count = 0
     for seed, values in enumerate(rng.normal(size=(400, 4))):
         low, high = mean_score(values, seed=seed).interval
-        held += low < 0 < high
-    assert held / 4 == pytest.approx(COVERAGE[4], abs=5)
+        count += low < 0 < high
+    assert count / 4 == pytest.approx(COVERAGE[4], abs=5)
 
 
 def test_a_score_is_shown_without_its_draws():
@@ -161,8 +161,8 @@ def test_a_folder_of_files_gives_what_the_motions_give(tmp_path):
         clip.motion.save(tmp_path / f"{clip.name}.npz")
         if k == 0:
             clip.motion.save(tmp_path / f"{clip.name}.2.bvh")
-    found = load_motions(tmp_path, [clip.name for clip in clips()])
-    assert [len(takes) for takes in found.values()] == [2, 1, 1, 1]
+    motions = load_motions(tmp_path, [clip.name for clip in clips()])
+    assert [len(takes) for takes in motions.values()] == [2, 1, 1, 1]
     scores = evaluate_clips({"files": tmp_path}, clips(), metrics=("pck", "srgr", "multimodality")).cells["files"]
     assert scores["pck"].value == pytest.approx(1)
     assert scores["srgr"].value == pytest.approx(1, abs=1e-3)  # through BVH's text
@@ -174,7 +174,7 @@ def test_a_folder_of_files_gives_what_the_motions_give(tmp_path):
         load_motions(tmp_path / "nowhere", ["clip0"])
 
 
-def stored(folder, *names):
+def save_motions(folder, *names):
     """A folder of motions; each has as many frames as its place in the list."""
     for k, name in enumerate(names, 1):
         path = folder / name
@@ -197,8 +197,8 @@ def stored(folder, *names):
     ],
 )
 def test_motions_of_speakers_folders_are_found(tmp_path, files, names, frames):
-    found = load_motions(stored(tmp_path, *files), names)
-    assert [[len(motion) for motion in found[name]] for name in names] == frames
+    motions = load_motions(save_motions(tmp_path, *files), names)
+    assert [[len(motion) for motion in motions[name]] for name in names] == frames
 
 
 @pytest.mark.parametrize(
@@ -218,7 +218,7 @@ def test_motions_of_speakers_folders_are_found(tmp_path, files, names, frames):
 )
 def test_what_is_not_found_is_named(tmp_path, files, names, says):
     with pytest.raises(InputError, match=says):
-        load_motions(stored(tmp_path, *files), names)
+        load_motions(save_motions(tmp_path, *files), names)
 
 
 @pytest.mark.slow
@@ -259,16 +259,16 @@ def test_unknown_metrics_and_empty_references_are_refused():
 
 @pytest.mark.parametrize("frames", [-1, 135, 5000])
 def test_seed_frames_leave_something_to_judge(frames):
-    made = {"itself": [clip.motion for clip in clips()]}
+    systems = {"itself": [clip.motion for clip in clips()]}
     with pytest.raises(InputError, match=rf"{frames} seed frames \(0 … 134: the longest clip has 135 frames\)"):
-        evaluate_clips(made, clips(), metrics=("pck",), seed_frames=frames)
-    assert evaluate_clips(made, clips(), metrics=("pck",), seed_frames=134).cells["itself"]["pck"].value == 1
+        evaluate_clips(systems, clips(), metrics=("pck",), seed_frames=frames)
+    assert evaluate_clips(systems, clips(), metrics=("pck",), seed_frames=134).cells["itself"]["pck"].value == 1
     with pytest.raises(InputError, match="-1 seed frames of 'a'"):
         Sample("a", FPS, seed_frames=-1)
 
 
 @cache
-def seen(layout):
+def detect(layout):
     """The clips as recordings of key points."""
     return tuple(replace(clip, motion=None, points=LAYOUTS[layout](clip.motion)) for clip in clips())
 
@@ -277,19 +277,19 @@ def seen(layout):
 def test_motions_are_converted_to_the_key_points_of_the_recordings(layout, metric, tmp_path):
     for clip in clips():
         clip.motion.retarget("mixamo").save(tmp_path / f"{clip.name}.bvh")
-    points = [clip.points for clip in seen(layout)]
+    points = [clip.points for clip in detect(layout)]
     late = [replace(p, values=np.concatenate([p.values[:1], p.values[:-2]])) for p in points]
     systems = {"files": tmp_path, "motions": [clip.motion for clip in clips()], "points": points, "late": late}
-    found = evaluate_clips(systems, seen(layout), metrics=(metric, "ape", "jerk"))
-    assert found.cells["points"][metric].value == found.cells["motions"][metric].value == 1
-    assert found.cells["files"][metric].value > 0.99
+    result = evaluate_clips(systems, detect(layout), metrics=(metric, "ape", "jerk"))
+    assert result.cells["points"][metric].value == result.cells["motions"][metric].value == 1
+    assert result.cells["files"][metric].value > 0.99
     if layout == "ted":
-        assert found.cells["files"]["ape"].value < found.cells["late"]["ape"].value
+        assert result.cells["files"]["ape"].value < result.cells["late"]["ape"].value
 
 
 def test_key_points_at_another_rate_are_brought_to_the_recording():
-    fast = [replace(clip.points, values=np.repeat(clip.points.values, 2, 0), fps=2 * FPS) for clip in seen("ted")]
-    assert evaluate_clips({"fast": fast}, seen("ted"), metrics=("pck",)).cells["fast"]["pck"].value == 1
+    fast = [replace(clip.points, values=np.repeat(clip.points.values, 2, 0), fps=2 * FPS) for clip in detect("ted")]
+    assert evaluate_clips({"fast": fast}, detect("ted"), metrics=("pck",)).cells["fast"]["pck"].value == 1
 
 
 def test_a_folder_of_motions_is_evaluated_on_a_store_of_key_points(tmp_path):
@@ -305,31 +305,31 @@ def test_a_folder_of_motions_is_evaluated_on_a_store_of_key_points(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("made", "reference", "problem"),
+    ("system", "reference", "problem"),
     [
-        (lambda: [clip.points for clip in seen("ted")], clips, "has joint rotations.*lift"),
-        (lambda: [clip.points for clip in seen("ted")], lambda: seen("pats"), "of layout 'ted'.*has layout 'pats'"),
-        (lambda: [replace(c.points, values=c.points.values[:50]) for c in seen("ted")], lambda: seen("ted"), "50 frames"),
-        (lambda: [clip.motion[:50] for clip in clips()], lambda: seen("ted"), "50 frames"),
-        (lambda: [c.motion for c in clips()], lambda: [replace(c, points=replace(c.points, layout="x")) for c in seen("ted")],
+        (lambda: [clip.points for clip in detect("ted")], clips, "has joint rotations.*lift"),
+        (lambda: [clip.points for clip in detect("ted")], lambda: detect("pats"), "of layout 'ted'.*has layout 'pats'"),
+        (lambda: [replace(c.points, values=c.points.values[:50]) for c in detect("ted")], lambda: detect("ted"), "50 frames"),
+        (lambda: [clip.motion[:50] for clip in clips()], lambda: detect("ted"), "50 frames"),
+        (lambda: [c.motion for c in clips()], lambda: [replace(c, points=replace(c.points, layout="x")) for c in detect("ted")],
          "layout 'x'"),
     ],
 )  # fmt: skip
-def test_key_points_that_do_not_fit_are_refused(made, reference, problem):
+def test_key_points_that_do_not_fit_are_refused(system, reference, problem):
     with pytest.raises(InputError, match=problem):
-        evaluate_clips({"mine": made()}, reference(), metrics=("pck",))
+        evaluate_clips({"mine": system()}, reference(), metrics=("pck",))
 
 
 @pytest.mark.slow
 def test_key_points_are_evaluated_too():
-    made = [replace(c, points=replace(c.points, values=c.points.values + 8.0 * (np.arange(52) > 0)[:, None])) for c in pats()]
+    system = [replace(c, points=replace(c.points, values=c.points.values + 8.0 * (np.arange(52) > 0)[:, None])) for c in pats()]
     names = ("pck_2d", "pck_mix_stage", "pck_s2g", "mode_f1", "fid_poses", "diversity", "w1_speed", "beat_align", "pck")
     centres = np.random.default_rng(0).normal(size=(8, 240)) * 100
-    found = evaluate_clips({"moved": made}, pats(), metrics=names, tools=Tools(centres=centres))
-    truth = found.cells["ground truth"]
+    result = evaluate_clips({"moved": system}, pats(), metrics=names, tools=Tools(centres=centres))
+    truth = result.cells["ground truth"]
     assert truth["pck_2d"].value == truth["pck_mix_stage"].value == truth["pck_s2g"].value == truth["mode_f1"].value == 1
-    assert found.cells["moved"]["pck_2d"].value <= 1
-    assert found.cells["white noise"]["w1_speed"].value > truth["w1_speed"].value
+    assert result.cells["moved"]["pck_2d"].value <= 1
+    assert result.cells["white noise"]["w1_speed"].value > truth["w1_speed"].value
     assert truth["pck"] is None
     assert truth["beat_align"] is not None
 
@@ -372,10 +372,10 @@ def test_control_rows_are_what_they_say():
     rows = control_rows(clips())
     assert tuple(rows) == CONTROLS
     for k, clip in enumerate(clips()):
-        for made in rows.values():
-            assert len(made[k].motion) == len(clip.motion)
-            assert made[k].name == clip.name
-            assert abs(float(made[k].speech.duration) - float(clip.speech.duration)) < 0.01
+        for row in rows.values():
+            assert len(row[k].motion) == len(clip.motion)
+            assert row[k].name == clip.name
+            assert abs(float(row[k].speech.duration) - float(clip.speech.duration)) < 0.01
         frozen = rows["frozen pose"][k].motion
         assert 0 < quat_angle(frozen.rotations[:-1], frozen.rotations[1:]).max() < 1e-4
         noise = rows["white noise"][k].motion
@@ -394,11 +394,11 @@ def test_control_rows_of_one_clip_and_of_unequal_ones():
     assert not np.array_equal(one["shuffled speech"][0].speech.samples, clips()[0].speech.samples)
     assert not np.array_equal(one["another clip"][0].motion.rotations, clips()[0].motion.rotations)
     short = replace(clips()[1], motion=clips()[1].motion[:40])
-    made = control_rows([clips()[0], short])["another clip"][0].motion
-    assert len(made) == len(clips()[0].motion)
-    assert quat_angle(made.rotations[:-1], made.rotations[1:]).max() < 1.0  # to and fro: no jump
-    mixed = control_rows([clips()[0], pats()[1], clips()[2]])
-    np.testing.assert_array_equal(mixed["another clip"][0].motion.rotations, clips()[2].motion.rotations)
+    motion = control_rows([clips()[0], short])["another clip"][0].motion
+    assert len(motion) == len(clips()[0].motion)
+    assert quat_angle(motion.rotations[:-1], motion.rotations[1:]).max() < 1.0  # to and fro: no jump
+    rows = control_rows([clips()[0], pats()[1], clips()[2]])
+    np.testing.assert_array_equal(rows["another clip"][0].motion.rotations, clips()[2].motion.rotations)
     with pytest.raises(InputError):
         control_rows([])
 
@@ -448,10 +448,10 @@ def test_the_ground_truth_of_a_store_is_perfect_and_heard_where_the_sound_is(cor
     for clip in clips:
         assert abs(float(clip.speech.duration) - clip.motion.duration) < 0.1
         assert clip.speaker
-    found = evaluate_clips({"itself": [clip.motion for clip in clips]}, clips, metrics=("pck", "srgr", "fgd"))
-    assert found.cells["itself"]["pck"].value == found.cells["itself"]["srgr"].value == 1
-    assert found.cells["itself"]["fgd"].value < 1e-6
-    assert found.cells["white noise"]["fgd"].value > 10
+    result = evaluate_clips({"itself": [clip.motion for clip in clips]}, clips, metrics=("pck", "srgr", "fgd"))
+    assert result.cells["itself"]["pck"].value == result.cells["itself"]["srgr"].value == 1
+    assert result.cells["itself"]["fgd"].value < 1e-6
+    assert result.cells["white noise"]["fgd"].value > 10
     assert load_metric("beat_align")([sample_of(clip) for clip in clips]).value > 0
 
 
@@ -463,10 +463,10 @@ def test_files_of_the_corpus_are_perfect_on_its_store(corpus, tmp_path):
         hips = Motion.load(path).rotations[:, 0]
         assert number > 1 or quat_angle(hips, hips[:1]).max() > 0.02
     clips = load_stored_clips(corpus / "store", split=None)
-    found = evaluate_clips({"files": str(tmp_path)}, clips, metrics=("pck", "mae", "l1_div"))
-    assert found.cells["files"]["pck"].value == 1
-    assert found.cells["files"]["mae"].value < 1e-5
-    assert found.cells["files"]["l1_div"].value == pytest.approx(found.cells["ground truth"]["l1_div"].value, rel=1e-4)
+    result = evaluate_clips({"files": str(tmp_path)}, clips, metrics=("pck", "mae", "l1_div"))
+    assert result.cells["files"]["pck"].value == 1
+    assert result.cells["files"]["mae"].value < 1e-5
+    assert result.cells["files"]["l1_div"].value == pytest.approx(result.cells["ground truth"]["l1_div"].value, rel=1e-4)
 
 
 def test_motion_that_goes_on_after_the_recording_is_told(tmp_path):
@@ -485,8 +485,8 @@ def test_a_part_of_a_recording_is_cut_from_the_motion_of_the_whole(tmp_path, mon
     ]
     loads, load = [], Motion.load
     monkeypatch.setattr("cospeech.corpora.motion_files.Motion.load", lambda path: loads.append(path) or load(path))
-    found = evaluate_clips({"files": str(tmp_path)}, parts, metrics=("mae",))
-    assert found.cells["files"]["mae"].value < 0.05  # the representation of the store has no hips, and moves nothing else
+    result = evaluate_clips({"files": str(tmp_path)}, parts, metrics=("mae",))
+    assert result.cells["files"]["mae"].value < 0.05  # the representation of the store has no hips, and moves nothing else
     assert len(loads) == 1, "a recording is read once, however many parts it has"
     other = replace(parts[1], start=10.0)  # a name with an @, which a reader gave
     with pytest.raises(InputError, match="no motion for 1 of 1 clips"):
@@ -494,7 +494,7 @@ def test_a_part_of_a_recording_is_cut_from_the_motion_of_the_whole(tmp_path, mon
     late = replace(parts[1], name="take.1@500", start=500 / FPS)
     with pytest.raises(InputError, match="has 0 frames"):
         evaluate_clips({"files": str(tmp_path)}, [late], metrics=("mae",))
-    near = found.cells["files"]["mae"].value
+    near = result.cells["files"]["mae"].value
     whole[20:50].save(tmp_path / "take.1@40.npz")
     assert evaluate_clips({"files": str(tmp_path)}, parts[1:2], metrics=("mae",)).cells["files"]["mae"].value > 2 * near
 
@@ -503,9 +503,9 @@ def test_a_part_of_a_recording_is_cut_from_the_motion_of_the_whole(tmp_path, mon
 def test_a_store_without_its_corpus_is_mute(corpus):
     clips = load_stored_clips(corpus / "store", split=None)
     assert all(clip.speech is None for clip in clips)
-    found = evaluate_clips({}, clips, metrics=("beat_align", "pck"))
-    assert found.cells["ground truth"]["beat_align"] is None
-    assert "speech" in found.why["ground truth"]["beat_align"]
+    result = evaluate_clips({}, clips, metrics=("beat_align", "pck"))
+    assert result.cells["ground truth"]["beat_align"] is None
+    assert "speech" in result.why["ground truth"]["beat_align"]
     assert {c.name for c in load_stored_clips(corpus / "store", split="test")} < {c.name for c in clips}
     assert [c.name for c in load_stored_clips(corpus / "store", split="all")] == [c.name for c in clips]
     with pytest.raises(InputError, match=r"did you mean 'test'\? known: train, validation, test, all"):
@@ -526,7 +526,7 @@ def test_a_store_of_a_corpus_that_is_not_known_says_whose_module_to_import(corpu
 
 @pytest.mark.slow
 def test_the_wrong_corpus_is_told_and_so_is_a_recording_without_sound(corpus, tmp_path):
-    """Both had been answered with the hint to give --raw, which was given."""
+    """Both once gave the hint to pass --raw, although it was passed."""
     first = load_stored_clips(corpus / "store", split=None)[0].name
     for folder in ("other", "partly"):
         shutil.copytree(corpus / "raw", tmp_path / folder)
@@ -550,14 +550,14 @@ def test_the_command_judges_a_folder_against_a_store(corpus, tmp_path):
         clip.motion.save(generated / f"{clip.name}.npz")
     head = [f"mine={generated}", "--corpus", str(corpus / "store")]
     line = [*head, "--metrics", "pck,w1_speed", "-o", str(tmp_path / "table.json")]
-    done = CliRunner().invoke(app, line, catch_exceptions=False)
-    assert done.exit_code == 0
-    assert "pck ↑" in done.output
-    written = json.loads((tmp_path / "table.json").read_text("utf-8"))
-    assert written["rows"]["mine"]["pck"]["value"] == pytest.approx(1)
-    assert list(written["rows"]) == ["mine", *CONTROLS]
-    done = CliRunner().invoke(app, [*head, "--metrics", "ape", "--json"], catch_exceptions=False)
-    assert json.loads(done.output)["rows"]["mine"]["ape"]["value"] < 1e-4
+    result = CliRunner().invoke(app, line, catch_exceptions=False)
+    assert result.exit_code == 0
+    assert "pck ↑" in result.output
+    content = json.loads((tmp_path / "table.json").read_text("utf-8"))
+    assert content["rows"]["mine"]["pck"]["value"] == pytest.approx(1)
+    assert list(content["rows"]) == ["mine", *CONTROLS]
+    result = CliRunner().invoke(app, [*head, "--metrics", "ape", "--json"], catch_exceptions=False)
+    assert json.loads(result.output)["rows"]["mine"]["ape"]["value"] < 1e-4
     with pytest.raises(InputError, match="5000 seed frames"):
         CliRunner().invoke(app, [*head, "--metrics", "pck", "--seed-frames", "5000"], catch_exceptions=False)
     for wrong in (["=x"], [f"mine={generated}", f"mine={generated}"], [str(tmp_path / "nowhere")]):
@@ -567,9 +567,9 @@ def test_the_command_judges_a_folder_against_a_store(corpus, tmp_path):
 
 @pytest.mark.slow
 def test_every_metric_can_be_asked_for():
-    found = evaluate_clips({}, clips()[:2], metrics=tuple(METRICS))
-    assert sum(score is not None for score in found.cells["ground truth"].values()) > 25
-    assert all(isinstance(load_metric(name).about.unit, str) for name in found.columns)
+    result = evaluate_clips({}, clips()[:2], metrics=tuple(METRICS))
+    assert sum(score is not None for score in result.cells["ground truth"].values()) > 25
+    assert all(isinstance(load_metric(name).about.unit, str) for name in result.columns)
     assert isinstance(clips()[0].motion, Motion)
 
 

@@ -82,26 +82,26 @@ def test_faces_have_52_finite_weights(weights):
 def test_mse_is_the_mean_of_squares_over_all_frames_of_all_clips():
     rng = np.random.default_rng(0)
     true = [rng.random((frames, 52)) for frames in (20, 50)]
-    made = [x + rng.normal(size=x.shape) for x in true]
+    faces = [x + rng.normal(size=x.shape) for x in true]
     pairs = [
-        [Sample(str(k), FPS, face=x, seed_frames=4) for k, x in enumerate(side)] for side in (made, true)
+        [Sample(str(k), FPS, face=x, seed_frames=4) for k, x in enumerate(side)] for side in (faces, true)
     ]  # fmt: skip
-    wanted = np.concatenate([(a - b)[4:] for a, b in zip(made, true, strict=True)])
-    assert SCORE["face_mse"](*pairs).value == pytest.approx(np.square(wanted).mean())
+    differences = np.concatenate([(a - b)[4:] for a, b in zip(faces, true, strict=True)])
+    assert SCORE["face_mse"](*pairs).value == pytest.approx(np.square(differences).mean())
     assert SCORE["face_mse"](pairs[1], pairs[1]).value == 0
-    moved = [replace(s, face=np.where(np.arange(len(s))[:, None] < 4, 9.0, s.face)) for s in pairs[1]]
-    assert SCORE["face_mse"](moved, pairs[1]).value == 0  # what was given does not count
+    others = [replace(s, face=np.where(np.arange(len(s))[:, None] < 4, 9.0, s.face)) for s in pairs[1]]
+    assert SCORE["face_mse"](others, pairs[1]).value == 0  # what was given does not count
 
 
 # lips -------------------------------------------------------------------------------------------------------------------
 
 
 def test_silence_is_where_nothing_is_said():
-    heard = silent(level(speech(0)))
-    at = np.arange(len(heard)) / RATE
+    is_silent = silent(level(speech(0)))
+    at = np.arange(len(is_silent)) / RATE
     inside, outside = (np.mod(at, 3) > 2.45) & (np.mod(at, 3) < 2.95), (np.mod(at, 3) > 0.1) & (np.mod(at, 3) < 2.3)
-    assert heard[inside].all()
-    assert not heard[outside].any()  # gaps between syllables are no pauses
+    assert is_silent[inside].all()
+    assert not is_silent[outside].any()  # gaps between syllables are no pauses
     assert silent(np.repeat([0.0, -50, 0], [80, 14, 80])).sum() == 0
     assert silent(np.repeat([0.0, -50, 0], [80, 16, 80])).sum() == 16
     with pytest.raises(InputError, match="silence"):
@@ -130,8 +130,8 @@ def test_agreement_is_perfect_for_a_copy_and_nothing_for_chance():
     true = samples()
     assert SCORE["lip_closure_agreement"](true, true).value == 1
     rng = np.random.default_rng(0)
-    for made in (np.zeros, np.ones, lambda shape: rng.random(shape) * 0.2):
-        others = [replace(s, face=made(s.face.shape)) for s in true]
+    for make in (np.zeros, np.ones, lambda shape: rng.random(shape) * 0.2):
+        others = [replace(s, face=make(s.face.shape)) for s in true]
         assert abs(SCORE["lip_closure_agreement"](others, true).value) < 0.05
     against = [replace(s, face=0.6 - s.face) for s in true]
     assert SCORE["lip_closure_agreement"](against, true).value < -0.1
@@ -153,9 +153,9 @@ def test_kappa_is_cohens():
 @pytest.mark.slow
 @pytest.mark.parametrize("lag", [-0.12, 0.0, 0.05, 0.2])
 def test_the_lag_is_found(lag):
-    found = SCORE["jaw_lag"](samples(lag=lag))
-    assert found.value == pytest.approx(lag, abs=0.025)
-    assert found.interval[0] <= found.value <= found.interval[1]
+    score = SCORE["jaw_lag"](samples(lag=lag))
+    assert score.value == pytest.approx(lag, abs=0.025)
+    assert score.interval[0] <= score.value <= score.interval[1]
     assert SCORE["jaw_correlation"](samples(lag=lag)).value > 0.7
 
 
@@ -164,8 +164,8 @@ def test_correlations_are_those_of_numpy():
     loud = level(one.speech)
     jaw = np.interp(np.arange(len(loud)) / RATE, np.arange(len(one)) / FPS, one.face[:, JAW])
     jaw, loud = jaw - jaw.mean(), loud - loud.mean()
-    found = correlations([one])
-    for lag, value in zip(LAGS, found, strict=True):
+    values = correlations([one])
+    for lag, value in zip(LAGS, values, strict=True):
         a, b = (jaw[lag:], loud[: len(loud) - lag]) if lag >= 0 else (jaw[:lag], loud[-lag:])
         assert value == pytest.approx(a @ b / np.sqrt(a @ a * (b @ b)))
 
@@ -191,10 +191,10 @@ ODD = (1.0, 1.8, 2.6, 9.0, 9.9, 18.0, 21.0, 22.0)
 
 @pytest.mark.slow
 def test_blinks_are_counted_and_timed():
-    found = blinks_of(face(0, blinks_at=EVEN), FPS)
-    assert len(found.widths) == len(EVEN)
-    np.testing.assert_allclose(found.widths, 0.15, atol=0.01)  # a triangle of 0.3 s at half height
-    np.testing.assert_allclose(found.gaps, 3.0, atol=0.04)
+    blinks = blinks_of(face(0, blinks_at=EVEN), FPS)
+    assert len(blinks.widths) == len(EVEN)
+    np.testing.assert_allclose(blinks.widths, 0.15, atol=0.01)  # a triangle of 0.3 s at half height
+    np.testing.assert_allclose(blinks.gaps, 3.0, atol=0.04)
     score = {name: SCORE[name](samples(blinks_at=EVEN), samples()).value for name in FACE[6:]}
     assert score["blink_rate"] == pytest.approx(60 * len(EVEN) / SECONDS)
     assert score["blink_duration"] == pytest.approx(0.15, abs=0.01)
@@ -218,9 +218,9 @@ def test_blinks_do_not_depend_on_the_rate(fps):
     weights = np.zeros((len(at), 52))
     for when in EVEN:
         weights[:, LIDS] += np.maximum(0, 1 - np.abs(at - when - 0.011) / 0.15)[:, None]
-    found = blinks_of(weights, fps)
-    assert len(found.widths) == len(EVEN)
-    assert found.widths.mean() == pytest.approx(0.15, abs=0.03)
+    blinks = blinks_of(weights, fps)
+    assert len(blinks.widths) == len(EVEN)
+    assert blinks.widths.mean() == pytest.approx(0.15, abs=0.03)
 
 
 @pytest.mark.slow
@@ -239,12 +239,12 @@ def test_distance_of_blinks_is_0_for_a_copy_and_1_for_none():
 
 
 def clips() -> list[Clip]:
-    found = []
+    result = []
     for k in range(4):
         weights = face(k, blinks_at=tuple(t + 0.3 * k for t in ODD))
         rest = np.broadcast_to(humanoid().rest, (len(weights), len(humanoid()), 4))
-        found.append(Clip(f"clip{k}", "ann", "made up", speech(k), Motion(FPS, rest, np.zeros((len(weights), 3)), weights)))
-    return found
+        result.append(Clip(f"clip{k}", "ann", "made up", speech(k), Motion(FPS, rest, np.zeros((len(weights), 3)), weights)))
+    return result
 
 
 @pytest.mark.slow
@@ -264,7 +264,7 @@ def test_controls_have_faces_of_their_own():
 def test_they_put_the_control_rows_in_order():
     table = evaluate_clips({}, clips(), metrics=FACE, tools=Tools())
     assert table.cells["ground truth"]["face_mse"].value == 0
-    wrong = {name: [fault for fault in found if "not worse" in fault] for name, found in table.faults.items()}
+    wrong = {name: [fault for fault in faults if "not worse" in fault] for name, faults in table.faults.items()}
     assert not any(
         wrong.get(name) for name in ("jaw_correlation", "lip_closure", "lip_closure_agreement", "blinks", "blink_gaps")
     )

@@ -18,14 +18,14 @@ def pair(seed: int):
     """Two random normal distributions of 1 … 12 dimensions, of full or lower rank, at times with equal covariances."""
     rng = np.random.default_rng(seed)
     size = int(rng.integers(1, 13))
-    found = []
+    parameters = []
     for _ in range(2):
         rank = int(rng.integers(0, size + 1)) if seed % 2 else size
         root = rng.normal(size=(size, rank)) * 10.0 ** rng.uniform(-3, 3)
-        found += [rng.normal(size=size) * 10.0 ** rng.uniform(-3, 1), root @ root.T]
+        parameters += [rng.normal(size=size) * 10.0 ** rng.uniform(-3, 1), root @ root.T]
     if seed % 7 == 0:
-        found[3] = found[1].copy()
-    return found
+        parameters[3] = parameters[1].copy()
+    return parameters
 
 
 def direct(mean_a, cov_a, mean_b, cov_b):
@@ -64,13 +64,13 @@ def test_commuting_singular_covariances_have_a_closed_form():
 
 def test_the_published_root_comes_out_negative_where_ours_is_zero():
     """Few windows of many features, compared with themselves."""
-    published = []
+    distances = []
     for seed in range(20):
         mean, covariance = moments(np.random.default_rng(seed).normal(size=(6, 40)))
         assert 0 <= frechet(mean, covariance, mean, covariance) < 1e-10
-        published.append(frechet_published(mean, covariance, mean, covariance))
-    assert min(published) < 0
-    assert np.nanmax(np.abs(published)) > 1e-7
+        distances.append(frechet_published(mean, covariance, mean, covariance))
+    assert min(distances) < 0
+    assert np.nanmax(np.abs(distances)) > 1e-7
 
 
 @pytest.mark.parametrize(
@@ -89,11 +89,11 @@ def test_what_is_no_distribution_is_refused(arguments):
 
 def clips(seed: int, noise: float = 0.0, count: int = 6) -> list[Sample]:
     rng = np.random.default_rng(seed)
-    made = []
+    samples = []
     for k in range(count):
         walk = np.cumsum(rng.normal(size=(120, 4, 3)), 0) * 0.01
-        made.append(Sample(f"{k}", 30.0, positions=walk + noise * rng.normal(size=walk.shape)))
-    return made
+        samples.append(Sample(f"{k}", 30.0, positions=walk + noise * rng.normal(size=walk.shape)))
+    return samples
 
 
 @pytest.mark.slow
@@ -115,9 +115,9 @@ def test_the_metric_grows_with_corruption_whatever_the_order_of_clips():
 def test_poses_alone_do_not_see_movement():
     """Frames in any order have the same poses: that is what FID on raw poses cannot tell."""
     real = clips(1)
-    mixed = [Sample(s.name, 30.0, positions=np.random.default_rng(k).permutation(s.positions)) for k, s in enumerate(real)]
-    assert fid_poses(mixed, real).value < 1e-9
-    assert fgd(mixed, real, Tools(features=NET)).value > 1e-3
+    shuffled = [Sample(s.name, 30.0, positions=np.random.default_rng(k).permutation(s.positions)) for k, s in enumerate(real)]
+    assert fid_poses(shuffled, real).value < 1e-9
+    assert fgd(shuffled, real, Tools(features=NET)).value > 1e-3
     values = [fid_poses(clips(1, noise), real).value for noise in (0.05, 0.2, 0.8)]
     assert values == sorted(values)
     assert values[0] > 0
@@ -128,6 +128,6 @@ def test_a_network_must_be_named_and_passed_in():
         fgd(clips(0), clips(1))
     with pytest.raises(InputError, match="windows"):
         fgd([Sample("a", 30.0, positions=np.zeros((5, 4, 3)))], clips(1), Tools(features=NET))
-    broken = FeatureNet("broken", lambda w: np.full((len(w), 2), np.nan), 10, 5)
+    bad_net = FeatureNet("broken", lambda w: np.full((len(w), 2), np.nan), 10, 5)
     with pytest.raises(InputError, match="finite"):
-        fgd(clips(0), clips(1), Tools(features=broken))
+        fgd(clips(0), clips(1), Tools(features=bad_net))

@@ -64,13 +64,13 @@ CASES = {
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_score_or_an_input_error(case):
-    samples, found, problems = CASES[case](), {}, []
+    samples, scores, problems = CASES[case](), {}, []
     for name in METRICS:
         try:
-            found[name] = load_metric(name)(samples, samples, TOOLS)
+            scores[name] = load_metric(name)(samples, samples, TOOLS)
         except InputError as problem:
             problems.append(str(problem))
     assert not [p for p in problems if "\n" in p]
-    assert all(isinstance(score, Score) and np.isfinite(score.value) for score in found.values())
-    assert all(score.interval is None or np.isfinite(score.interval).all() for score in found.values())
-    assert len(found) > 10 or case in ("no frame", "one frame", "no joint", "nine frames", "one joint", "all given")
+    assert all(isinstance(score, Score) and np.isfinite(score.value) for score in scores.values())
+    assert all(score.interval is None or np.isfinite(score.interval).all() for score in scores.values())
+    assert len(scores) > 10 or case in ("no frame", "one frame", "no joint", "nine frames", "one joint", "all given")

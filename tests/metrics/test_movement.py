@@ -188,9 +188,9 @@ def test_bad_input(spoil):
         movement_statistics(wrong)
 
 
-def test_a_real_speaker_is_inside(shared):
+def test_a_real_speaker_is_inside(shared_folder):
     """The one real take at hand is one of those that the ranges come from."""
-    take = np.load(shared / "data/reference_motion/003_Neutral_2.npy", allow_pickle=False)[::2, :, :3]
+    take = np.load(shared_folder / "data/reference_motion/003_Neutral_2.npy", allow_pickle=False)[::2, :, :3]
     real = Track(FPS, take[:, 0], take[:, [6, 3]], take[:, [7, 4]], take[:, [8, 5]])
     windows = window_statistics(real)
     assert len(windows) == 4

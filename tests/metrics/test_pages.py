@@ -33,7 +33,7 @@ def test_there_is_no_page_without_a_metric():
 
 
 def test_the_table_of_beat_alignment_shows_both_sides():
-    """Noise is better than a speaker as coded, and nothing beyond its interval when corrected: what the page says."""
+    """The page says: as coded, noise is better than a speaker; corrected, noise scores nothing beyond its interval."""
     text = (PAGES / "beat_align.md").read_text("utf-8")
     names = [name.strip(" `↑") for name in re.search(r"^\| \|(.*)\|$", text, re.M)[1].split("|")]
     rows = {row[0]: dict(zip(names, row[1:], strict=True)) for row in

@@ -24,10 +24,10 @@ CENTRES = "centers/8_pose_velocity_speed_0_7_8_9_pose_normalize"
 def clips(count: int = 4, seed: int = 0) -> list[Sample]:
     """Random walks of 5 joints and 52 key points, rotations, and semantic scores."""
     rng = np.random.default_rng(seed)
-    made = []
+    samples = []
     for k in range(count):
         rotations = quat_normalize(rng.normal(size=(1, 5, 4)) + 0.1 * np.cumsum(rng.normal(size=(FRAMES, 5, 4)), 0))
-        made.append(
+        samples.append(
             Sample(
                 f"clip {k}",
                 FPS,
@@ -37,16 +37,16 @@ def clips(count: int = 4, seed: int = 0) -> list[Sample]:
                 semantics=rng.choice([0, 0, 0.5, 1.0], FRAMES),
             )
         )
-    return made
+    return samples
 
 
 def worse(samples: list[Sample], amount: float) -> list[Sample]:
-    """The same noise, more of it."""
+    """The samples with noise of this size; the noise is the same each time."""
     rng = np.random.default_rng(9)
-    made = []
+    result = []
     for s in samples:
         turn = rotvec_to_quat(rng.normal(size=(*s.rotations.shape[:2], 3)) * 0.02 * amount)
-        made.append(
+        result.append(
             replace(
                 s,
                 positions=s.positions + rng.normal(size=s.positions.shape) * 0.05 * amount,
@@ -54,7 +54,7 @@ def worse(samples: list[Sample], amount: float) -> list[Sample]:
                 rotations=quat_multiply(s.rotations, turn),
             )
         )
-    return made
+    return result
 
 
 TOOLS = Tools(centres=np.random.default_rng(3).normal(size=(8, 240)) * 150)
@@ -103,24 +103,24 @@ def test_what_does_not_fit_is_refused(name):
 
 def test_pck_counts_joints_within_ten_centimetres_and_leaves_gifts_out():
     true = np.zeros((10, 4, 3))
-    made = true.copy()
-    made[4:, 1] = (0.0999, 0, 0)
-    made[4:, 2] = (0.1001, 0, 0)
-    made[4:, 3] = (0.3, 0.1, 0)
-    real, generated = [Sample("a", FPS, positions=true)], [Sample("a", FPS, positions=made, seed_frames=4)]
+    positions = true.copy()
+    positions[4:, 1] = (0.0999, 0, 0)
+    positions[4:, 2] = (0.1001, 0, 0)
+    positions[4:, 3] = (0.3, 0.1, 0)
+    real, generated = [Sample("a", FPS, positions=true)], [Sample("a", FPS, positions=positions, seed_frames=4)]
     assert load_metric("pck")(generated, real).value == pytest.approx(1 / 3)
     assert load_metric("pck_gfge")(generated, real).value == pytest.approx((4 * 4 + 6 * 2) / 40)
-    moved = [Sample("a", FPS, positions=made + [5.0, 0, 1], seed_frames=4)]
-    assert load_metric("pck")(moved, real).value == pytest.approx(1 / 3)
+    elsewhere = [Sample("a", FPS, positions=positions + [5.0, 0, 1], seed_frames=4)]
+    assert load_metric("pck")(elsewhere, real).value == pytest.approx(1 / 3)
 
 
 def test_pck_in_two_dimensions_measures_in_boxes():
     true = np.zeros((1, 52, 2))
     true[0, 1], true[0, 2] = (100, 0), (0, 50)  # the box is 100 wide
     true[0, 7] = (0, -100)  # masked, and yet its height is 150: thresholds 15 and 30 with it, 10 and 20 without
-    made = true.copy()
-    made[0, 3], made[0, 4], made[0, 5], made[0, 8] = (14, 0), (29, 0), (31, 0), (900, 0)
-    real, generated = [Sample("a", 15.0, points=true)], [Sample("a", 15.0, points=made)]
+    points = true.copy()
+    points[0, 3], points[0, 4], points[0, 5], points[0, 8] = (14, 0), (29, 0), (31, 0), (900, 0)
+    real, generated = [Sample("a", 15.0, points=true)], [Sample("a", 15.0, points=points)]
     assert load_metric("pck_2d")(generated, real).value == pytest.approx((46 / 48 + 47 / 48) / 2)
     edge = true.copy()
     edge[0, 3], edge[0, 4] = (20, 0), (20.1, 0)  # Speech2Gesture: box of kept points, ≤
@@ -139,15 +139,15 @@ def test_mix_stage_averages_running_means():
 
 def test_errors_have_units():
     true = np.zeros((20, 3, 3))
-    made = true.copy()
-    made[:, 1:] = (0.03, 0.04, 0)
-    real, generated = [Sample("a", FPS, positions=true)], [Sample("a", FPS, positions=made)]
+    positions = true.copy()
+    positions[:, 1:] = (0.03, 0.04, 0)
+    real, generated = [Sample("a", FPS, positions=true)], [Sample("a", FPS, positions=positions)]
     assert load_metric("ape")(generated, real).value == pytest.approx(0.05)
     assert load_metric("mae")(generated, real).value == pytest.approx(0.07 / 3)
     t = np.arange(20) / FPS
-    made = true.copy()
-    made[:, 1:, 1] = 0.5 * 6.0 * t[:, None] ** 2  # 6 m/s² along one of three axes
-    assert load_metric("acceleration_error")([Sample("a", FPS, positions=made)], real).value == pytest.approx(2.0)
+    positions = true.copy()
+    positions[:, 1:, 1] = 0.5 * 6.0 * t[:, None] ** 2  # 6 m/s² along one of three axes
+    assert load_metric("acceleration_error")([Sample("a", FPS, positions=positions)], real).value == pytest.approx(2.0)
 
 
 def test_srgr_is_weighted_by_meaning_and_knows_that_angles_wrap():
@@ -184,12 +184,12 @@ def test_joints_that_stand_still_in_all_recordings_do_not_count(name):
     assert 0 < bare < load_metric(name)([sample(0, 7)], [sample(0, 7)]).value
 
 
-def slow_modes(clip_list: list[np.ndarray], centres: np.ndarray, *, joined: bool) -> list[int]:
+def slow_modes(clip_list: list[np.ndarray], centres: np.ndarray, *, across_clips: bool) -> list[int]:
     """Frame by frame and joint by joint, as one would with pencil and paper."""
     names, before = [], None
     keep = [k for k in range(52) if k not in (0, 7, 8, 9)]
     for clip in clip_list:
-        before = before if joined else None
+        before = before if across_clips else None
         for frame in clip:
             x = [frame[k][0] - frame[0][0] for k in keep]
             y = [-(frame[k][1] - frame[0][1]) for k in keep]
@@ -202,12 +202,12 @@ def slow_modes(clip_list: list[np.ndarray], centres: np.ndarray, *, joined: bool
     return names
 
 
-def real_poses(shared, speaker: str, seed: int) -> tuple[np.ndarray, list[np.ndarray]]:
+def real_poses(shared_folder, speaker: str, seed: int) -> tuple[np.ndarray, list[np.ndarray]]:
     """The speaker's centres, and clips that wander between their poses."""
     h5py = pytest.importorskip("h5py", reason="the real centres are HDF5: pip install 'cospeech[corpora]'")
-    with h5py.File(shared / "data/pats_stats" / f"{speaker}.kmeans.h5") as file:
+    with h5py.File(shared_folder / "data/pats_stats" / f"{speaker}.kmeans.h5") as file:
         centres = np.asarray(file[CENTRES])
-    rng, found = np.random.default_rng(seed), []
+    rng, walks = np.random.default_rng(seed), []
     for _ in range(3):
         order = rng.integers(0, 8, 5)
         way = np.concatenate([np.linspace(centres[a, :96], centres[b, :96], 12) for a, b in pairwise(order)])
@@ -215,21 +215,21 @@ def real_poses(shared, speaker: str, seed: int) -> tuple[np.ndarray, list[np.nda
         points = np.zeros((len(way), 52, 2))
         keep = [k for k in range(52) if k not in (0, 7, 8, 9)]
         points[:, keep] = np.stack([way[:, :48], -way[:, 48:]], -1)
-        found.append(points + rng.normal(size=2) * 300)
-    return centres, found
+        walks.append(points + rng.normal(size=2) * 300)
+    return centres, walks
 
 
 @pytest.mark.parametrize("speaker", SPEAKERS)
-def test_mode_f1_agrees_with_a_direct_computation_on_the_real_centres(shared, speaker):
-    centres, true = real_poses(shared, speaker, 0)
-    made = real_poses(shared, speaker, 1)[1]
-    made = [0.3 * a + 0.7 * b for a, b in zip(made, true, strict=True)]
-    samples = [[Sample(f"{k}", 15.0, points=x) for k, x in enumerate(side)] for side in (made, true)]
+def test_mode_f1_agrees_with_a_direct_computation_on_the_real_centres(shared_folder, speaker):
+    centres, true = real_poses(shared_folder, speaker, 0)
+    poses = real_poses(shared_folder, speaker, 1)[1]
+    poses = [0.3 * a + 0.7 * b for a, b in zip(poses, true, strict=True)]
+    samples = [[Sample(f"{k}", 15.0, points=x) for k, x in enumerate(side)] for side in (poses, true)]
     assert centres.shape == (8, 240)
     assert np.abs(centres[:, 192:]).min() == centres[:, 192:].min() > 0  # speeds are positive, where we take them to be
     values = []
-    for name, joined in (("mode_f1", False), ("mode_f1_published", True)):
-        a, b = (slow_modes(side, centres, joined=joined) for side in (made, true))
+    for name, across_clips in (("mode_f1", False), ("mode_f1_published", True)):
+        a, b = (slow_modes(side, centres, across_clips=across_clips) for side in (poses, true))
         value = load_metric(name)(*samples, Tools(centres=centres)).value
         assert value == pytest.approx(f1_score(b, a, average="weighted", labels=range(8), zero_division=0), abs=1e-12)
         assert 0.2 < value < 1
@@ -246,20 +246,20 @@ def test_the_jump_between_clips_is_in_the_published_form_only():
     centres[1:, :48] = 400  # there,
     centres[1, 96:144], centres[1, 192:] = 400, 400  # and with a jump
     real = [Sample("a", 15.0, points=here), Sample("b", 15.0, points=there)]
-    made = [Sample("a", 15.0, points=there), Sample("b", 15.0, points=there)]
+    wrong = [Sample("a", 15.0, points=there), Sample("b", 15.0, points=there)]
     tools = Tools(centres=centres)
     # modes 0 0 0 2 2 2 against 2 2 2 2 2 2, and as published 0 0 0 1 2 2 against 2 2 2 2 2 2
-    assert load_metric("mode_f1")(made, real, tools).value == pytest.approx(1 / 3)
-    assert load_metric("mode_f1_published")(made, real, tools).value == pytest.approx(1 / 6)
+    assert load_metric("mode_f1")(wrong, real, tools).value == pytest.approx(1 / 3)
+    assert load_metric("mode_f1_published")(wrong, real, tools).value == pytest.approx(1 / 6)
 
 
 def test_f1_of_counts_is_that_of_scikit_learn():
     rng = np.random.default_rng(0)
     for _ in range(20):
-        true, made = rng.integers(0, 5, (2, 60))
-        made[rng.random(60) < 0.2] = 6
-        expected = f1_score(true, made, average="weighted", labels=range(8), zero_division=0)
-        assert average_f1(confusion(true, made, 8)) == pytest.approx(expected, abs=1e-12)
+        true, guesses = rng.integers(0, 5, (2, 60))
+        guesses[rng.random(60) < 0.2] = 6
+        expected = f1_score(true, guesses, average="weighted", labels=range(8), zero_division=0)
+        assert average_f1(confusion(true, guesses, 8)) == pytest.approx(expected, abs=1e-12)
 
 
 def test_mode_f1_wants_the_points_of_pats():
@@ -288,9 +288,9 @@ def test_noise_correlates_in_the_published_cca_only():
     rng = np.random.default_rng(0)
     noise = [replace(s, positions=rng.normal(size=s.positions.shape)) for s in clips(6)]
     wide = [replace(s, positions=np.concatenate([s.positions] + [rng.normal(size=s.positions.shape)] * 3, 1)) for s in clips(6)]
-    mixed = [replace(s, positions=rng.normal(size=s.positions.shape)) for s in wide]
-    assert load_metric("cca_genea")(mixed, wide).value > 0.3
-    score = load_metric("cca")(mixed, wide)
+    noisy = [replace(s, positions=rng.normal(size=s.positions.shape)) for s in wide]
+    assert load_metric("cca_genea")(noisy, wide).value > 0.3
+    score = load_metric("cca")(noisy, wide)
     assert abs(score.value) < 0.15
     still = [replace(s, positions=np.ones(s.positions.shape)) for s in noise]
     assert load_metric("cca")(still, clips(6)).value == 0
@@ -301,5 +301,5 @@ def test_clips_of_another_rate_are_refused(name):
     measure, real = load_metric(name), clips()
     with pytest.raises(InputError, match=r"'clip 0' has 15 frames per second, the clip .* 30 \(.*resample"):
         measure([replace(s, fps=15.0) for s in real], real, TOOLS)
-    rounded = measure([replace(s, fps=1 / 0.033333) for s in real], real, TOOLS)  # what a file says of 30
-    assert rounded.value == pytest.approx(measure(real, real, TOOLS).value, abs=1e-9)
+    score = measure([replace(s, fps=1 / 0.033333) for s in real], real, TOOLS)  # what a file says of 30
+    assert score.value == pytest.approx(measure(real, real, TOOLS).value, abs=1e-9)

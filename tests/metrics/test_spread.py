@@ -28,14 +28,14 @@ NET = FeatureNet("means", lambda w: w.mean(1), 34, 17)
 def clips(count: int = 6, size: float = 1.0, seed: int = 0, frames: int = 300) -> list[Sample]:
     """Smooth random motion of 4 joints and 6 key points around a common pose, of ``size``."""
     rng, t = np.random.default_rng(seed), np.arange(frames) / FPS
-    made = []
+    samples = []
     for k in range(count):
         waves = np.sin(2 * np.pi * rng.uniform(0.2, 1.5, (1, 4, 3)) * t[:, None, None] + rng.uniform(0, 6, (1, 4, 3)))
         waves[:, 0] = 0
         rest = np.arange(12).reshape(1, 4, 3) * 0.1
         points = np.repeat((rest + 0.1 * size * waves)[..., :2] * 300, 2, 1)[:, :6]
-        made.append(Sample(f"{k}", FPS, positions=rest + 0.1 * size * waves, points=points, label="ab"[k % 2]))
-    return made
+        samples.append(Sample(f"{k}", FPS, positions=rest + 0.1 * size * waves, points=points, label="ab"[k % 2]))
+    return samples
 
 
 def test_every_metric_says_what_it_needs_and_refuses_nothing_at_all():
@@ -181,7 +181,7 @@ def test_clusters_of_speakers_count_and_found_clusters_always_look_good():
     alike = clips(8)
     apart = [replace(s, positions=s.positions + (s.label == "b") * 0.3 * (np.arange(4) > 0)[:, None]) for s in alike]
     for name in ("chi", "silhouette"):
-        values = [load_metric(name)(made, (), tools).value for made in (alike, apart)]
+        values = [load_metric(name)(samples, (), tools).value for samples in (alike, apart)]
         assert values[1] > 5 * abs(values[0])
         assert load_metric(name)(apart[::-1], (), tools).value == pytest.approx(values[1])
     assert load_metric("silhouette")(alike, (), tools).value < 0.05
@@ -211,18 +211,18 @@ def test_inception_score_falls_with_confusion():
         height = windows[:, :, 4].mean(1) * 20
         return np.stack([np.exp(height), np.exp(-height)], 1) / (np.exp(height) + np.exp(-height))[:, None]
 
-    made = [replace(s, positions=s.positions - s.positions.mean(0) + (s.label == "a") * np.array([0, 1, 0])
+    clear = [replace(s, positions=s.positions - s.positions.mean(0) + (s.label == "a") * np.array([0, 1, 0])
                     * (np.arange(4) == 2)[:, None] - 0.5 * np.array([0, 1, 0]) * (np.arange(4) == 2)[:, None])
             for s in clips(12)]  # fmt: skip
     tools = Tools(classifier=FeatureNet("height", classify, 34, 34))
-    flat = [replace(s, positions=s.positions * 0.02) for s in made]
+    flat = [replace(s, positions=s.positions * 0.02) for s in clear]
     for name in ("inception_score", "inception_score_published"):
-        good, poor = (load_metric(name)(m, (), tools).value for m in (made, flat))
+        good, poor = (load_metric(name)(m, (), tools).value for m in (clear, flat))
         assert 2 >= good > 1.8 > 1.1 > poor >= 1 - 1e-9
-    low, high = load_metric("inception_score")(made, (), tools).interval
-    assert low <= load_metric("inception_score")(made, (), tools).value <= high
+    low, high = load_metric("inception_score")(clear, (), tools).interval
+    assert low <= load_metric("inception_score")(clear, (), tools).value <= high
     whole = load_metric("inception_score_published")
-    assert whole(made[::-1], (), tools).value == pytest.approx(whole(made, (), tools).value)
+    assert whole(clear[::-1], (), tools).value == pytest.approx(whole(clear, (), tools).value)
 
 
 def test_rates_have_units():
@@ -289,8 +289,8 @@ def test_hellinger_is_bounded_symmetric_and_genea_does_not_see_haste():
         jump = np.zeros(len(s.positions))
         jump[::10] = 3.0  # 90 m/s, now and then
         bursts.append(replace(s, positions=s.positions + jump[:, None, None] * (np.arange(4) > 0)[:, None]))
-    seen, unseen = (load_metric(n)(bursts, real).value for n in ("hellinger_speed", "hellinger_speed_genea"))
-    assert unseen < 0.05 < 0.2 < seen
+    of_speed, of_genea = (load_metric(n)(bursts, real).value for n in ("hellinger_speed", "hellinger_speed_genea"))
+    assert of_genea < 0.05 < 0.2 < of_speed
 
 
 def test_movement_is_the_share_of_rows_in_range():

@@ -84,7 +84,7 @@ def test_all_frames_come_in_order_between_a_start_and_an_end():
     assert (outlet.sent, outlet.dropped, wire.closed) == (20, 0, True)
 
 
-def test_who_goes_is_found_again_and_told_once():
+def test_a_receiver_that_goes_is_found_again_and_told_once():
     wire, notes = Recorder(fail_at=(6,)), []
     outlet = run(wire, notes)
     types = [json.loads(data)["type"] for data in wire.data]
@@ -95,7 +95,7 @@ def test_who_goes_is_found_again_and_told_once():
 
 
 @pytest.mark.parametrize("fail_at", [3, 21])  # 21: the text that ends the stream
-def test_who_is_needed_and_goes_ends_the_stream(fail_at):
+def test_a_receiver_that_is_needed_and_goes_ends_the_stream(fail_at):
     wire, notes = Recorder(fail_at=(fail_at,)), []
     wire.is_needed = True
     outlet = Outlet("test", json_encoder(), wire, fps=30, note=notes.append)
@@ -113,7 +113,7 @@ def test_who_is_needed_and_goes_ends_the_stream(fail_at):
     outlet.close()  # it is told once
 
 
-def test_who_is_not_there_is_told_of_once_and_nothing_waits_for_it():
+def test_a_receiver_that_is_not_there_is_told_of_once_and_nothing_waits_for_it():
     wire, notes = Recorder(refuse=10**6), []
     began = time.monotonic()
     outlet = run(wire, notes)
@@ -148,9 +148,9 @@ def test_datagrams_reach_their_port_and_nobody_need_listen():
 
 
 def test_that_nobody_listens_is_told_once():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-        taken.bind(("127.0.0.1", 0))
-        port = taken.getsockname()[1]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
     notes: list[str] = []
     outlet = Outlet("test", json_encoder(), UdpWire("127.0.0.1", port), fps=30, note=notes.append)
     for frame in frames():
@@ -161,10 +161,10 @@ def test_that_nobody_listens_is_told_once():
     assert outlet.problem == notes[0]
 
 
-def test_who_listens_after_a_while_is_no_problem_any_more():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-        taken.bind(("127.0.0.1", 0))
-        port = taken.getsockname()[1]
+def test_a_receiver_that_listens_after_a_while_ends_the_problem():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
     outlet = Outlet("test", json_encoder(), UdpWire("127.0.0.1", port), fps=30, note=lambda text: None)
     sending = itertools.cycle(frames())
     until = time.monotonic() + 30
@@ -261,11 +261,11 @@ def test_peers_that_send_garbage_disturb_nobody():
     outlet = Outlet("listen", json_encoder(), wire, fps=30, note=lambda text: None)
     outlet.send(frames()[0])
     hello = b"GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
-    upgraded = hello + b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+    request = hello + b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
     with connect(f"ws://127.0.0.1:{wire.port}") as good:
         assert json.loads(good.recv(timeout=30))["type"] == "start"
         peers = [socket.create_connection(("127.0.0.1", wire.port), timeout=5) for _ in range(2 * len(GARBAGE))]
-        for peer, data in zip(peers, [*GARBAGE, *(upgraded + each for each in GARBAGE)], strict=True):
+        for peer, data in zip(peers, [*GARBAGE, *(request + each for each in GARBAGE)], strict=True):
             peer.sendall(data)
         for frame in frames()[1:]:
             outlet.send(frame)
@@ -321,8 +321,8 @@ def test_a_server_of_theirs_is_reached_again_after_it_went():
         outlet.send(frame)
     outlet.close()
     server.shutdown()
-    seen = [got.get(timeout=30) for _ in range(22)]
-    assert [m["type"] for m in seen] == ["start", *["frame"] * 20, "end"]
+    messages = [got.get(timeout=30) for _ in range(22)]
+    assert [m["type"] for m in messages] == ["start", *["frame"] * 20, "end"]
 
 
 @pytest.mark.parametrize(
@@ -355,8 +355,8 @@ def test_addresses_that_cannot_be_used(address, what):
 
 
 def test_a_port_that_is_taken():
-    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(InputError, match="cannot listen"):
-        open_outlet(f"listen://127.0.0.1:{taken.getsockname()[1]}", SETTINGS, print)
+    with socket.create_server(("127.0.0.1", 0)) as server, pytest.raises(InputError, match="cannot listen"):
+        open_outlet(f"listen://127.0.0.1:{server.getsockname()[1]}", SETTINGS, print)
 
 
 def test_every_scheme_has_a_usual_port_or_asks_for_one():
@@ -368,7 +368,7 @@ def test_every_scheme_has_a_usual_port_or_asks_for_one():
 
 
 class Clock:
-    """Time that goes on when somebody sleeps."""
+    """A clock that only sleeping moves."""
 
     now = 100.0
 
@@ -376,7 +376,7 @@ class Clock:
         return self.now
 
 
-class Sent(list):
+class FrameLog(list):
     """An outlet that notes when each frame came."""
 
     def __init__(self, clock) -> None:
@@ -387,14 +387,14 @@ class Sent(list):
 
 
 def test_frames_leave_at_their_times_however_they_are_made():
-    sent = Sent(time.monotonic)
-    pacer = FramePacer([sent], delay=0.2)
+    frame_log = FrameLog(time.monotonic)
+    pacer = FramePacer([frame_log], delay=0.2)
     began = time.monotonic()
     pacer.begin()
     for burst in (MOTION[:1], MOTION[1:15], MOTION[15:]):
         pacer.push(burst)
     pace = pacer.close()
-    at, start = np.array(sent).T
+    at, start = np.array(frame_log).T
     np.testing.assert_allclose(start, np.arange(20) / 30, atol=1e-9)
     assert (at - began >= start + 0.2 - 1e-3).all()
     assert pace.frames == 20
@@ -402,8 +402,8 @@ def test_frames_leave_at_their_times_however_they_are_made():
 
 def test_frames_that_are_late_leave_at_once_and_are_counted():
     clock = Clock()
-    sent = Sent(clock)
-    pacer = FramePacer([sent], delay=0.0, clock=clock)
+    frame_log = FrameLog(clock)
+    pacer = FramePacer([frame_log], delay=0.0, clock=clock)
     pacer.begin()
     clock.now += 10  # whoever made the frames took ten seconds
     pacer.push(MOTION)
@@ -413,17 +413,17 @@ def test_frames_that_are_late_leave_at_once_and_are_counted():
 
 
 def test_an_interrupted_stream_forgets_what_has_not_left():
-    sent = Sent(time.monotonic)
-    pacer = FramePacer([sent], delay=0.05)
+    frame_log = FrameLog(time.monotonic)
+    pacer = FramePacer([frame_log], delay=0.05)
     pacer.begin()
     pacer.push(MOTION)
     pacer.close(drop=True)
-    assert len(sent) < 20
+    assert len(frame_log) < 20
 
 
 def test_frames_that_have_not_left_are_taken_back():
-    sent = Sent(time.monotonic)
-    pacer = FramePacer([sent], delay=0.05)
+    frame_log = FrameLog(time.monotonic)
+    pacer = FramePacer([frame_log], delay=0.05)
     pacer.begin()
     pacer.push(MOTION)
     time.sleep(0.2)
@@ -433,7 +433,7 @@ def test_frames_that_have_not_left_are_taken_back():
     left = MOTION[round(first * MOTION.fps) :]
     pacer.push(left)
     pacer.close()
-    assert len(sent) == 20  # each once
+    assert len(frame_log) == 20  # each once
 
 
 def wait_for(pacer, count: int) -> None:
@@ -445,7 +445,7 @@ def wait_for(pacer, count: int) -> None:
 
 
 def test_where_all_frames_have_left_the_next_one_is_told():
-    pacer = FramePacer([Sent(time.monotonic)], delay=0.0, paced=False)
+    pacer = FramePacer([FrameLog(time.monotonic)], delay=0.0, paced=False)
     assert pacer.take_back() is None  # nobody has seen a frame
     pacer.begin()
     pacer.push(MOTION)
@@ -454,7 +454,7 @@ def test_where_all_frames_have_left_the_next_one_is_told():
     pacer.close()
 
 
-class Broken:
+class FailingOutlet:
     """An outlet whose second frame is one too many."""
 
     count = 0
@@ -466,7 +466,7 @@ class Broken:
 
 
 def test_an_outlet_that_fails_is_told_to_who_pushes_and_who_closes():
-    pacer = FramePacer([Broken()], delay=0.0, paced=False)
+    pacer = FramePacer([FailingOutlet()], delay=0.0, paced=False)
     pacer.begin()
     pacer.push(MOTION)
     pacer._thread.join(30)

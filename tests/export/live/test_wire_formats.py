@@ -46,11 +46,11 @@ def test_bundles_hold_all_messages_in_order_and_are_no_longer_than_asked(sizes, 
 
 def vmc_frame(packets: list[bytes]) -> dict[str, list]:
     """Address → parameters of each message, of one frame."""
-    found: dict[str, list] = {}
+    messages: dict[str, list] = {}
     for packet in packets:
         for message in OscBundle(packet):
-            found.setdefault(message.address, []).append(message.params)
-    return found
+            messages.setdefault(message.address, []).append(message.params)
+    return messages
 
 
 def places_in_unity(bones: list, parents: dict[str, str | None]) -> dict[str, np.ndarray]:
@@ -66,8 +66,8 @@ def places_in_unity(bones: list, parents: dict[str, str | None]) -> dict[str, np
     world: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     for name, (place, rotation) in local.items():
         above = parents[name]
-        at, turned = world[above] if above else (np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
-        world[name] = at + turn(turned, place), times(turned, rotation)
+        at, above_turn = world[above] if above else (np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
+        world[name] = at + turn(above_turn, place), times(above_turn, rotation)
     return {name: place for name, (place, _) in world.items()}
 
 
@@ -102,11 +102,11 @@ def test_vmc_blend_shapes_have_the_names_that_are_asked_for(face, name):
     motion = gesturing(2)
     motion.face[:] = 0
     motion.face[1, ARKIT_INDEX["jawOpen"]] = 0.4
-    shut, opened = (dict(vmc_frame(p)["/VMC/Ext/Blend/Val"]) for p in VmcEncoder(face=face).frames(motion))
+    shut, open_face = (dict(vmc_frame(p)["/VMC/Ext/Blend/Val"]) for p in VmcEncoder(face=face).frames(motion))
     assert shut[name] == 0
-    assert opened[name] > 0.35
-    assert len(opened) == {"vrm0": 12, "vrm1": 12, "arkit": 52}[face]
-    assert {"Blink", "Blink_L", "I", "U", "E", "O", "Joy", "Angry", "Sorrow"} <= set(opened) or face != "vrm0"
+    assert open_face[name] > 0.35
+    assert len(open_face) == {"vrm0": 12, "vrm1": 12, "arkit": 52}[face]
+    assert {"Blink", "Blink_L", "I", "U", "E", "O", "Joy", "Angry", "Sorrow"} <= set(open_face) or face != "vrm0"
 
 
 def test_vmc_packets_are_as_short_as_asked():
@@ -121,13 +121,13 @@ def test_vmc_turns_eyes_once_where_shapes_turn_them():
     motion = gesturing(1)
     motion.rotations[:, humanoid().index["leftEye"]] = [0, 0.6, 0, 0.8]
 
-    def left_eye(**settings) -> list[float]:
+    def find_left_eye(**settings) -> list[float]:
         frame = vmc_frame(next(iter(VmcEncoder(**settings).frames(motion))))
         return next(values for values in frame["/VMC/Ext/Bone/Pos"] if values[0] == "LeftEye")[4:]
 
-    np.testing.assert_allclose(left_eye(face="arkit", still_eyes=True), [0, 0, 0, 1], atol=1e-6)
+    np.testing.assert_allclose(find_left_eye(face="arkit", still_eyes=True), [0, 0, 0, 1], atol=1e-6)
     for settings in ({"face": "arkit"}, {"face": "vrm0", "still_eyes": True}):  # no shapes of looking are sent
-        np.testing.assert_allclose(left_eye(**settings), [0, -0.6, 0, 0.8], atol=1e-6)
+        np.testing.assert_allclose(find_left_eye(**settings), [0, -0.6, 0, 0.8], atol=1e-6)
 
 
 @pytest.mark.parametrize("change", [as_vrm0, as_vrm1])
@@ -178,11 +178,11 @@ def test_live_link_packets(fps):
 
 
 @pytest.mark.parametrize(
-    ("fps", "known"), [(29.97, 30000 / 1001), (23.976, 24000 / 1001), (59.94, 60000 / 1001), (24, 24), (12.5, 12.5)]
+    ("fps", "rate"), [(29.97, 30000 / 1001), (23.976, 24000 / 1001), (59.94, 60000 / 1001), (24, 24), (12.5, 12.5)]
 )
-def test_live_link_names_rates_of_television_as_unreal_does(fps, known):
+def test_live_link_names_rates_of_television_as_unreal_does(fps, rate):
     ((packet,),) = LiveLinkEncoder().frames(gesturing(1, float(fps)))
-    assert read_live_link(packet)["fps"] == known
+    assert read_live_link(packet)["fps"] == rate
 
 
 def test_json_texts_hold_the_motion():
@@ -212,7 +212,7 @@ def test_json_numbers_have_five_digits():
     motion = gesturing(4)
     encoder = JsonEncoder(motion.fps, 1.5, motion.skeleton, face=True)
     texts = [encoder.begin(), *(text for frame in encoder.frames(motion) for text in frame)]
-    found = [number for text in texts for number in re.findall(rb'(?<!"time":)(?<![\d.e-])-?\d+\.\d+(?:e-?\d+)?', text)]
-    assert len(found) > 1000
-    assert max(len(number.partition(b".")[2]) for number in found) == 5
-    assert b"-0.0" not in found
+    numbers = [number for text in texts for number in re.findall(rb'(?<!"time":)(?<![\d.e-])-?\d+\.\d+(?:e-?\d+)?', text)]
+    assert len(numbers) > 1000
+    assert max(len(number.partition(b".")[2]) for number in numbers) == 5
+    assert b"-0.0" not in numbers

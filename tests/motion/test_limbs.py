@@ -15,7 +15,7 @@ from cospeech.motion.rotations import quat_angle
 from cospeech.motion.skeleton import Skeleton, humanoid
 from cospeech.motion.skeletons.mixamo import NAMES as MIXAMO
 from tests.support.motions import gesturing
-from tests.support.skeletons import renamed, without
+from tests.support.skeletons import rename_joints, without
 
 LEG = ("UpperLeg", "LowerLeg", "Foot", "Toes")
 HALF = without(humanoid(), ".*(Leg|Foot|Toes)")
@@ -33,7 +33,7 @@ def with_chain(skeleton: Skeleton, name: str, offset: tuple[float, float, float]
 
 def test_a_half_body_is_recognised():
     assert recognise(HALF) == {name: name for name in HALF.names}
-    theirs = renamed(HALF, MIXAMO)
+    theirs = rename_joints(HALF, MIXAMO)
     assert recognise(theirs) == {name: MIXAMO.get(name, name) for name in HALF.names}
     below = Skeleton(
         ("Armature", *theirs.names), (-1, *(p + 1 for p in theirs.parents)), np.array([(0, 0, 0), *theirs.offsets])
@@ -45,7 +45,7 @@ def test_a_half_body_is_recognised():
 def test_legs_under_strange_names_are_found_or_asked_for(stretched):
     """Two legs that are alike are found by the shape; with one of another length, an error asks for the legs alone."""
     strange = {f"{side}{part}": f"{side[0]}q{k}" for side in ("left", "right") for k, part in enumerate(LEG)}
-    body = renamed(humanoid(), strange)
+    body = rename_joints(humanoid(), strange)
     body.offsets[body.index["lq1"]] *= stretched
     if stretched == 1:
         found = recognise(body)
@@ -81,7 +81,7 @@ def test_what_may_be_legs_is_asked_for_and_a_map_says_that_it_is_none():
     ],
 )
 def test_an_error_lists_what_is_not_found_and_nothing_else(other, told):
-    body = renamed(humanoid(), other)
+    body = rename_joints(humanoid(), other)
     body.offsets[body.index["rightLowerArm" if "rightLowerArm" in body.index else "q"]] *= 1.7  # the shape tells nothing
     body.offsets[body.index["leftLowerLeg"]] *= 1.7
     with pytest.raises(InputError, match=rf"cannot find {told} among the 55 joints .*\[bones\] {told.split(',')[0]} = "):

@@ -28,7 +28,7 @@ from cospeech.motion.rotations import (
 from cospeech.motion.skeleton import Skeleton, find_skeleton, humanoid
 from cospeech.motion.skeletons import SKELETONS
 from cospeech.motion.soles import find_soles
-from tests.support.skeletons import renamed, without
+from tests.support.skeletons import rename_joints, without
 
 BONES = [("UpperArm", "LowerArm"), ("LowerArm", "Hand"), ("UpperLeg", "LowerLeg"), ("LowerLeg", "Foot"),
          ("Hand", "MiddleProximal"), ("IndexProximal", "IndexIntermediate"), ("LittleIntermediate", "LittleDistal"),
@@ -388,7 +388,7 @@ def test_names_of_many_makes(make):
     names = CONVENTIONS[make]
     gone = "|".join(n for n in humanoid().names if n not in names)
     body = without(humanoid(), gone) if gone else humanoid()
-    found = recognise(renamed(body, names))
+    found = recognise(rename_joints(body, names))
     expected = {n: names[n] for n in body.names}
     if "chest" not in names and "upperChest" in names:  # two bones of spine are called spine and chest
         expected["chest"] = expected.pop("upperChest")
@@ -417,7 +417,7 @@ def test_bones_on_the_way_do_not_disturb():
 @pytest.mark.parametrize("kind", SKELETONS)
 def test_shape_alone_is_enough(kind):
     body = find_skeleton(kind)
-    nameless = renamed(body, {n: f"joint{k}" for k, n in enumerate(body.names)})
+    nameless = rename_joints(body, {n: f"joint{k}" for k, n in enumerate(body.names)})
     assert by_names(nameless) == {}
     found, true = recognise(nameless), recognise(body)
     back = {f"joint{k}": n for k, n in enumerate(body.names)}
@@ -452,7 +452,7 @@ def test_shape_of_what_is_no_person():
 
 def test_an_error_names_what_is_missing():
     body = without(humanoid(), ".*Eye|jaw")
-    odd = renamed(body, {"leftLowerLeg": "qqq", "leftFoot": "ppp"})
+    odd = rename_joints(body, {"leftLowerLeg": "qqq", "leftFoot": "ppp"})
     offsets = odd.offsets.copy()
     offsets[odd.names.index("qqq")] *= 1.7  # not alike any more, so that the shape does not help either
     with pytest.raises(InputError, match="cannot find leftLowerLeg among the 52 joints"):
@@ -463,7 +463,7 @@ def test_an_error_names_what_is_missing():
 
 
 def test_a_map_helps_and_wins(tmp_path):
-    body = renamed(humanoid(), {"leftLowerArm": "qqq", "leftUpperArm": "zzz", "jaw": "mandibula"})
+    body = rename_joints(humanoid(), {"leftLowerArm": "qqq", "leftUpperArm": "zzz", "jaw": "mandibula"})
     file = tmp_path / "map.toml"
     file.write_text('[bones]\nleftUpperArm = "zzz"\nleftLowerArm = "qqq"\njaw = "mandibula"\nleftEye = ""\n')
     chosen = load_map(file)

@@ -26,7 +26,7 @@ from cospeech.rules.options import LAYERS
 from cospeech.runtime.bundles.spec import VOICE
 from cospeech.runtime.flow.latent_sources import CodeSource
 from cospeech.runtime.model import TrainedModel
-from tests.support.runtime_bundles import LOOK_AHEAD, NAMES, changed, cut, same, talk, write_small_chain
+from tests.support.runtime_bundles import LOOK_AHEAD, NAMES, cut, perform_changes, same, talk, write_small_chain
 
 BODY = ("body", "hands")
 CUTS = ([], [1, 2, 7, 9000, 9001, 40_000], list(range(1600, 51_000, 1600)))
@@ -165,7 +165,7 @@ def test_who_speaks_is_told_and_played():
 @pytest.mark.parametrize("look_ahead", [None, inf])
 def test_a_change_of_style_depends_on_the_samples_and_not_on_the_pieces(look_ahead):
     speech, changes = talk(4.0), {20_000: "ben", 23_333: "ada:0.5,voice:0.5", 41_000: VOICE}
-    play = partial(changed, gesturer(), speech, changes=changes, seed=2, parts=BODY, look_ahead=look_ahead)
+    play = partial(perform_changes, gesturer(), speech, changes=changes, seed=2, parts=BODY, look_ahead=look_ahead)
     at_once = play([])
     assert all(same(play(edges), at_once) for edges in CUTS)
     assert away(gesturer().generate(speech, seed=2, parts=BODY, look_ahead=look_ahead), at_once) > 1e-3

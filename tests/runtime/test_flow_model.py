@@ -28,7 +28,7 @@ from cospeech.runtime.pose_decoder import PoseDecoder
 from cospeech.runtime.pose_resampler import PoseResampler
 from cospeech.runtime.styles.space import style_space
 from cospeech.runtime.styles.style import Styles
-from tests.support.runtime_bundles import changed, cut, same, talk, write_small
+from tests.support.runtime_bundles import cut, perform_changes, same, talk, write_small
 
 EYES = [humanoid().index[name] for name in ("leftEye", "rightEye")]
 FINGERS = sorted({*humanoid().left_hand, *humanoid().right_hand})
@@ -219,16 +219,16 @@ def test_changes_do_not_depend_on_the_pieces(transfer):
     speech, player = talk(4.0), TrainedModel(gesturer().system, transfer)
     clip = gesturer().generate(talk(3.0), style="ben", seed=8, parts=("body", "hands"))
     changes = {20_000: "ben", 23_333: {clip: 0.6, "ada": 0.4}, 41_000: "ada:0.5,ben:0.5"}
-    made = changed(player, speech, [], changes, seed=2)
+    made = perform_changes(player, speech, [], changes, seed=2)
     for edges in ([1, 2, 7, 9000, 9001, 40_000], list(range(1600, 60_000, 1600))):
-        assert same(changed(player, speech, edges, changes, seed=2), made)
+        assert same(perform_changes(player, speech, edges, changes, seed=2), made)
     assert not same(made, player.generate(speech, seed=2))
 
 
 def test_nothing_is_foreseen_of_a_change():
     """A flow hears ahead, but plays every frame in its own style: only smoothing and the cubic look one and two poses on."""
     speech, samples, options = talk(5.0), 40_000, {"parts": ("body", "hands"), "fps": 20.0, "seed": 1}
-    made = changed(gesturer(), speech, [], {samples: "ben"}, **options)
+    made = perform_changes(gesturer(), speech, [], {samples: "ben"}, **options)
     plain = gesturer().generate(speech, **options)
     differs = np.flatnonzero((made.rotations != plain.rotations).any((1, 2)))
     frame = samples // 800
@@ -298,8 +298,8 @@ def test_style_controls_change_with_the_style(tmp_path):
     path = write_small(tmp_path / "a.cospeech", audio="mel27", controls=("hand_speed", "hand_height"))
     player, speech = TrainedModel.open(path), talk(4.0)
     changes = {16_000: "hand_height:0.95", 33_000: "ben"}
-    made = changed(player, speech, [], changes, parts=("body",))
-    assert same(changed(player, speech, [900, 31_000, 31_001], changes, parts=("body",)), made)
+    made = perform_changes(player, speech, [], changes, parts=("body",))
+    assert same(perform_changes(player, speech, [900, 31_000, 31_001], changes, parts=("body",)), made)
     table, session = player.system.statistics.control_quantiles, player.session()
     list(session.push(cut(speech, [16_000])[0]))
     session.restyle("hand_height:0.95")

@@ -20,7 +20,7 @@ from cospeech.motion.rotations import quat_angle, quat_multiply
 from cospeech.motion.skeletons.arkit import ARKIT_INDEX
 from cospeech.runtime.attention import AttentionShift
 from cospeech.runtime.listening import ListeningLayer, Response, find_listening, plan_responses
-from tests.support.rules_laws import babble, broken_laws
+from tests.support.rules_laws import babble, find_broken_laws
 
 SHIFTS = (AttentionShift(0.0, 25.0), AttentionShift(1.0, -30.0), AttentionShift(2.2, 10.0))
 NOD = Response(1.0, 2, np.radians(6.0), 0.4, 0.0, 1.0, 0.0, 0.5)
@@ -152,8 +152,8 @@ def test_a_head_that_is_turned_already_turns_no_further_than_a_neck_can(angle):
     bare = cospeech.load("rules").generate(speech, seed=3, intensity=2.0).retarget("humanoid")
     nods = [Response(time, 3, np.radians(8.0), 0.34, 0.4, 2.0, 0.4, 0.9) for time in np.arange(0.5, 12.0, 2.2)]
     shown = ListeningLayer(nods, [(0.5, 12.0)], seed=4, intensity=2.0, shifts=[AttentionShift(0.0, angle)]).apply(bare)
-    assert not broken_laws(bare, stand=True)
-    assert not broken_laws(shown, stand=True)
+    assert not find_broken_laws(bare, stand=True)
+    assert not find_broken_laws(shown, stand=True)
 
 
 def test_intensity_0_shows_nothing_and_a_motion_without_a_face_is_taken(still):

@@ -20,7 +20,7 @@ from cospeech.motion.skeleton import humanoid
 from cospeech.motion.skeletons.arkit import ARKIT_INDEX
 from cospeech.runtime.idle import nod_angles
 from cospeech.runtime.live_session import LiveSession
-from tests.support.rules_laws import broken_laws, speed_faults
+from tests.support.rules_laws import find_broken_laws, speed_faults
 from tests.support.runtime_bundles import same
 
 S = humanoid()
@@ -228,7 +228,7 @@ def test_minutes_of_idling_never_freeze_and_blink_as_people_do():
     speed = np.degrees(quat_angle(motion.rotations[1:].astype(float), motion.rotations[:-1].astype(float)))
     for name in ("hips", "spine", "head", "leftUpperArm", "rightLowerArm", "leftUpperLeg"):
         assert speed[:, S.index[name]].reshape(-1, 1)[: 30 * 119].reshape(-1, 30).max(1).min() > 1e-3, name  # in every second
-    assert broken_laws(motion, stand=True) == []
+    assert find_broken_laws(motion, stand=True) == []
     assert np.ptp(motion.root[:, 0]) > 0.03  # the weight shifts
 
 

@@ -22,7 +22,7 @@ from cospeech.runtime.sliding_window_decoder import LIVE
 from cospeech.runtime.styles.embedding import stretches
 from cospeech.runtime.styles.space import style_space
 from tests.support.fake_windows import whole_system
-from tests.support.runtime_bundles import changed, cut, same, talk, write_small_window
+from tests.support.runtime_bundles import cut, perform_changes, same, talk, write_small_window
 
 BODY = ("body", "hands")
 
@@ -221,7 +221,7 @@ def test_stretches_overlap_by_half_and_reach_the_end():
 @pytest.mark.parametrize("look_ahead", [None, inf])
 def test_a_change_depends_on_the_samples_and_not_on_the_pieces(look_ahead):
     speech, changes = talk(4.0), {20_000: "ben", 23_333: "ada:0.5,cleo:0.5", 41_000: acted()}
-    play = partial(changed, gesturer(), speech, changes=changes, seed=2, parts=BODY, look_ahead=look_ahead)
+    play = partial(perform_changes, gesturer(), speech, changes=changes, seed=2, parts=BODY, look_ahead=look_ahead)
     at_once = play([])
     assert all(same(play(edges), at_once) for edges in CUTS)
     plain = gesturer().generate(speech, seed=2, parts=BODY, look_ahead=look_ahead)
@@ -231,7 +231,7 @@ def test_a_change_depends_on_the_samples_and_not_on_the_pieces(look_ahead):
 @pytest.mark.slow
 def test_what_was_before_a_change_and_what_comes_after():
     speech, samples = talk(9.0), 64_000
-    made = changed(gesturer(), speech, [], {samples: "ben"}, parts=BODY, fps=20.0)
+    made = perform_changes(gesturer(), speech, [], {samples: "ben"}, parts=BODY, fps=20.0)
     before, after = (gesturer().generate(speech, style=style, parts=BODY, fps=20.0) for style in ("ada", "ben"))
     differs = (made.rotations != before.rotations).any((1, 2))
     frame, lead = samples // 800, LIVE.waits - 2 + whole_system().smooth + 2
@@ -331,5 +331,5 @@ def test_a_bundle_on_stage(tmp_path, monkeypatch):
     for look_ahead in (None, inf):
         whole = player.generate(speech, style="ben", look_ahead=look_ahead)
         assert same(Motion.concatenate(list(player.stream(cut(speech, CUTS[1]), style="ben", look_ahead=look_ahead))), whole)
-    play = partial(changed, player, speech, changes={20_000: "ben", 31_000: acted()}, parts=BODY)
+    play = partial(perform_changes, player, speech, changes={20_000: "ben", 31_000: acted()}, parts=BODY)
     assert same(play(CUTS[2]), play([]))

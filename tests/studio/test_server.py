@@ -17,7 +17,7 @@ from cospeech.errors import InputError
 from cospeech.studio import server
 from cospeech.studio.study import load_plan
 from cospeech.studio.study.session import make_session
-from tests.support.study_raters import as_sent, ask, make_tiny_study, right_answers, running, serving
+from tests.support.study_raters import ask, encode_answers, make_tiny_study, right_answers, running, serving
 
 SECRET = "keep this to yourself"
 PAYLOADS = [
@@ -122,7 +122,7 @@ def test_a_large_body_is_refused_at_once(port, length):
 
 
 def bad_answers(plan) -> list[object]:
-    good = as_sent(plan, right_answers(plan, make_session(plan, 0)[0]))
+    good = encode_answers(plan, right_answers(plan, make_session(plan, 0)[0]))
     name = next(iter(good))
     wrong = [None, [], 7, {}, {name: None}, {name: "2"}, {name: 99}, {name: 1.0}, {name: True}, {name: [1]}, {name: [[]]}]
     wrong += [{name: {"a": 1}}, {**good, "another": 1}, {"'; DROP TABLE answers; --": 1}, {name: 10**40}]

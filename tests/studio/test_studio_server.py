@@ -36,7 +36,7 @@ from cospeech.studio.server import open_socket
 from cospeech.studio.speeches import label_of
 from cospeech.studio.uploads import UPLOAD_BYTES, UploadRefused, Uploads
 from tests.studio.test_server import PAYLOADS, raw_get
-from tests.support.studio_server import ask_json, connected, list_files, studio, wait_for
+from tests.support.studio_server import ask_json, list_files, open_websocket, studio, wait_for
 from tests.support.study_raters import ask
 
 RULES = ModelRow(
@@ -382,7 +382,7 @@ def test_limits_of_uploads(tmp_path, monkeypatch):
 @pytest.mark.parametrize("path", ["/api/events", "/api/live"])
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", None])
 def test_a_page_from_elsewhere_gets_no_socket(served, path, origin):
-    with pytest.raises(InvalidStatus), connected(served[0], path, origin=origin):
+    with pytest.raises(InvalidStatus), open_websocket(served[0], path, origin=origin):
         pass
 
 
@@ -402,13 +402,13 @@ def test_hosts_origins_and_policies(served):
 def test_without_the_token_nothing_is_served():
     with studio(token="secrettoken") as (port, _):
         assert ask(port, "/api/plans/edit", {})[0] == 401
-        with pytest.raises(InvalidStatus), connected(port, "/api/events"):
+        with pytest.raises(InvalidStatus), open_websocket(port, "/api/events"):
             pass
         status, headers, _ = ask(port, "/?token=secrettoken")
         assert (status, headers["location"]) == (303, "./")
         cookie = headers["set-cookie"].partition(";")[0]
         assert ask(port, "/", cookie=cookie)[0] == 200
-        with connected(port, "/api/events", additional_headers={"cookie": cookie}):
+        with open_websocket(port, "/api/events", additional_headers={"cookie": cookie}):
             pass
 
 
@@ -418,7 +418,7 @@ def test_without_the_token_nothing_is_served():
 @pytest.mark.parametrize("path", ["/api/events", "/api/live"])
 def test_a_message_over_a_mebibyte_ends_its_connection_alone(served, path):
     port, _ = served
-    with connected(port, path) as one, connected(port, path) as other:
+    with open_websocket(port, path) as one, open_websocket(port, path) as other:
         one.send(b"x" * ((1 << 20) + 1))
         with pytest.raises(ConnectionClosed):
             list(one)
@@ -432,7 +432,7 @@ def test_a_thousand_connections_come_and_go(served):
     for _ in range(900):
         socket.create_connection(("127.0.0.1", port), timeout=30).close()
     for _ in range(100):
-        with connected(port, "/api/events", close_timeout=5):
+        with open_websocket(port, "/api/events", close_timeout=5):
             pass
     until = time.monotonic() + 30
     while state.hub._listeners and time.monotonic() < until:
@@ -482,7 +482,7 @@ def test_cancelling_is_told_and_ends_the_work(served):
     until = time.monotonic() + 30
     while not state.maker._running and time.monotonic() < until:
         time.sleep(0.01)
-    with connected(port, "/api/events") as events:
+    with open_websocket(port, "/api/events") as events:
         for name in (takes[1], takes[0]):  # one that waits, and the one that is made
             began = time.monotonic()
             assert ask(port, f"/api/takes/{name}", method="DELETE")[0] == 204
@@ -508,7 +508,7 @@ def test_takes_of_a_page_that_has_left_are_cancelled(served, code, monkeypatch):
     monkeypatch.setattr(state.pages, "_grace", 0.5)
     long = ask_json(port, "/api/speech?name=long.wav", sound_file(900, 8000))["speech"]
     body = {"speech": long, "model": "rules"}
-    with connected(port, "/api/events?page=other"), connected(port, "/api/events?page=mine") as mine:
+    with open_websocket(port, "/api/events?page=other"), open_websocket(port, "/api/events?page=mine") as mine:
         takes = [ask_json(port, "/api/takes", body | {"page": "mine"})["take"] for _ in range(2)]
         others = [ask_json(port, "/api/takes", body | {"page": page})["take"] for page in ("other", None)]
         time.sleep(1)  # twice the grace: while the page is there, its takes are made
@@ -587,7 +587,7 @@ def test_who_sends_or_takes_too_much_loses_sound_or_frames():
 def test_a_live_session_sends_frames_and_is_steered(served):
     port, state = served
     start = {"type": "start", "model": "rules", "rate": 16_000, "fps": 20, "targets": ["vmc://127.0.0.1:9"]}
-    with connected(port, "/api/live") as line:
+    with open_websocket(port, "/api/live") as line:
         line.send(json.dumps({"type": "change", "intensity": 1}))
         assert "no live session" in json.loads(line.recv(timeout=30))["problem"]
         for wrong in ({"model": "/tmp/x.cospeech"}, {"style": "x.bvh"}, {"emotion": "x.csv"}, {"targets": ["-"]}):
@@ -616,7 +616,7 @@ def test_a_live_session_sends_frames_and_is_steered(served):
 def test_an_interruption_drops_the_sound_that_was_sent_ahead(served):
     jaw, rate = 8 + 4 * (3 + 55 * 4 + ARKIT.index("jawOpen")), 16_000
     loud = np.random.default_rng(0).normal(0, 3000, 8 * rate) * (1 + np.sin(np.arange(8 * rate) / rate * 20))
-    with connected(served[0], "/api/live") as line:
+    with open_websocket(served[0], "/api/live") as line:
         line.send(json.dumps({"type": "start", "model": "rules", "rate": rate, "fps": 20}))
         line.send(np.clip(loud, -32000, 32000).astype("<i2").tobytes())
 
@@ -639,7 +639,7 @@ def test_a_receiver_that_comes_later_is_no_problem_any_more(served):
 
     with open_socket("127.0.0.1", 0) as free:
         target = f"127.0.0.1:{free.getsockname()[1]}"
-    with connected(served[0], "/api/live") as line:
+    with open_websocket(served[0], "/api/live") as line:
         line.send(json.dumps({"type": "start", "model": "rules", "rate": 16_000, "targets": [f"listen://{target}"]}))
 
         def wait_for_target(is_so):

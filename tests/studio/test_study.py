@@ -20,7 +20,7 @@ from cospeech.studio.study.session import Trial, answer_keys, describe_study, de
 from cospeech.studio.study.static import export_page, import_answers
 from cospeech.studio.study.tables import write_tables
 from cospeech.studio.study.templates import TEMPLATES
-from tests.support.study_raters import as_sent, ask, make_tiny_study, rate, right_answers, serving, write_video
+from tests.support.study_raters import ask, encode_answers, make_tiny_study, rate, right_answers, serving, write_video
 
 pytest.importorskip("starlette", reason="local pages need starlette (the studio extra)")
 pytest.importorskip("uvicorn", reason="local pages need uvicorn (the studio extra)")
@@ -290,7 +290,7 @@ def test_sessions_that_were_left_or_spoilt_are_given_out_again(tmp_path, monkeyp
 def test_a_participant_is_taken_once(study, tmp_path):
     plan = load_plan(study)
     rows = [
-        {"trial": k, "answers": as_sent(plan, right_answers(plan, t)), "seconds": 4}
+        {"trial": k, "answers": encode_answers(plan, right_answers(plan, t)), "seconds": 4}
         for k, t in enumerate(make_session(plan, 0))
     ]
     files = []
@@ -324,7 +324,7 @@ def test_means_are_tested_against_chance_and_ratings_are_not(tmp_path):
 def test_a_rater_goes_on_after_a_pause(study):
     with serving(study) as port:
         first = json.loads(ask(port, "/api/raters", {"consent": True, "participant": "abc123"})[2])
-        answers = as_sent(plan := load_plan(study), right_answers(plan, make_session(plan, 0)[0]))
+        answers = encode_answers(plan := load_plan(study), right_answers(plan, make_session(plan, 0)[0]))
         status, _, content = ask(port, "/api/answers", {"trial": 0, "answers": answers, "seconds": 3}, x_rater=first["rater"])
         assert status == 200
         assert json.loads(content) == {"done": 1, "of": len(first["trials"]), "completion": ""}
@@ -357,7 +357,7 @@ def test_an_exported_page_and_its_answers(study, tmp_path):
     held = json.loads((tmp_path / "page" / "study.json").read_text())
     assert len(held["sessions"]) == 3
     trials = make_session(plan, 2)
-    rows = [{"trial": k, "answers": as_sent(plan, right_answers(plan, t)), "seconds": 4} for k, t in enumerate(trials)]
+    rows = [{"trial": k, "answers": encode_answers(plan, right_answers(plan, t)), "seconds": 4} for k, t in enumerate(trials)]
     sent = {"study": held["study"]["study"], "session": 2, "rater": "0f" * 16, "participant": "", "answers": rows}
     good, bad = tmp_path / "good.json", tmp_path / "bad.json"
     good.write_text(json.dumps(sent))
@@ -475,7 +475,7 @@ def test_the_way_back_is_told_at_the_end_alone(tmp_path):
         assert b"example.org" not in ask(port, "/api/study")[2]
         session = json.loads(ask(port, "/api/raters", {"consent": True})[2])
         assert session["completion"] == ""
-        answers = as_sent(plan, {key: values[0] for key, values in answer_keys(plan, make_session(plan, 0)[0]).items()})
+        answers = encode_answers(plan, {key: values[0] for key, values in answer_keys(plan, make_session(plan, 0)[0]).items()})
         sent = {"trial": 0, "answers": answers, "seconds": 3}
         assert json.loads(ask(port, "/api/answers", sent, x_rater=session["rater"])[2])["completion"] == plan.completion
         assert json.loads(ask(port, "/api/session", x_rater=session["rater"])[2])["completion"] == plan.completion

@@ -13,7 +13,7 @@ from cospeech.corpora import Clip, Dropped, Semantic
 from cospeech.errors import CospeechWarning
 from tests.support.motions import gesturing
 
-__all__ = ["UNUSABLE", "WORDS", "clip", "damaged", "same_turns", "sort_out", "tone", "unusable"]
+__all__ = ["UNUSABLE", "WORDS", "clip", "damage", "same_turns", "sort_out", "tone", "unusable"]
 
 UNUSABLE = ["gone", "file", "empty", "other"]
 WORDS = (Word("well", 0.1, 0.3), Word("don't", 0.3, 0.55), Word("relax", 0.7, 0.95))
@@ -63,7 +63,7 @@ def same_turns(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.minimum(np.abs(a - b).max(-1), np.abs(a + b).max(-1)).max())
 
 
-def damaged(data: bytes, rng: np.random.Generator) -> bytes:
+def damage(data: bytes, rng: np.random.Generator) -> bytes:
     """Cut off, other bytes, nasty words in place of a word, lines gone or doubled, zeros; one or two of these."""
     for _ in range(rng.integers(1, 3)):
         kind, at = int(rng.integers(7)), int(rng.integers(max(len(data), 1)))
@@ -94,8 +94,8 @@ def sort_out(items: Iterable[Clip | Dropped], expected: Iterable[str]) -> tuple[
     reasons: dict[str, str] = {}
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", ".* is cut short", CospeechWarning)  # a note, and no reason to drop it
-        found = list(items)
-    for item in found:
+        results = list(items)
+    for item in results:
         assert item.name not in clips
         assert item.name not in reasons
         if isinstance(item, Dropped):

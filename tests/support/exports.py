@@ -37,13 +37,13 @@ def export_graphs(graphs: Mapping[str, ExportGraph]) -> Exported:
             key.update(tensor.contiguous().numpy().tobytes())
     file = Path(os.environ[FOLDER]) / key.hexdigest()
     if file.exists():
-        kept: Exported = pickle.loads(file.read_bytes())
-        return kept
-    made = onnx_export.export_graphs(graphs)
+        stored: Exported = pickle.loads(file.read_bytes())
+        return stored
+    export = onnx_export.export_graphs(graphs)
     own = file.with_suffix(f".{os.getpid()}")
-    own.write_bytes(pickle.dumps(made))
+    own.write_bytes(pickle.dumps(export))
     own.replace(file)
-    return made
+    return export
 
 
 def _is_plain(value: object) -> bool:

@@ -86,26 +86,26 @@ class TinyGan(Tiny):
         return self.decode(self.encode(audio.mT) + self.style(speaker)[..., None]).mT
 
     def objectives(self) -> dict[str, Objective]:
-        made = [p for name, p in self.named_parameters() if not name.startswith("discriminator")]
+        generator = [p for name, p in self.named_parameters() if not name.startswith("discriminator")]
         return {
-            "discriminator": Objective(self.discriminator.parameters(), self.judged),
-            "made": Objective(made, self.made, every=2),
+            "discriminator": Objective(self.discriminator.parameters(), self.discriminator_loss),
+            "made": Objective(generator, self.generator_loss, every=2),
         }
 
-    def judged(self, batch: Batch, step: int) -> dict[str, Tensor]:
+    def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         with torch.no_grad():
-            made = self(batch["audio"], batch["speaker"])
+            poses = self(batch["audio"], batch["speaker"])
         terms = {
             "real": (self.discriminator(batch["pose"].mT) - 1).square().mean(),
-            "made": self.discriminator(made.mT).square().mean(),
+            "made": self.discriminator(poses.mT).square().mean(),
         }
         return slowly(terms, self.discriminator[0].weight)
 
-    def made(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        made = self(batch["audio"], batch["speaker"])
+    def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        poses = self(batch["audio"], batch["speaker"])
         terms = {
-            "near": (made - batch["pose"]).abs().mean(),
-            "generator_loss": 0.1 * (self.discriminator(made.mT) - 1).square().mean(),
+            "near": (poses - batch["pose"]).abs().mean(),
+            "generator_loss": 0.1 * (self.discriminator(poses.mT) - 1).square().mean(),
         }
         return slowly(terms, self.decode.weight)
 
@@ -116,15 +116,15 @@ class TinyCascade(Tiny):
     def __init__(self, config: Config, *, pose: int, audio: int) -> None:
         super().__init__(config)
         self.code, self.pose = nn.Linear(pose, config.hidden), nn.Linear(config.hidden, pose)
-        self.heard = nn.Linear(audio, config.hidden)
+        self.speech = nn.Linear(audio, config.hidden)
 
     def objectives(self) -> dict[str, Objective]:
         first = [*self.code.parameters(), *self.pose.parameters()]
-        second = Objective(self.heard.parameters(), self.hear, start=10)
+        second = Objective(self.speech.parameters(), self.hear, start=10)
         return {"codes": Objective(first, self.codes, stop=10), "heard": second}
 
     def codes(self, batch: Batch, step: int) -> dict[str, Tensor]:
         return {"pose": (self.pose(self.code(batch["pose"]).tanh()) - batch["pose"]).abs().mean()}
 
     def hear(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        return {"pose": (self.pose(self.heard(batch["audio"]).tanh()) - batch["pose"]).abs().mean()}
+        return {"pose": (self.pose(self.speech(batch["audio"]).tanh()) - batch["pose"]).abs().mean()}

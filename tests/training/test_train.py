@@ -25,7 +25,7 @@ from cospeech.training.schedule import SCHEDULES  # noqa: E402
 from cospeech.training.train import train  # noqa: E402
 from cospeech.training.windows import Windows  # noqa: E402
 from tests.support import tiny_models  # noqa: E402
-from tests.support.leftovers import abandoned  # noqa: E402
+from tests.support.leftovers import make_leftover  # noqa: E402
 from tests.support.tiny_store import POSE, make_store  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -232,7 +232,7 @@ def test_killed_and_resumed_it_is_the_run_that_was_not(ended, store, tmp_path, m
     assert code == -9
     assert read_tensors(killed / "last.safetensors")[1]["step"] == 10
     assert max(row["step"] for row in log(killed)) == 13  # what the log says of steps that are lost will be taken back
-    left = abandoned(killed)
+    left = make_leftover(killed)
     (left / "0.safetensors").write_bytes(b"half a file")
     with (killed / "log.jsonl").open("a") as file:
         file.write('{"step": 14, "lo')
@@ -298,7 +298,7 @@ def test_wherever_it_is_interrupted_it_goes_on(store, tmp_path, monkeypatch, whe
     target = (
         f"cospeech.training.train.{place}"
         if place
-        else f"tests.support.tiny_models.TinyGan.{'made' if where == 'validation' else 'judged'}"
+        else f"tests.support.tiny_models.TinyGan.{'generator_loss' if where == 'validation' else 'discriminator_loss'}"
     )
     plain = (
         getattr(import_module("cospeech.training.train"), place)

@@ -27,8 +27,8 @@ def find_chromium() -> str:
     setting = os.environ.get("COSPEECH_CHROMIUM")
     if setting and not Path(setting).is_file():
         pytest.fail(f"COSPEECH_CHROMIUM={setting} does not exist")
-    unpacked = ROOT / "tests" / "node" / "node_modules" / ".chromium" / "chromium"
-    path = setting or next(filter(None, map(shutil.which, NAMES)), None) or (str(unpacked) if unpacked.is_file() else None)
+    ours = ROOT / "tests" / "node" / "node_modules" / ".chromium" / "chromium"
+    path = setting or next(filter(None, map(shutil.which, NAMES)), None) or (str(ours) if ours.is_file() else None)
     if not path:
         pytest.skip("needs Chromium: COSPEECH_CHROMIUM is not set, and none is on PATH (`make test` unpacks one)")
     return path

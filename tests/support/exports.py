@@ -37,8 +37,8 @@ def export_graphs(graphs: Mapping[str, ExportGraph]) -> Exported:
             key.update(tensor.contiguous().numpy().tobytes())
     file = Path(os.environ[FOLDER]) / key.hexdigest()
     if file.exists():
-        stored: Exported = pickle.loads(file.read_bytes())
-        return stored
+        export: Exported = pickle.loads(file.read_bytes())
+        return export
     export = onnx_export.export_graphs(graphs)
     own = file.with_suffix(f".{os.getpid()}")
     own.write_bytes(pickle.dumps(export))

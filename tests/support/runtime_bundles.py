@@ -189,10 +189,8 @@ def small_windows(pose: int, audio: int) -> Networks:
     modes = b.conv(b.conv(z, MODES * c, MODES * c, group=MODES), MODES * c, MODES * pose, 1, 0, group=MODES)
     share = b.node("Softmax", b.node("Add", b.conv(x, c, MODES, 1, 0), b.wave("noise")), axis=1)
     apart = b.const([0, MODES, 1, -1], np.int64)
-    weighed_modes = b.node(
-        "Mul", b.node("Reshape", modes, b.const([0, MODES, pose, -1], np.int64)), b.node("Reshape", share, apart)
-    )
-    total = b.node("ReduceMean", weighed_modes, b.const([1], np.int64), keepdims=0)
+    products = b.node("Mul", b.node("Reshape", modes, b.const([0, MODES, pose, -1], np.int64)), b.node("Reshape", share, apart))
+    total = b.node("ReduceMean", products, b.const([1], np.int64), keepdims=0)
     b.poses(b.node("Mul", total, b.const(3 * MODES)))
     ports = {"rows": (1, "T", audio), "style": ("N", "T", styles), "noise": ("N", "T", MODES)}
     make = Signature(ports, {"poses": ("N", "T", pose)}, window=64, multiple=MULTIPLE, reach=REACH)

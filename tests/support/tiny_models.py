@@ -116,15 +116,15 @@ class TinyCascade(Tiny):
     def __init__(self, config: Config, *, pose: int, audio: int) -> None:
         super().__init__(config)
         self.code, self.pose = nn.Linear(pose, config.hidden), nn.Linear(config.hidden, pose)
-        self.speech = nn.Linear(audio, config.hidden)
+        self.heard = nn.Linear(audio, config.hidden)
 
     def objectives(self) -> dict[str, Objective]:
         first = [*self.code.parameters(), *self.pose.parameters()]
-        second = Objective(self.speech.parameters(), self.hear, start=10)
+        second = Objective(self.heard.parameters(), self.hear, start=10)
         return {"codes": Objective(first, self.codes, stop=10), "heard": second}
 
     def codes(self, batch: Batch, step: int) -> dict[str, Tensor]:
         return {"pose": (self.pose(self.code(batch["pose"]).tanh()) - batch["pose"]).abs().mean()}
 
     def hear(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        return {"pose": (self.pose(self.speech(batch["audio"]).tanh()) - batch["pose"]).abs().mean()}
+        return {"pose": (self.pose(self.heard(batch["audio"]).tanh()) - batch["pose"]).abs().mean()}

@@ -36,7 +36,7 @@ def combination(number: int) -> tuple[Speech, dict]:
 @pytest.mark.slow
 @pytest.mark.parametrize("group", range(GROUPS))
 def test_laws_of_the_body(group):
-    broken = {}
+    faults_of_numbers = {}
     for number in range(group * EACH, (group + 1) * EACH):
         speech, options = combination(number)
         motion = RuleBasedModel().generate(speech, **options)
@@ -44,8 +44,8 @@ def test_laws_of_the_body(group):
         if len(motion) != ceil(speech.duration * int(options["fps"])):
             faults.append(f"{len(motion)} frames")
         if faults:
-            broken[f"{number}: {options}"] = faults
-    assert broken == {}
+            faults_of_numbers[f"{number}: {options}"] = faults
+    assert faults_of_numbers == {}
 
 
 @pytest.mark.slow
@@ -57,12 +57,12 @@ def test_the_stream_in_pieces_of_any_size_is_the_whole(number):
     edges = np.unique(np.concatenate([[0, len(speech.samples)], rng.integers(1, len(speech.samples), rng.integers(1, 40))]))
     pieces = [Speech(speech.samples[a:b], speech.rate, start=a / speech.rate) for a, b in pairwise(edges)]
     parts = list(RuleBasedModel().stream(iter(pieces), **options))
-    joined = Motion.concatenate(parts)
+    motion = Motion.concatenate(parts)
     assert len(parts) > 1
-    assert len(joined) == len(whole)
-    assert np.abs(joined.root - whole.root).max() <= 1e-5
-    assert np.abs(joined.face - whole.face).max() <= 1e-5
-    assert np.abs(joined.rotations - whole.rotations).max() <= 1e-5
+    assert len(motion) == len(whole)
+    assert np.abs(motion.root - whole.root).max() <= 1e-5
+    assert np.abs(motion.face - whole.face).max() <= 1e-5
+    assert np.abs(motion.rotations - whole.rotations).max() <= 1e-5
 
 
 @pytest.mark.slow
@@ -82,7 +82,7 @@ def tpose(frames: int = 30) -> Motion:
     return Motion(30.0, quat_identity(frames, len(SKELETON)), np.tile(SKELETON.offsets[0], (frames, 1)), np.zeros((frames, 52)))
 
 
-def bent(turns: dict[str, tuple[tuple[float, float, float], float]], root: tuple[float, float, float] = (0, 0, 0)) -> Motion:
+def bend(turns: dict[str, tuple[tuple[float, float, float], float]], root: tuple[float, float, float] = (0, 0, 0)) -> Motion:
     motion = tpose()
     for name, (axis, angle) in turns.items():
         motion.rotations[:, AT[name]] = axis_angle_to_quat(axis, np.radians(angle))
@@ -119,7 +119,7 @@ WRONG = {
 
 @pytest.mark.parametrize("what", WRONG)
 def test_a_wrong_pose_is_noticed(what):
-    assert any(what in fault for fault in find_broken_laws(bent(WRONG[what]), stand=True))
+    assert any(what in fault for fault in find_broken_laws(bend(WRONG[what]), stand=True))
 
 
 FACEPALM = (-40, 30, -60, -130)  # degrees: upper arm about Y, Z and X, then the elbow
@@ -169,7 +169,7 @@ def _facepalm(motion: Motion) -> None:
 def test_a_wrong_movement_is_noticed(spoil, fault):
     motion = tpose()
     spoil(motion)
-    assert any(fault in found for found in find_broken_laws(motion, stand=True))
+    assert any(fault in message for message in find_broken_laws(motion, stand=True))
 
 
 def test_seated_hips_that_move_are_noticed():

@@ -243,12 +243,12 @@ def test_a_server_of_a_network_names_an_address_that_other_computers_can_open(mo
 @pytest.mark.parametrize(("given", "is_asked"), [([], False), (["--token", "auto"], True), (["--host", "0.0.0.0"], True)])
 def test_a_studio_asks_other_users_of_the_machine_for_a_token_too(cli, monkeypatch, given, is_asked):
     pytest.importorskip("websockets", reason="the studio needs websockets (the studio extra)")
-    asked = []
+    tokens = []
     monkeypatch.setattr("cospeech.studio.state.StudioState.start_warm_up", lambda state: None)
     monkeypatch.setattr(
-        "cospeech.studio.server.run_server", lambda app, listening, **more: asked.append(app._token) or listening.close()
+        "cospeech.studio.server.run_server", lambda app, listening, **more: tokens.append(app._token) or listening.close()
     )
     code, out, _ = cli("studio", "--no-browser", "--port", 0, *given)
     assert code == 0
-    assert (asked[0] is not None) is is_asked is ("?token=" in out)
-    assert not is_asked or (len(asked[0]) > 20 and asked[0] in out)
+    assert (tokens[0] is not None) is is_asked is ("?token=" in out)
+    assert not is_asked or (len(tokens[0]) > 20 and tokens[0] in out)

@@ -102,8 +102,8 @@ class Parts:
         self.code_of_noise = net.map(mean + spread * chance.normal(*self.i_m.shape))
         self.r = self.code_of_noise.sample(chance)
         pairs = (self.s_m, self.i_m), (self.s_a, self.i_m), (self.s_a, self.r)
-        self.motion, self.audio, self.motion_of_noise = (net.decode(*pair).mT for pair in pairs)
-        self.s_x, self.i_x = (code.sample(chance) for code in net.encode(self.motion_of_noise.mT))
+        self.motion, self.audio, self.relaxed = (net.decode(*pair).mT for pair in pairs)
+        self.s_x, self.i_x = (code.sample(chance) for code in net.encode(self.relaxed.mT))
         self.true = data["pose"]
 
 
@@ -122,7 +122,7 @@ def test_the_loss_of_points_by_hand(step):
     with torch.no_grad():
         terms = {name: value.item() for name, value in net.loss(data, step).items()}
         p = Parts(net, Batch(data.arrays, StepRandom(0, 0)))
-    off = (p.motion_of_noise - p.true).abs().numpy()
+    off = (p.relaxed - p.true).abs().numpy()
     beyond = [row[row > 0.4].mean() for row in off]
     kl = sum(
         torch.distributions.kl_divergence(
@@ -134,9 +134,9 @@ def test_the_loss_of_points_by_hand(step):
     expected = {
         "motion_position": far(p.motion, p.true), "motion_speed": speed(p.motion, p.true),
         "audio_position": far(p.audio, p.true), "audio_speed": speed(p.audio, p.true),
-        "relaxed_position": np.mean(beyond), "relaxed_speed": 5 * speed(p.motion_of_noise, p.true),
+        "relaxed_position": np.mean(beyond), "relaxed_speed": 5 * speed(p.relaxed, p.true),
         "shared": 0.1 * far(p.s_a, p.s_m), "cycle": 0.1 * (far(p.i_x, p.r) + far(p.s_x, p.s_m)),
-        "divergence": 1e-3 * weight * kl, "diversity": -0.1 * (1 - step / 500_000) * far(p.motion_of_noise, p.audio),
+        "divergence": 1e-3 * weight * kl, "diversity": -0.1 * (1 - step / 500_000) * far(p.relaxed, p.audio),
     }  # fmt: skip
     assert terms == pytest.approx(expected, rel=1e-4)
 

@@ -71,11 +71,11 @@ class FakeEncoder:
 
     def __init__(self, pose: int, styles: int) -> None:
         self.signature = Signature({"poses": (1, "T", pose)}, {"style": (1, styles)}, window=STYLE_FRAMES)
-        self.weights = np.random.default_rng(1).normal(0, 1, (pose, styles))
+        self.matrix = np.random.default_rng(1).normal(0, 1, (pose, styles))
 
     def run(self, poses):
         assert poses.shape[1] >= STYLE_FRAMES
-        logits = poses[0].mean(0) @ self.weights
+        logits = poses[0].mean(0) @ self.matrix
         return {"style": (np.exp(logits - logits.max()) / np.exp(logits - logits.max()).sum())[None].astype(np.float32)}
 
 

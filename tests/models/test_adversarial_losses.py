@@ -1,4 +1,4 @@
-"""What adversarial training is made of beside networks: worth of scores, and the noise that takes are drawn with."""
+"""The parts of adversarial training that are no networks: the losses of scores, and the noise that takes are drawn with."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_the_largest_logit_under_the_noise_is_drawn_as_the_softmax_says():
 
 
 def test_training_and_playing_have_the_same_noise():
-    """Mean, deviation and correlation over time of both, of numbers that are drawn quite differently."""
+    """Both have the same mean, deviation and correlation over time, although they are drawn by different code."""
     fps, frames = 12.0, 48
     training_noise = smooth_gumbel(StepRandom(1, 0), 3000, 1, frames, SECONDS * fps)[:, 0].numpy()
     played_noise = SmoothGumbel(3000, fps, seed=1).draw(frames).T

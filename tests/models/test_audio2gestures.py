@@ -68,7 +68,7 @@ def test_other_poses_have_no_bones():
 
 
 def test_the_size_is_that_of_the_authors_code():
-    """By hand of its widths: 64 bands, 22 joints in six numbers."""
+    """The number of parameters, computed by hand from the widths: 64 bands, 22 joints in six numbers."""
     conv = lambda inputs, outputs, kernel: inputs * outputs * kernel + outputs  # noqa: E731
 
     def tcn(*widths: int) -> int:
@@ -92,7 +92,7 @@ def test_the_size_is_that_of_the_authors_code():
 
 
 class Parts:
-    """What a loss is made of, by the network's parts, with the draws in their order."""
+    """The inputs of a loss, computed with the network's parts; random numbers are drawn in the order of the loss."""
 
     def __init__(self, net, data: Batch) -> None:
         chance, x = StepRandom(0, 0), data["pose"].mT

@@ -50,7 +50,7 @@ def make_published(seed: int = 0, **changes) -> ChainOfGeneration:
 
 
 def chain(seed: int = 0, **changes) -> ChainOfGenerationExtended:
-    """With what is ours, off unless it is asked for."""
+    """A small network with our extensions, which are off unless ``changes`` turn them on."""
     torch.manual_seed(seed)
     config = ChainExtendedConfig(**(SMALL | changes))
     return ChainOfGenerationExtended(config, pose=POSE, audio=AUDIO, speakers=SPEAKERS, hands=HANDS)
@@ -265,7 +265,7 @@ def test_faces_that_nobody_recorded_teach_nothing():
 
 
 def moves(net, name: str, lacks=(), given=("face", "emotion", "speaker")) -> bool:
-    """Whether another value of an array is noticed."""
+    """Whether the poses change when an array has another value."""
     data, other = arrays(), arrays(seed=2)
     if name == "speaker":
         other["speaker"] = (data["speaker"] + 1) % SPEAKERS
@@ -334,7 +334,7 @@ def test_what_is_played_without_seeds_is_made():
 
 
 def steady(**changes) -> ChainOfGeneration:
-    """In training, without what is drawn inside of it."""
+    """A network in training mode without random numbers of its own."""
     net = chain(**changes).train()
     net.cascade.text.input_dropout.p = 0.0
     return net

@@ -1,4 +1,4 @@
-"""What every network promises, whatever it is for; the tests iterate over the registries. Flows promise more: see the end.
+"""What every network must do. The tests iterate over the registries. Flows must do more: see the end.
 
 ``NAME+VARIANT`` is a network in another configuration.
 """
@@ -125,7 +125,7 @@ NAMES = [*TRAINABLE, *(name for name in CHANGES if "+" in name)]
 
 
 def sizes(kind, pose: int = POSE, audio: int = AUDIO) -> dict[str, int | list[int]]:
-    """Those that a network is built by."""
+    """The sizes that a network is built with."""
     values = {"pose": pose, "audio": audio, "speakers": 1 if kind.__name__ == "CMixGan" else ROWS}
     values |= {"hands": [1, pose - 1], "text": 0}
     return {key: size for key, size in values.items() if key in signature(kind.__init__).parameters}
@@ -149,7 +149,7 @@ def network(name: str, seed: int = 0, pose: int = POSE, audio: int = AUDIO, **ch
 
 
 def batch(net, seed: int = 0, step: int = 0, rows: int = ROWS) -> Batch:
-    """Walks, not noise: something that can be learnt."""
+    """A batch of random walks, not of noise, so that there is something to learn."""
     draw = torch.Generator().manual_seed(seed)
     widths = {"pose": getattr(net, "pose", 0), "audio": AUDIO, "control": 3}
     arrays = {
@@ -171,7 +171,7 @@ def batch(net, seed: int = 0, step: int = 0, rows: int = ROWS) -> Batch:
 
 
 def part(whole: Batch, row: int, step: int = 0) -> Batch:
-    """One row of a batch, as one of so many processes would have it."""
+    """One row of a batch, as one of several processes has it."""
     return Batch({k: v[row : row + 1] for k, v in whole.arrays.items()}, StepRandom(0, step, rank=row, parts=len(whole)))
 
 
@@ -188,7 +188,7 @@ def make_ready(name: str, **options):
 
 
 def make_once(make):
-    """Makes each once. Every test gets a copy, and the state of chance that there was when it was made."""
+    """Make each network once. Every test gets a copy, and the random state that followed its making."""
     build = cache(lambda name, **options: (make(name, **options), torch.get_rng_state()))
 
     @wraps(make)
@@ -210,7 +210,7 @@ def test_every_registered_network_is_tested():
 
 @pytest.mark.parametrize("name", TRAINABLE)
 def test_the_registry_says_what_a_network_needs(name):
-    """Beside poses and sound; a variant of the configuration may need less or more."""
+    """The arrays beside poses and sound. A variant of the configuration may need fewer or more."""
     names = {"text": "words", "face": "face", "emotion": "emotion"}
     assert {names[array] for array in network(name).arrays if array in names} == set(ENTRIES[name].needs)
 
@@ -360,7 +360,7 @@ def styles(net, *shape: int, seed: int = 4):
 
 @make_once
 def train_windowed(name: str):
-    """A network whose statistics of normalisation are those of its data, so that it does not deaden what it is given."""
+    """A network whose normalisation has the statistics of its data, so that its output varies with its input."""
     net = network(name).train()
     for part in net.modules():
         if isinstance(part, torch.nn.BatchNorm1d):

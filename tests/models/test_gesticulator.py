@@ -17,7 +17,7 @@ torch.set_num_threads(1)
 
 
 def test_the_core_is_as_large_as_the_authors():
-    """Theirs: 64 numbers of sound, 768 of BERT, 5 of timing, 45 of a pose; measured from their code without BERT."""
+    """The authors' network has 64 numbers of sound, 768 of BERT, 5 of timing, 45 of a pose; measured without BERT."""
     with torch.device("meta"):
         net = Gesticulator(GesticulatorConfig(), pose=45, audio=64, text=768)
         ours = Gesticulator(GesticulatorConfig(), pose=45, audio=64)

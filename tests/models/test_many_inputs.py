@@ -20,7 +20,7 @@ HANDS = [*range(18, 75), *range(84, 141)]  # of BEAT's 47 joints in Euler angles
 
 
 def loud(name: str):
-    """A network whose recurrent layers pass on what they get."""
+    """A network whose recurrent layers have larger input weights, so that they pass on their input."""
     net = train_windowed(name)
     with torch.no_grad():
         for key, value in net.named_parameters():

@@ -64,7 +64,7 @@ def parts_with_gradient(net: MixGan, term: Tensor, whole: bool = False) -> set[s
 
 
 def freeze_statistics(net: MixGan) -> MixGan:
-    """In training, but normalising by running statistics: else a bias before a batch norm has no gradient but noise."""
+    """In training mode with running statistics: else a bias before a batch norm has a gradient of noise."""
     net.train()
     for part in net.modules():
         if isinstance(part, torch.nn.BatchNorm1d):
@@ -268,7 +268,7 @@ def test_what_the_discriminator_has_seen_made_is_not_made_again(make):
 
 
 def make_again(net: MixGan, data: Batch) -> float:
-    """L_rec of another batch object with the same arrays: nothing that was kept can be taken for it."""
+    """L_rec of another batch object with the same arrays, so that no stored result can be used for it."""
     return net.generator_loss(Batch(data.arrays, StepRandom(0, 0)), 0)["rec"].item()
 
 
@@ -439,7 +439,7 @@ def test_sizes_at_paper_width():
 
 
 def test_it_trains_from_a_store_of_key_points(tmp_path):
-    """Through the loop: clusters worked out of the poses, speakers balanced, the centres kept with the run."""
+    """A run of the training loop: it computes clusters of the poses, balances speakers and stores the centres."""
     names = {"pose": KEYPOINTS2D.names, "audio": tuple("vwxyz")}
     draw = np.random.default_rng(0)
     pieces = []

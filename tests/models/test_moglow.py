@@ -1,4 +1,4 @@
-"""MoGlow beyond the contract of all networks: what runs without torch is the same, and controls go the whole way."""
+"""MoGlow beyond the contract of all networks: the engine without torch gives the same, and controls reach the poses."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def swinging(seed: int, frames: int = 300) -> tuple[np.ndarray, np.ndarray]:
 
 @cache
 def spoken() -> np.ndarray:
-    """Features of a real voice, so that a real voice is nothing new."""
+    """Features of a real voice, so that the network has learnt from a real voice."""
     speech = Speech.load(example()[0])
     return audio_features(speech, int(speech.duration * FPS), FPS)
 

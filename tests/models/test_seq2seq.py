@@ -16,7 +16,7 @@ torch.set_num_threads(1)
 
 
 def attend(net, state: np.ndarray, read: np.ndarray) -> np.ndarray:
-    """Bahdanau et al. 2015 of one row, W whole: of [state, read]."""
+    """The attention of Bahdanau et al. 2015 for one row; W is one matrix, applied to [state, read]."""
     a = net.attention
     whole = np.concatenate([a.of_state.weight.detach().numpy(), a.of_read.weight.detach().numpy()], 1)
     fit = [a.v.detach().numpy() @ np.tanh(whole @ np.concatenate([state, e]) + a.of_state.bias.detach().numpy()) for e in read]

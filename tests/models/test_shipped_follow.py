@@ -94,6 +94,6 @@ def test_styles_differ_in_manner(shared, player):
 
 
 def agree(speed: np.ndarray, envelope: np.ndarray) -> float:
-    """Best correlation where hands are up to 0.4 s early or 0.2 s late."""
+    """The best correlation of speed and loudness, with hands up to 0.4 s early or 0.2 s late."""
     count = min(len(speed), len(envelope)) - 60
     return max(np.corrcoef(speed[40 + lag :][:count], envelope[40:][:count])[0, 1] for lag in range(-40, 21, 4))

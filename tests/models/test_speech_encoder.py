@@ -61,7 +61,7 @@ def base(tmp_path_factory) -> str:
 
 
 def reference(name: str, samples: np.ndarray):
-    """Of transformers itself, with its own norm of the samples: (K, 16) features, (K, 24) of the transformer."""
+    """Output of the package transformers, which normalises samples itself: (K, 16) features, (K, 24) states."""
     extractor = transformers.Wav2Vec2FeatureExtractor()
     values = extractor(samples, sampling_rate=16_000, return_tensors="pt").input_values
     model = transformers.Wav2Vec2Model.from_pretrained(name).eval()

@@ -16,7 +16,7 @@ WITH_TIMING = [
 
 
 def terms(net, data) -> dict[str, torch.Tensor]:
-    """Of the objective that makes gestures: the last."""
+    """The terms of the loss of the last objective, which makes gestures."""
     torch.manual_seed(0)  # of dropout
     return [*net.objectives().values()][-1].loss(data, 0)
 

@@ -23,7 +23,7 @@ class Settings:
 
 
 class Least(Trainable):
-    """All that a network has to say."""
+    """The least that a network must define."""
 
     Config = Settings
 
@@ -36,7 +36,7 @@ class Least(Trainable):
 
 
 class NoConfig(Trainable):
-    """Lacks the settings."""
+    """A network without a class of settings."""
 
 
 class NoNetwork(torch.nn.Linear):
@@ -45,7 +45,7 @@ class NoNetwork(torch.nn.Linear):
 
 @pytest.fixture
 def register(monkeypatch):
-    """Puts a class of this file into the registry."""
+    """Put a class of this file into the registry."""
 
     def add(kind: type) -> str:
         monkeypatch.setitem(ENTRIES.ours, "mine", ModelEntry(f"{__name__}:{kind.__name__}", "for this test", plays=False))

@@ -48,7 +48,7 @@ def huber(a: np.ndarray, b: np.ndarray, beta: float) -> np.ndarray:
 
 
 def test_the_trimodal_network_is_as_large_as_the_authors():
-    """But for the words, of which ours has a table of 2,001 subwords."""
+    """The sizes are equal but for the words: ours has a table of 2,001 subwords."""
     net = build(Trimodal, TrimodalConfig(), audio=1080, speakers=SPEAKERS)
     assert count(net.discriminator) == 253_950
     assert count(net) - 253_950 - count(net.embedding) + WORDS * 300 == 15_004_939

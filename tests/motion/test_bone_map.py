@@ -81,7 +81,7 @@ def test_the_shape_is_silent_where_nothing_is_left(nameless):
 
 
 def test_a_map_of_the_reader_stays_with_the_motion(nameless, tmp_path):
-    """Then it need not be given a second time."""
+    """A map that was given while a file was read is used again without being given again."""
     save(replace(gesturing(10), skeleton=nameless), tmp_path / "odd.bvh")
     motion = load(tmp_path / "odd.bvh", bone_map=THEIRS)
     assert motion.skeleton.bone_map == THEIRS

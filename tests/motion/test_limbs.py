@@ -24,7 +24,7 @@ LEGS = ", ".join(NO_LEGS)
 
 
 def with_chain(skeleton: Skeleton, name: str, offset: tuple[float, float, float], count: int = 3) -> Skeleton:
-    """A chain more, hanging on the hips."""
+    """A skeleton with one more chain of joints below the hips."""
     names = (*skeleton.names, *(f"{name} {k}" for k in range(count)))
     parents = (*skeleton.parents, 0, *range(len(skeleton), len(skeleton) + count - 1))
     offsets = [*skeleton.offsets, offset, *[(0.0, -0.25, 0.0)] * (count - 1)]

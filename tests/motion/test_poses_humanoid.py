@@ -141,7 +141,7 @@ def test_left_and_right_are_mirror_images(motions):
 
 
 def test_wild_numbers_give_motion_all_the_same():
-    """What an untrained network says."""
+    """The numbers are those of an untrained network."""
     random = np.random.default_rng(3)
     wild = random.normal(size=(500, 57)) * 10.0 ** random.uniform(-9, 1.2, (500, 1))
     motion = HUMANOID.decode(np.clip(wild, -99, 99))

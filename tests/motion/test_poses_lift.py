@@ -41,7 +41,7 @@ def test_points_of_ted_lie_where_they_lay(take):
 
 
 def test_only_directions_count(take):
-    """Through the vectors, which have the lengths of other people's bones."""
+    """The test goes through the vectors, which have the bone lengths of other people."""
     pose, points = find_pose("direction-vectors"), ted_points(take)
     motion = lift(pose.decode(pose.encode(points), points.fps))
     assert quat_angle(motion.rotations, lift(points).rotations).max() < 1e-6

@@ -46,7 +46,7 @@ def along_x(seed: int) -> Skeleton:
 
 
 def rename(motion: Motion) -> Motion:
-    """The same, with names that no table has, and a zero pose of which nothing is said."""
+    """The same skeleton, with names that no table has, and without a statement about its zero pose."""
     body = motion.skeleton
     ends = {f"my:{name}": end for name, end in body.ends.items()}
     other = replace(body, names=tuple(f"my:{name}" for name in body.names), ends=ends, rest=None)

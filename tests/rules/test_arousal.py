@@ -15,7 +15,7 @@ from cospeech.rules.mood import Mood
 
 
 def level(*looks: float | None, usual: int = 40) -> float:
-    """After looks at a neutral voice, and these."""
+    """The arousal after ``usual`` looks at a neutral voice, and then these looks."""
     arousal = Arousal()
     for one in (0.0,) * usual + looks:
         arousal.follow(one)
@@ -69,7 +69,7 @@ def test_a_usual_voice_does_not_change_learned_poses_and_an_aroused_one_enlarges
 
 
 class Category:
-    """Surely hears one emotion from a look on."""
+    """A classifier that is sure of one emotion after ``since`` looks."""
 
     def __init__(self, emotion: str, since: int) -> None:
         self.probabilities_then, self.since, self.looks = np.eye(8)[EMOTIONS.index(emotion)], since, 0

@@ -63,7 +63,7 @@ def at(time: float) -> int:
 
 
 def a_gesture() -> str:
-    """Id of one in the middle of the speech that makes way on the picture, too."""
+    """Id of a gesture in the middle of the speech that is no superimposed beat."""
     return next(each.id for each in plan().gestures if each.stroke > 5 and each.form != "superimposed-beat")
 
 

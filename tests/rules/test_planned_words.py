@@ -26,7 +26,7 @@ SRT = "1\n00:00:00,200 --> 00:00:02,600\nYesterday I saw a tiny dog there\n\n2\n
 
 @cache
 def speech() -> Speech:
-    """From the middle of a word on, so that one begins before 0."""
+    """A speech that begins in the middle of a word, so that this word begins before 0."""
     return Speech.load(EXAMPLE / "example.ogg", transcript=EXAMPLE / "example.TextGrid").window(0.9, 7)
 
 

@@ -21,13 +21,13 @@ COLUMNS = ("speed", "rate", "amplitude", "height", "right_share", "breadth", "tr
 
 @cache
 def speech() -> Speech:
-    """38 s: the example twice; a style is seen in no single phrase."""
+    """The example twice, 38 s: one phrase is too short to show a style."""
     once = Speech.load(EXAMPLE)
     return Speech(np.concatenate([once.samples, once.samples]), once.rate)
 
 
 def look(style: str, seed: int) -> list[float]:
-    """What a viewer notices of a take: `COLUMNS`. Whether the body sits or is turned is left out; that would be too easy."""
+    """The numbers of a take that a viewer notices: `COLUMNS`. They leave out sitting and turning, which would be too easy."""
     motion = RuleBasedModel().generate(speech(), style=style, seed=seed, emotion="neutral", parts=("body", "hands"))
     points, names = body_of(motion)
     attributes, index = attributes_of([points], names, motion.fps), humanoid().index

@@ -36,7 +36,7 @@ def worst(motion):
 
 
 def turn_upper_arm(motion, side, degrees):
-    """The same places of elbow and wrist, with an upper arm that is turned about its own axis, and the forearm turned back."""
+    """Turn an upper arm about its own axis and the forearm back: elbow and wrist stay in their places."""
     index, out = motion.skeleton.index, motion.rotations.astype(float).copy()
     about = axis_angle_to_quat(np.array([1.0, 0.0, 0.0]), np.radians(np.broadcast_to(degrees, (len(motion),))))
     upper, fore = index[f"{side}UpperArm"], index[f"{side}LowerArm"]

@@ -66,13 +66,13 @@ def write_and_open(path: Path, data: bytes) -> System:
 
 
 def write_and_read(path: Path, data: bytes) -> BundleSpec:
-    """As `opened`; with the weights."""
+    """As `write_and_open`; with the weights."""
     write_and_open(path, data)
     return read_spec(read_bundle(path))
 
 
 def rewrite(path: Path, manifest: dict, members: dict[str, bytes]) -> BundleSpec:
-    """Changed as somebody would who repairs the hashes; opened."""
+    """Write a bundle with other members and right hashes, and read it."""
     write_bundle(path, manifest, members)
     open_bundle(path)
     return read_spec(read_bundle(path))
@@ -531,7 +531,7 @@ def name_a_file(onnx, model):
 
 
 def name_a_file_late(onnx, model):
-    """A second place: the last one counts."""
+    """Name a file for the weights a second time: the last name counts."""
     first_outside(model).external_data.add(key="location", value="../secret")
 
 
@@ -619,7 +619,7 @@ def one_state_less(onnx, model):
 
 
 def a_state_of_no_width(onnx, model):
-    """Announced of any width."""
+    """The graph gives the state no fixed width."""
     state = next(value for value in model.graph.input if value.name == "state0")
     state.type.tensor_type.shape.dim[1].dim_param = "W"
 

@@ -178,7 +178,7 @@ def test_speakers_emotions_and_words_are_played(kind):
 
 
 def test_what_is_not_asked_for_is_the_voice_s(monkeypatch):
-    """Its share, of a style that leaves some open."""
+    """Where a style names half of the speaker, the voice gives the other half, and the whole emotion."""
     rows, styles = speech(60), []
     run, half, shares = LIVE.run, blend(ada=0.5, **{VOICE: 0.5}), style_space(system()).shares
     monkeypatch.setattr(LIVE, "run", lambda style, **given: styles.append(style[0].copy()) or run(style=style, **given))

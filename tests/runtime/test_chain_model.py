@@ -47,7 +47,7 @@ def spoken(seconds: float = 3.2) -> Speech:
 
 
 def cut_with_words(speech: Speech, edges) -> list[Speech]:
-    """A word comes with the piece that it starts in; times count from the first one."""
+    """Cut a speech; a word comes with the piece that it starts in; times count from the start of the first piece."""
     bounds = [0, *edges, len(speech)]
     words_of_pieces = [tuple(w for w in speech.words if a <= w.start * speech.rate < b) for a, b in pairwise(bounds)]
     return [
@@ -195,7 +195,7 @@ def test_what_a_chain_cannot_do_is_told():
 
 
 def test_memory_does_not_grow_with_the_speech():
-    """What every part keeps, after one minute and after ten."""
+    """The test compares what every part stores after one minute and after ten."""
     session, minute, sizes = gesturer().session(style=VOICE, parts=BODY), talk(60.0), []
 
     def size(thing, visits) -> int:

@@ -37,7 +37,7 @@ def gesturer(**kind) -> TrainedModel:
 
 @cache
 def make_motion(seconds: float = 3.2, fps: float = 25.0, seed: int = 8) -> Motion:
-    """Of our rules (synthetic), with a face."""
+    """A motion of our rules (synthetic), with a face."""
     return RuleBasedModel().generate(talk(seconds), fps=fps, seed=seed, emotion="happiness")
 
 

@@ -21,7 +21,7 @@ def signature(seed: int | str = "N") -> Signature:
 
 
 class Counting:
-    """Poses count up from the last known pose, in steps of a take's first noise; it keeps what it was given."""
+    """A network whose poses count up from the last known pose, in steps of a take's first noise; it stores its inputs."""
 
     def __init__(self, seed: int | str) -> None:
         self.signature, self.given = signature(seed), []

@@ -41,7 +41,7 @@ def tpose(seconds: float, fps: float, tremble: float = 0.0) -> tuple[np.ndarray,
 def play(
     track: AccentTrack, seconds: float, *, fps: float = 30.0, seed: int = 0, piece: int | None = None, tremble: float = 0.0
 ) -> np.ndarray:
-    """Rotations that come back, of pieces of so many frames."""
+    """The rotations that the layer gives for pieces of ``piece`` frames."""
     rotations, root = tpose(seconds, fps, tremble)
     layer = HandRests(fps, track, seed)
     size = piece or len(rotations)

@@ -17,7 +17,7 @@ from cospeech.runtime.live_control import apply_control
 
 
 class Listener:
-    """Writes down what it is asked for, as a `LiveSession` would do it."""
+    """Records the calls that a `LiveSession` would carry out."""
 
     def __init__(self) -> None:
         self.calls: list[tuple] = []

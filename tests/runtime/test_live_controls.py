@@ -19,7 +19,7 @@ SIZE = round(PIECE * RATE)
 
 
 class Listener:
-    """Writes down when it is interrupted, as a `LiveSession` would do it."""
+    """Records when a `LiveSession` would be interrupted."""
 
     def __init__(self) -> None:
         self.sound: list[np.ndarray] = []
@@ -34,7 +34,7 @@ def sound_of(value: int, count: int) -> bytes:
 
 
 def play(messages, gate: threading.Event, ready: threading.Event, *, before: int) -> tuple[Listener, list[InputError]]:
-    """Hear so many pieces, let the other messages come, and hear the rest."""
+    """Hear ``before`` pieces, let the other messages come, and hear the rest."""
     errors: list[InputError] = []
     waiting = WaitingSound(100 * RATE)
     controls, session = LiveControls(waiting, errors.append), Listener()

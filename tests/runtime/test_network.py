@@ -96,7 +96,7 @@ def test_everything_that_is_given_matters(kind, name):
 
 
 def measure_change(frame: int, frames: int, at: int) -> float:
-    """How far a frame of poses moves when another one of speech does."""
+    """How much a frame of poses changes when a frame of speech changes."""
     given = material(network("window", "make"), 1, frames)
     other = given["rows"].copy()
     other[0, at] += 3

@@ -1,4 +1,4 @@
-"""Hands of trained systems come to rest while nobody speaks."""
+"""Hands of trained systems come to rest while there is no speech."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ def tracker(given=None, *, judges: bool = True, reach: int = REACH) -> SpeakerEm
 
 
 def speech(frames: int, seed: int = 0) -> np.ndarray:
-    """With pauses."""
+    """Random rows of speech with pauses."""
     rows = np.random.default_rng(seed).normal(size=(frames, AUDIO)).astype(np.float32)
     rows[np.arange(frames) % 17 < 5] = QUIET
     return rows

@@ -43,12 +43,12 @@ def load_speech(seconds: float = 6.0, words: bool = True) -> Speech:
 
 @cache
 def generate(name: str, seconds: float = 6.0, words: bool = True, **options) -> Motion:
-    """The whole that the pieces of several tests are compared with; nobody changes it."""
+    """The whole motion that several tests compare their pieces with; no test changes it."""
     return model(name).generate(load_speech(seconds, words), **options)
 
 
 def pieces_of(speech: Speech, sizes: Iterator[int]) -> Iterator[Speech]:
-    """Of these sizes in samples, each with the words that start in it."""
+    """Pieces of these sizes in samples, each with the words that start in it."""
     at, words = 0, list(speech.words or ())
     while at < len(speech):
         end = min(at + next(sizes), len(speech))
@@ -73,7 +73,7 @@ def draw_sizes(seed: int, most: int) -> Iterator[int]:
 
 
 def bits_of(pieces: list[Motion]) -> tuple[bytes, bytes, bytes]:
-    """The bits of pieces as they are, without what `Motion.concatenate` mends."""
+    """The bits of pieces as they are; `Motion.concatenate` would correct signs."""
     faces = [piece.face for piece in pieces if piece.face is not None]
     arrays = [p.rotations for p in pieces], [p.root for p in pieces], faces
     return tuple(np.concatenate(parts).tobytes() if parts else b"" for parts in arrays)  # type: ignore[return-value]
@@ -123,7 +123,7 @@ def test_arms_of_rules_do_not_change_sign_between_pieces(style, emotion):
 
 
 def test_before_they_are_rounded_faces_and_bodies_of_rules_have_the_same_bits_too(monkeypatch):
-    """Float32 hides most of what sums of another order do: 3e-18 showed in a few frames only."""
+    """Float32 hides most differences between sums of another order: 3e-18 was visible in a few frames only."""
     bits: dict[tuple[str, int], bytes] = {}
     realise = rule_session.realise
     weights = rule_session.Face.weights

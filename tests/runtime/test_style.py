@@ -55,7 +55,7 @@ def gesturer(way: str = "code") -> TrainedModel:
 
 
 def talk(seconds: float = 3.0, rate: int = 16_000, seed: int = 0) -> Speech:
-    """Noise in bursts, such as syllables are."""
+    """Noise in bursts that are like syllables."""
     rng = np.random.default_rng(seed)
     t = np.arange(round(seconds * rate)) / rate
     sound = np.sin(2 * np.pi * 140 * t) * np.maximum(np.sin(2 * np.pi * 2.5 * t), 0) * (t % 1.7 < 1.2)
@@ -409,7 +409,7 @@ def load_shipped() -> TrainedModel:
 
 @cache
 def rest_one_arm(hand: float) -> Motion:
-    """Still more so: the other arm hangs still."""
+    """As `act`, but the other arm hangs still."""
     motion, idle = act(hand, seconds=12.0, style="lively"), "right" if hand == 0 else "left"
     rotations = motion.rotations.copy()
     arm = [k for k, name in enumerate(humanoid().names) if name.startswith((f"{idle}Upper", f"{idle}Lower", f"{idle}Hand"))]
@@ -445,7 +445,7 @@ def travel(path: np.ndarray) -> np.ndarray:
 
 @pytest.mark.slow
 def test_the_hand_of_the_example_gestures():
-    """Seen from the chest, more than the other in every performance; how much more is left to chance."""
+    """From the chest, one hand moves more than the other in every performance; how much more depends on chance."""
     spread = [[np.linalg.norm(view_from_chest(hand, seed).std(0), axis=-1) for hand in (0.0, 1.0)] for seed in range(8)]
     left, right = (np.array([pair[k] for pair in spread]) for k in (0, 1))
     more = np.concatenate([left[:, 0] / left[:, 1], right[:, 1] / right[:, 0]])

@@ -77,7 +77,7 @@ def spoken(words: tuple[Word, ...] | None) -> list[str]:
 
 
 class StreamingFeatures:
-    """A performance that keeps what it is given, and plays what another plays."""
+    """A session that stores its input and plays what another session plays."""
 
     def __init__(self, inner, chunks: list[Speech]) -> None:
         self._inner, self._chunks = inner, chunks

@@ -27,7 +27,7 @@ def rename(document: dict, change) -> None:
 
 
 def as_short(document: dict) -> None:
-    """eyeBlink_L, and something before it."""
+    """Names such as eyeBlink_L, with a prefix."""
     rename(document, lambda n: n if n.startswith("viseme") else "Face.M_" + n.replace("Left", "_L").replace("Right", "_R"))
 
 
@@ -160,7 +160,7 @@ def test_a_face_moves_as_in_a_file(page, of_others, tmp_path, source, change, al
 
 @pytest.mark.parametrize(("change", "turns"), [(same, False), (as_visemes, True), (as_vrm1, False), (as_vrm1_presets, True)])
 def test_eyes_turn_once(talking, of_others, tmp_path, change, turns):  # noqa: F811
-    """By shapes of looking where these turn the eyeballs, else by bones."""
+    """Eyes turn by shapes where the shapes turn the eyeballs, else by bones."""
     path = tmp_path / ("me.vrm" if change in (as_vrm1, as_vrm1_presets) else "me.glb")
     rewrite(of_others / WOMAN, path, change)
     wear(talking, path)

@@ -16,7 +16,7 @@ COUNT = f"{PLAN}.gestures.length"
 
 
 def free_gesture(page) -> dict:
-    """One that can go half a second later without meeting another."""
+    """A gesture that can be moved half a second later and touches no other."""
     gestures = page.evaluate(f"{PLAN}.gestures")
     strokes = sorted(each["stroke"] for each in gestures)
     for each in gestures:
@@ -239,7 +239,7 @@ def test_keys_that_move_a_slider_are_one_step_of_undo(talking):
 
 
 def test_keys_select_a_stretch_and_take_its_seed_off(talking):
-    """No pointer: I and O begin and end it where the time is."""
+    """No pointer is used: the keys I and O begin and end the stretch at the current time."""
     scrub(talking, 1.0)
     talking.locator("#view").focus()
     talking.keyboard.press("i")

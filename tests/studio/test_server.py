@@ -44,7 +44,7 @@ def port(study):
 
 
 def raw_get(port: int, path: str) -> bytes:
-    """A path sent as it stands: clients would tidy it."""
+    """Send a path unchanged; HTTP clients would normalise it."""
     with socket.create_connection(("127.0.0.1", port), timeout=10) as line:
         line.sendall(f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nConnection: close\r\n\r\n".encode())
         got = b""

@@ -350,7 +350,7 @@ def test_a_long_speech_is_refused(server, monkeypatch):
 
 
 def receive(pieces, tmp_path, *, length=None, uploads=None):
-    """What comes of an upload: its bytes, or the status of its refusal."""
+    """The result of an upload: its bytes, or the status of its refusal."""
 
     async def send():
         for piece in pieces:

@@ -25,7 +25,7 @@ pytest.importorskip("pydantic", reason="studies need pydantic (the studio extra)
 
 
 def write_motion(path, seconds, fps=30.0, angle=0.0, *, face=False):
-    """Somebody who stands with the upper arms turned up by ``raised`` radians."""
+    """Somebody who stands with the upper arms turned up by ``angle`` radians."""
     body, frames = humanoid(), round(seconds * fps)
     rotations = np.zeros((frames, len(body), 4))
     rotations[..., 3] = 1
@@ -69,7 +69,7 @@ def videos(monkeypatch):
 
 @pytest.fixture
 def clips(tmp_path):
-    """Two systems on two speeches, which differ in all that should not be seen."""
+    """Two systems on two speeches; they differ in everything that the study must hide."""
     for k, seconds in enumerate((1.0, 1.4)):
         write_motion(tmp_path / "people" / f"s{k}.bvh", 2.0, fps=60.0, angle=1.2)
         write_motion(tmp_path / "ours" / f"s{k}.glb", seconds, face=True)

@@ -1,4 +1,4 @@
-"""What the tests of corpus readers share: a small clip, damage of many kinds, and what may come of it."""
+"""What the tests of corpus readers share: a small clip, damage of many kinds, and the results that are allowed."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def same_turns(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def damage(data: bytes, rng: np.random.Generator) -> bytes:
-    """Cut off, other bytes, nasty words in place of a word, lines gone or doubled, zeros; one or two of these."""
+    """Damage data once or twice: cut it off, change bytes, put a bad word for a word, drop or double lines, write zeros."""
     for _ in range(rng.integers(1, 3)):
         kind, at = int(rng.integers(7)), int(rng.integers(max(len(data), 1)))
         if kind == 0:

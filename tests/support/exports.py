@@ -51,5 +51,5 @@ def _is_plain(value: object) -> bool:
 
 
 def share_exports() -> None:
-    """What bundles a run shares exports too, in this process."""
+    """Let the code that bundles a run share exports too, in this process."""
     exported_model.export_graphs = export_graphs  # type: ignore[attr-defined]

@@ -51,7 +51,7 @@ def digits(text: str, chance: random.Random) -> str:
 
 
 def far_number(text: str, chance: random.Random) -> str:
-    """One number becomes a far, tiny, endless or impossible one."""
+    """Replace one number by a far, tiny, endless or impossible one."""
     numbers = list(NUMBER.finditer(text))
     if not numbers:
         return text + chance.choice(FAR)
@@ -67,14 +67,14 @@ def far_tail(text: str, chance: random.Random) -> str:
 
 
 def gap(text: str, chance: random.Random) -> str:
-    """Some lines are not there."""
+    """Remove some lines."""
     lines = text.split("\n")
     first = chance.randrange(len(lines))
     return "\n".join(lines[:first] + lines[first + chance.choice((1, 2, 5, len(lines) // 2)) :])
 
 
 def repeat_piece(text: str, chance: random.Random) -> str:
-    """A token, a line or a piece comes again and again."""
+    """Repeat a token, a line or a piece many times."""
     kind = chance.randrange(3)
     pieces = text.split("\n") if kind == 0 else text.split() if kind == 1 else [text[(at := _at(text, chance)) : at + 8]]
     piece = chance.choice(pieces or ["x"])[:400]
@@ -92,7 +92,7 @@ def sign_run(text: str, chance: random.Random) -> str:
 
 
 def unclose(text: str, chance: random.Random) -> str:
-    """A quote, bracket or brace is taken out, or one too many stands there."""
+    """Take out a quote, bracket or brace, or put in one too many."""
     places = [k for k, letter in enumerate(text) if letter in "\"'()[]{}<>"]
     if places and chance.random() < 0.7:
         at = chance.choice(places)
@@ -102,7 +102,7 @@ def unclose(text: str, chance: random.Random) -> str:
 
 
 def swap_lines(text: str, chance: random.Random) -> str:
-    """Two lines change places, or one comes twice: times go backwards or stand still."""
+    """Swap two lines, or double one: times go backwards or stand still."""
     lines = text.split("\n")
     a, b = chance.randrange(len(lines)), chance.randrange(len(lines))
     lines[a], lines[b] = lines[b], lines[a] if chance.random() < 0.7 else lines[b]
@@ -110,7 +110,7 @@ def swap_lines(text: str, chance: random.Random) -> str:
 
 
 def long_line(text: str, chance: random.Random) -> str:
-    """All in one line."""
+    """Join all lines to one."""
     return text.replace("\n", chance.choice((" ", "", "\t", ",")))
 
 
@@ -127,7 +127,7 @@ OPERATORS: tuple[Callable[[str, random.Random], str], ...] = (
 
 
 def hostile_text(text: str, chance: random.Random) -> str:
-    """One or two operators at work."""
+    """The text after one or two operators."""
     for _ in range(chance.choice((1, 1, 2))):
         text = chance.choice(OPERATORS)(text, chance)
     return text
@@ -159,13 +159,13 @@ def odd_value(node: object, key: object, chance: random.Random) -> None:
 
 
 def scale(node: object, key: object, chance: random.Random) -> None:
-    """The same number, a million times as large or small."""
+    """Make a number a million times as large or small."""
     if isinstance(value := node[key], int | float) and not isinstance(value, bool):  # type: ignore[index]
         node[key] = value * chance.choice((10**6, 10**12, 1e-12, -1))  # type: ignore[index]
 
 
 def multiply(node: object, key: object, chance: random.Random) -> None:
-    """A list many times as long, or an object with many more entries like one of its own."""
+    """Make a list many times as long, or give an object many more entries like one of its own."""
     value, times = node[key], chance.choice((2, 50, 1000))  # type: ignore[index]
     if isinstance(value, list) and len(value) * times < 50_000:
         node[key] = value * times  # type: ignore[index]
@@ -175,7 +175,7 @@ def multiply(node: object, key: object, chance: random.Random) -> None:
 
 
 def nest(node: object, key: object, chance: random.Random) -> None:
-    """A value inside many lists."""
+    """Put a value inside many lists."""
     value = node[key]  # type: ignore[index]
     for _ in range(chance.choice((1, 30, 600))):
         value = [value]

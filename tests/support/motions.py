@@ -1,4 +1,4 @@
-"""What to test with: a figure that gestures, looks around and speaks, written down by formula; and a small character."""
+"""Test data: a figure that gestures, looks around and speaks, computed by formulas; and a small character."""
 
 from __future__ import annotations
 

@@ -308,7 +308,7 @@ def write_small_chain(
 
 
 def talk(seconds: float = 3.2, rate: int = 16_000, seed: int = 0) -> Speech:
-    """Noise in bursts, such as syllables are."""
+    """Noise in bursts that are like syllables."""
     rng = np.random.default_rng(seed)
     t = np.arange(round(seconds * rate)) / rate
     sound = np.sin(2 * np.pi * 140 * t) * np.maximum(np.sin(2 * np.pi * 2.5 * t), 0) * (t % 1.7 < 1.2)
@@ -328,7 +328,7 @@ def cut(speech: Speech, edges: Sequence[int]) -> list[Speech]:
 def perform_changes(
     player: TrainedModel, speech: Speech, edges: Sequence[int], changes: dict[int, object], **options
 ) -> Motion:
-    """A performance of speech in these pieces, the style changed after these samples."""
+    """Perform speech in these pieces, and change the style after these samples."""
     session, pieces, at = player.session(**options), [], 0
     for chunk in cut(speech, sorted({*edges, *changes})):
         pieces += session.push(chunk)
@@ -368,7 +368,7 @@ def mutations(data: bytes, rng: np.random.Generator) -> list[tuple[str, bytes]]:
 
 
 def check_damage(open_bundle: Callable[[bytes], BundleSpec], data: bytes) -> float:
-    """Damages a bundle 360 times: what opens nevertheless (bytes that a zip does not use) is what was written.
+    """Damage a bundle 360 times. One that still opens (the zip does not use these bytes) has the weights of the whole.
 
     Returns:
         the share that was refused, in one line.
@@ -389,7 +389,7 @@ def check_damage(open_bundle: Callable[[bytes], BundleSpec], data: bytes) -> flo
 def check_repaired_damage(
     rewrite: Callable[[dict, dict[str, bytes]], BundleSpec], data: bytes, perform: Callable[[BundleSpec], object], times: int
 ) -> int:
-    """Changes members as somebody would who knows the format: errors, or a system of finite weights that performs.
+    """Change members and repair the hashes: the result is an error, or a system of finite weights that performs.
 
     Returns:
         how often it was refused, in one line.

@@ -12,7 +12,7 @@ __all__ = ["rename_joints", "without"]
 
 
 def without(skeleton: Skeleton, pattern: str) -> Skeleton:
-    """Joints taken out, their children hung on what is above."""
+    """Take joints out; their children become children of the joint above."""
     is_out = [bool(re.fullmatch(pattern, n)) for n in skeleton.names]
     keep = [k for k, out in enumerate(is_out) if not out]
 

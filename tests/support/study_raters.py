@@ -117,7 +117,7 @@ def encode_answers(plan: StudyPlan, answers: dict[tuple[str, int], int]) -> dict
 
 
 def find_session(plan: StudyPlan, descriptions: list[dict[str, Any]], most: int) -> list[Trial]:
-    """The session, of numbers up to ``most``, of which the page is told this."""
+    """The session with a number up to ``most`` that has these ``descriptions`` of trials."""
     sessions = (make_session(plan, k) for k in range(most + 1))
     return next(trials for trials in sessions if [describe_trial(plan, trial) for trial in trials] == descriptions)
 

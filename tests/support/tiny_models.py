@@ -35,7 +35,7 @@ SLOW = {"matrices": 0}
 
 
 def slowly(terms: dict[str, Tensor], parameter: Tensor) -> dict[str, Tensor]:
-    """The same terms, and the same gradients, later."""
+    """The same terms and gradients, after products that only take time."""
     if not SLOW["matrices"]:
         return terms
     large = (torch.eye(700) + 0 * parameter.sum()).requires_grad_()

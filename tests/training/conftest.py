@@ -31,7 +31,7 @@ class SampledBundle(NamedTuple):
 
 @pytest.fixture(scope="session")
 def sampler_bundle(tmp_path_factory) -> Callable[[str], SampledBundle]:
-    """Makes each once: the export takes seconds."""
+    """Make each bundle once: an export takes seconds."""
     folder, bundles = tmp_path_factory.mktemp("sampled"), dict[str, SampledBundle]()
 
     def make(name: str) -> SampledBundle:

@@ -62,7 +62,7 @@ def store(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def run(store, tmp_path_factory):
-    """A short one."""
+    """A short run."""
     recipe = {
         "model": {"name": "stylised-flow-extended", **MODEL},
         "data": {"audio": "mel20-prosody", "per_clip_normalisation": True},
@@ -177,7 +177,7 @@ def card(path):
 
 
 def check_progress(reports, *words):
-    """Every step of the work is told, and each that has an end reaches it."""
+    """Every step of the work is reported, and each that has an end reaches it."""
     assert tuple(dict.fromkeys(word for *_, word in reports)) == words
     for word in words[1:]:
         rows = [(step, total) for step, total, what in reports if what == word]

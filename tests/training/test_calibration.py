@@ -29,7 +29,7 @@ def examples(net) -> dict[str, torch.Tensor]:
 
 
 def calibrate_network(net, arrays_of_run, codes) -> tuple[torch.Tensor, torch.Tensor]:
-    """(S, D) mean of what it makes, and by what it is multiplied."""
+    """(S, D) mean of the poses that the network makes, and (S, D) gain of each style."""
     low = export_graphs(net.export_module())
     network = Network(low.signatures["make"], low.graphs["make"], low.weights)
     plain = small_statistics((net.pose, net.audio), SPEAKERS, style_codes=codes.shape)

@@ -78,7 +78,7 @@ def trained(store, folder, name, data=None, config=None, **needs):
 
 @pytest.fixture(scope="module")
 def run_of(store, tmp_path_factory):
-    """Makes a run of each model, once."""
+    """Make a run of each model, once."""
     folder, runs = tmp_path_factory.mktemp("runs"), {}
 
     def run(name):
@@ -92,7 +92,7 @@ def run_of(store, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def player_of(run_of):
-    """Makes a bundle of each run, once, and opens it."""
+    """Make a bundle of each run, once, and open it."""
     players = {}
 
     def player(name):
@@ -126,7 +126,7 @@ def test_a_run_becomes_a_bundle_that_plays_as_speech_comes_what_it_plays_at_once
 
 @pytest.mark.parametrize("name", [name for name in MODELS if name not in ("gesticulator", "audio2gestures")])
 def test_a_bundle_makes_what_its_network_makes(run_of, name, tmp_path):
-    """Exactly, where weights are kept exactly; in half precision nearly, which the manifest tells."""
+    """They are equal where weights are exact; in half precision they differ by the rounding that the manifest gives."""
     bundle_run(run_of(name), tmp_path / "it.cospeech", small=False, style="small")
     player, net = TrainedModel.open(tmp_path / "it.cospeech"), load_run(run_of(name))[0]
     system, whole = player.system, getattr(net, "teacher", net)

@@ -41,7 +41,7 @@ def live(**changes: Any) -> ChainLive:
 
 
 def chain_with_inputs(**changes: Any) -> ChainOfGenerationExtended:
-    """That was trained to be given faces and seed poses, and to do without."""
+    """A network that was trained with and without faces and seed poses."""
     return chain(face_teacher_forcing=0.3, seed_dropout=0.7, **changes)
 
 
@@ -109,13 +109,13 @@ def material(who: Network, takes: int, frames: int) -> list[np.ndarray]:
 
 
 def ports(rows, style, noise) -> dict[str, np.ndarray]:
-    """As a network takes them: of no width, they are left out."""
+    """The inputs by name; those of no width are left out."""
     return {"rows": rows[None], "style": style} | ({"noise": noise} if noise.shape[-1] else {})
 
 
 @torch.no_grad()
 def run_torch(net: Any, rows: np.ndarray, style: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """(N, T, D) of PyTorch."""
+    """(N, T, D) poses that PyTorch gives."""
     speech = torch.from_numpy(rows).expand(len(style), -1, -1)
     poses: np.ndarray = net.make(speech, torch.from_numpy(style), torch.from_numpy(noise)).numpy()
     return poses

@@ -1,4 +1,4 @@
-"""What plays without PyTorch makes what the networks make: their graphs against themselves."""
+"""The graphs of networks, played without PyTorch, give what the networks give in PyTorch."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def engine_of(low: Exported, name: str = "make") -> Network:
 
 
 def play(who: Network, rows, style, noise) -> np.ndarray:
-    """(N, T, D) of so many takes."""
+    """(N, T, D) poses of N takes."""
     ports = {"rows": rows[None], "style": style, "noise": noise}
     poses = who.run(**{name: x for name, x in ports.items() if name in who.signature.inputs})["poses"]
     return np.broadcast_to(poses, (len(style), *poses.shape[1:]))

@@ -23,7 +23,7 @@ from cospeech.training.recipe import Optimiser, check_types  # noqa: E402
 
 
 class Bare(Trainable):
-    """It says nothing of itself."""
+    """A network that defines nothing."""
 
 
 def test_what_a_network_must_say():

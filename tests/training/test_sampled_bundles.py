@@ -54,7 +54,7 @@ def test_what_comes_in_pieces_is_what_comes_at_once_and_takes_differ(sampler_bun
 
 @pytest.mark.parametrize("name", SAMPLERS)
 def test_graphs_and_sampler_draw_what_the_network_draws(sampler_bundle, name):
-    """Of the same noise, with some steps known; PyTorch's own loop beside the runtime's."""
+    """The noise is the same, and some steps are known; PyTorch's own loop is compared with the runtime's."""
     bundle = sampler_bundle(name)
     net, networks = load_run(bundle.run)[0].eval(), open_bundle(bundle.path).networks
     rng, steps, takes = np.random.default_rng(0), 5, 3

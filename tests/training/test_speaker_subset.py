@@ -23,7 +23,7 @@ def store(tmp_path):
 
 
 def write_clips_of(store: Store, names, folder) -> Store:
-    """The same clips in a store of their own."""
+    """Write the same clips into a store of their own."""
     pieces = [
         Piece(clip, (), lambda clip=clip: {k: np.array(v) for k, v in store.clip(clip).items()})
         for clip in store.clips

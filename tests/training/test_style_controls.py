@@ -22,7 +22,7 @@ FPS = 20.0
 
 
 def raise_arms(pose_name: str, angle: float, frames: int = 200, yaw: float = 0.0) -> Motion:
-    """Both arms turned down from the T-pose by an angle about the front, the whole body turned about Y."""
+    """A motion with both arms turned down from the T-pose by an angle about the front, and the whole body turned about Y."""
     skeleton = find_skeleton(find_pose(pose_name).skeleton)
     names = {"trinity": ("LeftArm", "RightArm"), "humanoid": ("leftUpperArm", "rightUpperArm")}[skeleton.kind]
     rotations = np.broadcast_to(skeleton.rest, (frames, len(skeleton), 4)).copy()

@@ -56,7 +56,7 @@ def run(sections, store, out, **options):
 
 @pytest.fixture(scope="module")
 def runs_with_an_end(store, tmp_path_factory):
-    """Runs that were ended from outside: name → exit code and folder."""
+    """Runs that a signal ended: name → exit code and folder."""
     place = tmp_path_factory.mktemp("ended")
     jobs = {name: {"recipe": killable(name), "die": 13} for name in TINY}
     jobs["interrupted"] = {"recipe": plan(save_every=100), "interrupt": 7}
@@ -72,7 +72,7 @@ def killable(model):
 
 
 def log(folder):
-    """Rows of a log, but for what the clock says."""
+    """Rows of a log, without times."""
     rows = [json.loads(line) for line in (folder / "log.jsonl").read_text().splitlines()]
     return [{key: value for key, value in row.items() if key not in ("seconds", "windows_per_second")} for row in rows]
 
@@ -292,7 +292,7 @@ def test_interrupted_within_a_slow_step_it_ends_at_once_and_goes_on_as_if_nothin
 
 @pytest.mark.parametrize("where", ["setup", "first step", "second step", "validation", "save"])
 def test_wherever_it_is_interrupted_it_goes_on(store, tmp_path, monkeypatch, where):
-    """What Ctrl-C sends comes in the midst of it; the run that went on is the one that was not stopped."""
+    """The signal of Ctrl-C comes in the middle; the run that goes on ends like the run that was not stopped."""
     recipe, calls = plan("tiny-gan", steps=6, validate_every=3, save_every=100, ema=0.9, best="made"), []
     place = {"setup": "build_model", "save": "write_tensors"}.get(where)
     target = (

@@ -33,28 +33,28 @@ def a_pose() -> bpy.types.Object:
         places[f"{side}Leg"] = (f"{side}UpLeg", (0.1 * x, 0, 0.5))
         places[f"{side}Foot"] = (f"{side}Leg", (0.1 * x, 0, 0.08))
         places[f"{side}ToeBase"] = (f"{side}Foot", (0.1 * x, -0.13, 0.02))
-    made = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
-    scene.collection.objects.link(made)
-    bpy.context.view_layer.objects.active = made
+    body = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    scene.collection.objects.link(body)
+    bpy.context.view_layer.objects.active = body
     bpy.ops.object.mode_set(mode="EDIT")
     for name, (parent, head) in places.items():
-        bone = made.data.edit_bones.new(f"mixamorig:{name}")
+        bone = body.data.edit_bones.new(f"mixamorig:{name}")
         bone.head = head
         after = [Vector(p) for above, p in places.values() if above == name]
         bone.tail = after[0] if after else bone.head + Vector((0, 0, 0.1) if name == "Head" else (0, -0.1, 0))
         if name.endswith("Hand"):
             bone.tail = bone.head + Vector((0.06 if head[0] > 0 else -0.06, 0, -0.06))
         if parent:
-            bone.parent = made.data.edit_bones[f"mixamorig:{parent}"]
+            bone.parent = body.data.edit_bones[f"mixamorig:{parent}"]
     bpy.ops.object.mode_set(mode="OBJECT")
     mesh = bpy.data.objects.new("Face", bpy.data.meshes.new("Face"))
     mesh.data.from_pydata([(0, 0, 1.6), (0.1, 0, 1.6), (0, 0, 1.7)], [], [(0, 1, 2)])
     scene.collection.objects.link(mesh)
     for name in ("Basis", "JawOpen", "eyeBlinkLeft"):
         mesh.shape_key_add(name=name)
-    mesh.modifiers.new("Armature", "ARMATURE").object = made
-    made.location, made.rotation_euler = (1.0, 2.0, 0.0), (0, 0, 1.5707963267948966)
-    return made
+    mesh.modifiers.new("Armature", "ARMATURE").object = body
+    body.location, body.rotation_euler = (1.0, 2.0, 0.0), (0, 0, 1.5707963267948966)
+    return body
 
 
 if rig == "a-pose":
@@ -72,8 +72,8 @@ bpy.context.view_layer.objects.active = armature
 armature.select_set(True)
 scene.cospeech.emotion, scene.cospeech.seed, scene.cospeech.style = "happiness", 3, "lively"
 before = set(bpy.data.actions)
-done = bpy.ops.cospeech.generate(command=command)
-result = {"done": sorted(done), "actions": {}, "heads": {}, "tails": {}, "keys": {}}
+status = bpy.ops.cospeech.generate(command=command)
+result = {"done": sorted(status), "actions": {}, "heads": {}, "tails": {}, "keys": {}}
 for action in set(bpy.data.actions) - before:
     curves = action.layers[0].strips[0].channelbags[0].fcurves
     result["actions"][action.name] = {"curves": len(curves), "frames": list(action.frame_range)}
@@ -90,7 +90,7 @@ for frame in (11, 40, 70):
     }
 armature.data.name = "again"
 try:
-    failed = bpy.ops.cospeech.generate(command=f"{command} --nonsense")
+    status_of_nonsense = bpy.ops.cospeech.generate(command=f"{command} --nonsense")
 except RuntimeError as error:
     result["failure"] = str(error)
 cospeech_addon.unregister()

@@ -37,21 +37,21 @@ for frame in map(int, frames):
     graph = bpy.context.evaluated_depsgraph_get()
     positions = {}
     for armature in armatures:
-        posed = armature.evaluated_get(graph)
-        for bone in posed.pose.bones:
-            x, y, z = posed.matrix_world @ bone.head
+        pose_of_frame = armature.evaluated_get(graph)
+        for bone in pose_of_frame.pose.bones:
+            x, y, z = pose_of_frame.matrix_world @ bone.head
             positions[bone.name] = [x, z, -y]
     weights, boxes = {}, {}
     for o in meshes:
         if o.data.shape_keys:
             keys = o.data.shape_keys.evaluated_get(graph).key_blocks
             weights[o.name] = {k.name: k.value for k in keys[1:]}
-        evaluated = o.evaluated_get(graph)
-        mesh = evaluated.to_mesh()
-        points = [evaluated.matrix_world @ v.co for v in mesh.vertices]
+        object_of_frame = o.evaluated_get(graph)
+        mesh = object_of_frame.to_mesh()
+        points = [object_of_frame.matrix_world @ v.co for v in mesh.vertices]
         points = [(p.x, p.z, -p.y) for p in points]
         if points:
             boxes[o.name] = [[f(p[k] for p in points) for k in range(3)] for f in (min, max)]
-        evaluated.to_mesh_clear()
+        object_of_frame.to_mesh_clear()
     result["samples"].append({"frame": frame, "positions": positions, "weights": weights, "boxes": boxes})
 print("RESULT " + json.dumps(result))

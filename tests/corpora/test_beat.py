@@ -23,7 +23,7 @@ from cospeech.motion.rotations import quat_identity
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.skeletons.arkit import ARKIT_INDEX
 from cospeech.rules import EMOTIONS as OURS
-from tests.support.corpus_files import UNUSABLE, WORDS, clip, damaged, same_turns, sort_out, unusable
+from tests.support.corpus_files import UNUSABLE, WORDS, clip, damage, same_turns, sort_out, unusable
 
 
 @pytest.fixture(scope="module")
@@ -329,7 +329,7 @@ def test_damaged_files_are_drops_or_sound(raw, tmp_path):
             (folder / f"{name}.bvh").write_bytes(bvh)
             if suffix in (".wav", ".TextGrid"):
                 (folder / f"{name}.wav").write_bytes(whole[".wav"])
-            (folder / f"{name}{suffix}").write_bytes(damaged(bvh if suffix == ".bvh" else whole[suffix], rng))
+            (folder / f"{name}{suffix}").write_bytes(damage(bvh if suffix == ".bvh" else whole[suffix], rng))
     assert len(names) >= 200
     clips, reasons = sort_out(beat.read(tmp_path), names)
     assert len(reasons) > 90

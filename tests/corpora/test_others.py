@@ -15,7 +15,7 @@ from cospeech.corpora.beat.annotations import semantic_text
 from cospeech.corpora.layout import textgrid, write_bvh
 from cospeech.corpora.prepare.pieces import split_of
 from cospeech.errors import CospeechWarning, InputError
-from tests.support.corpus_files import UNUSABLE, WORDS, damaged, same_turns, sort_out, tone, unusable
+from tests.support.corpus_files import UNUSABLE, WORDS, damage, same_turns, sort_out, tone, unusable
 from tests.support.motions import gesturing
 
 
@@ -137,7 +137,7 @@ def test_beat2_damaged_files_are_drops_or_sound(beat2_raw, tmp_path):
             for kind in kinds:
                 suffix, _, data = parts[kind]
                 (tmp_path / "raw" / kind).mkdir(parents=True, exist_ok=True)
-                (tmp_path / "raw" / kind / (name + suffix)).write_bytes(damaged(data, rng) if kind == part else data)
+                (tmp_path / "raw" / kind / (name + suffix)).write_bytes(damage(data, rng) if kind == part else data)
     assert len(names) >= 200
     clips, reasons = sort_out(beat2.read(tmp_path / "raw"), names)
     assert len(reasons) > 100
@@ -221,9 +221,9 @@ def test_zeroeggs_damaged_files_are_drops_or_sound(tmp_path):
     (tmp_path / "clean").mkdir()
     for k in range(204):
         names.append(f"{k:03d}_Tired_{k}_x_1_0")
-        (tmp_path / "clean" / f"{names[-1]}.bvh").write_bytes(damaged(bvh, rng) if k < 190 else bvh)
+        (tmp_path / "clean" / f"{names[-1]}.bvh").write_bytes(damage(bvh, rng) if k < 190 else bvh)
         if k >= 190:
-            (tmp_path / "clean" / f"{names[-1]}.wav").write_bytes(damaged(wav, rng))
+            (tmp_path / "clean" / f"{names[-1]}.wav").write_bytes(damage(wav, rng))
     clips, reasons = sort_out(zeroeggs.read(tmp_path), names)
     assert len(reasons) > 60
     assert all(name in reason for name, reason in reasons.items())
@@ -345,7 +345,7 @@ def test_folder_damaged_files_are_drops_or_sound(tmp_path):
         for _ in range(count):
             names.append(f"who/take{len(names):03d}")
             (root / f"{names[-1]}.wav").write_bytes(files[".wav"])
-            (root / f"{names[-1]}{suffix}").write_bytes(damaged(files[suffix], rng))
+            (root / f"{names[-1]}{suffix}").write_bytes(damage(files[suffix], rng))
     assert len(names) >= 200
     clips, reasons = sort_out(folder.read(root), names)
     assert len(reasons) > 60

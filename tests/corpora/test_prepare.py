@@ -31,7 +31,7 @@ from cospeech.motion.poses import direction_vectors, find_pose
 from cospeech.motion.rotations import quat_angle, quat_continuous, quat_normalize
 from cospeech.motion.skeleton import Skeleton, find_skeleton
 from cospeech.rules import EMOTIONS
-from tests.support.leftovers import abandoned
+from tests.support.leftovers import make_leftover
 
 pytestmark = pytest.mark.slow
 
@@ -213,7 +213,7 @@ def test_stopped_and_started_again_it_makes_the_same_bytes(raw, store_and_report
         prepare("beat", raw, tmp_path / "s")
     assert not (tmp_path / "s" / "index.json").exists()
     assert len(list((tmp_path / "s" / ".parts").glob("*.npz"))) == 2
-    abandoned(tmp_path / "s")  # as a kill while the parts are put together leaves it
+    make_leftover(tmp_path / "s")  # as a kill while the parts are put together leaves it
     prepare("beat", raw, tmp_path / "s")
     assert len(calls) == 5  # the two parts that were there were not made again
     assert same(tmp_path / "s", store_and_report[0])

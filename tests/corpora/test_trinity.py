@@ -15,7 +15,7 @@ from cospeech.corpora.trinity import read as trinity
 from cospeech.errors import InputError
 from cospeech.motion.skeleton import find_skeleton
 from cospeech.motion.skeletons.trinity import FULL_BODY, UPPER_BODY
-from tests.support.corpus_files import UNUSABLE, WORDS, clip, damaged, same_turns, sort_out, unusable
+from tests.support.corpus_files import UNUSABLE, WORDS, clip, damage, same_turns, sort_out, unusable
 
 
 @pytest.fixture(scope="module")
@@ -219,7 +219,7 @@ def test_damaged_files_are_drops_or_sound(raw, tmp_path):
                 (tmp_path / place).mkdir(exist_ok=True)
                 if place in ("Motion", folder):
                     data = short if folder == place == "Motion" else whole[place]
-                    data = damaged(data, rng) if place == folder else data
+                    data = damage(data, rng) if place == folder else data
                     (tmp_path / place / f"{name}.{suffix}").write_bytes(data)
     assert len(names) >= 200
     clips, reasons = sort_out(trinity.read(tmp_path), names)

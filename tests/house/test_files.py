@@ -17,7 +17,7 @@ import soundfile
 from cospeech.cli.demo import EXAMPLE
 from cospeech.errors import InputError
 from cospeech.files import ABANDONED, PREFIX, all_or_none, atomic, check_destination, sweep, workplace
-from tests.support.leftovers import abandoned
+from tests.support.leftovers import make_leftover
 
 pytestmark = pytest.mark.slow
 
@@ -72,7 +72,7 @@ def test_leftovers_of_a_killed_run_go_with_the_next_one_and_a_running_one_is_lef
 
 
 def test_only_what_is_abandoned_goes(tmp_path):
-    ours, theirs = abandoned(tmp_path), abandoned(tmp_path, machine="another", name="b1b2b3b4")
+    ours, theirs = make_leftover(tmp_path), make_leftover(tmp_path, machine="another", name="b1b2b3b4")
     (ours / "deep").mkdir()
     (ours / "deep" / "0.bvh").write_text("half")
     notes = tmp_path / f"{PREFIX}notes"
@@ -133,8 +133,8 @@ def without_locks(monkeypatch) -> set[Path]:
 def test_where_nothing_can_be_locked_an_open_file_tells(tmp_path, without_locks):
     with workplace(tmp_path) as own:
         assert {path.name for path in own.iterdir()} == {"lock"}
-        old, running = abandoned(tmp_path), abandoned(tmp_path, name="a1b2c3d4")
-        theirs = abandoned(tmp_path, machine="another", name="b1b2b3b4")
+        old, running = make_leftover(tmp_path), make_leftover(tmp_path, name="a1b2c3d4")
+        theirs = make_leftover(tmp_path, machine="another", name="b1b2b3b4")
         (old / "0.bvh").write_text("half")
         without_locks.add(running / "lock")
         sweep(tmp_path)

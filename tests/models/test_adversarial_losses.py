@@ -1,4 +1,4 @@
-"""What adversarial training is made of beside networks: worth of scores, and the noise that takes are drawn with."""
+"""The parts of adversarial training that are no networks: the losses of scores, and the noise that takes are drawn with."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def test_losses_draw_scores_the_way_they_say(name):
 def test_logarithms_are_those_of_equation_7():
     scores = torch.linspace(-3, 3, 7)
     share = torch.sigmoid(scores)
-    found = ADVERSARIAL_LOSSES["logarithm"]
-    torch.testing.assert_close(found.true(scores), -torch.log(share).mean())
-    torch.testing.assert_close(found.false(scores), -torch.log(1 - share).mean())
-    torch.testing.assert_close(found.generator_loss(scores), torch.log(1 - share).mean())
+    losses = ADVERSARIAL_LOSSES["logarithm"]
+    torch.testing.assert_close(losses.true(scores), -torch.log(share).mean())
+    torch.testing.assert_close(losses.false(scores), -torch.log(1 - share).mean())
+    torch.testing.assert_close(losses.generator_loss(scores), torch.log(1 - share).mean())
 
 
 def test_a_perfect_judge_loses_nothing():
@@ -38,20 +38,20 @@ def test_a_perfect_judge_loses_nothing():
 def test_the_largest_logit_under_the_noise_is_drawn_as_the_softmax_says():
     logits = torch.tensor([1.0, 0.0, -1.0])
     noise = smooth_gumbel(StepRandom(0, 0), 20_000, 3, 2, 6.0)
-    drawn = (logits[:, None] + noise).argmax(1)[:, 0].bincount() / 20_000
-    np.testing.assert_allclose(drawn, torch.softmax(logits, 0), atol=0.015)
+    frequencies = (logits[:, None] + noise).argmax(1)[:, 0].bincount() / 20_000
+    np.testing.assert_allclose(frequencies, torch.softmax(logits, 0), atol=0.015)
 
 
 def test_training_and_playing_have_the_same_noise():
-    """Mean, deviation and correlation over time of both, of numbers that are drawn quite differently."""
+    """Both have the same mean, deviation and correlation over time, although they are drawn by different code."""
     fps, frames = 12.0, 48
-    trained = smooth_gumbel(StepRandom(1, 0), 3000, 1, frames, SECONDS * fps)[:, 0].numpy()
-    drawn = SmoothGumbel(3000, fps, seed=1).draw(frames).T
-    for rows in (trained, drawn):
+    training_noise = smooth_gumbel(StepRandom(1, 0), 3000, 1, frames, SECONDS * fps)[:, 0].numpy()
+    played_noise = SmoothGumbel(3000, fps, seed=1).draw(frames).T
+    for rows in (training_noise, played_noise):
         assert abs(rows.mean() - np.euler_gamma) < 0.03
         assert abs(rows.std() - np.pi / np.sqrt(6)) < 0.03
     for lag in (1, 4, 12):
-        both = [np.corrcoef(rows[:, 20], rows[:, 20 + lag])[0, 1] for rows in (trained, drawn)]
+        both = [np.corrcoef(rows[:, 20], rows[:, 20 + lag])[0, 1] for rows in (training_noise, played_noise)]
         assert abs(both[0] - both[1]) < 0.06
         assert (both[0] > 0.9) == (lag == 1)
 

@@ -15,7 +15,7 @@ from cospeech.models.nn.bones import Bones, bones_of, rotation_angle  # noqa: E4
 from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.motion.poses import find_pose  # noqa: E402
 from cospeech.motion.rotations import quat_normalize, quat_to_matrix, rotvec_to_quat  # noqa: E402
-from tests.models.test_contract import ROWS, batch, network, ready, trained_windowed  # noqa: E402
+from tests.models.test_contract import ROWS, batch, network, ready, train_windowed  # noqa: E402
 
 torch.set_num_threads(1)
 
@@ -30,15 +30,15 @@ def test_bones_are_where_forward_kinematics_has_them(name):
     bones = Bones(name).double()
     turns = bones.rotations(torch.from_numpy(vectors))
     places = bones.places(turns)
-    for row, turned, placed in zip(vectors, turns.numpy(), places.numpy(), strict=True):
+    for row, row_turns, row_places in zip(vectors, turns.numpy(), places.numpy(), strict=True):
         motion = pose.decode(row, 15.0)
         skeleton = motion.skeleton
-        named = [skeleton.index[joint] for joint in pose.joints]
-        assert np.allclose(turned, quat_to_matrix(np.asarray(motion.rotations, float)[:, named]), atol=1e-5)
-        below = [k for k in range(len(skeleton)) if any(up in named for up in ancestors(skeleton, k))]
+        columns = [skeleton.index[joint] for joint in pose.joints]
+        assert np.allclose(row_turns, quat_to_matrix(np.asarray(motion.rotations, float)[:, columns]), atol=1e-5)
+        below = [k for k in range(len(skeleton)) if any(up in columns for up in ancestors(skeleton, k))]
         expected = motion.positions()[:, below] - motion.positions()[:, :1]
         order = sorted(range(len(below)), key=lambda n: len([*ancestors(skeleton, below[n])]))  # level by level
-        assert np.allclose(placed, expected[:, order], atol=1e-5)
+        assert np.allclose(row_places, expected[:, order], atol=1e-5)
 
 
 def ancestors(skeleton, joint: int):
@@ -53,8 +53,8 @@ def test_the_angle_between_rotations():
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     first = quat_to_matrix(quat_normalize(rng.normal(size=(5, 4))))
     second = first @ quat_to_matrix(rotvec_to_quat(axes * angles[:, None]))
-    found = rotation_angle(torch.from_numpy(first).requires_grad_(), torch.from_numpy(second))
-    assert np.allclose(found.detach(), angles, atol=2e-6)
+    measure = rotation_angle(torch.from_numpy(first).requires_grad_(), torch.from_numpy(second))
+    assert np.allclose(measure.detach(), angles, atol=2e-6)
     same = torch.eye(3).requires_grad_()
     (gradient,) = torch.autograd.grad(rotation_angle(same, torch.eye(3)), same)
     assert gradient.isfinite().all()
@@ -68,7 +68,7 @@ def test_other_poses_have_no_bones():
 
 
 def test_the_size_is_that_of_the_authors_code():
-    """By hand of its widths: 64 bands, 22 joints in six numbers."""
+    """The number of parameters, computed by hand from the widths: 64 bands, 22 joints in six numbers."""
     conv = lambda inputs, outputs, kernel: inputs * outputs * kernel + outputs  # noqa: E731
 
     def tcn(*widths: int) -> int:
@@ -92,15 +92,15 @@ def test_the_size_is_that_of_the_authors_code():
 
 
 class Parts:
-    """What a loss is made of, by the network's parts, with the draws in their order."""
+    """The inputs of a loss, computed with the network's parts; random numbers are drawn in the order of the loss."""
 
     def __init__(self, net, data: Batch) -> None:
         chance, x = StepRandom(0, 0), data["pose"].mT
         self.codes = net.hear_shared(net.hear(data["audio"].mT)), *net.encode(x)
         self.s_a, self.s_m, self.i_m = (code.sample(chance) for code in self.codes)
         mean, spread = self.i_m.mean(2, keepdim=True), self.i_m.std(2, keepdim=True)
-        self.mapped = net.map(mean + spread * chance.normal(*self.i_m.shape))
-        self.r = self.mapped.sample(chance)
+        self.code_of_noise = net.map(mean + spread * chance.normal(*self.i_m.shape))
+        self.r = self.code_of_noise.sample(chance)
         pairs = (self.s_m, self.i_m), (self.s_a, self.i_m), (self.s_a, self.r)
         self.motion, self.audio, self.relaxed = (net.decode(*pair).mT for pair in pairs)
         self.s_x, self.i_x = (code.sample(chance) for code in net.encode(self.relaxed.mT))
@@ -120,7 +120,7 @@ def test_the_loss_of_points_by_hand(step):
     net = ready("audio2gestures", tolerance=0.4)
     data = Batch(batch(net).arrays, StepRandom(0, 0))
     with torch.no_grad():
-        found = {name: value.item() for name, value in net.loss(data, step).items()}
+        terms = {name: value.item() for name, value in net.loss(data, step).items()}
         p = Parts(net, Batch(data.arrays, StepRandom(0, 0)))
     off = (p.relaxed - p.true).abs().numpy()
     beyond = [row[row > 0.4].mean() for row in off]
@@ -128,7 +128,7 @@ def test_the_loss_of_points_by_hand(step):
         torch.distributions.kl_divergence(
             torch.distributions.Normal(code.mean, (code.variance / 2).exp()), torch.distributions.Normal(0.0, 1.0)
         ).sum(2).mean().item()
-        for code in (*p.codes, p.mapped)
+        for code in (*p.codes, p.code_of_noise)
     )  # fmt: skip
     weight = {0: 1e-4, 250_015: 0.5001}[step]  # the third round, a half of it over; it changes every ten steps
     expected = {
@@ -138,7 +138,7 @@ def test_the_loss_of_points_by_hand(step):
         "shared": 0.1 * far(p.s_a, p.s_m), "cycle": 0.1 * (far(p.i_x, p.r) + far(p.s_x, p.s_m)),
         "divergence": 1e-3 * weight * kl, "diversity": -0.1 * (1 - step / 500_000) * far(p.relaxed, p.audio),
     }  # fmt: skip
-    assert found == pytest.approx(expected, rel=1e-4)
+    assert terms == pytest.approx(expected, rel=1e-4)
 
 
 def make_euler():
@@ -152,27 +152,27 @@ def make_euler():
 def test_the_loss_of_rotations_is_of_angles_and_of_metres():
     net, data = make_euler()
     with torch.no_grad():
-        found = {name: value.item() for name, value in net.loss(Batch(data.arrays, StepRandom(0, 0)), 0).items()}
+        terms = {name: value.item() for name, value in net.loss(Batch(data.arrays, StepRandom(0, 0)), 0).items()}
         p = Parts(net, data)
     pose, angles, places = find_pose("euler"), {}, {}
     for name in ("motion", "audio", "relaxed", "true"):
         vectors = (getattr(p, name) * net.pose_std + net.pose_mean).numpy()
         motions = [pose.decode(row, 15.0) for row in vectors]
-        named = [motions[0].skeleton.index[joint] for joint in pose.joints]
-        angles[name] = torch.from_numpy(np.stack([np.asarray(m.rotations, float)[:, named] for m in motions]))
+        columns = [motions[0].skeleton.index[joint] for joint in pose.joints]
+        angles[name] = torch.from_numpy(np.stack([np.asarray(m.rotations, float)[:, columns] for m in motions]))
         places[name] = torch.from_numpy(np.stack([m.positions() for m in motions]))
     skeleton = motions[0].skeleton
-    moved = [k for k in range(len(skeleton)) if any(up in named for up in ancestors(skeleton, k))]
+    descendants = [k for k in range(len(skeleton)) if any(up in columns for up in ancestors(skeleton, k))]
     for name in ("motion", "audio", "relaxed"):
-        turned = 2 * torch.arccos((angles[name] * angles["true"]).sum(-1).abs().clamp(max=1))
-        assert found[f"{name}_rotation"] == pytest.approx(turned.mean().item(), rel=1e-3)
-        here, there = (places[k][:, :, moved] for k in (name, "true"))
+        apart = 2 * torch.arccos((angles[name] * angles["true"]).sum(-1).abs().clamp(max=1))
+        assert terms[f"{name}_rotation"] == pytest.approx(apart.mean().item(), rel=1e-3)
+        here, there = (places[k][:, :, descendants] for k in (name, "true"))
         factor = 5 if name == "relaxed" else 1
-        assert found[f"{name}_speed"] == pytest.approx(factor * speed(here, there), rel=1e-3)
+        assert terms[f"{name}_speed"] == pytest.approx(factor * speed(here, there), rel=1e-3)
         if name != "relaxed":
-            assert found[f"{name}_position"] == pytest.approx(far(here, there), rel=1e-3)
-    off = (places["relaxed"] - places["true"])[:, :, moved].abs()
-    assert found["relaxed_position"] == pytest.approx(np.mean([row[row > 0.02].mean() for row in off.numpy()]), rel=1e-3)
+            assert terms[f"{name}_position"] == pytest.approx(far(here, there), rel=1e-3)
+    off = (places["relaxed"] - places["true"])[:, :, descendants].abs()
+    assert terms["relaxed_position"] == pytest.approx(np.mean([row[row > 0.02].mean() for row in off.numpy()]), rel=1e-3)
 
 
 def test_divergence_is_that_of_normal_codes():
@@ -185,14 +185,14 @@ def test_divergence_is_that_of_normal_codes():
 
 
 def test_takes_differ_by_noise_in_the_measure_of_the_recordings_codes():
-    net = trained_windowed("audio2gestures")
+    net = train_windowed("audio2gestures")
     with torch.no_grad():
         codes = torch.cat([net.encode(batch(net, seed)["pose"].mT)[1].sample(StepRandom(seed, 0)) for seed in range(9)])
     assert torch.allclose(net.own.running_mean, codes.mean((0, 2)), atol=0.2)
     assert torch.allclose(net.own.running_var.sqrt(), codes.std((0, 2)), rtol=0.15)
     audio, none = batch(net)["audio"], torch.zeros(ROWS, 20, net.modes)
-    still, moved = (net.make(audio, none[..., :0], noise) for noise in (none, none + 1))
-    assert (still - moved).abs().mean() > 1e-3
+    still, noisy = (net.make(audio, none[..., :0], noise) for noise in (none, none + 1))
+    assert (still - noisy).abs().mean() > 1e-3
 
 
 def test_styles_are_none_and_settings_that_are_none_are_told():

@@ -43,14 +43,14 @@ SMALL = {
 }  # fmt: skip
 
 
-def published(seed: int = 0, **changes) -> ChainOfGeneration:
+def make_published(seed: int = 0, **changes) -> ChainOfGeneration:
     torch.manual_seed(seed)
     config = ChainConfig(**(SMALL | changes))
     return ChainOfGeneration(config, pose=POSE, audio=AUDIO, speakers=SPEAKERS, hands=HANDS)
 
 
 def chain(seed: int = 0, **changes) -> ChainOfGenerationExtended:
-    """With what is ours, off unless it is asked for."""
+    """A small network with our extensions, which are off unless ``changes`` turn them on."""
     torch.manual_seed(seed)
     config = ChainExtendedConfig(**(SMALL | changes))
     return ChainOfGenerationExtended(config, pose=POSE, audio=AUDIO, speakers=SPEAKERS, hands=HANDS)
@@ -78,12 +78,12 @@ def batch(net, seed: int = 1, step: int = 0, **changes) -> Batch:
     return Batch(arrays(net.window, seed) | changes, StepRandom(0, step))
 
 
-def reached(net, terms: dict) -> set[str]:
+def parts_with_gradient(net, terms: dict) -> set[str]:
     """First names of the parameters that a gradient reaches."""
-    named = dict(net.named_parameters())
+    parameters = dict(net.named_parameters())
     total = torch.stack([*terms.values()]).sum()
-    found = torch.autograd.grad(total, [*named.values()], allow_unused=True)
-    return {name.split(".")[0] for name, g in zip(named, found, strict=True) if g is not None and g.abs().max() > 0}
+    gradients = torch.autograd.grad(total, [*parameters.values()], allow_unused=True)
+    return {name.split(".")[0] for name, g in zip(parameters, gradients, strict=True) if g is not None and g.abs().max() > 0}
 
 
 # stages ---------------------------------------------------------------------------------------------------------------
@@ -103,13 +103,13 @@ def test_the_second_stage_leaves_the_classifier_exactly_as_it_is(make, label_con
     data = batch(net)
     parts = net.objectives()
     assert [*parts] == ["classifier", "discriminator", "gestures"]
-    assert reached(net, parts["classifier"].loss(data, 0)) == {"classifier"}
-    assert reached(net, parts["discriminator"].loss(data, 0)) >= {"discriminator"}
+    assert parts_with_gradient(net, parts["classifier"].loss(data, 0)) == {"classifier"}
+    assert parts_with_gradient(net, parts["discriminator"].loss(data, 0)) >= {"discriminator"}
     for value in net.classifier.parameters():
         value.grad = None
     sum(parts["gestures"].loss(data, 0).values()).backward()
     assert all(value.grad is None for value in net.classifier.parameters())
-    assert reached(net, parts["gestures"].loss(batch(net), 0)) == {
+    assert parts_with_gradient(net, parts["gestures"].loss(batch(net), 0)) == {
         "speech_encoder",
         "word",
         "cascade",
@@ -130,11 +130,11 @@ def test_what_was_made_for_the_judge_is_what_the_chain_is_judged_for():
     net = chain(adversarial=1.0, noise=2, dropout=0.4).train()
     data = batch(net)
     net.discriminator_loss(data, 0)
-    kept = net._shared_forward[1].output.pose
+    poses = net._shared_forward[1].output.pose
     calls = []
     net.terms = lambda batch, turn: calls.append(turn.output.pose) or {}
     net.gesture_loss(data, 0)
-    assert calls[0] is kept
+    assert calls[0] is poses
     assert net._shared_forward is None
 
 
@@ -144,13 +144,13 @@ def test_what_was_made_for_the_judge_is_what_the_chain_is_judged_for():
 def test_info_nce_is_what_equation_6_says():
     draw = np.random.default_rng(0)
     face, speech = draw.normal(size=(2, 3, 4, 9))
-    told = 0.0
+    loss = 0.0
     for f, a in zip(face, speech, strict=True):
         for i in range(9):
             likeness = [f[:, i] @ a[:, j] / np.linalg.norm(f[:, i]) / np.linalg.norm(a[:, j]) / 0.1 for j in range(9)]
-            told -= likeness[i] - np.log(np.exp(likeness).sum())
-    found = info_nce(torch.from_numpy(face), torch.from_numpy(speech), 0.1)
-    assert found.item() == pytest.approx(told / 27, rel=1e-9)
+            loss -= likeness[i] - np.log(np.exp(likeness).sum())
+    measure = info_nce(torch.from_numpy(face), torch.from_numpy(speech), 0.1)
+    assert measure.item() == pytest.approx(loss / 27, rel=1e-9)
     same = torch.from_numpy(face)
     assert info_nce(same, same, 1e-3) < 1e-6 < info_nce(same, same.flip(2), 1e-3)
 
@@ -179,8 +179,8 @@ def test_the_style_of_a_mixture_lies_on_the_way_between():
             )
         )
     half = (ends[0][0] + ends[1][0]) / 2
-    mixed = net.convs.convs[0](torch.cat([net.speakers @ half[:, :3], net.emotions @ half[:, 3:]], 1), Memory())
-    assert torch.allclose(mixed, (ends[0][1] + ends[1][1]) / 2, atol=1e-6)
+    middle = net.convs.convs[0](torch.cat([net.speakers @ half[:, :3], net.emotions @ half[:, 3:]], 1), Memory())
+    assert torch.allclose(middle, (ends[0][1] + ends[1][1]) / 2, atol=1e-6)
     assert net(half, Memory()).shape == (1, 4, 7)
 
 
@@ -213,7 +213,7 @@ def test_two_directions_are_summed():
 
 
 def test_with_all_that_is_ours_off_it_is_the_published_model():
-    paper, ours = published().train(), chain().train()
+    paper, ours = make_published().train(), chain().train()
     assert {name: value.shape for name, value in paper.state_dict().items()} == {
         name: value.shape for name, value in ours.state_dict().items()
     }
@@ -233,29 +233,29 @@ def test_the_losses_are_those_of_equation_9():
     data = batch(net)
     with torch.no_grad():
         terms = net.gesture_loss(data, 0)
-        made = net.play(data.arrays)
+        output = net.play(data.arrays)
         raw = net._turn(data)
     pose, body = data["pose"], [k for k in range(POSE) if k not in HANDS]
-    apart = (made["pose"] - pose).abs()
+    apart = (output["pose"] - pose).abs()
     assert terms["body"] == pytest.approx(2 * apart[..., body].mean().item(), rel=1e-5)
     assert terms["hands"] == pytest.approx(6 * apart[..., HANDS].mean().item(), rel=1e-5)
     assert terms["face"] == pytest.approx(5 * (raw.output.face.mT - data["face"]).square().mean().item(), rel=1e-5)
-    encoded = net.rhythm.face(raw.features), net.rhythm.speech(raw.audio)
-    assert terms["rhythm"] == pytest.approx(7 * info_nce(*encoded, 0.1).item(), rel=1e-5)
-    assert torch.equal(made["face"], raw.output.face.mT.clamp(0, 1))
+    codes = net.rhythm.face(raw.features), net.rhythm.speech(raw.audio)
+    assert terms["rhythm"] == pytest.approx(7 * info_nce(*codes, 0.1).item(), rel=1e-5)
+    assert torch.equal(output["face"], raw.output.face.mT.clamp(0, 1))
     assert [*terms] == ["body", "hands", "face", "rhythm"]
 
 
 def test_faces_that_nobody_recorded_teach_nothing():
     net = chain(face=5.0).eval()
-    known = arrays()["face"]
+    true = arrays()["face"]
     for rows in (slice(0, 1), slice(0, ROWS)):
-        face = known.clone()
+        face = true.clone()
         face[rows] = torch.nan
         data = batch(net, face=face)
         term = net.gesture_loss(data, 0)["face"]
-        made = net._turn(data).output.face.mT
-        apart = 5 * (made - known).square()
+        output = net._turn(data).output.face.mT
+        apart = 5 * (output - true).square()
         apart[rows] = 0
         assert term.item() == pytest.approx(apart.mean().item(), rel=1e-5, abs=1e-9)
         assert all(p.grad is None or p.grad.isfinite().all() for p in net.parameters())
@@ -265,14 +265,14 @@ def test_faces_that_nobody_recorded_teach_nothing():
 
 
 def moves(net, name: str, lacks=(), given=("face", "emotion", "speaker")) -> bool:
-    """Whether another value of an array is noticed."""
+    """Whether the poses change when an array has another value."""
     data, other = arrays(), arrays(seed=2)
     if name == "speaker":
         other["speaker"] = (data["speaker"] + 1) % SPEAKERS
     if name == "emotion":
         other["emotion"] = (data["emotion"] + 1) % 8
-    changed = net.play(data | {name: other[name]}, lacks, given=given)
-    return not torch.equal(changed["pose"], net.play(data, lacks, given=given)["pose"])
+    output = net.play(data | {name: other[name]}, lacks, given=given)
+    return not torch.equal(output["pose"], net.play(data, lacks, given=given)["pose"])
 
 
 @pytest.mark.parametrize("make", [chain, live])
@@ -281,11 +281,11 @@ def test_what_is_missing_does_not_matter_and_what_is_given_does(make, what, arra
     net = make(seeds=4).eval()
     assert moves(net, array)
     assert not moves(net, array, lacks=(what,))
-    made = net.play(arrays(), lacks=(what,), given=("face", "emotion", "speaker"))
-    assert made["pose"].shape == (ROWS, FRAMES, POSE)
-    assert made["pose"].isfinite().all()
-    assert made["face"].shape == (ROWS, FRAMES, 52)
-    assert 0 <= made["face"].min() <= made["face"].max() <= 1
+    output = net.play(arrays(), lacks=(what,), given=("face", "emotion", "speaker"))
+    assert output["pose"].shape == (ROWS, FRAMES, POSE)
+    assert output["pose"].isfinite().all()
+    assert output["face"].shape == (ROWS, FRAMES, 52)
+    assert 0 <= output["face"].min() <= output["face"].max() <= 1
 
 
 def test_as_published_face_mood_and_speaker_are_made_of_the_speech():
@@ -305,9 +305,9 @@ def test_as_published_face_mood_and_speaker_are_made_of_the_speech():
 def test_a_face_that_is_given_is_the_face_that_is_shown():
     net, data = chain().eval(), arrays()
     data["face"][0] = torch.nan
-    shown, own = net.play(data, given=("face",))["face"], net.play(data)["face"]
-    assert torch.equal(shown[1:], data["face"][1:])
-    assert torch.equal(shown[0], own[0])
+    faces, own = net.play(data, given=("face",))["face"], net.play(data)["face"]
+    assert torch.equal(faces[1:], data["face"][1:])
+    assert torch.equal(faces[0], own[0])
     for wrong in ({"lacks": ("faces",)}, {"given": ("word",)}):
         with pytest.raises(InputError, match="no input"):
             net.play(data, **wrong)
@@ -328,13 +328,13 @@ def test_what_is_played_without_seeds_is_made():
         rows = torch.cat([data["audio"], net.words(data["text"])], 2)
         style = net.estimate_style(data["audio"]).unsqueeze(1).expand(-1, FRAMES, -1)
         with torch.no_grad():
-            made = net.make(rows, style, noise)
-        assert torch.equal(made, net.play(data, lacks=("seed",), noise=noise)["pose"])
-        assert (made - net.play(data, lacks=("seed",))["pose"]).abs().max() > 1e-3
+            poses = net.make(rows, style, noise)
+        assert torch.equal(poses, net.play(data, lacks=("seed",), noise=noise)["pose"])
+        assert (poses - net.play(data, lacks=("seed",))["pose"]).abs().max() > 1e-3
 
 
 def steady(**changes) -> ChainOfGeneration:
-    """In training, without what is drawn inside of it."""
+    """A network in training mode without random numbers of its own."""
     net = chain(**changes).train()
     net.cascade.text.input_dropout.p = 0.0
     return net
@@ -361,9 +361,9 @@ def test_shares_of_clips_lack_or_are_given_something_in_training(share, array):
         matters = (value == 0.0) if share in ("word_dropout", "seed_dropout") else (value == 1.0)
         assert torch.equal(first, second) is not matters
     half = steady(**{share: 0.5})
-    drawn = [half._turn(Batch(batch(half).arrays, StepRandom(0, step))).output.pose for step in (0, 0, 1)]
-    assert torch.equal(drawn[0], drawn[1])
-    assert not torch.equal(drawn[0], drawn[2])
+    poses = [half._turn(Batch(batch(half).arrays, StepRandom(0, step))).output.pose for step in (0, 0, 1)]
+    assert torch.equal(poses[0], poses[1])
+    assert not torch.equal(poses[0], poses[2])
 
 
 def test_who_borrows_speech_keeps_style_and_manner_and_is_compared_with_no_recording():
@@ -380,12 +380,12 @@ def test_who_borrows_speech_keeps_style_and_manner_and_is_compared_with_no_recor
     terms = net.terms(data, turn)
     assert terms["body"] == terms["hands"] == 0
     assert terms["adv"] > 0
-    told = 0.0
-    for made, pose in zip(turn.output.pose.mT.detach().double().numpy(), data["pose"].double().numpy(), strict=True):
-        told += np.abs(made.mean(0) - pose.mean(0)).mean() + np.abs(made.std(0) - pose.std(0)).mean()
+    expected = 0.0
+    for output, pose in zip(turn.output.pose.mT.detach().double().numpy(), data["pose"].double().numpy(), strict=True):
+        expected += np.abs(output.mean(0) - pose.mean(0)).mean() + np.abs(output.std(0) - pose.std(0)).mean()
         for order, weight in ((1, 3), (2, 9)):
-            told += weight * np.abs(np.diff(made, order, 0).std(0) - np.diff(pose, order, 0).std(0)).mean()
-    assert terms["motion_statistics"].item() == pytest.approx(2 * told / ROWS / 4, rel=1e-2)
+            expected += weight * np.abs(np.diff(output, order, 0).std(0) - np.diff(pose, order, 0).std(0)).mean()
+    assert terms["motion_statistics"].item() == pytest.approx(2 * expected / ROWS / 4, rel=1e-2)
     half = chain(speech_swap=0.5).train()
     assert 0 < half._turn(Batch(arrays(rows=30), StepRandom(0, 0))).own.sum() < 30
     assert half.eval()._turn(data).own.all()
@@ -398,21 +398,21 @@ def test_unknown_moods_teach_the_classifier_of_speakers_alone():
     data["emotion"][1] = -1
     terms = net.loss(Batch(data, StepRandom(0, 0)), 0)
     who, how = (x.mean(1).log_softmax(1) for x in net(data["audio"]).split((SPEAKERS, 8), 2))
-    known = [0, 2, 3]
-    assert terms["emotion"].item() == pytest.approx(-how[known, data["emotion"][known, 0]].sum().item() / ROWS, rel=1e-5)
+    labels = [0, 2, 3]
+    assert terms["emotion"].item() == pytest.approx(-how[labels, data["emotion"][labels, 0]].sum().item() / ROWS, rel=1e-5)
     assert terms["speaker"].item() == pytest.approx(-who[range(ROWS), data["speaker"]].mean().item(), rel=1e-5)
     none = net.loss(Batch(data | {"emotion": torch.full((ROWS, 12), -1)}, StepRandom(0, 0)), 0)
     assert none["emotion"] == 0
     figures = net.validate(Batch(data, StepRandom(0, 0)))
-    wrong = (how.argmax(1) != data["emotion"][:, 0])[known].float().mean()
+    wrong = (how.argmax(1) != data["emotion"][:, 0])[labels].float().mean()
     assert figures["wrong_emotion"].item() == pytest.approx(wrong.item())
     weights = net.weights(data["audio"])
     assert torch.allclose(weights.split((SPEAKERS, 8), 1)[0].sum(1), torch.ones(ROWS))
     assert torch.allclose(weights[:, SPEAKERS:], how.exp(), atol=1e-6)
-    heard = data["audio"].clone()
-    heard[:, : 6 - net.reach] += 1
-    heard[:, 7 + net.reach :] += 1
-    assert torch.allclose(net(heard)[:, 6], net(data["audio"])[:, 6], atol=1e-6)
+    other = data["audio"].clone()
+    other[:, : 6 - net.reach] += 1
+    other[:, 7 + net.reach :] += 1
+    assert torch.allclose(net(other)[:, 6], net(data["audio"])[:, 6], atol=1e-6)
 
 
 # as speech comes ------------------------------------------------------------------------------------------------------
@@ -429,13 +429,13 @@ def test_piece_by_piece_it_makes_what_it_makes_of_the_whole(layers):
     given = rows_of(net, 61)
     with torch.no_grad():
         whole = net.make(*given)
-    held = [torch.cat([x, x[:, -1:].expand(-1, 3, -1)], 1) for x in given]
+    inputs = [torch.cat([x, x[:, -1:].expand(-1, 3, -1)], 1) for x in given]
     for cuts in ([1] * 64, [7, 1, 30, 26], [64]):
-        states, made = [], []
-        for x in zip(*(x.split(cuts, 1) for x in held), strict=True):
+        states, pieces = [], []
+        for x in zip(*(x.split(cuts, 1) for x in inputs), strict=True):
             poses, states = net.step(*x, states)
-            made.append(poses)
-        assert torch.allclose(torch.cat(made, 1)[:, 3:], whole, atol=1e-5)
+            pieces.append(poses)
+        assert torch.allclose(torch.cat(pieces, 1)[:, 3:], whole, atol=1e-5)
 
 
 def test_the_future_beyond_the_look_ahead_does_not_matter_and_within_it_does():
@@ -488,8 +488,8 @@ def test_the_student_learns_what_its_teacher_makes_of_the_same():
     now = {name: value[:, :FRAMES] for name, value in data.arrays.items() if name != "speaker"}
     rows = torch.cat([now["audio"], net.words(now["text"])], 2)
     with torch.no_grad():
-        shown = teacher.make(rows, turn.style.mT[:, :FRAMES], turn.noise.mT[:, 3:])
-    apart = (turn.output.pose.mT - shown).abs()
+        target = teacher.make(rows, turn.style.mT[:, :FRAMES], turn.noise.mT[:, 3:])
+    apart = (turn.output.pose.mT - target).abs()
     assert terms["teacher_hands"].item() == pytest.approx(2 * apart[..., HANDS].mean().item(), rel=1e-4)
     sum(terms.values()).backward()
     assert all(p.grad is None for p in teacher.parameters())
@@ -506,8 +506,8 @@ def test_poses_come_in_the_order_of_their_columns():
         for decoder, value in ((net.cascade.body, 1.0), (net.cascade.hands, 2.0)):
             decoder.mlp[-1].weight.zero_()
             decoder.mlp[-1].bias.fill_(value)
-        made = net.play(arrays())["pose"]
-    assert torch.equal(made[0, 0], torch.tensor([2.0 if k in HANDS else 1.0 for k in range(POSE)]))
+        poses = net.play(arrays())["pose"]
+    assert torch.equal(poses[0, 0], torch.tensor([2.0 if k in HANDS else 1.0 for k in range(POSE)]))
 
 
 def test_words_are_the_mean_of_their_rows_and_silence_is_zero():
@@ -515,9 +515,9 @@ def test_words_are_the_mean_of_their_rows_and_silence_is_zero():
     net = SubwordTable(4)
     ids = torch.zeros(1, 3, GRAMS, dtype=torch.long)
     ids[0, 1, :3] = torch.tensor([5, 9, 5])
-    found = net(ids)
-    assert torch.equal(found[0, [0, 2]], torch.zeros(2, 4))
-    assert torch.allclose(found[0, 1], net.table.weight[[5, 9, 5]].mean(0))
+    vectors_of_words = net(ids)
+    assert torch.equal(vectors_of_words[0, [0, 2]], torch.zeros(2, 4))
+    assert torch.allclose(vectors_of_words[0, 1], net.table.weight[[5, 9, 5]].mean(0))
     vectors = torch.randn(1, 3, 6)
     assert word_embedding(6, 4)(vectors) is vectors
     net = ChainOfGeneration(ChainConfig(**SMALL), pose=POSE, audio=AUDIO, speakers=2, hands=HANDS, text=6).eval()
@@ -566,9 +566,11 @@ def test_louder_speech_is_heard_in_training_alone_and_by_all():
     for wrong in ({"gain_augmentation": -1.0}, {"gain_augmentation": 3.0}):
         with pytest.raises(InputError, match="louder"):
             chain(**wrong)
-    heard = SpeechClassifier(SpeechClassifierConfig(channels=4, gain_augmentation=6.0), audio=AUDIO, speakers=2, louder=steps)
+    classifier = SpeechClassifier(
+        SpeechClassifierConfig(channels=4, gain_augmentation=6.0), audio=AUDIO, speakers=2, louder=steps
+    )
     clip = Batch(arrays(34) | {"speaker": torch.zeros(ROWS, dtype=torch.long)}, StepRandom(0, 0))
-    assert heard.train().loss(clip, 0)["emotion"] != heard.eval().loss(clip, 0)["emotion"]
+    assert classifier.train().loss(clip, 0)["emotion"] != classifier.eval().loss(clip, 0)["emotion"]
 
 
 @pytest.mark.parametrize(("text", "count"), [(300, 15_543_853), (0, 16_144_153)])
@@ -587,14 +589,14 @@ def test_parameters_at_paper_size(text, count):
 def test_gesture_features_are_the_lstms_or_128_of_them():
     """Section 4.1 has 128 gesture features, CaMN's code the 256 numbers of its LSTM: B̂ and Ĥ are of either width."""
     hands = hand_columns(find_pose("euler").names)
-    made = {}
+    parameters = {}
     for width in (0, 128):
         with torch.device("meta"):
             net = ChainOfGeneration(ChainConfig(gesture_features=width), pose=141, audio=24, speakers=4, hands=hands, text=300)
         assert net.cascade.hand_attention.gate.narrow.in_channels == 3 * 128 + (width or 256)
         assert net.cascade.hands.mlp[0].in_channels == (width or 256)
-        made[width] = sum(value.numel() for value in net.parameters())
-    assert made == {0: 15_543_853, 128: 15_244_957}
+        parameters[width] = sum(value.numel() for value in net.parameters())
+    assert parameters == {0: 15_543_853, 128: 15_244_957}
     with pytest.raises(InputError):
         chain(gesture_features=-1)
 
@@ -610,7 +612,7 @@ def test_hands_are_found_by_the_names_of_their_columns():
 # stores ---------------------------------------------------------------------------------------------------------------
 
 
-def spoken_store(folder):
+def make_spoken_store(folder):
     """A store with words, faces and moods, of which some clips lack some."""
     draw = np.random.default_rng(0)
     pieces, at = [], {"a": ("face", "emotion", "word"), "b": ("emotion", "word"), "c": ()}
@@ -620,13 +622,13 @@ def spoken_store(folder):
                 "pose": draw.normal(size=(60, POSE)), "audio": draw.normal(size=(60, 84)), "face": np.full((60, 52), np.nan),
                 "emotion": np.full(60, -1), "word": np.full(60, -1),
             }  # fmt: skip
-            known = {"face": draw.uniform(size=(60, 52)), "emotion": np.full(60, 3), "word": np.arange(60) // 20}
-            values |= {key: known[key] for key in has}
+            optional = {"face": draw.uniform(size=(60, 52)), "emotion": np.full(60, 3), "word": np.arange(60) // 20}
+            values |= {key: optional[key] for key in has}
             types = {"emotion": np.int8, "word": np.int32}
             values = {key: value.astype(types.get(key, np.float32)) for key, value in values.items()}
             entry = Entry(f"{name}-{split}", name, split, 0, 60, 0.0, ("pose", "audio", *has))
-            made = {key: values[key] for key in entry.has}
-            pieces.append(Piece(entry, ("yes", "no"), lambda made=made: dict(made)))
+            own_arrays = {key: values[key] for key in entry.has}
+            pieces.append(Piece(entry, ("yes", "no"), lambda own_arrays=own_arrays: dict(own_arrays)))
     columns = ("hips.x", "hips.y", "leftHand.rx", "leftGrip.0", "spine.rx", "head.rx", "rightHand.rx")
     names = {"pose": columns, "audio": AUDIO_NAMES, "face": tuple(map(str, range(52)))}
     write_store(folder, pieces, corpus="beat", pose="none", fps=15.0, names=names)
@@ -642,7 +644,7 @@ def recipe(name: str, needs: dict | None = None, data: dict | None = None, **con
 
 
 def test_it_learns_of_a_store_whose_clips_lack_this_and_that(tmp_path):
-    store = spoken_store(tmp_path / "store")
+    store = make_spoken_store(tmp_path / "store")
     config = SMALL | {"classifier_steps": 2, "gain_augmentation": 6.0, "adversarial": 1.0, "noise": 2}
     train(recipe("chain-of-generation-extended", **config), store, tmp_path / "run")
     net, facts = load_run(tmp_path / "run")
@@ -669,26 +671,26 @@ def test_it_learns_of_a_store_whose_clips_lack_this_and_that(tmp_path):
 
 
 def test_a_clip_may_lack_what_is_spare(tmp_path):
-    store = Store(spoken_store(tmp_path / "store"))
+    store = Store(make_spoken_store(tmp_path / "store"))
     arrays = ("pose", "audio", "face", "emotion")
     assert len(Windows(store, 24, arrays)) == 37
     whole = Windows(store, 24, arrays, spare=("face", "emotion"))
     assert len(whole) == 3 * 37
-    drawn = whole.at(60, 0, 0)
-    lacking = np.isnan(drawn["face"]).all((1, 2))
-    assert (drawn["speaker"][~lacking] == 0).all()
-    assert {0, 1, 2} == {*drawn["speaker"]}
-    assert (drawn["emotion"][drawn["speaker"] == 2] == -1).all()
+    windows = whole.at(60, 0, 0)
+    lacking = np.isnan(windows["face"]).all((1, 2))
+    assert (windows["speaker"][~lacking] == 0).all()
+    assert {0, 1, 2} == {*windows["speaker"]}
+    assert (windows["emotion"][windows["speaker"] == 2] == -1).all()
     with pytest.raises(InputError, match="no 'cluster'"):
         Windows(store, 24, ("pose", "cluster"), spare=("cluster",))
 
 
 def test_the_recipe_of_the_paper_is_at_the_values_of_the_paper():
     file = SHIPPED / "chain_of_generation_beat.toml"
-    found = load_recipe(file)
-    assert build(ChainConfig, found.config, "model") == ChainConfig()
-    assert (found.data.pose, found.data.fps) == ("euler", 15)
-    assert (found.train.batch, found.train.lr) == (512, 2.5e-4)
+    of_paper = load_recipe(file)
+    assert build(ChainConfig, of_paper.config, "model") == ChainConfig()
+    assert (of_paper.data.pose, of_paper.data.fps) == ("euler", 15)
+    assert (of_paper.train.batch, of_paper.train.lr) == (512, 2.5e-4)
 
 
 def test_a_pause_costs_speed_and_the_shape_of_a_stroke_does_not():
@@ -708,10 +710,10 @@ def test_strokes_at_other_times_cost_timing_and_strokes_of_another_size_and_form
     def strokes(shift, size):
         return size * torch.tanh(6 * torch.sin(2 * torch.pi * (time - shift) / 2.4)).expand(2, 4, -1)
 
-    recorded = strokes(0.0, 1.0)
-    assert timing_distance(-0.5 * recorded, recorded).item() < 0.05
-    assert timing_distance(strokes(0.6, 1.0), recorded).item() > 1.3
-    assert timing_distance(torch.zeros_like(recorded), recorded).item() == pytest.approx(1, abs=0.01)
+    recording = strokes(0.0, 1.0)
+    assert timing_distance(-0.5 * recording, recording).item() < 0.05
+    assert timing_distance(strokes(0.6, 1.0), recording).item() > 1.3
+    assert timing_distance(torch.zeros_like(recording), recording).item() == pytest.approx(1, abs=0.01)
     net = chain(stroke_timing=2.0).train()
     gradients = torch.autograd.grad(net.gesture_loss(batch(net), 0)["stroke_timing"], net.objectives()["gestures"].parameters,
                                     allow_unused=True)  # fmt: skip

@@ -1,4 +1,4 @@
-"""What every network promises, whatever it is for; the tests iterate over the registries. Flows promise more: see the end.
+"""What every network must do. The tests iterate over the registries. Flows must do more: see the end.
 
 ``NAME+VARIANT`` is a network in another configuration.
 """
@@ -54,8 +54,15 @@ _MIX = {"depth": 3, "patch_channels": 4}
 _MANY = {"frames": 12, "speaker": 3}
 _CONTEXT = _MANY | {"adversarial_from": 2640}
 _CHAIN = {"frames": 10, "reduction": 4, "text_channels": 6, "classifier_steps": 2000}
-_PLAYED = {"frames": 22, "noise": 3, "adversarial": 1.0, "discriminator_channels": 4, "reconstruction": 5.0, "face": 5.0}
-_PLAYED |= {
+_OBJECTIVES_OF_PLAY = {
+    "frames": 22,
+    "noise": 3,
+    "adversarial": 1.0,
+    "discriminator_channels": 4,
+    "reconstruction": 5.0,
+    "face": 5.0,
+}
+_OBJECTIVES_OF_PLAY |= {
     "word_dropout": 0.5,
     "seed_dropout": 0.5,
     "label_conditioning": 0.5,
@@ -88,9 +95,9 @@ CHANGES = {
     "speaker-classifier+plain": {"plain": True},
     "chain-of-generation": _CHAIN | {"gesture_features": 6},
     "chain-of-generation-extended": _CHAIN,
-    "chain-of-generation-extended+played": _CHAIN | _PLAYED,
+    "chain-of-generation-extended+played": _CHAIN | _OBJECTIVES_OF_PLAY,
     "chain-of-generation-live": _CHAIN | {"look_ahead": 3, "pooling_window": 5},
-    "chain-of-generation-live+played": _CHAIN | _PLAYED | {"look_ahead": 2, "pooling_window": 5},
+    "chain-of-generation-live+played": _CHAIN | _OBJECTIVES_OF_PLAY | {"look_ahead": 2, "pooling_window": 5},
     "speech-classifier": {"frames": 10},
     "seq2seq": {"frames": 10},
     "joint-embedding": {"frames": 12},
@@ -113,15 +120,15 @@ def network_class(name: str):
     return getattr(import_module(module), attribute)
 
 
-REGISTERED = sorted(name for name in ENTRIES if hasattr(network_class(name), "objectives"))
-NAMES = [*REGISTERED, *(name for name in CHANGES if "+" in name)]
+TRAINABLE = sorted(name for name in ENTRIES if hasattr(network_class(name), "objectives"))
+NAMES = [*TRAINABLE, *(name for name in CHANGES if "+" in name)]
 
 
 def sizes(kind, pose: int = POSE, audio: int = AUDIO) -> dict[str, int | list[int]]:
-    """Those that a network is built by."""
-    known = {"pose": pose, "audio": audio, "speakers": 1 if kind.__name__ == "CMixGan" else ROWS}
-    known |= {"hands": [1, pose - 1], "text": 0}
-    return {key: size for key, size in known.items() if key in signature(kind.__init__).parameters}
+    """The sizes that a network is built with."""
+    values = {"pose": pose, "audio": audio, "speakers": 1 if kind.__name__ == "CMixGan" else ROWS}
+    values |= {"hands": [1, pose - 1], "text": 0}
+    return {key: size for key, size in values.items() if key in signature(kind.__init__).parameters}
 
 
 def tiny(name: str, **changes):
@@ -142,7 +149,7 @@ def network(name: str, seed: int = 0, pose: int = POSE, audio: int = AUDIO, **ch
 
 
 def batch(net, seed: int = 0, step: int = 0, rows: int = ROWS) -> Batch:
-    """Walks, not noise: something that can be learnt."""
+    """A batch of random walks, not of noise, so that there is something to learn."""
     draw = torch.Generator().manual_seed(seed)
     widths = {"pose": getattr(net, "pose", 0), "audio": AUDIO, "control": 3}
     arrays = {
@@ -164,7 +171,7 @@ def batch(net, seed: int = 0, step: int = 0, rows: int = ROWS) -> Batch:
 
 
 def part(whole: Batch, row: int, step: int = 0) -> Batch:
-    """One row of a batch, as one of so many processes would have it."""
+    """One row of a batch, as one of several processes has it."""
     return Batch({k: v[row : row + 1] for k, v in whole.arrays.items()}, StepRandom(0, step, rank=row, parts=len(whole)))
 
 
@@ -181,12 +188,12 @@ def make_ready(name: str, **options):
 
 
 def make_once(make):
-    """Makes each once. Every test gets a copy, and the state of chance that there was when it was made."""
-    kept = cache(lambda name, **options: (make(name, **options), torch.get_rng_state()))
+    """Make each network once. Every test gets a copy, and the random state that followed its making."""
+    build = cache(lambda name, **options: (make(name, **options), torch.get_rng_state()))
 
     @wraps(make)
     def copy(name: str, **options):
-        net, chance = kept(name, **options)
+        net, chance = build(name, **options)
         torch.set_rng_state(chance)
         return deepcopy(net)
 
@@ -197,15 +204,15 @@ ready = make_once(make_ready)
 
 
 def test_every_registered_network_is_tested():
-    assert {name for name in REGISTERED if not network_class(name).Config.TINY} == set()
-    assert {name.partition("+")[0] for name in CHANGES} <= set(REGISTERED) == set(NETWORKS)
+    assert {name for name in TRAINABLE if not network_class(name).Config.TINY} == set()
+    assert {name.partition("+")[0] for name in CHANGES} <= set(TRAINABLE) == set(NETWORKS)
 
 
-@pytest.mark.parametrize("name", REGISTERED)
+@pytest.mark.parametrize("name", TRAINABLE)
 def test_the_registry_says_what_a_network_needs(name):
-    """Beside poses and sound; a variant of the configuration may need less or more."""
-    named = {"text": "words", "face": "face", "emotion": "emotion"}
-    assert {named[array] for array in network(name).arrays if array in named} == set(ENTRIES[name].needs)
+    """The arrays beside poses and sound. A variant of the configuration may need fewer or more."""
+    names = {"text": "words", "face": "face", "emotion": "emotion"}
+    assert {names[array] for array in network(name).arrays if array in names} == set(ENTRIES[name].needs)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -223,8 +230,8 @@ def test_losses_are_finite_numbers_and_leave_the_batch_alone(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_gradient_reaches_every_parameter(name):
     net = ready(name)
-    optimised = {id(value) for objective in net.objectives().values() for value in objective.parameters}
-    assert optimised == {id(value) for value in net.parameters()}
+    parameters = {id(value) for objective in net.objectives().values() for value in objective.parameters}
+    assert parameters == {id(value) for value in net.parameters()}
     total(net, batch(net)).backward()
     still = [key for key, value in net.named_parameters() if value.grad is None or not value.grad.abs().max() > 0]
     assert still == []
@@ -302,14 +309,14 @@ def test_sizes_that_are_none_are_told(name):
         kind(replace(tiny(name), frames=0), **sizes(kind))
 
 
-@pytest.mark.parametrize("name", REGISTERED)
+@pytest.mark.parametrize("name", TRAINABLE)
 def test_a_size_that_is_none_is_told_by_its_name(name):
     wide = [size for size in ("hidden", "channels", "width", "layers") if hasattr(tiny(name), size)]
     assert wide
     for size in wide:
-        with pytest.raises(InputError, match=rf"^{size} of .*is -3 \(\d+ at least\)$") as caught:
+        with pytest.raises(InputError, match=rf"^{size} of .*is -3 \(\d+ at least\)$") as error:
             network(name, **{size: -3})
-        assert len(str(caught.value)) < 100
+        assert len(str(error.value)) < 100
 
 
 @pytest.mark.parametrize(
@@ -339,7 +346,7 @@ def test_parameters_at_paper_size(name, config, pose, audio, count):
     assert sum(value.numel() for value in net.parameters()) == count
 
 
-def windowed() -> list[str]:
+def list_windowed() -> list[str]:
     return [name for name in NAMES if issubclass(network_class(name), Windowed)]
 
 
@@ -352,8 +359,8 @@ def styles(net, *shape: int, seed: int = 4):
 
 
 @make_once
-def trained_windowed(name: str):
-    """A network whose statistics of normalisation are those of its data, so that it does not deaden what it is given."""
+def train_windowed(name: str):
+    """A network whose normalisation has the statistics of its data, so that its output varies with its input."""
     net = network(name).train()
     for part in net.modules():
         if isinstance(part, torch.nn.BatchNorm1d):
@@ -365,12 +372,12 @@ def trained_windowed(name: str):
 
 
 def test_the_networks_that_make_windows_are_these():
-    known = {"cmix-gan", "mix-stage", "munit", "speech2gesture", "stage", "camn", "multi-context"}
-    known |= {"chain-of-generation", "chain-of-generation-live", "speech-to-face"}
-    known |= {"chain-of-generation-extended", "mix-stage-extended", "audio2gestures", "talkshow", "gesturediffuclip"}
-    known |= {"trimodal", "joint-embedding", "seq2seq", "speech2affective-gestures"}
-    assert {name.partition("+")[0] for name in windowed()} == known
-    for name in windowed():
+    names = {"cmix-gan", "mix-stage", "munit", "speech2gesture", "stage", "camn", "multi-context"}
+    names |= {"chain-of-generation", "chain-of-generation-live", "speech-to-face"}
+    names |= {"chain-of-generation-extended", "mix-stage-extended", "audio2gestures", "talkshow", "gesturediffuclip"}
+    names |= {"trimodal", "joint-embedding", "seq2seq", "speech2affective-gestures"}
+    assert {name.partition("+")[0] for name in list_windowed()} == names
+    for name in list_windowed():
         net = network(name)
         assert net.window % net.multiple == net.shortest % net.multiple == 0 or name.startswith("speech2gesture")
         if isinstance(net, SeededWindows):
@@ -390,48 +397,48 @@ def test_the_networks_that_make_windows_are_these():
         )
 
 
-@pytest.mark.parametrize("name", windowed())
+@pytest.mark.parametrize("name", list_windowed())
 def test_of_whole_multiples_what_is_generated_is_what_is_made(name):
-    net = trained_windowed(name)
+    net = train_windowed(name)
     for frames in (net.shortest, 3 * net.shortest, net.shortest + net.multiple):
         audio, style = speech(net, ROWS, frames), styles(net, ROWS, 1)
         with torch.no_grad():
-            made = net.make(audio, style.expand(-1, frames, -1), torch.zeros(ROWS, frames, net.modes))
-        assert made.shape == (ROWS, frames, POSE)
+            poses = net.make(audio, style.expand(-1, frames, -1), torch.zeros(ROWS, frames, net.modes))
+        assert poses.shape == (ROWS, frames, POSE)
         for same in (style, style.expand(-1, frames, -1)):  # PyTorch's last bit is not the same twice on every processor
-            torch.testing.assert_close(net.generate(audio, same), made, rtol=0, atol=1e-6)
+            torch.testing.assert_close(net.generate(audio, same), poses, rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", windowed())
+@pytest.mark.parametrize("name", list_windowed())
 def test_speech_of_any_length_is_filled_up_with_its_last_frame(name):
-    net = trained_windowed(name)
+    net = train_windowed(name)
     for frames in (1, 2, max(1, net.shortest - 1), net.shortest + 1, 2 * net.multiple + 3, 131):
         audio, style = speech(net, ROWS, frames), styles(net, ROWS, frames)
         whole = max(net.shortest, -(-frames // net.multiple) * net.multiple)
-        held = [torch.cat([x, x[:, -1:].repeat(1, whole - frames, 1)], 1) for x in (audio, style)]
-        made = net.generate(audio, style)
-        assert made.shape == (ROWS, frames, POSE)
-        assert made.isfinite().all()
-        torch.testing.assert_close(made, net.generate(*held)[:, :frames], rtol=0, atol=1e-6)
+        longer = [torch.cat([x, x[:, -1:].repeat(1, whole - frames, 1)], 1) for x in (audio, style)]
+        poses = net.generate(audio, style)
+        assert poses.shape == (ROWS, frames, POSE)
+        assert poses.isfinite().all()
+        torch.testing.assert_close(poses, net.generate(*longer)[:, :frames], rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", windowed())
+@pytest.mark.parametrize("name", list_windowed())
 def test_rows_of_speech_are_made_apart(name):
-    net = trained_windowed(name)
+    net = train_windowed(name)
     audio, style = speech(net, ROWS, 70), styles(net, ROWS, 1)
-    made = net.generate(audio, style)
+    poses = net.generate(audio, style)
     alone = torch.cat([net.generate(audio[k : k + 1], style[k : k + 1]) for k in range(ROWS)])
-    assert torch.allclose(made, alone, atol=1e-5)
+    assert torch.allclose(poses, alone, atol=1e-5)
     other = audio.clone()
     other[1] = other[1].flip(0)
-    changed = (net.generate(other, style) - made).abs().amax((1, 2))
-    assert changed[1] > 1e-3
-    assert changed[[0, 2]].max() < 1e-6
+    change = (net.generate(other, style) - poses).abs().amax((1, 2))
+    assert change[1] > 1e-3
+    assert change[[0, 2]].max() < 1e-6
 
 
-@pytest.mark.parametrize("name", [name for name in windowed() if network(name).styles])
+@pytest.mark.parametrize("name", [name for name in list_windowed() if network(name).styles])
 def test_styles_and_mixtures_of_them_differ(name):
-    net = trained_windowed(name)
+    net = train_windowed(name)
     audio, (one, other) = speech(net, 1, 64), torch.eye(net.styles)[:2]
     first, second, half = (net.generate(audio, style.view(1, 1, -1)) for style in (one, other, (one + other) / 2))
     gap = (first - second).abs().mean()
@@ -442,63 +449,63 @@ def test_styles_and_mixtures_of_them_differ(name):
     assert torch.equal(net.generate(audio, one.view(1, 1, -1)), first)
 
 
-@pytest.mark.parametrize("name", windowed())
+@pytest.mark.parametrize("name", list_windowed())
 def test_every_speaker_has_a_style_that_can_be_fed(name):
-    net = trained_windowed(name)
+    net = train_windowed(name)
     speakers = ROWS if name != "cmix-gan" else 1
     stretches = torch.randn(speakers, 4, 128, POSE, generator=torch.Generator().manual_seed(5)).cumsum(2) / 8
-    found = net.speaker_styles(stretches)
-    assert found.shape == (speakers, net.styles)
+    codes = net.speaker_styles(stretches)
+    assert codes.shape == (speakers, net.styles)
     if net.encodes_style:
         assert net.style_of(stretches[:, 0, :64]).shape == (speakers, net.styles)
-        assert len({tuple(row.tolist()) for row in found}) == speakers
-    assert net.generate(speech(net, speakers, 40), found.unsqueeze(1)).isfinite().all()
+        assert len({tuple(row.tolist()) for row in codes}) == speakers
+    assert net.generate(speech(net, speakers, 40), codes.unsqueeze(1)).isfinite().all()
 
 
-@pytest.mark.parametrize("name", windowed())
+@pytest.mark.parametrize("name", list_windowed())
 def test_mode_noise_moves_the_modes_and_only_them(name):
-    net = trained_windowed(name)
+    net = train_windowed(name)
     frames = 64 // net.multiple * net.multiple
     audio, style = speech(net, 1, frames), styles(net, 1, frames)
     with torch.no_grad():
-        made = net.make(audio, style, torch.zeros(1, frames, net.modes))
+        poses = net.make(audio, style, torch.zeros(1, frames, net.modes))
         if not net.modes:
-            assert made.shape == (1, frames, POSE)
+            assert poses.shape == (1, frames, POSE)
             return
         if isinstance(net, ManyInputs | ChainOfGeneration | SeededWindows | Audio2Gestures | Sampled):
             # noise that it gets beside its inputs
-            assert (net.make(audio, style, torch.ones(1, frames, net.modes)) - made).abs().mean() > 1e-4
+            assert (net.make(audio, style, torch.ones(1, frames, net.modes)) - poses).abs().mean() > 1e-4
             return
         even = net.make(audio, style, torch.full((1, 64, net.modes), 7.0))
-        assert torch.allclose(even, made, atol=1e-5)  # a softmax does not feel what all have
+        assert torch.allclose(even, poses, atol=1e-5)  # a softmax does not feel what all have
         certain = [net.make(audio, style, 1e4 * torch.eye(net.modes)[m].expand(1, 64, -1)) for m in range(net.modes)]
         own = net.generators(net.latent(net.audio_content(audio), style))
     for m, alone in enumerate(certain):
         assert torch.allclose(alone, own[:, m].mT, atol=1e-6)
     assert (certain[0] - certain[1]).abs().mean() > 1e-3
     low, high = (torch.stack(certain).amin(0), torch.stack(certain).amax(0))
-    assert ((made >= low - 1e-5) & (made <= high + 1e-5)).all()  # a weighted sum lies between them
+    assert ((poses >= low - 1e-5) & (poses <= high + 1e-5)).all()  # a weighted sum lies between them
 
 
-@pytest.mark.parametrize("name", windowed())
+@pytest.mark.parametrize("name", list_windowed())
 def test_speech_and_styles_of_other_shapes_are_told(name):
     net = network(name).eval()
     audio, style = speech(net, 2, 40), styles(net, 2, 1)
     wrong = [(audio[:, :0], style), (audio[..., :-1], style), (audio, style[:1]), (audio, torch.zeros(2, 1, net.styles + 1))]
-    for heard, told in [*wrong, (audio, style.expand(-1, 2, -1)), (audio, style[:, 0])]:
+    for sound, code in [*wrong, (audio, style.expand(-1, 2, -1)), (audio, style[:, 0])]:
         with pytest.raises(InputError, match="speech of shape"):
-            net.generate(heard, told)
+            net.generate(sound, code)
 
 
 def flows() -> list[str]:
-    return [name for name in REGISTERED if hasattr(network_class(name), "log_prob")]
+    return [name for name in TRAINABLE if hasattr(network_class(name), "log_prob")]
 
 
 def given(data: Batch) -> tuple:
     return tuple(data[name] for name in ("pose", "audio", "control") if name in data.arrays)
 
 
-def trained_flow(name: str, **options):
+def train_flow(name: str, **options):
     """A flow far from the identity: all its parameters moved."""
     net = ready(name, **options)
     with torch.no_grad():
@@ -514,23 +521,23 @@ def trained_flow(name: str, **options):
 )
 @pytest.mark.parametrize("nu", [50, 3])
 def test_poses_are_what_their_latents_generate(name, nu, changes):
-    net = trained_flow(name, steps=16, pose=27, hidden=32, nu=nu, frames=12, **changes)
+    net = train_flow(name, steps=16, pose=27, hidden=32, nu=nu, frames=12, **changes)
     data = batch(net)
     with torch.no_grad():
         z = net.latents(*given(data))
         history = net.config.history
         poses, *rest = given(data)
-        made = net.sample(z, poses[:, :history], *rest)
-        again = net.latents(torch.cat([poses[:, :history], made, poses[:, history + made.shape[1] :]], 1), *rest)
+        sample = net.sample(z, poses[:, :history], *rest)
+        again = net.latents(torch.cat([poses[:, :history], sample, poses[:, history + sample.shape[1] :]], 1), *rest)
     assert (z - poses[:, history : history + 12]).abs().mean() > 0.1
-    assert (made - poses[:, history : history + 12]).abs().max() <= 1e-4
+    assert (sample - poses[:, history : history + 12]).abs().max() <= 1e-4
     assert (again - z).abs().max() <= 1e-3
 
 
 @pytest.mark.parametrize("name", flows())
 @pytest.mark.parametrize("pose", [5, 6])
 def test_the_log_determinant_is_that_of_the_jacobian(name, pose):
-    net = trained_flow(name, pose=pose).double()
+    net = train_flow(name, pose=pose).double()
     data = batch(net, rows=1)
     poses, *rest = (value.double() for value in given(data))
     history, frames = net.config.history, net.config.frames
@@ -553,39 +560,39 @@ def test_the_log_determinant_is_that_of_the_jacobian(name, pose):
 @pytest.mark.parametrize(("name", "nu"), [*((name, 4) for name in flows()), ("stylised-flow", 50), ("moglow", 0)])
 @pytest.mark.parametrize("dimensions", [1, 2])
 def test_the_density_integrates_to_one(name, nu, dimensions):
-    net = trained_flow(name, pose=dimensions, nu=nu, frames=1).double()
+    net = train_flow(name, pose=dimensions, nu=nu, frames=1).double()
     data = batch(net, rows=1)
     axis = torch.linspace(-60, 60, 20_001 if dimensions == 1 else 301, dtype=torch.float64)
     grid = torch.cartesian_prod(*[axis] * dimensions).view(-1, 1, dimensions)
     poses, *rest = (value.double().expand(len(grid), -1, -1) for value in given(data))
     history = net.config.history
     with torch.no_grad():
-        filled = torch.cat([poses[:, :history], grid, poses[:, history + 1 :]], 1)
-        log_prob = torch.cat([net.log_prob(*part) for part in zip(*(v.split(20_000) for v in (filled, *rest)), strict=True)])
+        windows = torch.cat([poses[:, :history], grid, poses[:, history + 1 :]], 1)
+        log_prob = torch.cat([net.log_prob(*part) for part in zip(*(v.split(20_000) for v in (windows, *rest)), strict=True)])
     assert log_prob.shape == (len(grid), 1)
     assert abs(log_prob.exp().sum().item() * (axis[1] - axis[0]).item() ** dimensions - 1) < 0.01
 
 
 @pytest.mark.parametrize("name", flows())
 def test_frame_by_frame_is_all_at_once(name):
-    net = trained_flow(name)
+    net = train_flow(name)
     data = batch(net)
     poses, *rest = given(data)
     z = torch.randn(ROWS, net.config.frames, POSE, generator=torch.Generator().manual_seed(5))
-    made = net.sample(z, poses[:, : net.config.history], *rest)
+    whole = net.sample(z, poses[:, : net.config.history], *rest)
     alone = torch.cat([net.sample(z[row : row + 1], poses[row : row + 1, : net.config.history],
                                   *(v[row : row + 1] for v in rest)) for row in range(ROWS)])  # fmt: skip
-    assert made.isfinite().all()
-    assert torch.allclose(made, alone, atol=1e-5)
+    assert whole.isfinite().all()
+    assert torch.allclose(whole, alone, atol=1e-5)
     cut = [v[:, : -net.config.look_ahead - 1].clone() for v in rest]
     cut = [torch.cat([c, torch.zeros_like(v[:, c.shape[1] :])], 1) for c, v in zip(cut, rest, strict=True)]
     other = net.sample(z, poses[:, : net.config.history], *cut)
-    assert not torch.equal(other[:, -1], made[:, -1])
-    assert torch.equal(*(one[:, : net.config.frames - net.config.look_ahead - 1] for one in (other, made)))
+    assert not torch.equal(other[:, -1], whole[:, -1])
+    assert torch.equal(*(one[:, : net.config.frames - net.config.look_ahead - 1] for one in (other, whole)))
 
 
 def test_moglow_needs_the_controls_that_it_was_trained_with_and_they_move_it():
-    net = trained_flow("moglow")
+    net = train_flow("moglow")
     data = batch(net)
     poses, audio, control = given(data)
     with pytest.raises(InputError, match="hand_height, hand_radius"):

@@ -103,8 +103,10 @@ def test_vectors_of_rotations_are_those_of_the_motion():
     rotvecs = np.random.default_rng(0).normal(size=(30, len(skeleton), 3)).cumsum(0) * 0.01
     rotations = quat_multiply(np.broadcast_to(skeleton.rest, (30, len(skeleton), 4)), rotvec_to_quat(rotvecs))
     motion = Motion(20.0, rotations, np.broadcast_to(skeleton.offsets[0], (30, 3)).copy(), skeleton=skeleton)
-    seen = Sample("a", 20.0, positions=motion.positions(), rotations=np.asarray(motion.rotations, float), names=skeleton.names)
-    assert np.allclose(vectors_of(seen, pose, 20.0), pose.encode(motion), atol=1e-6)
+    moving = Sample(
+        "a", 20.0, positions=motion.positions(), rotations=np.asarray(motion.rotations, float), names=skeleton.names
+    )
+    assert np.allclose(vectors_of(moving, pose, 20.0), pose.encode(motion), atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -139,10 +141,10 @@ def test_omega_sees_five_frames_and_can_use_statistics_of_the_batch_as_the_autho
     torch.manual_seed(0)
     net = GestureAutoencoder(AutoencoderConfig(width=8), pose=4).eval()
     x = torch.randn(2, 20, 4)
-    moved = x.clone()
-    moved[:, 10] += 1
-    changed = (net.omega(x) != net.omega(moved)).any(-1).any(0).nonzero().flatten()
-    assert changed.tolist() == [8, 9, 10, 11, 12]
+    other = x.clone()
+    other[:, 10] += 1
+    frames = (net.omega(x) != net.omega(other)).any(-1).any(0).nonzero().flatten()
+    assert frames.tolist() == [8, 9, 10, 11, 12]
     theirs = GestureAutoencoder(AutoencoderConfig(width=8, batch_statistics=True), pose=4).eval()
     theirs.load_state_dict(net.state_dict())
     before = {key: value.clone() for key, value in theirs.state_dict().items()}
@@ -194,11 +196,11 @@ def test_the_command_evaluate_takes_it_too(run, tmp_path):
     app = typer.Typer()
     app.callback()(lambda: None)
     register(app)
-    done = CliRunner().invoke(
+    result = CliRunner().invoke(
         app, ["evaluate", "--corpus", str(tmp_path / "s"), "--metrics", "fgd", "--features", str(run), "--json"]
     )
-    assert done.exit_code == 0, done.output
-    assert "features: fgd-autoencoder " in json.loads(done.stdout)["about"]
+    assert result.exit_code == 0, result.output
+    assert "features: fgd-autoencoder " in json.loads(result.stdout)["about"]
 
 
 def test_a_run_that_is_no_feature_network_or_another_one_is_refused(run, tmp_path):

@@ -35,8 +35,8 @@ def batch(net: StylisedFlowExtended, step: int, rows: int = 24) -> Batch:
             if accents[row, t]:
                 place = rng.normal(size=4)
             poses[row, t] = place if t == 0 else 0.5 * poses[row, t - 1] + 0.5 * place
-    heard = np.stack([accents, rng.normal(size=accents.shape).astype(np.float32)], -1)
-    return Batch({"pose": torch.from_numpy(poses), "audio": torch.from_numpy(heard)}, StepRandom(0, step))
+    audio = np.stack([accents, rng.normal(size=accents.shape).astype(np.float32)], -1)
+    return Batch({"pose": torch.from_numpy(poses), "audio": torch.from_numpy(audio)}, StepRandom(0, step))
 
 
 def terms(net: StylisedFlowExtended, step: int) -> dict[str, float]:
@@ -64,9 +64,9 @@ def test_it_judges_what_generation_plays(style):
     z = net.flow.latent.sample(StepRandom(0, 5).normal, len(pose), net.config.frames)
     code = net.style(given["pose"][:, : net.style_frames])
     with torch.no_grad():
-        played = net.sample(z, pose[:, :tau], audio, code)
-        wanted = 2.0 * timing_distance(played.mT, pose[:, tau : tau + net.config.frames].mT)
-        assert float(net.loss(given, 0)["stroke_timing"]) == pytest.approx(float(wanted), rel=1e-4)
+        poses = net.sample(z, pose[:, :tau], audio, code)
+        term = 2.0 * timing_distance(poses.mT, pose[:, tau : tau + net.config.frames].mT)
+        assert float(net.loss(given, 0)["stroke_timing"]) == pytest.approx(float(term), rel=1e-4)
 
 
 def test_its_means_of_batches_are_left_as_they_are():
@@ -82,14 +82,14 @@ def test_its_means_of_batches_are_left_as_they_are():
 
 def test_its_slope_reaches_through_what_was_played():
     net = network(stroke_timing=1.0)
-    given, optimiser, found = batch(net, 3), torch.optim.Adam(net.parameters(), 1e-2), []
+    given, optimiser, losses = batch(net, 3), torch.optim.Adam(net.parameters(), 1e-2), []
     for _ in range(15):
         optimiser.zero_grad()
         term = net.loss(Batch(given.arrays, StepRandom(0, 3)), 0)["stroke_timing"]
         term.backward()
         optimiser.step()
-        found.append(float(term.detach()))
-    assert found[-1] < found[0] - 0.2
+        losses.append(float(term.detach()))
+    assert losses[-1] < losses[0] - 0.2
 
 
 def test_a_bundle_is_told_the_scale_of_its_latents():

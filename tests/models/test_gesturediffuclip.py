@@ -17,7 +17,7 @@ from cospeech.models.nn.contrast import choice_nce  # noqa: E402
 from cospeech.models.nn.diffusion import add_noise, denoise, level_features, velocity  # noqa: E402
 from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
 from cospeech.models.nn.transformer import StyledTransformer  # noqa: E402
-from tests.models.test_contract import AUDIO, POSE, ROWS, batch, network, ready, trained_windowed  # noqa: E402
+from tests.models.test_contract import AUDIO, POSE, ROWS, batch, network, ready, train_windowed  # noqa: E402
 
 torch.set_num_threads(1)
 
@@ -48,9 +48,9 @@ def test_with_the_true_velocity_the_data_come_out(steps):
         return velocity(z, noise, torch.full((2,), angle))
 
     torch.testing.assert_close(denoise(truth, noise, steps), z, atol=1e-4, rtol=0)
-    known = torch.randn(2, 2, 3)
-    made = denoise(truth, noise, steps, known)
-    torch.testing.assert_close(made[:, :2], known, atol=1e-6, rtol=0)
+    start = torch.randn(2, 2, 3)
+    latents = denoise(truth, noise, steps, start)
+    torch.testing.assert_close(latents[:, :2], start, atol=1e-6, rtol=0)
 
 
 def test_of_normal_data_the_deviation_comes_out():
@@ -62,8 +62,8 @@ def test_of_normal_data_the_deviation_comes_out():
         total = a * a * size * size + b * b
         return (a * b - b * a * size * size) * x / total  # cos φ E[ε | x] − sin φ E[z | x]
 
-    made = denoise(best, torch.randn(4000, 1, 1, generator=torch.Generator().manual_seed(0)), 200)
-    assert made.std().item() == pytest.approx(size, rel=0.05)
+    samples = denoise(best, torch.randn(4000, 1, 1, generator=torch.Generator().manual_seed(0)), 200)
+    assert samples.std().item() == pytest.approx(size, rel=0.05)
 
 
 def test_the_diffusion_s_loss_is_the_velocity_s():
@@ -73,9 +73,9 @@ def test_the_diffusion_s_loss_is_the_velocity_s():
     with torch.no_grad():
         style = net._training_style(Batch(data.arrays, chance))
         angle, noise = pi / 2 * chance.uniform(ROWS), chance.normal(ROWS, *z.shape[1:])
-        heard = torch.cat([net.speech(data["audio"].mT), net.read(data["text"])], 1)
+        condition = torch.cat([net.speech(data["audio"].mT), net.read(data["text"])], 1)
         cos, sin = angle.cos().view(-1, 1, 1), angle.sin().view(-1, 1, 1)
-        estimate = net._estimate(heard, style, cos * z + sin * noise, angle)
+        estimate = net._estimate(condition, style, cos * z + sin * noise, angle)
     by_hand = (estimate - (cos * noise - sin * z)).square().mean()
     assert net.diffusion_loss(data, 0)["velocity"].item() == pytest.approx(by_hand.item(), rel=1e-5)
 
@@ -87,10 +87,10 @@ def test_the_autoencoder_s_loss_is_the_distance_of_shaken_latents():
     net = ready("gesturediffuclip")
     data = batch(net)
     pose, z = data["pose"].mT, net.encode(data["pose"])
-    made = net.up(z + LATENT_NOISE * StepRandom(0, 0).normal(ROWS, *z.shape[1:]))
+    poses = net.up(z + LATENT_NOISE * StepRandom(0, 0).normal(ROWS, *z.shape[1:]))
     terms = net.motion_loss(data, 0)
-    assert terms["pose"].item() == pytest.approx((made - pose).abs().mean().item(), rel=1e-5)
-    step = (made[..., 1:] - made[..., :-1]) - (pose[..., 1:] - pose[..., :-1])
+    assert terms["pose"].item() == pytest.approx((poses - pose).abs().mean().item(), rel=1e-5)
+    step = (poses[..., 1:] - poses[..., :-1]) - (pose[..., 1:] - pose[..., :-1])
     assert terms["velocity"].item() == pytest.approx(step.abs().mean().item(), rel=1e-5)
 
 
@@ -118,8 +118,8 @@ def test_the_contrastive_loss_of_labels_is_a_softmax_of_cosines():
 def test_the_contrastive_loss_of_words_and_gestures_is_symmetrical():
     net = ready("gesturediffuclip")
     data = batch(net)
-    said, done = net.read(data["text"]), net.gesture(net.encode(data["pose"]))
-    cosines = F.cosine_similarity(said.mT[:, :, None], done.mT[:, None], dim=-1) / net.config.temperature
+    words, gestures = net.read(data["text"]), net.gesture(net.encode(data["pose"]))
+    cosines = F.cosine_similarity(words.mT[:, :, None], gestures.mT[:, None], dim=-1) / net.config.temperature
     own = cosines.diagonal(dim1=1, dim2=2)
     by_hand = ((cosines.logsumexp(2) - own).mean() + (cosines.logsumexp(1) - own).mean()) / 2
     assert net.align_loss(data, 0)["words"].item() == pytest.approx(by_hand.item(), rel=1e-4)
@@ -129,30 +129,30 @@ def test_the_contrastive_loss_of_words_and_gestures_is_symmetrical():
 
 
 def test_labels_become_styles_and_styles_become_motion():
-    net = trained_windowed("gesturediffuclip")
-    named = net.label_styles()
-    assert tuple(named) == EMOTIONS
-    assert len({tuple(code.tolist()) for code in named.values()}) == len(EMOTIONS)
-    for name, code in named.items():
+    net = train_windowed("gesturediffuclip")
+    codes = net.label_styles()
+    assert tuple(codes) == EMOTIONS
+    assert len({tuple(code.tolist()) for code in codes.values()}) == len(EMOTIONS)
+    for name, code in codes.items():
         assert torch.equal(code, net.style_of_label(name))
         assert code.square().mean().item() == pytest.approx(1, rel=1e-3)
     one_hot = torch.eye(len(EMOTIONS))
-    torch.testing.assert_close(net.labels(torch.zeros(8, ROWS), one_hot), torch.stack([*named.values()]), atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(net.labels(torch.zeros(8, ROWS), one_hot), torch.stack([*codes.values()]), atol=1e-4, rtol=1e-4)
     assert not net.labels(torch.zeros(1, ROWS), torch.zeros(1, 8)).any()
     assert net.style_of_label("").isfinite().all()
     arrays = dict(batch(net).arrays)
     arrays["emotion"][:] = 1
-    made = net.play(arrays)["pose"]
+    poses = net.play(arrays)["pose"]
     for lacking in ("emotion", "speaker", "text", "seed"):
-        assert (net.play(arrays, (lacking,))["pose"] - made).abs().mean() > 1e-4
+        assert (net.play(arrays, (lacking,))["pose"] - poses).abs().mean() > 1e-4
     other = arrays | {"emotion": torch.full_like(arrays["emotion"], 2)}
-    assert (net.play(other)["pose"] - made).abs().mean() > 1e-4
+    assert (net.play(other)["pose"] - poses).abs().mean() > 1e-4
     with pytest.raises(InputError, match="faces"):
         net.play(arrays, ("faces",))
 
 
 def test_takes_differ_by_their_noise_alone():
-    net = trained_windowed("gesturediffuclip")
+    net = train_windowed("gesturediffuclip")
     arrays = batch(net).arrays
     draw = torch.Generator().manual_seed(3)
     noises = [torch.randn(ROWS, net.window, net.modes, generator=draw) for _ in range(2)]
@@ -166,13 +166,13 @@ def test_layers_normalise_a_step_and_are_steered():
     torch.manual_seed(0)
     net = StyledTransformer(5, 3, width=8, words=4, layers=2, heads=2).eval()
     x, words, style = torch.randn(2, 5, 7), torch.randn(2, 4, 7), torch.randn(2, 8, 7)
-    made = net(x, words, style)
-    assert made.shape == (2, 3, 7)
+    output = net(x, words, style)
+    assert output.shape == (2, 3, 7)
     norm = net.norm
     scale, shift = norm.style(style).chunk(2, 1)
     features = torch.randn(2, 8, 7)
-    wanted = (1 + scale) * F.layer_norm(features.mT, (8,)).mT + shift
-    torch.testing.assert_close(norm(features, style), wanted, atol=1e-5, rtol=1e-5)
+    expected = (1 + scale) * F.layer_norm(features.mT, (8,)).mT + shift
+    torch.testing.assert_close(norm(features, style), expected, atol=1e-5, rtol=1e-5)
     attend = net.blocks[0].attend
     query, key, value = ((f(features).unflatten(1, (2, 4))).mT for f in (attend.query, attend.key, attend.value))
     by_hand = F.scaled_dot_product_attention(query, key, value).mT.flatten(1, 2)
@@ -180,7 +180,7 @@ def test_layers_normalise_a_step_and_are_steered():
     for k, other in enumerate((x + 1, words + 1, style + 1)):
         given = [x, words, style]
         given[k] = other
-        assert (net(*given) - made).abs().max() > 1e-3
+        assert (net(*given) - output).abs().max() > 1e-3
 
 
 # what is trained when, and sizes --------------------------------------------------------------------------------------------
@@ -195,10 +195,10 @@ def test_each_stage_leaves_those_before_alone():
     for name in ("align", "diffusion"):
         net.zero_grad()
         sum(objectives[name].loss(batch(net), c.diffusion_from).values()).backward()
-        moved = {key for key, value in net.named_parameters() if value.grad is not None}
-        assert moved <= {key for key, value in net.named_parameters() if any(value is p for p in objectives[name].parameters)}
-    fixed = {key: value for key, value in net.state_dict().items() if not key.startswith("speech.")}  # trained now
-    assert all(torch.equal(value, before[key]) for key, value in fixed.items())
+        names = {key for key, value in net.named_parameters() if value.grad is not None}
+        assert names <= {key for key, value in net.named_parameters() if any(value is p for p in objectives[name].parameters)}
+    earlier = {key: value for key, value in net.state_dict().items() if not key.startswith("speech.")}  # trained now
+    assert all(torch.equal(value, before[key]) for key, value in earlier.items())
     assert net.training
     assert net.reader.training
 

@@ -12,7 +12,7 @@ from cospeech.models.camn import Camn, CamnConfig  # noqa: E402
 from cospeech.models.multi_context import MultiContext, MultiContextConfig  # noqa: E402
 from cospeech.models.nn.modalities import INPUTS, SEEDS, weights_of  # noqa: E402
 from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
-from tests.models.test_contract import ROWS, batch, network, trained_windowed  # noqa: E402
+from tests.models.test_contract import ROWS, batch, network, train_windowed  # noqa: E402
 
 torch.set_num_threads(1)
 BOTH = ("camn", "multi-context+all")
@@ -20,8 +20,8 @@ HANDS = [*range(18, 75), *range(84, 141)]  # of BEAT's 47 joints in Euler angles
 
 
 def loud(name: str):
-    """A network whose recurrent layers pass on what they get."""
-    net = trained_windowed(name)
+    """A network whose recurrent layers have larger input weights, so that they pass on their input."""
+    net = train_windowed(name)
     with torch.no_grad():
         for key, value in net.named_parameters():
             if "weight_ih" in key or "text" in key:
@@ -67,8 +67,8 @@ def test_played_by_windows_is_played_without_face_and_seeds(name):
     rows = torch.cat([arrays["audio"], net.words(arrays["text"])], -1)
     one_hot = torch.eye(ROWS)[arrays["speaker"]].unsqueeze(1).expand(-1, net.window, -1)
     mood = torch.eye(9)[arrays["emotion"] + 1][..., 1:]
-    made = net.make(rows, torch.cat([one_hot, mood], -1), torch.zeros(*rows.shape[:2], net.modes))
-    assert torch.allclose(made, net.play(arrays, ("face", "seed"))["pose"], atol=1e-6)
+    poses = net.make(rows, torch.cat([one_hot, mood], -1), torch.zeros(*rows.shape[:2], net.modes))
+    assert torch.allclose(poses, net.play(arrays, ("face", "seed"))["pose"], atol=1e-6)
 
 
 @pytest.mark.parametrize("name", BOTH)
@@ -109,30 +109,30 @@ def test_camn_is_as_large_as_the_authors():
 def test_hands_are_made_of_the_body_and_put_in_their_columns():
     net = loud("camn")
     given = net.collect_inputs(batch(net).arrays)
-    made = net(given)
+    poses = net(given)
     with torch.no_grad():
         net.body_out[-1].bias += 1
-    moved = (net(given) - made).detach()
+    change = (net(given) - poses).detach()
     body, hands = [0, 2, 3, 4], [1, 5]
-    assert torch.allclose(moved[..., body], torch.ones(()), atol=1e-5)
-    assert moved[..., hands].abs().mean() > 1e-4  # they follow
+    assert torch.allclose(change[..., body], torch.ones(()), atol=1e-5)
+    assert change[..., hands].abs().mean() > 1e-4  # they follow
     with torch.no_grad():
         net.hands_out[-1].bias += torch.tensor([10.0, 20.0])
-    raised = net(given) - made - moved
-    assert torch.allclose(raised[..., hands], torch.tensor([10.0, 20.0]), atol=1e-4)
-    assert torch.allclose(raised[..., body], torch.zeros(()), atol=1e-5)
+    second_change = net(given) - poses - change
+    assert torch.allclose(second_change[..., hands], torch.tensor([10.0, 20.0]), atol=1e-4)
+    assert torch.allclose(second_change[..., body], torch.zeros(()), atol=1e-5)
 
 
 def test_the_loss_is_hubers_of_poses_weighted_by_what_they_mean():
     net = loud("camn")
     data = batch(net)
-    made, pose = (x.numpy() for x in (net(net.collect_inputs(data.arrays)).detach(), data["pose"]))
-    meant = 1 + data["semantic"].numpy()[..., None]
-    apart = np.abs(made - pose) * meant
+    poses, pose = (x.numpy() for x in (net(net.collect_inputs(data.arrays)).detach(), data["pose"]))
+    weights = 1 + data["semantic"].numpy()[..., None]
+    apart = np.abs(poses - pose) * weights
     expected = 500 * np.where(apart < 0.1, apart**2 / 0.2, apart - 0.05).mean()
     assert net.loss(data, 0)["huber"].item() == pytest.approx(expected, rel=1e-5)
     plain = Batch(data.arrays | {"semantic": torch.full_like(data["semantic"], torch.nan)}, data.chance)
-    unknown = np.abs(made - pose)
+    unknown = np.abs(poses - pose)
     expected = 500 * np.where(unknown < 0.1, unknown**2 / 0.2, unknown - 0.05).mean()
     assert net.loss(plain, 0)["huber"].item() == pytest.approx(expected, rel=1e-5)
 

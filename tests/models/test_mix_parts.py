@@ -25,10 +25,10 @@ def test_u_net_keeps_its_shape_sees_far_and_says_what_lengths_it_takes():
     y = net(x)
     assert y.shape == x.shape
     y[0, :, 12].sum().backward()
-    seen = x.grad.abs().amax(1)
-    assert seen[1].max() == 0
-    assert seen[0].nonzero().min() == 0
-    assert seen[0].nonzero().max() == 23  # the bottom has three frames of 8, with kernels over them
+    gradient = x.grad.abs().amax(1)
+    assert gradient[1].max() == 0
+    assert gradient[0].nonzero().min() == 0
+    assert gradient[0].nonzero().max() == 23  # the bottom has three frames of 8, with kernels over them
     with pytest.raises(InputError, match="25 frames"):
         net(walk(1, 6, 25))
 
@@ -64,9 +64,9 @@ def test_encoders_of_poses():
 
 def test_sub_generators_share_nothing():
     net = SubGenerators(7, 4, 5, 3)
-    made = net(walk(2, 7, 8))
-    assert made.shape == (2, 3, 5, 8)
-    made[:, 1].square().sum().backward()
+    poses = net(walk(2, 7, 8))
+    assert poses.shape == (2, 3, 5, 8)
+    poses[:, 1].square().sum().backward()
     for value in net.parameters():
         own = value.grad.view(3, -1).abs().amax(1)
         assert own[0] == own[2] == 0
@@ -74,20 +74,20 @@ def test_sub_generators_share_nothing():
 
 
 def test_a_mixture_with_one_hot_priors_is_the_owner_of_each_frame():
-    made, cluster = walk(2, 3, 5, 8), torch.randint(3, (2, 8), generator=torch.Generator().manual_seed(1))
+    modes, cluster = walk(2, 3, 5, 8), torch.randint(3, (2, 8), generator=torch.Generator().manual_seed(1))
     priors = one_hot_priors(cluster, 3)
     assert torch.equal(priors.sum(1), torch.ones(2, 8))
-    mixed = mix(made, priors)
-    assert all(torch.equal(mixed[b, :, t], made[b, cluster[b, t], :, t]) for b in range(2) for t in range(8))
-    even = mix(made, torch.full((2, 3, 8), 1 / 3))
-    assert torch.allclose(even, made.mean(1), atol=1e-6)
+    mixture = mix(modes, priors)
+    assert all(torch.equal(mixture[b, :, t], modes[b, cluster[b, t], :, t]) for b in range(2) for t in range(8))
+    even = mix(modes, torch.full((2, 3, 8), 1 / 3))
+    assert torch.allclose(even, modes.mean(1), atol=1e-6)
 
 
 def test_velocity_starts_at_zero_and_sums_to_the_way():
     pose = walk(2, 5, 9)
-    moved = velocity(pose)
-    assert moved[..., 0].abs().max() == 0
-    assert torch.allclose(moved.sum(-1), pose[..., -1] - pose[..., 0], atol=1e-5)
+    steps = velocity(pose)
+    assert steps[..., 0].abs().max() == 0
+    assert torch.allclose(steps.sum(-1), pose[..., -1] - pose[..., 0], atol=1e-5)
 
 
 def test_patches_of_64_frames_are_12_and_no_score_sees_all():

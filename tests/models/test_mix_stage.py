@@ -53,18 +53,18 @@ def part_of(name: str) -> str:
     return ".".join(name.split(".")[: 2 if name.startswith("style.") else 1])
 
 
-def reached(net: MixGan, term: Tensor, whole: bool = False) -> set[str]:
+def parts_with_gradient(net: MixGan, term: Tensor, whole: bool = False) -> set[str]:
     """Parts of which some parameter has a gradient that is not exactly zero; or, ``whole``, every one."""
-    named = dict(net.named_parameters())
-    gradients = torch.autograd.grad(term, list(named.values()), allow_unused=True, retain_graph=True)
-    moved = {name: g is not None and bool(g.abs().max() > 0) for name, g in zip(named, gradients, strict=True)}
+    parameters = dict(net.named_parameters())
+    gradients = torch.autograd.grad(term, list(parameters.values()), allow_unused=True, retain_graph=True)
+    has_gradient = {name: g is not None and bool(g.abs().max() > 0) for name, g in zip(parameters, gradients, strict=True)}
     judge = all if whole else any
-    parts = {part_of(name) for name in named}
-    return {part for part in parts if judge(m for name, m in moved.items() if part_of(name) == part)}
+    parts = {part_of(name) for name in parameters}
+    return {part for part in parts if judge(m for name, m in has_gradient.items() if part_of(name) == part)}
 
 
-def fixed(net: MixGan) -> MixGan:
-    """In training, but normalising by running statistics: else a bias before a batch norm has no gradient but noise."""
+def freeze_statistics(net: MixGan) -> MixGan:
+    """In training mode with running statistics: else a bias before a batch norm has a gradient of noise."""
     net.train()
     for part in net.modules():
         if isinstance(part, torch.nn.BatchNorm1d):
@@ -78,13 +78,13 @@ def cmix_gan(**changes) -> CMixGan:
     return CMixGan(MixGanConfig(**(sizes | changes)), pose=POSE, audio=AUDIO, speakers=1)
 
 
-def extended(**changes) -> MixStageExtended:
+def make_extended(**changes) -> MixStageExtended:
     torch.manual_seed(0)
     return MixStageExtended(MixStageExtendedConfig(**(TINY | changes)), pose=POSE, audio=AUDIO, speakers=SPEAKERS)
 
 
 def test_with_all_that_is_ours_off_it_is_the_published_model():
-    paper, ours, data = network().train(), extended().train(), batch()
+    paper, ours, data = network().train(), make_extended().train(), batch()
     ours.load_state_dict(paper.state_dict())
     for first, second in zip(paper.objectives().values(), ours.objectives().values(), strict=True):
         assert first.loss(data, 0) == second.loss(data, 0)
@@ -92,27 +92,28 @@ def test_with_all_that_is_ours_off_it_is_the_published_model():
 
 def test_less_reconstruction_played_poses_and_timing_change_what_they_say_and_nothing_else():
     data = batch()
-    plain, less, played = (
-        extended(**changes).train().generator_loss(data, 0) for changes in ({}, {"reconstruction": 0.25}, {"persistence": 6.0})
+    plain, less, persistent = (
+        make_extended(**changes).train().generator_loss(data, 0)
+        for changes in ({}, {"reconstruction": 0.25}, {"persistence": 6.0})
     )
     assert {name for name in plain if plain[name] != less[name]} == {"rec", "joint"}
     assert less["rec"].item() == pytest.approx(plain["rec"].item() / 4)
-    assert {name for name in plain if plain[name] != played[name]} == {"id", "adv"}
-    timed = extended(stroke_timing=3.0).train().generator_loss(data, 0)
-    assert timed.keys() - plain.keys() == {"stroke_timing"}
-    assert all(plain[name] == timed[name] for name in plain)
-    assert 0 < timed["stroke_timing"].item() < 6
+    assert {name for name in plain if plain[name] != persistent[name]} == {"id", "adv"}
+    with_timing = make_extended(stroke_timing=3.0).train().generator_loss(data, 0)
+    assert with_timing.keys() - plain.keys() == {"stroke_timing"}
+    assert all(plain[name] == with_timing[name] for name in plain)
+    assert 0 < with_timing["stroke_timing"].item() < 6
 
 
 def test_statistics_are_of_the_poses_that_are_judged_and_move_the_network():
     """The weight times the mean distance of the mean pose, and of the deviations of pose, velocity and acceleration."""
-    data, net = batch(), extended(motion_statistics=3.0, persistence=6.0).train()
-    judged = net._decode_batch(batch(), 0).adversarial_poses
+    data, net = batch(), make_extended(motion_statistics=3.0, persistence=6.0).train()
+    poses = net._decode_batch(batch(), 0).adversarial_poses
     terms = net.generator_loss(data, 0)
-    assert terms.keys() - extended(persistence=6.0).train().generator_loss(data, 0).keys() == {"motion_statistics"}
-    made, recorded = motion_statistics(judged), motion_statistics(data["pose"].mT)
-    assert made.shape == (ROWS, 4 * judged.shape[1])
-    assert terms["motion_statistics"].item() == pytest.approx(3 * (made - recorded).abs().mean().item(), rel=1e-4)
+    assert terms.keys() - make_extended(persistence=6.0).train().generator_loss(data, 0).keys() == {"motion_statistics"}
+    statistics, true_statistics = motion_statistics(poses), motion_statistics(data["pose"].mT)
+    assert statistics.shape == (ROWS, 4 * poses.shape[1])
+    assert terms["motion_statistics"].item() == pytest.approx(3 * (statistics - true_statistics).abs().mean().item(), rel=1e-4)
     slopes = torch.autograd.grad(terms["motion_statistics"], [*net.generators.parameters()])
     assert all(slope.abs().sum() > 0 for slope in slopes)
 
@@ -124,8 +125,8 @@ def test_the_style_joins_the_content_before_or_after_the_unet():
         with torch.no_grad():
             content, style = net.audio_content(batch()["audio"]), torch.eye(SPEAKERS)[:1].expand(ROWS, 1, -1)
             z, row = net.latent(content, style), net.style(style).expand(-1, -1, 64)
-            wanted = net.unet(torch.cat([content, row], 1)) if first else torch.cat([net.unet(content), row], 1)
-        assert torch.equal(z, wanted)
+            expected = net.unet(torch.cat([content, row], 1)) if first else torch.cat([net.unet(content), row], 1)
+        assert torch.equal(z, expected)
         assert z.shape[1] == net.config.channels + (0 if first else net.config.style)
 
 
@@ -196,10 +197,12 @@ def test_what_each_loss_reaches(reading):
     net, expected = readings()[reading]
     data = batch(modes=net.config.modes)
     for whole in (False, True):
-        terms = fixed(net).generator_loss(data, 0)
-        assert {name: reached(net, term, whole) for name, term in terms.items()} == expected
-        judged = net.discriminator_loss(data, 0)
-        assert [reached(net, judged[name], whole) for name in ("true", "false")] == [{"discriminator"}] * 2
+        terms = freeze_statistics(net).generator_loss(data, 0)
+        assert {name: parts_with_gradient(net, term, whole) for name, term in terms.items()} == expected
+        terms_of_discriminator = net.discriminator_loss(data, 0)
+        assert [parts_with_gradient(net, terms_of_discriminator[name], whole) for name in ("true", "false")] == [
+            {"discriminator"}
+        ] * 2
     own = {id(p) for p in net.objectives()["generator"].parameters}
     assert own == {id(p) for name, p in net.named_parameters() if part_of(name) != "discriminator"}
     if reading == "paper":
@@ -212,17 +215,22 @@ def test_of_every_frame_the_owner_alone_is_moved(net):
     data = batch()
     cluster = torch.where(torch.arange(64) < 32, 0, 2).expand(ROWS, 64)
     outputs = []
-    handle = net.generators.register_forward_hook(lambda module, given, made: outputs.append(made))
-    terms = fixed(net).generator_loss(Batch({**data.arrays, "cluster": cluster}, data.chance), 0)
+    handle = net.generators.register_forward_hook(lambda module, given, output: outputs.append(output))
+    terms = freeze_statistics(net).generator_loss(Batch({**data.arrays, "cluster": cluster}, data.chance), 0)
     handle.remove()
-    heard, seen = outputs  # of speech, of poses
-    for name, made in (("rec", heard), ("joint", seen), ("adv", heard), *((("id", heard),) if "id" in terms else ())):
-        (gradient,) = torch.autograd.grad(terms[name], made, retain_graph=True)
-        moved = gradient.abs().amax((0, 2))  # (M, T)
-        assert (moved[0, :32] > 0).all() or name == "adv"  # some frames lie between patches
-        assert (moved[2, 32:] > 0).all() or name == "adv"
-        assert moved[0, 32:].max() == moved[2, :32].max() == moved[[1, 3]].max() == 0
-        assert moved.max() > 0
+    of_speech, of_poses = outputs  # of speech, of poses
+    for name, modes in (
+        ("rec", of_speech),
+        ("joint", of_poses),
+        ("adv", of_speech),
+        *((("id", of_speech),) if "id" in terms else ()),
+    ):
+        (gradient,) = torch.autograd.grad(terms[name], modes, retain_graph=True)
+        size = gradient.abs().amax((0, 2))  # (M, T)
+        assert (size[0, :32] > 0).all() or name == "adv"  # some frames lie between patches
+        assert (size[2, 32:] > 0).all() or name == "adv"
+        assert size[0, 32:].max() == size[2, :32].max() == size[[1, 3]].max() == 0
+        assert size.max() > 0
     weights = torch.autograd.grad(sum(terms.values()), list(net.generators.parameters()))
     for gradient in weights:
         own = gradient.reshape(MODES, -1).abs().amax(1)
@@ -233,34 +241,34 @@ def test_of_every_frame_the_owner_alone_is_moved(net):
 @pytest.mark.parametrize("freezes", [False, True])
 def test_the_style_encoder_judges_generated_poses_frozen_or_not(freezes):
     net = network(id_freezes=freezes).train()
-    made = torch.randn(ROWS, POSE, 64, requires_grad=True)
-    loss = net.style.recognise(made).square().sum()
-    assert torch.autograd.grad(loss, made, retain_graph=True)[0].abs().max() > 0
-    assert ("style.encoder" in reached(net, loss)) is not freezes
+    poses = torch.randn(ROWS, POSE, 64, requires_grad=True)
+    loss = net.style.recognise(poses).square().sum()
+    assert torch.autograd.grad(loss, poses, retain_graph=True)[0].abs().max() > 0
+    assert ("style.encoder" in parts_with_gradient(net, loss)) is not freezes
 
 
 @pytest.mark.parametrize("make", [network, cmix_gan])
 def test_what_the_discriminator_has_seen_made_is_not_made_again(make):
     """The generator's turn after the discriminator's: a decoding less, and the same losses and gradients to the bit."""
-    data, found, passes = batch(), [], []
-    for judged in (False, True):
+    data, results, passes = batch(), [], []
+    for after_discriminator in (False, True):
         net = make().train()
-        net.generators.register_forward_hook(lambda *_: passes.append(judged))  # noqa: B023  (called before the next round)
-        if judged:
+        net.generators.register_forward_hook(lambda *_: passes.append(after_discriminator))  # noqa: B023  (called before the next round)
+        if after_discriminator:
             net.discriminator_loss(data, 0)
         others = list(net.objectives()["generator"].parameters)
         terms = net.generator_loss(data, 0)
-        found.append([*terms.values(), *torch.autograd.grad(sum(terms.values()), others)])
+        results.append([*terms.values(), *torch.autograd.grad(sum(terms.values()), others)])
         net.generator_loss(data, 0)  # nothing is left over
         net.discriminator_loss(data, 0)
         later = net.eval().generator_loss(data, 0)["rec"]
         assert later.item() == make_again(net, data)
-    assert all(torch.equal(*both) for both in zip(*found, strict=True))
+    assert all(torch.equal(*both) for both in zip(*results, strict=True))
     assert passes.count(True) == passes.count(False)
 
 
 def make_again(net: MixGan, data: Batch) -> float:
-    """L_rec of another batch object with the same arrays: nothing that was kept can be taken for it."""
+    """L_rec of another batch object with the same arrays, so that no stored result can be used for it."""
     return net.generator_loss(Batch(data.arrays, StepRandom(0, 0)), 0)["rec"].item()
 
 
@@ -281,15 +289,15 @@ def test_a_curriculum_goes_from_pose_to_speech():
     for step in (0, 5, 10):
         terms = net.generator_loss(batch(step=step, rows=8), step)
         assert set(terms) == {"rec", "mix", "id", "adv"}
-        reach[step] = reached(net, terms["rec"]) & {"audio_content", "pose_content"}
+        reach[step] = parts_with_gradient(net, terms["rec"]) & {"audio_content", "pose_content"}
     assert reach == {0: {"pose_content"}, 5: {"audio_content", "pose_content"}, 10: {"audio_content"}}
 
 
 def test_the_adversarial_terms_are_those_of_equation_7_or_of_the_authors():
     data = batch()
-    judged = network().eval().discriminator_loss(data, 0)
+    discriminator_loss = network().eval().discriminator_loss(data, 0)
     generator_loss = network().eval().generator_loss(data, 0)["adv"]
-    assert torch.allclose(judged["false"], -generator_loss)  # what D maximises, the others minimise
+    assert torch.allclose(discriminator_loss["false"], -generator_loss)  # what D maximises, the others minimise
     net = network(adversarial_loss="distance", growth=0.1).eval()
     first, later, last = (net.discriminator_loss(data, step)["false"] for step in (0, 301, 10**6))
     assert torch.allclose(later, 1.1 * first)
@@ -307,9 +315,9 @@ def test_styles_of_generation_are_mixed_and_may_change():
     assert one.shape == (1, 50, POSE)
     assert (one - other).abs().mean() > 1e-3
     assert (half - one).abs().mean() < (other - one).abs().mean()
-    switched = net.generate(audio, torch.stack([eye[0]] * 25 + [eye[1]] * 25).unsqueeze(0))
-    assert torch.equal(switched[:, :19], one[:, :19])  # H's six kernels reach 6 frames ahead
-    assert not torch.allclose(switched[:, 30:], one[:, 30:], atol=1e-4)
+    change = net.generate(audio, torch.stack([eye[0]] * 25 + [eye[1]] * 25).unsqueeze(0))
+    assert torch.equal(change[:, :19], one[:, :19])  # H's six kernels reach 6 frames ahead
+    assert not torch.allclose(change[:, 30:], one[:, 30:], atol=1e-4)
     with pytest.raises(InputError, match="styles of shape"):
         net.generate(audio, eye[:2].view(1, 2, -1))
     with pytest.raises(InputError, match="speech of shape"):
@@ -317,8 +325,8 @@ def test_styles_of_generation_are_mixed_and_may_change():
 
 
 def test_style_of_a_clip_is_probabilities():
-    found = network().eval().style_of(batch()["pose"])
-    assert torch.allclose(found.sum(1), torch.ones(ROWS), atol=1e-6)
+    style = network().eval().style_of(batch()["pose"])
+    assert torch.allclose(style.sum(1), torch.ones(ROWS), atol=1e-6)
 
 
 def test_styles_are_learnt():
@@ -377,32 +385,34 @@ def test_without_style_it_is_cmix_gan():
 @pytest.mark.parametrize("make", [network, cmix_gan])
 def test_losses_are_those_of_the_equations(make, settings):
     """Worked out again, frame by frame, from the parts."""
-    net, data = fixed(make(**settings)), batch()
+    net, data = freeze_statistics(make(**settings)), batch()
     pose = data["pose"].mT
-    terms, judged = net.generator_loss(data, 0), net.discriminator_loss(data, 0)
+    terms, terms_of_discriminator = net.generator_loss(data, 0), net.discriminator_loss(data, 0)
     weights = torch.zeros(ROWS, 1, 0)
     if isinstance(net, MixStage):
         logits = net.style.encoder(pose)
         weights = torch.eye(SPEAKERS)[logits.argmax(1)].unsqueeze(1)
-    found, guesses = {}, {}
+    mixtures, guesses = {}, {}
     for name, content in (("rec", net.audio_content(data["audio"])), ("joint", net.pose_content(pose))):
         z = net.unet(content)
         if isinstance(net, MixStage):
             z = torch.cat([z, (weights @ net.style.matrix).mT.expand(-1, -1, 64)], 1)
         every, guesses[name] = net.generators(z), torch.softmax(net.mode_logits(z), 1)
         phi = guesses[name] if settings else torch.eye(MODES)[data["cluster"]].mT
-        found[name] = torch.einsum("bmdt,bmt->bdt", every, phi)
-        assert terms[name].item() == pytest.approx((pose - found[name]).abs().mean().item(), rel=1e-5)
+        mixtures[name] = torch.einsum("bmdt,bmt->bdt", every, phi)
+        assert terms[name].item() == pytest.approx((pose - mixtures[name]).abs().mean().item(), rel=1e-5)
     entropy = [-g.gather(1, data["cluster"].unsqueeze(1)).log().mean().item() for g in guesses.values()]
     assert terms["mix"].item() == pytest.approx(sum(entropy) / 2, rel=1e-5)
-    made = found["rec"]
-    motion = [torch.cat([torch.zeros_like(x[..., :1]), x[..., 1:] - x[..., :-1]], -1) for x in (pose, made)]
+    poses = mixtures["rec"]
+    motion = [torch.cat([torch.zeros_like(x[..., :1]), x[..., 1:] - x[..., :-1]], -1) for x in (pose, poses)]
     true, false = (torch.sigmoid(net.discriminator(x)) for x in motion)
     assert terms["adv"].item() == pytest.approx((1 - false).log().mean().item(), rel=1e-4)
-    assert judged["true"].item() == pytest.approx(-true.log().mean().item(), rel=1e-4)
-    assert judged["false"].item() == pytest.approx(-(1 - false).log().mean().item(), rel=1e-4)
+    assert terms_of_discriminator["true"].item() == pytest.approx(-true.log().mean().item(), rel=1e-4)
+    assert terms_of_discriminator["false"].item() == pytest.approx(-(1 - false).log().mean().item(), rel=1e-4)
     if isinstance(net, MixStage):
-        both = [-torch.log_softmax(x, 1)[torch.arange(ROWS), data["speaker"]].mean() for x in (logits, net.style.encoder(made))]
+        both = [
+            -torch.log_softmax(x, 1)[torch.arange(ROWS), data["speaker"]].mean() for x in (logits, net.style.encoder(poses))
+        ]
         assert terms["id"].item() == pytest.approx(0.1 * sum(both).item(), rel=1e-5)
 
 
@@ -424,12 +434,12 @@ def test_sizes_at_paper_width():
     assert count == {8: 15_316_784, 1: 8_369_800}
     assert count[8] == pytest.approx(15.32e6, rel=1e-3)
     assert count[1] + idle == pytest.approx(9.56e6, rel=1e-3)
-    weighed = 10 * 3 * (8 * 256 + 256)
-    assert sum(p.numel() for p in single.parameters()) - judge == count[8] - encoder - 8 * 10 - weighed
+    weights_of_modes = 10 * 3 * (8 * 256 + 256)
+    assert sum(p.numel() for p in single.parameters()) - judge == count[8] - encoder - 8 * 10 - weights_of_modes
 
 
 def test_it_trains_from_a_store_of_key_points(tmp_path):
-    """Through the loop: clusters worked out of the poses, speakers balanced, the centres kept with the run."""
+    """A run of the training loop: it computes clusters of the poses, balances speakers and stores the centres."""
     names = {"pose": KEYPOINTS2D.names, "audio": tuple("vwxyz")}
     draw = np.random.default_rng(0)
     pieces = []

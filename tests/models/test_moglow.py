@@ -1,4 +1,4 @@
-"""MoGlow beyond the contract of all networks: what runs without torch is the same, and controls go the whole way."""
+"""MoGlow beyond the contract of all networks: the engine without torch gives the same, and controls reach the poses."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from cospeech.training.recipe import read_recipe  # noqa: E402
 from cospeech.training.train import train  # noqa: E402
 
 torch.set_num_threads(1)
-FPS, AUDIO, HEARD = 15.0, 3, audio_width("mel20-prosody")
+FPS, AUDIO, FEATURES = 15.0, 3, audio_width("mel20-prosody")
 MODEL = {"steps": 2, "hidden": 12, "history": 4, "look_ahead": 2, "frames": 10, "residual": True, "controls": ["hand_height"]}
 
 
@@ -53,11 +53,11 @@ def test_the_engine_without_torch_makes_the_same_poses(nu, residual):
     audio, control = rng.normal(size=(15, AUDIO)).astype(np.float32), rng.normal(size=(15, 3)).astype(np.float32)
     both = [torch.from_numpy(x)[None].expand(2, -1, -1) for x in (audio, control)]
     expected = net.sample(torch.from_numpy(z), torch.from_numpy(history), *both).numpy()
-    heard = net.hear(*both)[0].numpy()
-    assert np.array_equal(heard, np.concatenate([audio, control[:, [1, 0]]], 1))  # controls are columns like those of speech
+    rows = net.hear(*both)[0].numpy()
+    assert np.array_equal(rows, np.concatenate([audio, control[:, [1, 0]]], 1))  # controls are columns like those of speech
     takes = engine.begin(history)
-    made = takes.frames(engine.windows(heard), z)
-    assert np.abs(made - expected).max() < 1e-4
+    poses = takes.frames(engine.windows(rows), z)
+    assert np.abs(poses - expected).max() < 1e-4
 
 
 def swinging(seed: int, frames: int = 300) -> tuple[np.ndarray, np.ndarray]:
@@ -75,13 +75,13 @@ def swinging(seed: int, frames: int = 300) -> tuple[np.ndarray, np.ndarray]:
             [0 * angle + side * 0.05, 0.33 * np.sin(angle), 0.33 * np.cos(angle)], -1
         )
     pose = find_pose("direction-vectors")
-    heard = np.resize(np.roll(spoken(), rng.integers(200), 0), (frames, len(AUDIO_NAMES)))
-    return pose.encode(Points(FPS, points, "ted")).astype(np.float32), heard
+    audio = np.resize(np.roll(spoken(), rng.integers(200), 0), (frames, len(AUDIO_NAMES)))
+    return pose.encode(Points(FPS, points, "ted")).astype(np.float32), audio
 
 
 @cache
 def spoken() -> np.ndarray:
-    """Features of a real voice, so that a real voice is nothing new."""
+    """Features of a real voice, so that the network has learnt from a real voice."""
     speech = Speech.load(example()[0])
     return audio_features(speech, int(speech.duration * FPS), FPS)
 
@@ -112,17 +112,19 @@ def test_a_control_at_a_higher_quantile_lifts_the_hands(run):
     net, facts = load_run(run)
     assert net.arrays == ("pose", "audio", "control")
     assert facts["config"]["controls"] == ["hand_height"]
-    known, _ = read_tensors(run / "statistics.safetensors")
-    known = {name: value.numpy() for name, value in known.items()}
-    assert known["control_quantiles"].shape == (101, 3)
+    statistics, _ = read_tensors(run / "statistics.safetensors")
+    statistics = {name: value.numpy() for name, value in statistics.items()}
+    assert statistics["control_quantiles"].shape == (101, 3)
     heights = []
     for text in ("hand_height:0.15", "hand_height:0.5", "hand_height:0.85"):
-        row = control_row(read_controls(text), known["control_quantiles"])
-        control = torch.from_numpy((row - known["control_mean"]) / known["control_std"]).float()
+        row = control_row(read_controls(text), statistics["control_quantiles"])
+        control = torch.from_numpy((row - statistics["control_mean"]) / statistics["control_std"]).float()
         z = net.flow.latent.sample(StepRandom(0, 0).normal, 8, 90)
-        history, audio = torch.zeros(8, 4, 27), torch.zeros(8, 96, HEARD)
-        made = net.sample(z, history, audio, control.expand(8, 96, 3)).numpy() * known["pose_std"] + known["pose_mean"]
-        got = [style_controls(one[30:], find_pose("direction-vectors"), FPS)[:, 0].mean() for one in made]
+        history, audio = torch.zeros(8, 4, 27), torch.zeros(8, 96, FEATURES)
+        poses = (
+            net.sample(z, history, audio, control.expand(8, 96, 3)).numpy() * statistics["pose_std"] + statistics["pose_mean"]
+        )
+        got = [style_controls(one[30:], find_pose("direction-vectors"), FPS)[:, 0].mean() for one in poses]
         heights.append((float(np.mean(got)), row[0]))
     (low, low_due), (middle, _), (high, high_due) = heights
     assert low < middle < high

@@ -48,14 +48,14 @@ def test_the_losses_are_those_of_the_equation(net):
         chance.normal(3, 2)
         style = chance.normal(3, 2)
         (content, audio_style), (own, own_style) = net.speech.encode(a), net.motion.encode(y)
-        made = net.motion.decode(content, style)
-        content_again, style_again = net.motion.encode(made)
+        poses = net.motion.decode(content, style)
+        content_again, style_again = net.motion.encode(poses)
         expected = {
             "pose_same": 2 * (net.motion.decode(own, own_style) - y).abs().mean(),
             "pose_content": 3 * (content_again - content).abs().mean(),
             "pose_style": 5 * (style_again - style).abs().mean(),
             "pose_cycle": 7 * (net.speech.decode(content_again, audio_style) - a).abs().mean(),
-            "pose_adversarial": 11 * net.judge_moved.distance(made, 1.0),
+            "pose_adversarial": 11 * net.judge_moved.distance(poses, 1.0),
         }
     assert {k: terms[k].item() for k in expected} == pytest.approx({k: v.item() for k, v in expected.items()}, rel=1e-5)
     assert {*terms} == {f"{name}_{k.partition('_')[2]}" for k in expected for name in ("audio", "pose")}

@@ -12,7 +12,7 @@ from cospeech.models.nn.named_initialisation import initialise_by_name  # noqa: 
 
 
 class Net(nn.Module):
-    """Parts in an order, and a parameter of its own."""
+    """A network with modules in an order, and a parameter of its own."""
 
     def __init__(self, *parts: str) -> None:
         super().__init__()

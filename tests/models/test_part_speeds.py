@@ -30,49 +30,49 @@ def strokes(shift: float, size: float = 1.0, rests: bool = True):
 
 
 def test_a_distribution_knows_rests_and_sizes_and_not_when():
-    recorded = torch.cat([strokes(0.0), strokes(0.3)], 1)
+    recording = torch.cat([strokes(0.0), strokes(0.3)], 1)
     later, even, small = (
         torch.cat([other, strokes(0.3)], 1) for other in (strokes(0.6), strokes(0.0, rests=False), strokes(0.0, 0.5))
     )
-    assert distribution_distance(recorded, recorded, TWO) == 0
-    same, flat, less = (distribution_distance(other, recorded, TWO).item() for other in (later, even, small))
+    assert distribution_distance(recording, recording, TWO) == 0
+    same, flat, less = (distribution_distance(other, recording, TWO).item() for other in (later, even, small))
     assert same < 0.1 < 0.4 < flat
     assert less > 0.1
 
 
 def test_timing_is_that_of_each_part_and_not_of_the_whole():
-    recorded = torch.cat([strokes(0.0), strokes(0.6)], 1)
-    swapped = torch.cat([strokes(0.6), strokes(0.0)], 1)
-    assert part_timing_distance(0.5 * recorded, recorded, TWO).item() < 0.1
-    assert part_timing_distance(swapped, recorded, TWO).item() > 1
-    assert part_timing_distance(swapped, recorded, [range(4)]).item() < 0.1
+    recording = torch.cat([strokes(0.0), strokes(0.6)], 1)
+    other_way = torch.cat([strokes(0.6), strokes(0.0)], 1)
+    assert part_timing_distance(0.5 * recording, recording, TWO).item() < 0.1
+    assert part_timing_distance(other_way, recording, TWO).item() > 1
+    assert part_timing_distance(other_way, recording, [range(4)]).item() < 0.1
 
 
 def test_correlation_knows_which_parts_move_together_and_not_when():
-    recorded = torch.cat([strokes(0.0), strokes(0.6)], 1)
+    recording = torch.cat([strokes(0.0), strokes(0.6)], 1)
     later, together = torch.cat([strokes(0.3), strokes(0.9)], 1), torch.cat([strokes(0.0), 2 * strokes(0.0)], 1)
-    assert correlation_distance(recorded, recorded, TWO) == 0
-    assert correlation_distance(later, recorded, TWO).item() < 0.2
-    assert correlation_distance(together, recorded, TWO).item() > 1
-    assert correlation_distance(together, recorded, [range(4)]) == 0
+    assert correlation_distance(recording, recording, TWO) == 0
+    assert correlation_distance(later, recording, TWO).item() < 0.2
+    assert correlation_distance(together, recording, TWO).item() > 1
+    assert correlation_distance(together, recording, [range(4)]) == 0
 
 
 def test_of_weight_0_there_is_no_term():
-    recorded, other = strokes(0.0), strokes(0.3)
-    assert part_terms(PartWeights(), other, recorded, [[0, 1]]) == {}
-    terms = part_terms(PartWeights(2.0, 0.0, 3.0), other, recorded, [[0, 1]])
+    recording, other = strokes(0.0), strokes(0.3)
+    assert part_terms(PartWeights(), other, recording, [[0, 1]]) == {}
+    terms = part_terms(PartWeights(2.0, 0.0, 3.0), other, recording, [[0, 1]])
     assert terms.keys() == {"speed_distribution", "part_timing"}
-    assert terms["speed_distribution"] == 2 * distribution_distance(other, recorded, [[0, 1]])
-    assert terms["part_timing"] == 3 * part_timing_distance(other, recorded, [[0, 1]])
+    assert terms["speed_distribution"] == 2 * distribution_distance(other, recording, [[0, 1]])
+    assert terms["part_timing"] == 3 * part_timing_distance(other, recording, [[0, 1]])
 
 
 def test_parts_of_a_body_are_all_columns_each_once_and_no_part_has_both_sides():
     for name, parts in {"expmap-humanoid": 6, "keypoints2d": 4, "euler": 6, "direction-vectors": 4, "expmap-full": 8}.items():
         names = find_pose(name).names
-        found = part_columns(names)
-        assert len(found) == parts
-        assert sorted(column for part in found for column in part) == [*range(len(names))]
-        for part in found:
+        groups = part_columns(names)
+        assert len(groups) == parts
+        assert sorted(column for part in groups for column in part) == [*range(len(names))]
+        for part in groups:
             sides = {names[column][0].lower() for column in part if names[column][:1] in "lrLR"}
             assert len(sides) <= 1
 
@@ -84,5 +84,7 @@ def test_the_chain_learns_from_all_three():
     terms, before = (each.gesture_loss(batch(each), 0) for each in (net, plain))
     assert terms.keys() - before.keys() == {*PartWeights._fields}
     for name in PartWeights._fields:
-        found = torch.autograd.grad(terms[name], net.objectives()["gestures"].parameters, allow_unused=True, retain_graph=True)
-        assert any(each is not None and each.abs().max() > 0 for each in found)
+        gradients = torch.autograd.grad(
+            terms[name], net.objectives()["gestures"].parameters, allow_unused=True, retain_graph=True
+        )
+        assert any(each is not None and each.abs().max() > 0 for each in gradients)

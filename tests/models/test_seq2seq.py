@@ -15,8 +15,8 @@ from tests.models.test_contract import batch, network, ready  # noqa: E402
 torch.set_num_threads(1)
 
 
-def attended(net, state: np.ndarray, read: np.ndarray) -> np.ndarray:
-    """Bahdanau et al. 2015 of one row, W whole: of [state, read]."""
+def attend(net, state: np.ndarray, read: np.ndarray) -> np.ndarray:
+    """The attention of Bahdanau et al. 2015 for one row; W is one matrix, applied to [state, read]."""
     a = net.attention
     whole = np.concatenate([a.of_state.weight.detach().numpy(), a.of_read.weight.detach().numpy()], 1)
     fit = [a.v.detach().numpy() @ np.tanh(whole @ np.concatenate([state, e]) + a.of_state.bias.detach().numpy()) for e in read]
@@ -28,23 +28,23 @@ def test_attention_is_of_state_and_reading_together():
     net = network("seq2seq")
     rng = np.random.default_rng(0)
     state, read = rng.normal(size=(2, 8)).astype(np.float32), rng.normal(size=(2, 5, 8)).astype(np.float32)
-    found = net.attention(torch.from_numpy(state), torch.from_numpy(read)).detach().numpy()
-    assert np.allclose(found, [attended(net, *pair) for pair in zip(state, read, strict=True)], atol=1e-6)
+    contexts = net.attention(torch.from_numpy(state), torch.from_numpy(read)).detach().numpy()
+    assert np.allclose(contexts, [attend(net, *pair) for pair in zip(state, read, strict=True)], atol=1e-6)
 
 
 def test_poses_follow_from_the_four_that_are_given_and_from_words():
     net, arrays = ready("seq2seq"), batch(network("seq2seq")).arrays
-    made = net.play(arrays)["pose"]
-    assert torch.equal(made[:, 0], arrays["pose"][:, 0])
-    for k in range(len(made[0])):
+    poses = net.play(arrays)["pose"]
+    assert torch.equal(poses[:, 0], arrays["pose"][:, 0])
+    for k in range(len(poses[0])):
         other = arrays["pose"].clone()
         other[:, k] += 1
-        moved = (net.play(arrays | {"pose": other})["pose"] - made).abs().amax((0, 2))
-        assert (moved[k + 1 :] > 0).all() if k < SEEDS else not moved.any()
-        assert not moved[1 : k + 1].any()  # nothing before it
-    said = arrays["text"].clone()
-    said[:, -1] = 5
-    assert (net.play(arrays | {"text": said})["pose"] - made)[:, 1:].abs().amax((0, 2)).min() > 0  # it reads ahead
+        change = (net.play(arrays | {"pose": other})["pose"] - poses).abs().amax((0, 2))
+        assert (change[k + 1 :] > 0).all() if k < SEEDS else not change.any()
+        assert not change[1 : k + 1].any()  # nothing before it
+    words = arrays["text"].clone()
+    words[:, -1] = 5
+    assert (net.play(arrays | {"text": words})["pose"] - poses)[:, 1:].abs().amax((0, 2)).min() > 0  # it reads ahead
 
 
 def test_what_may_be_lacking():
@@ -60,16 +60,16 @@ def test_what_may_be_lacking():
 def test_the_loss_by_hand():
     net = ready("seq2seq")
     data = batch(net)
-    made, pose = net.play(data.arrays)["pose"].numpy(), data["pose"].numpy()
-    rows, frames, numbers = made.shape
-    norms = sum(np.sqrt((made[b, :, d] ** 2).sum()) for b in range(rows) for d in range(numbers))
+    poses, pose = net.play(data.arrays)["pose"].numpy(), data["pose"].numpy()
+    rows, frames, numbers = poses.shape
+    norms = sum(np.sqrt((poses[b, :, d] ** 2).sum()) for b in range(rows) for d in range(numbers))
     expected = {
-        "regression": 250 * ((made - pose) ** 2).mean(),
-        "continuity": 0.1 * sum(np.abs(made[:, t] - made[:, t - 1]).sum() for t in range(1, frames)) / made.size,
-        "variance": -25 * norms / made.size,
+        "regression": 250 * ((poses - pose) ** 2).mean(),
+        "continuity": 0.1 * sum(np.abs(poses[:, t] - poses[:, t - 1]).sum() for t in range(1, frames)) / poses.size,
+        "variance": -25 * norms / poses.size,
     }
-    found = {name: value.item() for name, value in net.loss(data, 0).items()}
-    assert found == pytest.approx(expected, rel=1e-4)
+    terms = {name: value.item() for name, value in net.loss(data, 0).items()}
+    assert terms == pytest.approx(expected, rel=1e-4)
 
 
 def test_the_size_is_that_of_the_authors_later_code():

@@ -37,7 +37,7 @@ def spoken(folder: Path) -> tuple[Speech, ...]:
 
 
 @cache
-def moved(folder: Path, player: str) -> tuple[np.ndarray, ...]:
+def measure_speeds(folder: Path, player: str) -> tuple[np.ndarray, ...]:
     """(n,) speed of the wrists for each speech, at 100 values a second."""
     name, _, live = player.partition(", ")
     model = cospeech.load(name)
@@ -55,7 +55,7 @@ def moved(folder: Path, player: str) -> tuple[np.ndarray, ...]:
 def test_hands_rest_in_silence(shared, player):
     folder = shared / "data" / "speech" / "ljspeech"
     still, talking = list[np.ndarray](), list[np.ndarray]()
-    for speech, speed in zip(spoken(folder), moved(folder, player), strict=True):
+    for speech, speed in zip(spoken(folder), measure_speeds(folder, player), strict=True):
         loud = energy_envelope(speech.samples, speech.rate) > 1e-7
         near = np.convolve(loud, np.ones(280), "full")[140 - 20 :][: len(speed)] > 0.5  # 1.6 s after a voice to 1.2 s before
         still.append(speed[: len(near)][~near[: len(speed)]])
@@ -67,29 +67,33 @@ def test_hands_rest_in_silence(shared, player):
 @pytest.mark.parametrize("player", PLAYERS)
 def test_own_speech_beats_anothers(shared, player):
     folder = shared / "data" / "speech" / "ljspeech"
-    heard = [energy_envelope(speech.samples, speech.rate) for speech in spoken(folder)]
-    speeds = moved(folder, player)
-    won = [agree(speeds[a], heard[a]) > agree(speeds[a], heard[b]) for a, b in permutations(range(len(heard)), 2)]
-    assert sum(won) >= len(won) - 1
+    envelopes = [energy_envelope(speech.samples, speech.rate) for speech in spoken(folder)]
+    speeds = measure_speeds(folder, player)
+    verdicts = [
+        agree(speeds[a], envelopes[a]) > agree(speeds[a], envelopes[b]) for a, b in permutations(range(len(envelopes)), 2)
+    ]
+    assert sum(verdicts) >= len(verdicts) - 1
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("player", ["chain-of-generation", "mix-stage"])
 def test_styles_differ_in_manner(shared, player):
     """A judge that has seen a network's styles on other speech names them, without mean pose, amplitude or share of an arm."""
-    *taught, tested = spoken(shared / "data" / "speech" / "ljspeech")
+    *teaching, test_speech = spoken(shared / "data" / "speech" / "ljspeech")
     model = cospeech.load(player)
     options = BODY | {"look_ahead": model.for_files.get("look_ahead"), "calibrated": False}
     styles = list(enumerate(model.styles))
     judge = StyleJudge(
-        ((k, model.generate(speech, style=name, seed=n, **options)) for n, speech in enumerate(taught) for k, name in styles),
+        ((k, model.generate(speech, style=name, seed=n, **options)) for n, speech in enumerate(teaching) for k, name in styles),
         arms=False,
     )
-    named = [judge.name(model.generate(tested, style=name, seed=9, **options)) for _, name in styles]
-    assert sum(said == k for k, said in enumerate(named)) >= 6  # of 8 or 9; of 8, 6 are right by chance once in 12,000 times
+    guesses = [judge.name(model.generate(test_speech, style=name, seed=9, **options)) for _, name in styles]
+    assert (
+        sum(guess == k for k, guess in enumerate(guesses)) >= 6
+    )  # of 8 or 9; of 8, 6 are right by chance once in 12,000 times
 
 
 def agree(speed: np.ndarray, envelope: np.ndarray) -> float:
-    """Best correlation where hands are up to 0.4 s early or 0.2 s late."""
+    """The best correlation of speed and loudness, with hands up to 0.4 s early or 0.2 s late."""
     count = min(len(speed), len(envelope)) - 60
     return max(np.corrcoef(speed[40 + lag :][:count], envelope[40:][:count])[0, 1] for lag in range(-40, 21, 4))

@@ -79,7 +79,7 @@ def test_sizes_that_are_none_are_told(changes, speakers):
 
 
 def movement(speaker: int, seed: int, frames: int = 400) -> np.ndarray:
-    """(T, 27) who sways thrice as often as the one before; the mean pose is everybody's."""
+    """(T, 27) a speaker who sways three times as often as the speaker before; all have the same mean pose."""
     draw = np.random.default_rng([speaker, seed])
     phases = draw.uniform(0, 2 * np.pi) + np.linspace(0, np.pi, 27)
     wave = np.sin(2 * np.pi * 0.25 * 3**speaker * np.arange(frames)[:, None] / FPS + phases)

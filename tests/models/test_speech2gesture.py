@@ -42,13 +42,13 @@ def test_the_losses_are_those_of_the_equations(net):
     net.config = replace(TINY, adversarial=0.5, fake=3.0)
     data = walks()
     with torch.no_grad():
-        made = net.generate(data["audio"], NO_STYLE)
-        real, false = (net.discriminate(poses) for poses in (data["pose"], made))
-        judged, moved = (objective.loss(data, 0) for objective in net.objectives().values())
+        output = net.generate(data["audio"], NO_STYLE)
+        real, false = (net.discriminate(poses) for poses in (data["pose"], output))
+        of_discriminator, of_generator = (objective.loss(data, 0) for objective in net.objectives().values())
     expected = {"real": ((real - 1) ** 2).mean(), "made": 3 * (false**2).mean()}
-    assert {k: v.item() for k, v in judged.items()} == pytest.approx({k: v.item() for k, v in expected.items()})
-    assert moved["l1"].item() == pytest.approx((made - data["pose"]).abs().sum().item() / made.numel(), rel=1e-5)
-    assert moved["adversarial"].item() == pytest.approx(0.5 * ((false - 1) ** 2).mean().item())
+    assert {k: v.item() for k, v in of_discriminator.items()} == pytest.approx({k: v.item() for k, v in expected.items()})
+    assert of_generator["l1"].item() == pytest.approx((output - data["pose"]).abs().sum().item() / output.numel(), rel=1e-5)
+    assert of_generator["adversarial"].item() == pytest.approx(0.5 * ((false - 1) ** 2).mean().item())
 
 
 def test_without_the_game_it_is_l1_alone(net):
@@ -86,30 +86,30 @@ def test_a_patch_judges_about_a_second(net):
     poses = torch.zeros(1, 128, POSE, requires_grad=True)
     scores = net.discriminate(poses + torch.randn(1, 128, POSE).cumsum(1))
     (gradient,) = torch.autograd.grad(scores[0, 14], poses)
-    seen = gradient.abs().sum(-1)[0].nonzero().flatten()
-    assert 30 <= seen[-1] - seen[0] + 1 <= 36
+    frames = gradient.abs().sum(-1)[0].nonzero().flatten()
+    assert 30 <= frames[-1] - frames[0] + 1 <= 36
 
 
 @pytest.mark.parametrize("frames", [1, 2, 31, 32, 33, 100])
 def test_as_many_poses_as_frames_of_speech(net, frames):
     net.eval()
     audio = walks(2, frames)["audio"]
-    made = net.generate(audio, NO_STYLE[:2])
-    assert made.shape == (2, frames, POSE)
-    assert made.isfinite().all()
-    assert torch.equal(net.generate(audio, NO_STYLE[:2]), made)
+    poses = net.generate(audio, NO_STYLE[:2])
+    assert poses.shape == (2, frames, POSE)
+    assert poses.isfinite().all()
+    assert torch.equal(net.generate(audio, NO_STYLE[:2]), poses)
     whole = net.generate(
         torch.cat([audio, audio[:, -1:].expand(-1, -frames % 8, -1)], 1), NO_STYLE[:2]
     )  # what it is filled up with
-    assert torch.equal(whole[:, :frames], made)
+    assert torch.equal(whole[:, :frames], poses)
 
 
 @pytest.mark.parametrize("audio", [1, 5, 29, 64, 84])
 def test_any_number_of_mel_bands_and_all_are_heard(audio):
     torch.manual_seed(0)
     net = Speech2Gesture(TINY, pose=POSE, audio=audio).eval()
-    heard = torch.randn(1, 32, audio, requires_grad=True)
-    (gradient,) = torch.autograd.grad(net(heard).square().sum(), heard)
+    speech = torch.randn(1, 32, audio, requires_grad=True)
+    (gradient,) = torch.autograd.grad(net(speech).square().sum(), speech)
     assert (gradient.abs().sum((0, 1)) > 0).all()
 
 
@@ -147,6 +147,6 @@ def test_it_learns_what_follows_from_the_speech_and_a_run_of_it_opens(tmp_path):
     assert (report.parameters, report.best["name"]) == (sum(p.numel() for p in net.parameters()), "generator.l1")
     windows = open_set(recipe, Store(store), torch.device("cpu")).feed(net.eval(), "train", False).at(64, 0, 0)
     pose, audio = (torch.from_numpy(windows[name]) for name in ("pose", "audio"))
-    own, strange, mean = ((made - pose).abs().mean() for made in (net(audio), net(audio.flip(0)), torch.zeros_like(pose)))
+    own, strange, mean = ((output - pose).abs().mean() for output in (net(audio), net(audio.flip(0)), torch.zeros_like(pose)))
     assert own < 0.7 * mean
     assert own < 0.7 * strange

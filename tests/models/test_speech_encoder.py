@@ -51,7 +51,7 @@ def make(folder: Path, **changes) -> str:
 
 
 @pytest.fixture(scope="module", params=KINDS)
-def pretrained(request, tmp_path_factory) -> str:
+def model_folder(request, tmp_path_factory) -> str:
     return make(tmp_path_factory.mktemp("pretrained") / request.param, **KINDS[request.param])
 
 
@@ -61,7 +61,7 @@ def base(tmp_path_factory) -> str:
 
 
 def reference(name: str, samples: np.ndarray):
-    """Of transformers itself, with its own norm of the samples: (K, 16) features, (K, 24) of the transformer."""
+    """Output of the package transformers, which normalises samples itself: (K, 16) features, (K, 24) states."""
     extractor = transformers.Wav2Vec2FeatureExtractor()
     values = extractor(samples, sampling_rate=16_000, return_tensors="pt").input_values
     model = transformers.Wav2Vec2Model.from_pretrained(name).eval()
@@ -75,27 +75,27 @@ def sound(count: int, seed: int = 0) -> np.ndarray:
 
 
 @pytest.mark.parametrize("count", [400, 36_266, 16_000 * 23])
-def test_it_hears_what_transformers_hears(pretrained, count):
+def test_it_hears_what_transformers_hears(model_folder, count):
     samples = sound(count)
-    features, states = reference(pretrained, samples)
-    heard = load_cnn(pretrained).hear(torch.from_numpy(samples)[None])
-    np.testing.assert_allclose(heard[0].T, features, atol=2e-5)
+    features, states = reference(model_folder, samples)
+    output = load_cnn(model_folder).hear(torch.from_numpy(samples)[None])
+    np.testing.assert_allclose(output[0].T, features, atol=2e-5)
     with torch.no_grad():
-        found = load_transformer(pretrained).eval()(heard.mT)[0]
-    np.testing.assert_allclose(found, states, atol=2e-4)
+        hidden = load_transformer(model_folder).eval()(output.mT)[0]
+    np.testing.assert_allclose(hidden, states, atol=2e-4)
 
 
 def test_a_window_of_34_frames(base):
     cnn, samples = load_cnn(base), np.stack([sound(36_266, k) for k in range(2)])
     assert (cnn.stride, cnn.field, cnn.width) == (320, 400, 16)
-    found = cnn(torch.from_numpy(samples), 34)
-    assert found.shape == (2, 34, 16)
+    rows = cnn(torch.from_numpy(samples), 34)
+    assert rows.shape == (2, 34, 16)
     features, _ = reference(base, samples[1])
     assert len(features) == 113
     at = np.linspace(0, 112, 34)
     expected = np.stack([np.interp(at, np.arange(113), column) for column in features.T], 1)
-    np.testing.assert_allclose(found[1], expected, atol=2e-5)
-    assert load_transformer(base)(found).shape == (2, 34, 24)
+    np.testing.assert_allclose(rows[1], expected, atol=2e-5)
+    assert load_transformer(base)(rows).shape == (2, 34, 24)
 
 
 def test_frames_have_the_features_of_their_times(base):
@@ -103,10 +103,10 @@ def test_frames_have_the_features_of_their_times(base):
     features, _ = reference(base, samples)
     middle = (np.arange(len(features)) * 320 + 199.5) / 16_000
     expected = np.stack([np.interp(np.arange(frames) / 15, middle, column) for column in features.T], 1)
-    found = load_cnn(base).frame_features(Speech(samples), frames, 15.0)
-    assert found.shape == (frames, 16)
-    assert found.dtype == np.float16
-    np.testing.assert_allclose(found, expected, atol=2e-3, rtol=2e-3)
+    rows = load_cnn(base).frame_features(Speech(samples), frames, 15.0)
+    assert rows.shape == (frames, 16)
+    assert rows.dtype == np.float16
+    np.testing.assert_allclose(rows, expected, atol=2e-3, rtol=2e-3)
 
 
 def test_any_rate_and_any_length_is_heard(base):
@@ -156,9 +156,9 @@ def wrong(folder: Path, what: str) -> str:
 @pytest.mark.parametrize("what", ["nothing", "bert", "no weights", "cut off", "layer missing", "other sizes", "no json"])
 def test_what_cannot_be_loaded_is_told(tmp_path, monkeypatch, what):
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
-    with pytest.raises(InputError, match=r"wav2vec|bert") as told:
+    with pytest.raises(InputError, match=r"wav2vec|bert") as error:
         load_transformer(wrong(tmp_path / "a", what))
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(error.value)
 
 
 def test_without_transformers_it_says_what_to_install(base, monkeypatch):
@@ -188,19 +188,19 @@ def store(raw, base, tmp_path_factory) -> Path:
 
 
 def test_a_store_keeps_the_features(raw, base, store, tmp_path):
-    found = Store(store)
-    assert found.arrays["wav2vec"].dtype == np.float16
-    assert found.arrays["wav2vec"].shape == (len(found), 16)
-    assert found.names["wav2vec"][:2] == ("tiny-base 0", "tiny-base 1")
+    contents = Store(store)
+    assert contents.arrays["wav2vec"].dtype == np.float16
+    assert contents.arrays["wav2vec"].shape == (len(contents), 16)
+    assert contents.names["wav2vec"][:2] == ("tiny-base 0", "tiny-base 1")
     cnn = load_cnn(base)
     for clip in beat.read(raw):
-        rows = found.clip(clip.name)["wav2vec"]
+        rows = contents.clip(clip.name)["wav2vec"]
         np.testing.assert_array_equal(rows, cnn.frame_features(clip.speech, len(rows), 15.0))
     prepare("beat", raw, tmp_path / "plain", fps=15, filters=False)
     plain = Store(tmp_path / "plain")
-    assert {*found.arrays} - {*plain.arrays} == {"wav2vec"}
+    assert {*contents.arrays} - {*plain.arrays} == {"wav2vec"}
     for name, array in plain.arrays.items():
-        np.testing.assert_array_equal(array, found.arrays[name])
+        np.testing.assert_array_equal(array, contents.arrays[name])
 
 
 def test_a_wrong_model_is_told_before_anything_is_read(raw, tmp_path, monkeypatch):
@@ -211,23 +211,23 @@ def test_a_wrong_model_is_told_before_anything_is_read(raw, tmp_path, monkeypatc
 
 
 @pytest.mark.parametrize(
-    ("answer", "said"),
+    ("answer", "message"),
     [
         (OSError("[Errno -2] Name or service not known"), "it is no folder, not downloaded yet, and Hugging Face's hub cannot"),
         (HFValidationError("Repo id must use alphanumeric chars"), "it is no folder, and no model on Hugging Face's hub"),
     ],
 )
-def test_a_name_that_cannot_be_fetched_is_told_after_one_question(monkeypatch, answer, said):
-    asked: list[str] = []
+def test_a_name_that_cannot_be_fetched_is_told_after_one_question(monkeypatch, answer, message):
+    questions: list[str] = []
 
     def answer_once(name: str, **_: object) -> None:
-        asked.append(name)
+        questions.append(name)
         raise answer
 
     monkeypatch.setattr("huggingface_hub.model_info", answer_once)
-    with pytest.raises(InputError, match=rf"^cannot load wav2vec 2\.0 from 'nosuch': {said}.* \(a folder with config\.json"):
+    with pytest.raises(InputError, match=rf"^cannot load wav2vec 2\.0 from 'nosuch': {message}.* \(a folder with config\.json"):
         load_cnn("nosuch")
-    assert asked == ["nosuch"]
+    assert questions == ["nosuch"]
 
 
 TINY = {"latent": 8, "hidden": 8, "layers": 1, "reduction": 4, "word_width": 5, "text_channels": 6, "classifier_channels": 6}

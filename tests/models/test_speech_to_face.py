@@ -23,7 +23,7 @@ from cospeech.training.checkpoint import read_tensors, write_tensors  # noqa: E4
 from cospeech.training.recipe import SHIPPED, build, load_recipe  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
-CALMED = {"gain_augmentation": 0.0, "tilt": 0.0, "tract": 0.0, "noise": 0.0, "pauses": 0.0, "band_limits": 0.0}
+NO_AUGMENTATION = {"gain_augmentation": 0.0, "tilt": 0.0, "tract": 0.0, "noise": 0.0, "pauses": 0.0, "band_limits": 0.0}
 ROWS, BANDS, SPEAKERS = 6, 12, 2
 JAW = ARKIT_INDEX["jawOpen"]
 
@@ -55,10 +55,10 @@ def batch(net, seed: int = 0) -> Batch:
 def test_a_frame_hears_as_far_as_its_config_says(config):
     net = network(**config)
     rows = torch.randn(1, 101, BANDS, requires_grad=True)
-    made = net.make(rows, torch.ones(1, 101, SPEAKERS) / SPEAKERS, torch.zeros(1, 101, 0))[0, 50]
-    (gradient,) = torch.autograd.grad(made.square().sum(), rows)
-    heard = gradient[0].abs().sum(-1).nonzero().ravel() - 50
-    assert (-int(heard.min()), int(heard.max())) == (net.config.past, net.config.future)
+    face = net.make(rows, torch.ones(1, 101, SPEAKERS) / SPEAKERS, torch.zeros(1, 101, 0))[0, 50]
+    (gradient,) = torch.autograd.grad(face.square().sum(), rows)
+    frames = gradient[0].abs().sum(-1).nonzero().ravel() - 50
+    assert (-int(frames.min()), int(frames.max())) == (net.config.past, net.config.future)
 
 
 def test_as_it_ships_a_stream_hears_all_that_matters():
@@ -75,41 +75,41 @@ def test_as_it_ships_a_stream_hears_all_that_matters():
 
 def test_no_loss_comes_from_frames_whose_surroundings_the_window_cuts():
     """The same frames in a longer window are the same: nothing is heard of the zeros beyond the ends."""
-    net = network(**CALMED)
+    net = network(**NO_AUGMENTATION)
     data = batch(net)
     style = torch.eye(SPEAKERS)[data["speaker"]][:, None].expand(-1, net.window, -1)
     wide = torch.cat([torch.randn(ROWS, 9, BANDS), data["audio"], torch.randn(ROWS, 9, BANDS)], 1)
     with torch.no_grad():
         short = net.make(data["audio"], style, style[..., :0])
         long = net.make(wide, torch.nn.functional.pad(style, (0, 0, 9, 9), mode="replicate"), wide[..., :0])[:, 9:-9]
-    kept = slice(net.config.past, net.window - net.config.future)
-    assert torch.allclose(short[:, kept], long[:, kept], atol=1e-5)
+    inside = slice(net.config.past, net.window - net.config.future)
+    assert torch.allclose(short[:, inside], long[:, inside], atol=1e-5)
     assert not torch.allclose(short[:, 0], long[:, 0], atol=1e-3)
 
 
 def test_the_loss_is_the_distance_in_units_of_weights():
     """Computed in NumPy, frame by frame, in standard deviations."""
-    net = network(**CALMED)
+    net = network(**NO_AUGMENTATION)
     data = batch(net)
     mean, std = net.pose_mean.numpy(), net.pose_std.numpy()
     speaker = data["speaker"].numpy()
     style = torch.eye(SPEAKERS)[data["speaker"]][:, None].expand(-1, net.window, -1)
     with torch.no_grad():
-        made = net.make(data["audio"], style, style[..., :0]).numpy() * std + mean
+        face = net.make(data["audio"], style, style[..., :0]).numpy() * std + mean
         terms = net.loss(data, 0)
     real = data["pose"].numpy() * std + mean
     even = (real + real[..., list(MIRROR)]) / 2
     even[..., 52:] = real[..., 52:]
-    made[..., :52] = np.where(made[..., :52] < 0, 0.02 * made[..., :52], made[..., :52])
+    face[..., :52] = np.where(face[..., :52] < 0, 0.02 * face[..., :52], face[..., :52])
     rows = slice(net.config.past, net.window - net.config.future)
     shares = np.ones(55)
     shares[52:] = 0.25
     shares[JAW] = net.config.jaw
     quantiles = net.pose_quantiles.numpy()
     units = np.maximum(quantiles.std(1, ddof=1), 0.3 * std)
-    made, jaw = made[:, rows] / units[speaker, None], even[:, rows, JAW]
+    face, jaw = face[:, rows] / units[speaker, None], even[:, rows, JAW]
     even = even[:, rows] / units[speaker, None]
-    off, speed = np.abs(made - even), np.abs(np.diff(made, axis=1) - np.diff(even, axis=1))
+    off, speed = np.abs(face - even), np.abs(np.diff(face, axis=1) - np.diff(even, axis=1))
     off = (1 - net.config.squared) * off + net.config.squared * off**2 / 2
     around = np.stack([np.roll(np.pad(jaw, ((0, 0), (9, 9)), constant_values=-np.inf), k, 1) for k in range(-9, 10)]).max(0)
     closures = (jaw < 0.03) & (around[:, 9:-9] > 0.06)
@@ -119,7 +119,7 @@ def test_the_loss_is_the_distance_in_units_of_weights():
     assert terms["velocity"].item() == pytest.approx(net.config.velocity * (speed * shares).mean(), rel=1e-4)
     short = []
     for number in range(SPEAKERS):
-        own = np.minimum(made[speaker == number].reshape(-1, 55), quantiles[number, -2] / units[number])
+        own = np.minimum(face[speaker == number].reshape(-1, 55), quantiles[number, -2] / units[number])
         moves = own.std(0, ddof=1) * units[number] / quantiles[number].std(0, ddof=1)
         short.append(np.maximum(net.config.goal - moves, 0) * shares)
     assert np.mean(short) > 0
@@ -128,13 +128,13 @@ def test_the_loss_is_the_distance_in_units_of_weights():
 
 def test_a_lip_that_stands_still_is_pushed_to_move_and_one_that_moves_enough_is_left_alone():
     """However rarely the tracked lip moves, and whether it moves in this batch or not."""
-    net = network(**CALMED)
+    net = network(**NO_AUGMENTATION)
     net.pose_quantiles.zero_()
     net.pose_quantiles[:, -3:] = 0.5
     calm = 0.001 * torch.rand(SPEAKERS, 200, 55, generator=torch.Generator().manual_seed(2))
     lively = torch.zeros(SPEAKERS, 200, 55)
     lively[:, ::40] = 0.5 / net.units[:, None]
-    short = lambda made: net._short_of_spread(made, torch.arange(SPEAKERS), torch.zeros(SPEAKERS, 200), torch.ones(55))  # noqa: E731
+    short = lambda face: net._short_of_spread(face, torch.arange(SPEAKERS), torch.zeros(SPEAKERS, 200), torch.ones(55))  # noqa: E731
     calm.requires_grad_()
     short(calm).backward()
     assert calm.grad is not None
@@ -151,34 +151,34 @@ def test_a_number_that_never_moves_stays_what_it_is():
         "audio_mean": torch.zeros(BANDS), "audio_std": torch.ones(BANDS),
     })  # fmt: skip
     with torch.no_grad():
-        made = net.make(torch.randn(2, 30, BANDS), torch.ones(2, 30, SPEAKERS), torch.zeros(2, 30, 0))
-    assert not made[..., ::2].any()
-    assert (made[..., 1::2].abs().amax((0, 1)) > 0).all()
+        face = net.make(torch.randn(2, 30, BANDS), torch.ones(2, 30, SPEAKERS), torch.zeros(2, 30, 0))
+    assert not face[..., ::2].any()
+    assert (face[..., 1::2].abs().amax((0, 1)) > 0).all()
 
 
 # what is done to speech ---------------------------------------------------------------------------------------------------
 
 
-def changed(net, seed: int = 0):
+def augment(net, seed: int = 0):
     data = batch(net, seed)
     face = torch.ones(ROWS, net.window, 55)
-    audio, rested, rest = net._augment(data["audio"], face, StepRandom(seed, 0))
-    assert torch.equal(rested, face * (1 - rest[..., None]))
-    return data["audio"] * net.audio_std + net.audio_mean, audio * net.audio_std + net.audio_mean, rested
+    audio, face_with_rest, rest = net._augment(data["audio"], face, StepRandom(seed, 0))
+    assert torch.equal(face_with_rest, face * (1 - rest[..., None]))
+    return data["audio"] * net.audio_std + net.audio_mean, audio * net.audio_std + net.audio_mean, face_with_rest
 
 
 def test_with_nothing_asked_for_speech_is_as_it_was():
-    before, after, face = changed(network(**CALMED))
+    before, after, face = augment(network(**NO_AUGMENTATION))
     assert torch.allclose(before, after, atol=1e-4)
     assert (face == 1).all()
 
 
 def test_louder_is_a_shift_of_all_bands_and_tilt_a_slope():
-    before, after, _ = changed(network(**CALMED | {"gain_augmentation": 2.0}))
+    before, after, _ = augment(network(**NO_AUGMENTATION | {"gain_augmentation": 2.0}))
     shift = after - before
     assert torch.allclose(shift, shift[:, :1, :1].expand_as(shift), atol=1e-3)
     assert 0.1 < shift.abs().max() <= 2
-    before, after, _ = changed(network(**CALMED | {"tilt": 1.0}))
+    before, after, _ = augment(network(**NO_AUGMENTATION | {"tilt": 1.0}))
     bend = (after - before).diff(dim=2).diff(dim=2)
     assert bend.abs().max() < 1e-3
     assert (after - before).abs().max() <= 1.001
@@ -187,20 +187,20 @@ def test_louder_is_a_shift_of_all_bands_and_tilt_a_slope():
 def test_a_longer_tract_moves_bands_down_the_axis():
     axis = torch.linspace(0, 1, BANDS).expand(3, 5, BANDS)
     factors = torch.tensor([[1.0], [0.9], [1.1]])
-    moved = speech_to_face._stretch(axis, factors)
-    wanted = np.clip(np.arange(BANDS) * factors.numpy(), 0, BANDS - 1) / (BANDS - 1)
-    np.testing.assert_allclose(moved[:, 0].numpy(), wanted, atol=1e-6)
+    bands = speech_to_face._stretch(axis, factors)
+    expected = np.clip(np.arange(BANDS) * factors.numpy(), 0, BANDS - 1) / (BANDS - 1)
+    np.testing.assert_allclose(bands[:, 0].numpy(), expected, atol=1e-6)
 
 
 def test_noise_adds_power_and_never_takes_any():
-    before, after, face = changed(network(**CALMED | {"noise": 1.0}))
+    before, after, face = augment(network(**NO_AUGMENTATION | {"noise": 1.0}))
     assert (after >= before - 1e-3).all()
     assert (after - before).max() > 0.5
     assert (face == 1).all()
 
 
 def test_a_band_limit_takes_the_ends_of_the_axis_and_leaves_its_middle():
-    before, after, face = changed(network(**CALMED | {"band_limits": 1.0}))
+    before, after, face = augment(network(**NO_AUGMENTATION | {"band_limits": 1.0}))
     loss, axis = before - after, np.linspace(-1, 1, BANDS)
     middle = (axis >= speech_to_face.LOW[1]) & (axis <= speech_to_face.HIGH[0])
     assert loss[..., middle].abs().max() < 1e-3
@@ -212,7 +212,7 @@ def test_a_band_limit_takes_the_ends_of_the_axis_and_leaves_its_middle():
 
 
 def test_in_pauses_there_is_silence_and_a_face_at_rest():
-    _, after, face = changed(network(**CALMED | {"pauses": 1.0}))
+    _, after, face = augment(network(**NO_AUGMENTATION | {"pauses": 1.0}))
     silent = (after - CALM).abs().amax(2) < 1e-3
     assert silent.any(1).all()  # of every window some
     deep = torch.nn.functional.avg_pool1d(silent[:, None].float(), 9, 1, 4, count_include_pad=False)[:, 0] == 1
@@ -248,12 +248,12 @@ def test_what_a_bundle_is_made_of_is_calibrated_too(tmp_path, monkeypatch):
     monkeypatch.setattr(tool, "load_run", lambda run, which: (net, {"store": {"speakers": ["anna", "bob"]}}))
     monkeypatch.setattr(tool, "Store", lambda path: None)
     monkeypatch.setattr(tool, "play", lambda run, store: {"bob": {}})
-    found = np.tile([1.0, 0.0], (len(ARKIT_INDEX), 1))
-    found[JAW] = 2.0, 0.01
-    monkeypatch.setattr(tool, "stretches", lambda splits: found)
+    lines = np.tile([1.0, 0.0], (len(ARKIT_INDEX), 1))
+    lines[JAW] = 2.0, 0.01
+    monkeypatch.setattr(tool, "stretches", lambda splits: lines)
     assert list(tool.calibrate(tmp_path / "run", tmp_path / "store", tmp_path / "sized")) == ["bob jawOpen 2.00 0.010"]
     last, best = (read_tensors(tmp_path / "sized" / f"{which}.safetensors")[0] for which in ("last", "best"))
     assert best.keys() == net.state_dict().keys()
     assert all(torch.equal(best[name], last[f"model.{name}"]) for name in best)
-    changed = torch.nonzero((best["out.weight"] != net.state_dict()["out.weight"]).flatten(1).any(1)).flatten().tolist()
-    assert changed == [net.pose + JAW]
+    rows = torch.nonzero((best["out.weight"] != net.state_dict()["out.weight"]).flatten(1).any(1)).flatten().tolist()
+    assert rows == [net.pose + JAW]

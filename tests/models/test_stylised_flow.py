@@ -16,14 +16,14 @@ from cospeech.runtime.model import TrainedModel  # noqa: E402
 from cospeech.training.checkpoint import build_model  # noqa: E402
 
 
-def filled(net: torch.nn.Module) -> torch.nn.Module:
+def fill(net: torch.nn.Module) -> torch.nn.Module:
     """A network with the numbers of one generator, parameter by parameter."""
     rng = np.random.default_rng(5)
     with torch.no_grad():
         for value in net.parameters():
             shape = tuple(value.shape)
-            drawn = rng.normal(size=shape) / np.sqrt(np.prod(shape[1:])) if len(shape) > 1 else rng.uniform(-0.5, 1, shape)
-            value.copy_(torch.from_numpy(drawn))
+            numbers = rng.normal(size=shape) / np.sqrt(np.prod(shape[1:])) if len(shape) > 1 else rng.uniform(-0.5, 1, shape)
+            value.copy_(torch.from_numpy(numbers))
     return net
 
 
@@ -39,11 +39,11 @@ def test_the_global_encoder_gives_what_the_authors_gives(training, first, total)
     """Values of the authors' `Global_Encoder` (GFGE glow/ae_model.py) with the same parameters, one batch seen."""
     rng = np.random.default_rng(6)
     poses, audio = (torch.from_numpy(rng.normal(size=(2, 3, *s)).astype(np.float32)) for s in ((12, 27), (13, 29)))
-    net = filled(GlobalEncoder(27, 29, channels=256, blocks=5, feature=32, oldest=True, relu=True))
+    net = fill(GlobalEncoder(27, 29, channels=256, blocks=5, feature=32, oldest=True, relu=True))
     with torch.no_grad():
         net(poses, audio)
         out = net.train(training)(poses, audio)
-        without = filled(GlobalEncoder(27, 29, channels=256, blocks=5, feature=32, oldest=True, relu=False))(poses, audio)
+        without = fill(GlobalEncoder(27, 29, channels=256, blocks=5, feature=32, oldest=True, relu=False))(poses, audio)
     assert out[0, 0, :3].tolist() == pytest.approx(first, abs=1e-4)
     assert float(out.sum()) == pytest.approx(total, abs=1e-3)
     assert abs(float(without.sum()) - total) > 3

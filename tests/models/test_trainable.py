@@ -23,7 +23,7 @@ class Settings:
 
 
 class Least(Trainable):
-    """All that a network has to say."""
+    """The least that a network must define."""
 
     Config = Settings
 
@@ -36,7 +36,7 @@ class Least(Trainable):
 
 
 class NoConfig(Trainable):
-    """Lacks the settings."""
+    """A network without a class of settings."""
 
 
 class NoNetwork(torch.nn.Linear):
@@ -44,8 +44,8 @@ class NoNetwork(torch.nn.Linear):
 
 
 @pytest.fixture
-def registered(monkeypatch):
-    """Puts a class of this file into the registry."""
+def register(monkeypatch):
+    """Put a class of this file into the registry."""
 
     def add(kind: type) -> str:
         monkeypatch.setitem(ENTRIES.ours, "mine", ModelEntry(f"{__name__}:{kind.__name__}", "for this test", plays=False))
@@ -54,8 +54,8 @@ def registered(monkeypatch):
     return add
 
 
-def test_what_a_network_leaves_out_has_a_default(registered):
-    facts = {"model": registered(Least), "config": {"frames": 5}, "sizes": {"pose": 3, "audio": 2, "speakers": 4}, "needs": {}}
+def test_what_a_network_leaves_out_has_a_default(register):
+    facts = {"model": register(Least), "config": {"frames": 5}, "sizes": {"pose": 3, "audio": 2, "speakers": 4}, "needs": {}}
     net = build_model(facts)
     assert (net.window, net.arrays, net.optional_arrays, net.delay, net.controls) == (5, ("pose", "audio"), (), 0, ())
     before = {name: value.clone() for name, value in net.state_dict().items()}
@@ -67,11 +67,11 @@ def test_what_a_network_leaves_out_has_a_default(registered):
     assert Least.encoder_for(net.config) is None
 
 
-def test_a_network_that_says_nothing_of_what_it_takes_is_told(registered):
+def test_a_network_that_says_nothing_of_what_it_takes_is_told(register):
     with pytest.raises(InputError, match=r"no network that trains .a subclass of cospeech.models.nn.trainable.Trainable is"):
-        network(registered(NoNetwork))
+        network(register(NoNetwork))
     with pytest.raises(InputError, match=r"test_trainable:NoConfig has no Config .*frozen dataclass.*add_a_model"):
-        network(registered(NoConfig))
+        network(register(NoConfig))
 
 
 def test_an_array_that_a_batch_does_not_hold_is_told():

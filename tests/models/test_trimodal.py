@@ -19,7 +19,7 @@ from cospeech.models.speech2affective_gestures import (  # noqa: E402
     Speech2AffectiveGesturesConfig,
 )  # fmt: skip
 from cospeech.models.trimodal import Trimodal, TrimodalConfig  # noqa: E402
-from tests.models.test_contract import ROWS, batch, network, ready, trained_windowed  # noqa: E402
+from tests.models.test_contract import ROWS, batch, network, ready, train_windowed  # noqa: E402
 
 torch.set_num_threads(1)
 WORDS, SPEAKERS = 26_000, 1_371  # of the authors' vocabulary of TED, and its videos; 300 numbers and 16 of each
@@ -48,7 +48,7 @@ def huber(a: np.ndarray, b: np.ndarray, beta: float) -> np.ndarray:
 
 
 def test_the_trimodal_network_is_as_large_as_the_authors():
-    """But for the words, of which ours has a table of 2,001 subwords."""
+    """The sizes are equal but for the words: ours has a table of 2,001 subwords."""
     net = build(Trimodal, TrimodalConfig(), audio=1080, speakers=SPEAKERS)
     assert count(net.discriminator) == 253_950
     assert count(net) - 253_950 - count(net.embedding) + WORDS * 300 == 15_004_939
@@ -90,10 +90,10 @@ def test_a_vector_of_each_frame_hears_the_waveform_around_it():
         for sample in (0, 1079):
             loud = silent.clone()
             loud[0, 2, sample] = 100
-            moved = (encoder(loud) - still).abs().amax((0, 1)) > 1e-4
+            has_changed = (encoder(loud) - still).abs().amax((0, 1)) > 1e-4
             place = 2 * 1080 + sample
-            heard = [k * 1080 - 1600 <= place < k * 1080 - 1600 + 3025 for k in range(5)]
-            assert moved.tolist() == heard
+            is_near = [k * 1080 - 1600 <= place < k * 1080 - 1600 + 3025 for k in range(5)]
+            assert has_changed.tolist() == is_near
     with pytest.raises(InputError, match="samples"):
         WaveformEncoder(1000, (5, 6, 6, 6), 4)
 
@@ -117,9 +117,9 @@ def test_a_graph_convolution_by_hand():
     net = GraphConvolution(2, 3, spatial_partition(3, [(0, 1), (1, 2)]), 3, 3).eval()
     x = torch.randn(2, 2, 5, 3)
     parts = net.over_time(x).reshape(2, 5, 3, 5, 3)
-    mixed = torch.einsum("nkctv,kvw->nctw", parts, net.adjacency)
+    sums = torch.einsum("nkctv,kvw->nctw", parts, net.adjacency)
     scale = 1 / (1 + 1e-5) ** 0.5
-    expected = (net.over_both((mixed * scale).relu()) * scale + net.short(x) * scale).relu()
+    expected = (net.over_both((sums * scale).relu()) * scale + net.short(x) * scale).relu()
     assert torch.allclose(net(x), expected, atol=1e-5)
 
 
@@ -129,7 +129,7 @@ def test_a_graph_convolution_by_hand():
 @pytest.mark.parametrize("name", [*TRIO, "joint-embedding"])
 @pytest.mark.parametrize("lacking", ["text", "speaker", "seed"])
 def test_every_input_is_heard_and_any_can_be_lacking(name, lacking):
-    net, arrays = trained_windowed(name), batch(network(name)).arrays
+    net, arrays = train_windowed(name), batch(network(name)).arrays
     with torch.no_grad():
         for key, value in net.named_parameters():
             if "weight_ih" in key or "text" in key:
@@ -142,7 +142,7 @@ def test_every_input_is_heard_and_any_can_be_lacking(name, lacking):
 
 @pytest.mark.parametrize("name", [*TRIO, "joint-embedding", "speech2gesture+seeded"])
 def test_of_the_poses_the_first_four_are_looked_at(name):
-    net, arrays = trained_windowed(name), batch(network(name)).arrays
+    net, arrays = train_windowed(name), batch(network(name)).arrays
     later, first = arrays["pose"].clone(), arrays["pose"].clone()
     later[:, SEEDS:] += 1
     first[:, SEEDS - 1] += 1
@@ -152,15 +152,15 @@ def test_of_the_poses_the_first_four_are_looked_at(name):
 
 @pytest.mark.parametrize("name", TRIO)
 def test_a_style_is_the_distribution_of_a_speaker(name):
-    net, arrays = trained_windowed(name), batch(network(name)).arrays
+    net, arrays = train_windowed(name), batch(network(name)).arrays
     codes = net.speaker_styles(torch.zeros(ROWS, 1, 1, 6))
     mean, variance = net.speaker(torch.eye(ROWS).unsqueeze(1))
     assert torch.allclose(codes, torch.cat([mean, variance], 1).squeeze(2))
     given = net.collect_inputs(arrays)
     assert torch.allclose(given.style[:, 0], codes[arrays["speaker"]])
     rows = torch.cat([arrays["audio"], net.embedding(arrays["text"])], -1)
-    made = net.make(rows, given.style, torch.zeros(ROWS, net.window, net.modes), given.seed)
-    assert torch.allclose(made, net.play(arrays)["pose"], atol=1e-6)
+    poses = net.make(rows, given.style, torch.zeros(ROWS, net.window, net.modes), given.seed)
+    assert torch.allclose(poses, net.play(arrays)["pose"], atol=1e-6)
 
 
 # losses --------------------------------------------------------------------------------------------------------------
@@ -170,30 +170,30 @@ def test_a_style_is_the_distribution_of_a_speaker(name):
 def test_the_generators_loss_by_hand(name):
     net = ready(name)
     data, c = batch(net), net.config
-    found = {key: value.item() for key, value in net.generator_loss(data, c.adversarial_from).items()}
+    terms = {key: value.item() for key, value in net.generator_loss(data, c.adversarial_from).items()}
     with torch.no_grad():
         given, chance = net.collect_inputs(data.arrays), StepRandom(0, 0)
         style, frames = given.style, net.window
         noise = chance.normal(ROWS, 1, c.speaker)
-        made = net.poses(given, noise)
-        drawn = (chance.uniform(ROWS) * ROWS).long()
-        other_style = net.speaker_style(drawn)[:, None].expand(-1, frames, -1)
+        poses = net.poses(given, noise)
+        speakers = (chance.uniform(ROWS) * ROWS).long()
+        other_style = net.speaker_style(speakers)[:, None].expand(-1, frames, -1)
         other_noise = chance.normal(ROWS, 1, c.speaker)
         other = net.poses(given._replace(style=other_style), other_noise).numpy()
-        scores = net.discriminator(made).numpy()
+        scores = net.discriminator(poses).numpy()
     z, other_z = (
         (s[:, 0, : c.speaker] + (s[:, 0, c.speaker :] / 2).exp() * n[:, 0]).numpy()
         for s, n in ((style, noise), (other_style, other_noise))
     )
-    made, mean, variance = made.numpy(), style[:, 0, : c.speaker].numpy(), style[:, 0, c.speaker :].numpy()
-    apart = huber(other, made, 0.05).sum((1, 2)) / (np.abs(other_z - z).mean(1) + 1e-5)
+    poses, mean, variance = poses.numpy(), style[:, 0, : c.speaker].numpy(), style[:, 0, c.speaker :].numpy()
+    apart = huber(other, poses, 0.05).sum((1, 2)) / (np.abs(other_z - z).mean(1) + 1e-5)
     expected = {
-        "huber": 500 * huber(made, data["pose"].numpy(), 0.1).mean(),
+        "huber": 500 * huber(poses, data["pose"].numpy(), 0.1).mean(),
         "adversarial": -5 * log_sigmoid(scores).mean(),
         "diversity": -0.05 * np.minimum(apart, 1000).mean(),
         "divergence": -0.1 * 0.5 * (1 + variance - mean**2 - np.exp(variance)).mean(),
     }
-    assert found == pytest.approx(expected, rel=1e-3)
+    assert terms == pytest.approx(expected, rel=1e-3)
     assert ("adversarial" in net.generator_loss(data, c.adversarial_from - 1)) is (
         name != "trimodal" and c.adversarial_from < 0
     )
@@ -205,8 +205,8 @@ def test_the_discriminators_loss_by_hand_moves_it_alone(name):
     data = batch(net)
     terms = net.discriminator_loss(data, 0)
     with torch.no_grad():
-        made = net.poses(net.collect_inputs(data.arrays), StepRandom(0, 0).normal(ROWS, 1, net.config.speaker))
-        true, false = (net.discriminator(x).numpy() for x in (data["pose"], made))
+        poses = net.poses(net.collect_inputs(data.arrays), StepRandom(0, 0).normal(ROWS, 1, net.config.speaker))
+        true, false = (net.discriminator(x).numpy() for x in (data["pose"], poses))
     expected = {"true": -log_sigmoid(true).mean(), "false": -log_sigmoid(-false).mean()}
     assert {key: value.item() for key, value in terms.items()} == pytest.approx(expected, rel=1e-4)
     sum(terms.values()).backward()
@@ -232,8 +232,8 @@ def test_the_joint_embeddings_loss_by_hand():
         given = net.collect_inputs(data.arrays)
         mean, variance = net.speech_encoder(given.audio, given.words)
         z = torch.where(coin, net.pose_encoder(data["pose"]), mean + (variance / 2).exp() * noise)
-        made = net.decoder(z, data["pose"][:, :SEEDS], data["pose"])
-    expected = np.abs(made.numpy() - data["pose"].numpy()).mean()
+        poses = net.decoder(z, data["pose"][:, :SEEDS], data["pose"])
+    expected = np.abs(poses.numpy() - data["pose"].numpy()).mean()
     assert net.loss(Batch(data.arrays, StepRandom(0, 0)), 0)["l1"].item() == pytest.approx(expected, rel=1e-5)
     spoken = net.decoder(mean, data["pose"][:, :SEEDS], data["pose"])
     figure = (spoken - data["pose"]).abs().mean().item()

@@ -83,8 +83,8 @@ def test_an_arm_goes_a_share_of_the_way_and_its_hand_and_trunk_stay():
     keep_arms_out(none, 0.0)
     np.testing.assert_array_equal(none, before)
     assert 0 < depth(half).max() < depth(before).max()
-    moved = {joint[side + name] for side in ("left", "right") for name in ("UpperArm", "LowerArm")}
-    rest = [k for k in range(len(humanoid())) if k not in moved]
+    arms = {joint[side + name] for side in ("left", "right") for name in ("UpperArm", "LowerArm")}
+    rest = [k for k in range(len(humanoid())) if k not in arms]
     np.testing.assert_array_equal(whole[:, rest], before[:, rest])
 
 

@@ -27,15 +27,15 @@ def nameless() -> Skeleton:
 def test_a_partial_map_goes_beside_the_shape(nameless):
     plain = recognise(nameless)
     assert (plain["leftHand"], "leftIndexProximal" in plain) == (THEIRS["leftHand"], False)
-    chosen = {name: THEIRS[name] for name in FINGER}
-    assert recognise(nameless, chosen) == {name: (plain | chosen)[name] for name in OURS.names if name in plain | chosen}
+    fingers = {name: THEIRS[name] for name in FINGER}
+    assert recognise(nameless, fingers) == {name: (plain | fingers)[name] for name in OURS.names if name in plain | fingers}
 
 
 def test_a_map_wins_over_the_shape(nameless):
-    found = recognise(nameless, {"neck": "", "leftToes": THEIRS["leftFoot"], "leftFoot": ""})
-    assert "neck" not in found
-    assert "leftFoot" not in found
-    assert found["leftToes"] == THEIRS["leftFoot"]
+    bones = recognise(nameless, {"neck": "", "leftToes": THEIRS["leftFoot"], "leftFoot": ""})
+    assert "neck" not in bones
+    assert "leftFoot" not in bones
+    assert bones["leftToes"] == THEIRS["leftFoot"]
 
 
 @pytest.mark.parametrize(
@@ -61,9 +61,9 @@ def test_nonsense_is_refused(nameless, chosen, words, names):
 
 def test_the_shape_says_once_what_it_cannot_find(nameless, tmp_path):
     save(replace(gesturing(10), skeleton=nameless), tmp_path / "odd.bvh")
-    with pytest.warns(CospeechWarning, match=r"'odd.bvh': .* fingers, eyes, jaw were not found") as told:
+    with pytest.warns(CospeechWarning, match=r"'odd.bvh': .* fingers, eyes, jaw were not found") as record:
         motion = load(tmp_path / "odd.bvh")
-    assert len(told) == 1
+    assert len(record) == 1
     assert motion.skeleton.bone_map["leftHand"] == THEIRS["leftHand"]
     motion.retarget("humanoid")  # without a second note: a warning is an error here
     with pytest.warns(CospeechWarning, match="the tree was used; eyes, jaw were not found"):
@@ -73,18 +73,18 @@ def test_the_shape_says_once_what_it_cannot_find(nameless, tmp_path):
 
 def test_the_shape_is_silent_where_nothing_is_left(nameless):
     """A body without fingers and face, as motion capture often has: only tips have no names."""
-    lost = {*OURS.left_hand, *OURS.right_hand, *(OURS.index[name] for name in ("leftEye", "rightEye", "jaw"))}
-    kept = [k for k in range(len(OURS)) if k not in lost]
-    parents = [kept.index(OURS.parents[k]) if k else -1 for k in kept]
-    body = Skeleton(tuple(nameless.names[k] for k in kept), tuple(parents), OURS.offsets[kept])
+    absent = {*OURS.left_hand, *OURS.right_hand, *(OURS.index[name] for name in ("leftEye", "rightEye", "jaw"))}
+    rest = [k for k in range(len(OURS)) if k not in absent]
+    parents = [rest.index(OURS.parents[k]) if k else -1 for k in rest]
+    body = Skeleton(tuple(nameless.names[k] for k in rest), tuple(parents), OURS.offsets[rest])
     assert recognise_file(body, None, "'body.bvh'")["leftHand"] == THEIRS["leftHand"]
 
 
 def test_a_map_of_the_reader_stays_with_the_motion(nameless, tmp_path):
-    """Then it need not be given a second time."""
+    """A map that was given while a file was read is used again without being given again."""
     save(replace(gesturing(10), skeleton=nameless), tmp_path / "odd.bvh")
     motion = load(tmp_path / "odd.bvh", bone_map=THEIRS)
     assert motion.skeleton.bone_map == THEIRS
     ours, index = motion.retarget("humanoid"), OURS.index
-    turned = abs((ours.rotations * gesturing(10).rotations).sum(-1))
-    assert turned[:, [index["leftLowerArm"], index["leftIndexProximal"]]].min() > 0.999
+    cosines = abs((ours.rotations * gesturing(10).rotations).sum(-1))
+    assert cosines[:, [index["leftLowerArm"], index["leftIndexProximal"]]].min() > 0.999

@@ -27,9 +27,9 @@ def steps(motion: Motion) -> np.ndarray:
     ("start", "end", "frames"), [(None, None, (0, 90)), (1.0, None, (30, 90)), (None, 1.0, (0, 30)), (0.5, 2.0, (15, 60))]
 )
 def test_cut(start, end, frames):
-    made = cut(MOTION, start, end)
-    np.testing.assert_array_equal(made.rotations, MOTION.rotations[slice(*frames)])
-    np.testing.assert_array_equal(made.face, MOTION.face[slice(*frames)])
+    part = cut(MOTION, start, end)
+    np.testing.assert_array_equal(part.rotations, MOTION.rotations[slice(*frames)])
+    np.testing.assert_array_equal(part.face, MOTION.face[slice(*frames)])
 
 
 @pytest.mark.parametrize(("start", "end"), [(2.0, 1.0), (3.0, None), (None, 0.0), (-1.0, 2.0), (1.0, 1.0)])
@@ -40,40 +40,40 @@ def test_cuts_without_a_frame(start, end):
 
 def test_joined_clips_go_on_without_a_jump():
     other = MOTION.mirror()
-    shifted = replace(other, root=other.root + np.float32([0.3, 0, 0.1]))
-    plain, made = Motion.concatenate([MOTION, shifted]), join([MOTION, shifted], blend=0.5)
-    assert len(made) == 180
+    elsewhere = replace(other, root=other.root + np.float32([0.3, 0, 0.1]))
+    plain, joint_motion = Motion.concatenate([MOTION, elsewhere]), join([MOTION, elsewhere], blend=0.5)
+    assert len(joint_motion) == 180
     assert steps(plain)[89] > 0.3  # there is something to blend
-    assert steps(made).max() < 1.5 * max(steps(MOTION).max(), steps(other).max()) + 0.05
-    assert np.linalg.norm(np.diff(made.root, axis=0), axis=1).max() < 0.05
-    np.testing.assert_array_equal(made.rotations[:90], MOTION.rotations)
-    np.testing.assert_allclose(np.abs((made.rotations[106:] * shifted.rotations[16:]).sum(-1)), 1, atol=1e-5)
-    np.testing.assert_allclose(made.root[106:], shifted.root[16:], atol=1e-6)
-    assert np.abs(np.diff(made.face, axis=0)).max() < np.abs(np.diff(plain.face, axis=0)).max() + 1e-6
+    assert steps(joint_motion).max() < 1.5 * max(steps(MOTION).max(), steps(other).max()) + 0.05
+    assert np.linalg.norm(np.diff(joint_motion.root, axis=0), axis=1).max() < 0.05
+    np.testing.assert_array_equal(joint_motion.rotations[:90], MOTION.rotations)
+    np.testing.assert_allclose(np.abs((joint_motion.rotations[106:] * elsewhere.rotations[16:]).sum(-1)), 1, atol=1e-5)
+    np.testing.assert_allclose(joint_motion.root[106:], elsewhere.root[16:], atol=1e-6)
+    assert np.abs(np.diff(joint_motion.face, axis=0)).max() < np.abs(np.diff(plain.face, axis=0)).max() + 1e-6
 
 
 def test_a_clip_that_is_cut_and_joined_again_is_as_it_was():
-    made = join([MOTION[:40], MOTION[40:]])
-    assert np.abs(made.positions() - MOTION.positions()).max() < 0.01  # an extrapolated step is no step that was recorded
-    ways = np.linalg.norm(np.diff(made.positions(), axis=0), axis=-1).max(1)
+    motion = join([MOTION[:40], MOTION[40:]])
+    assert np.abs(motion.positions() - MOTION.positions()).max() < 0.01  # an extrapolated step is no step that was recorded
+    ways = np.linalg.norm(np.diff(motion.positions(), axis=0), axis=-1).max(1)
     assert ways[39] > 0.5 * min(ways[38], ways[40])  # no pose is shown twice
 
 
 def test_without_a_time_long_ways_take_longer():
     far = replace(MOTION, root=MOTION.root + np.float32([0.4, 0, 0]))
-    made = join([MOTION, far])
-    assert np.linalg.norm(np.diff(made.root, axis=0), axis=1).max() * 30 < 0.3
-    moved = np.linspace(0, 0.3, len(MOTION), dtype=np.float32)[:, None] * np.float32([1, 0, 0])
-    around = loop(replace(MOTION, root=MOTION.root + moved))
+    motion = join([MOTION, far])
+    assert np.linalg.norm(np.diff(motion.root, axis=0), axis=1).max() * 30 < 0.3
+    drift = np.linspace(0, 0.3, len(MOTION), dtype=np.float32)[:, None] * np.float32([1, 0, 0])
+    around = loop(replace(MOTION, root=MOTION.root + drift))
     steps_of_hips = np.linalg.norm(np.diff(np.concatenate([around.root, around.root[:1]]), axis=0), axis=1)
     assert steps_of_hips.max() * 30 < 0.6
 
 
 def test_clips_of_other_rates_take_the_first_ones_and_clips_without_a_face_are_neutral():
-    made = join([MOTION, replace(gesturing(50, 25.0), face=None)])
-    assert (made.fps, len(made)) == (30, 150)
-    np.testing.assert_array_equal(made.face[:90], MOTION.face)
-    assert not made.face[-10:].any()
+    motion = join([MOTION, replace(gesturing(50, 25.0), face=None)])
+    assert (motion.fps, len(motion)) == (30, 150)
+    np.testing.assert_array_equal(motion.face[:90], MOTION.face)
+    assert not motion.face[-10:].any()
     assert join([replace(MOTION, face=None), replace(MOTION, face=None)]).face is None
     assert len(join([MOTION, MOTION[:0], MOTION])) == 2 * len(MOTION)
     assert len(join([MOTION[:0], MOTION])) == len(MOTION)
@@ -96,12 +96,12 @@ def test_a_blend_lasts_from_none_to_ten_seconds(blend):
 
 def test_a_loop_ends_where_it_begins():
     short = MOTION[:70]
-    made = loop(short, blend=0.5)
-    before, after = Motion.concatenate([short, short]), Motion.concatenate([made, made])
+    cycle = loop(short, blend=0.5)
+    before, after = Motion.concatenate([short, short]), Motion.concatenate([cycle, cycle])
     assert steps(before)[69] > 0.1
     assert steps(after).max() < 1.5 * steps(short).max() + 0.05
-    np.testing.assert_array_equal(made.rotations[:50], short.rotations[:50])
-    np.testing.assert_array_equal(made.root[:50], short.root[:50])
+    np.testing.assert_array_equal(cycle.rotations[:50], short.rotations[:50])
+    np.testing.assert_array_equal(cycle.root[:50], short.root[:50])
     with pytest.raises(InputError, match="1 frame cannot be looped"):
         loop(MOTION[:1])
 
@@ -109,18 +109,18 @@ def test_a_loop_ends_where_it_begins():
 def test_eyes_do_not_half_shut_before_a_blink_that_ends_a_loop():
     face = np.zeros((90, 52), np.float32)
     face[-4:, 0] = (0.97, 0.96, 0.54, 0.09)  # a step further the lid would be open, not wider than open
-    made = loop(replace(MOTION, face=face))
-    np.testing.assert_allclose(made.face[:, 0], face[:, 0], atol=1e-6)
+    cycle = loop(replace(MOTION, face=face))
+    np.testing.assert_allclose(cycle.face[:, 0], face[:, 0], atol=1e-6)
 
 
 def test_the_face_of_another():
     other = replace(gesturing(40, 60.0), face=np.linspace(0, 1, 40)[:, None].repeat(52, 1).astype(np.float32))
-    made = replace_face(MOTION, other)
-    np.testing.assert_array_equal(made.rotations, MOTION.rotations)
-    assert made.face.shape == (90, 52)
-    assert made.face[0, 0] == 0
-    assert (np.diff(made.face[19:32, 0]) < 0).all()  # it is over, and comes to rest
-    assert made.face[20, 0] > 0.85
-    assert made.face[31:].max() == 0
+    motion = replace_face(MOTION, other)
+    np.testing.assert_array_equal(motion.rotations, MOTION.rotations)
+    assert motion.face.shape == (90, 52)
+    assert motion.face[0, 0] == 0
+    assert (np.diff(motion.face[19:32, 0]) < 0).all()  # it is over, and comes to rest
+    assert motion.face[20, 0] > 0.85
+    assert motion.face[31:].max() == 0
     with pytest.raises(InputError, match="no face"):
         replace_face(MOTION, replace(MOTION, face=None))

@@ -19,8 +19,8 @@ from tests.support.motions import gesturing
 
 def equal(a: Motion, b: Motion, tolerance: float = 0.0) -> bool:
     faces = (a.face is None) == (b.face is None) and (a.face is None or np.abs(a.face - b.face).max(initial=0) <= tolerance)
-    turned = np.abs(a.rotations - b.rotations).max(initial=0) <= tolerance
-    return bool(faces and turned and np.abs(a.root - b.root).max(initial=0) <= tolerance and a.fps == b.fps)
+    same_rotations = np.abs(a.rotations - b.rotations).max(initial=0) <= tolerance
+    return bool(faces and same_rotations and np.abs(a.root - b.root).max(initial=0) <= tolerance and a.fps == b.fps)
 
 
 def test_shape_and_values_are_checked():
@@ -59,13 +59,13 @@ def test_cut_pieces_join_to_the_whole():
     motion = gesturing(50)
     for cuts in ([25], [1, 2, 3], [10, 10, 49], list(range(1, 50))):
         pieces = [motion[a:b] for a, b in zip([0, *cuts], [*cuts, 50], strict=True)]
-        joined = Motion.concatenate(pieces)
-        assert equal(joined, motion)
-        assert joined.start == motion.start
+        whole = Motion.concatenate(pieces)
+        assert equal(whole, motion)
+        assert whole.start == motion.start
     with pytest.raises(InputError, match=r"slice of step 1; use resample"):
         motion[::2]
-    for index, said in ((3, "motion[3:4]"), (np.int64(7), "motion[7:8]"), (-1, "motion[-1:]"), ("x", "motion[3:4]")):
-        with pytest.raises(InputError, match=rf"is no slice of a motion \(one frame is {re.escape(said)}\)$"):
+    for index, advice in ((3, "motion[3:4]"), (np.int64(7), "motion[7:8]"), (-1, "motion[-1:]"), ("x", "motion[3:4]")):
+        with pytest.raises(InputError, match=rf"is no slice of a motion \(one frame is {re.escape(advice)}\)$"):
             motion[index]
     with pytest.raises(InputError, match=r"counts frames, .*cospeech.motion.edit.cut\(motion, 0.5, None\)"):
         motion[0.5:]
@@ -74,8 +74,8 @@ def test_cut_pieces_join_to_the_whole():
 def test_joining_takes_sign_flips_out():
     motion = gesturing(20)
     other = replace(motion[10:], rotations=-motion[10:].rotations)
-    joined = Motion.concatenate([motion[:10], other])
-    assert np.array_equal(joined.rotations, motion.rotations)
+    whole = Motion.concatenate([motion[:10], other])
+    assert np.array_equal(whole.rotations, motion.rotations)
 
 
 def test_only_like_joins_like():
@@ -151,11 +151,11 @@ def test_operations_commute():
 
 def test_positions_follow_the_root():
     motion = gesturing(5)
-    moved = replace(motion, root=motion.root + (1, 2, 3))
-    assert np.allclose(moved.positions() - motion.positions(), (1, 2, 3))
-    turned = motion.rotations.copy()
-    turned[:, 0] = quat_multiply(rotvec_to_quat(np.array([0, np.pi, 0])), turned[:, 0])
-    assert np.allclose(replace(motion, rotations=turned).positions()[:, 0], motion.root)
+    elsewhere = replace(motion, root=motion.root + (1, 2, 3))
+    assert np.allclose(elsewhere.positions() - motion.positions(), (1, 2, 3))
+    rotations = motion.rotations.copy()
+    rotations[:, 0] = quat_multiply(rotvec_to_quat(np.array([0, np.pi, 0])), rotations[:, 0])
+    assert np.allclose(replace(motion, rotations=rotations).positions()[:, 0], motion.root)
 
 
 def test_files_by_their_suffix(tmp_path):

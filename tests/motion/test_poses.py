@@ -46,10 +46,10 @@ def test_every_representation_says_what_it_is(name):
 
 
 def test_dimensions_are_those_of_the_papers():
-    published = {"direction-vectors": 27, "keypoints2d": 96, "expmap-upper": 45, "expmap-full": 69, "euler": 141, "rot6d": 282}
-    published |= {"rot6d-smplx": 330, "rot6d-humanoid": 330}
-    published |= {"expmap-humanoid": 57, "face": 55}  # ours
-    assert {name: find_pose(name).dimensions for name in POSES} == published
+    dimensions = {"direction-vectors": 27, "keypoints2d": 96, "expmap-upper": 45, "expmap-full": 69, "euler": 141, "rot6d": 282}
+    dimensions |= {"rot6d-smplx": 330, "rot6d-humanoid": 330}
+    dimensions |= {"expmap-humanoid": 57, "face": 55}  # ours
+    assert {name: find_pose(name).dimensions for name in POSES} == dimensions
 
 
 @pytest.mark.parametrize(("name", "layout"), [("direction-vectors", "ted"), ("keypoints2d", "pats")])
@@ -68,9 +68,9 @@ def test_motion_of_another_skeleton_is_refused_with_the_call_that_mends_it(name)
     pose = find_pose(name)
     other = "beat" if pose.skeleton == "humanoid" else "humanoid"
     motion = replace(moving(find_skeleton(other), frames=3), face=np.zeros((3, 52)))
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError) as error:
         pose.encode(motion)
-    assert caught.value.hint == f'motion.retarget("{pose.skeleton}") first'
+    assert error.value.hint == f'motion.retarget("{pose.skeleton}") first'
     assert pose.encode(motion.retarget(pose.skeleton)).shape == (3, pose.dimensions)
 
 
@@ -120,8 +120,8 @@ def test_key_points_there_and_back_whatever_their_place_and_scale():
     vectors = keypoints2d.to_vectors(RNG.normal(size=(6, 52, 2)))
     back = keypoints2d.KEYPOINTS2D.decode(vectors)
     np.testing.assert_allclose(keypoints2d.KEYPOINTS2D.encode(back), vectors, rtol=1e-12, atol=1e-9)
-    moved = Points(15, back.values * 2.5 + [400, -300], "pats")
-    np.testing.assert_allclose(keypoints2d.KEYPOINTS2D.encode(moved), vectors, rtol=1e-9, atol=1e-7)
+    elsewhere = Points(15, back.values * 2.5 + [400, -300], "pats")
+    np.testing.assert_allclose(keypoints2d.KEYPOINTS2D.encode(elsewhere), vectors, rtol=1e-9, atol=1e-7)
     shoulder = np.linalg.norm(back.values[:, 1] - back.values[:, 0], axis=-1)
     np.testing.assert_allclose(shoulder, keypoints2d.SHOULDER)
 
@@ -149,10 +149,10 @@ def test_rotations_there_and_back_on_beat(pose):
     motion = moving(find_skeleton("beat"))
     vectors = pose.encode(motion)
     back = pose.decode(vectors, 20.0)
-    chosen = [motion.skeleton.index[name] for name in pose.joints]
+    columns = [motion.skeleton.index[name] for name in pose.joints]
     assert vectors.shape == (90, pose.dimensions)
-    assert quat_angle(back.rotations[:, chosen], motion.rotations[:, chosen]).max() < 1e-6
-    others = [k for k in range(len(motion.skeleton)) if k not in chosen]
+    assert quat_angle(back.rotations[:, columns], motion.rotations[:, columns]).max() < 1e-6
+    others = [k for k in range(len(motion.skeleton)) if k not in columns]
     assert quat_angle(back.rotations[:, others], motion.skeleton.rest[others]).max() < 1e-9
 
 
@@ -172,8 +172,8 @@ def test_exponential_maps_there_and_back(pose):
     place, turn = expmap.walk(motion)
     options = {"start": (place[0, 0], place[0, 2], turn[0])} if pose.hips else {}
     back = pose.decode(vectors, 20.0, motion.skeleton, **options)
-    chosen = [motion.skeleton.index[name] for name in pose.joints]
-    assert quat_angle(back.rotations[:, chosen], motion.rotations[:, chosen]).max() < 1e-6
+    columns = [motion.skeleton.index[name] for name in pose.joints]
+    assert quat_angle(back.rotations[:, columns], motion.rotations[:, columns]).max() < 1e-6
     if pose.hips:
         np.testing.assert_allclose(back.root, motion.root, atol=1e-9)
         assert quat_angle(back.rotations[:, 0], motion.rotations[:, 0]).max() < 1e-6
@@ -195,8 +195,8 @@ def test_hips_do_not_depend_on_where_and_which_way_the_walk_goes():
     rotations[:, 0] = quat_multiply(turn, rotations[:, 0])
     from cospeech.motion.rotations import quat_rotate
 
-    moved = Motion(motion.fps, rotations, quat_rotate(turn, motion.root) + [3.0, 0, -2], skeleton=motion.skeleton)
-    np.testing.assert_allclose(expmap.FULL.encode(moved), expmap.FULL.encode(motion), atol=1e-9)
+    elsewhere = Motion(motion.fps, rotations, quat_rotate(turn, motion.root) + [3.0, 0, -2], skeleton=motion.skeleton)
+    np.testing.assert_allclose(expmap.FULL.encode(elsewhere), expmap.FULL.encode(motion), atol=1e-9)
 
 
 @pytest.mark.parametrize("pose", [euler.EULER, expmap.UPPER], ids=lambda p: p.name)
@@ -206,8 +206,8 @@ def test_no_jumps_past_half_a_turn(pose):
     rotations = np.broadcast_to(skeleton.rest, (60, len(skeleton), 4)).copy()
     angles = np.radians(np.linspace(150, 250, 60))
     rotations[:, skeleton.index["LeftArm"]] = axis_angle_to_quat(np.array([0.36, 0.48, 0.8]), angles)
-    flipped = rotations * RNG.choice([-1.0, 1.0], (60, 1, 1))  # signs of quaternions mean nothing
-    vectors = pose.encode(Motion(20, flipped, np.zeros((60, 3)), skeleton=skeleton))
+    either_sign = rotations * RNG.choice([-1.0, 1.0], (60, 1, 1))  # signs of quaternions mean nothing
+    vectors = pose.encode(Motion(20, either_sign, np.zeros((60, 3)), skeleton=skeleton))
     step = np.abs(np.diff(vectors, axis=0)).max()
     assert step < (8 if pose is euler.EULER else 0.05)
     canonical = pose.encode(Motion(20, rotations[30:31], np.zeros((1, 3)), skeleton=skeleton))

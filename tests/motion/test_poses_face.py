@@ -24,27 +24,27 @@ def vectors() -> np.ndarray:
 
 
 def test_there_and_back():
-    wanted = vectors()
-    np.testing.assert_allclose(FACE.encode(FACE.decode(wanted)), wanted, atol=1e-6)
+    numbers = vectors()
+    np.testing.assert_allclose(FACE.encode(FACE.decode(numbers)), numbers, atol=1e-6)
 
 
 def test_neck_and_head_turn_half_each_and_nothing_else_moves():
-    wanted = vectors()
-    made = FACE.decode(wanted, 30.0, start=2.0)
-    assert (made.fps, made.start) == (30.0, 2.0)
-    assert quat_angle(made.rotations[:, NECK], made.rotations[:, HEAD]).max() < 1e-3
-    whole = quat_multiply(made.rotations[:, NECK].astype(float), made.rotations[:, HEAD].astype(float))
-    assert quat_angle(whole, rotvec_to_quat(wanted[:, 52:])).max() < 1e-3
+    numbers = vectors()
+    motion = FACE.decode(numbers, 30.0, start=2.0)
+    assert (motion.fps, motion.start) == (30.0, 2.0)
+    assert quat_angle(motion.rotations[:, NECK], motion.rotations[:, HEAD]).max() < 1e-3
+    whole = quat_multiply(motion.rotations[:, NECK].astype(float), motion.rotations[:, HEAD].astype(float))
+    assert quat_angle(whole, rotvec_to_quat(numbers[:, 52:])).max() < 1e-3
     others = [k for k in range(len(BODY)) if k not in (NECK, HEAD)]
-    np.testing.assert_array_equal(made.rotations[:, others], np.broadcast_to(BODY.rest[others], (FRAMES, len(others), 4)))
-    np.testing.assert_allclose(made.root, np.broadcast_to(BODY.offsets[0], (FRAMES, 3)), atol=1e-7)
+    np.testing.assert_array_equal(motion.rotations[:, others], np.broadcast_to(BODY.rest[others], (FRAMES, len(others), 4)))
+    np.testing.assert_allclose(motion.root, np.broadcast_to(BODY.offsets[0], (FRAMES, 3)), atol=1e-7)
 
 
 def test_what_a_face_cannot_be_is_held_back():
     wild = vectors() * 8 - 3
-    made = FACE.decode(wild)
-    np.testing.assert_allclose(made.face, np.clip(wild[:, :52], 0, 1), atol=1e-6)
-    back = np.linalg.norm(FACE.encode(made)[:, 52:], axis=1)
+    motion = FACE.decode(wild)
+    np.testing.assert_allclose(motion.face, np.clip(wild[:, :52], 0, 1), atol=1e-6)
+    back = np.linalg.norm(FACE.encode(motion)[:, 52:], axis=1)
     assert back.max() <= 0.6 + 1e-5
     assert not FACE.decode(np.zeros((3, 55))).face.any()
 
@@ -53,14 +53,14 @@ def test_pieces_are_the_whole():
     rows = vectors()
     whole, pieces = FACE.decode(rows), [FACE.decode(rows[a : a + 7]) for a in range(0, FRAMES, 7)]
     np.testing.assert_array_equal(np.concatenate([p.face for p in pieces]), whole.face)
-    joined = np.concatenate([p.rotations for p in pieces])
-    assert quat_angle(joined, whole.rotations).max() < 1e-3
+    rotations = np.concatenate([p.rotations for p in pieces])
+    assert quat_angle(rotations, whole.rotations).max() < 1e-3
 
 
 def test_a_mirrored_motion_is_the_mirrored_numbers():
-    wanted = vectors()
+    numbers = vectors()
     signs = np.array([*np.ones(53), -1, -1])
-    np.testing.assert_allclose(FACE.encode(FACE.decode(wanted).mirror()), wanted[:, MIRROR] * signs, atol=1e-6)
+    np.testing.assert_allclose(FACE.encode(FACE.decode(numbers).mirror()), numbers[:, MIRROR] * signs, atol=1e-6)
 
 
 def test_what_is_no_face_is_refused():

@@ -21,25 +21,25 @@ _FINGER = ("Proximal", "Intermediate", "Distal")
 
 
 @pytest.fixture(scope="module")
-def made() -> dict[str, Motion]:
+def motions() -> dict[str, Motion]:
     return {style: RuleBasedModel().generate(Speech(babble(2, 6.0), 16000), style=style, seed=5, fps=20) for style in STYLES}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("style", STYLES)
-def test_there_and_back_on_what_the_rules_make(made, style):
-    motion = made[style]
+def test_there_and_back_on_what_the_rules_make(motions, style):
+    motion = motions[style]
     vectors = HUMANOID.encode(motion)
     back = HUMANOID.decode(vectors, motion.fps)
     again = HUMANOID.encode(back)
     others = np.arange(57) != HIPS_Y
     np.testing.assert_allclose(again[:, others], vectors[:, others], atol=1e-5)
-    lowered = vectors[:, HIPS_Y] - again[:, HIPS_Y]  # planted feet do not step after the hips
-    assert lowered.min() > -1e-5
-    assert lowered.max() < 0.016
+    sinking = vectors[:, HIPS_Y] - again[:, HIPS_Y]  # planted feet do not step after the hips
+    assert sinking.min() > -1e-5
+    assert sinking.max() < 0.016
     np.testing.assert_allclose(HUMANOID.encode(HUMANOID.decode(again)), again, atol=1e-5)
-    chosen = [INDEX[name] for name in JOINTS]
-    assert quat_angle(back.rotations[:, chosen], motion.rotations[:, chosen]).max() < 1e-5
+    columns = [INDEX[name] for name in JOINTS]
+    assert quat_angle(back.rotations[:, columns], motion.rotations[:, columns]).max() < 1e-5
     fingers = [*humanoid().left_hand, *humanoid().right_hand]
     off = np.degrees(quat_angle(back.rotations[:, fingers], motion.rotations[:, fingers]))
     assert off.mean() < 3
@@ -50,8 +50,8 @@ def test_there_and_back_on_what_the_rules_make(made, style):
 
 
 @pytest.mark.parametrize("style", ["lively", "seated"])
-def test_feet_stay_on_the_floor_and_knees_bend_forward(made, style):
-    motion = HUMANOID.decode(HUMANOID.encode(made[style]), 20)
+def test_feet_stay_on_the_floor_and_knees_bend_forward(motions, style):
+    motion = HUMANOID.decode(HUMANOID.encode(motions[style]), 20)
     points = motion.positions()
     feet = points[:, [INDEX["leftFoot"], INDEX["rightFoot"]]]
     assert np.ptp(feet, axis=0).max() < 1e-4
@@ -77,14 +77,14 @@ def test_legs_of_hips_that_sink_do_not_jump():
 
 def test_hips_higher_than_the_legs_are_lowered_smoothly():
     place = np.stack([np.linspace(-0.3, 0.3, 200), np.full(200, 1.4), np.zeros(200)], -1)
-    _, _, lowered = plant(np.broadcast_to([0.0, 0, 0, 1], (200, 4)), place)
-    assert lowered[:, 1].max() < 0.96
-    assert np.abs(np.diff(lowered[:, 1], 2)).max() < 1e-4  # no kink where the other leg becomes the shorter one
+    _, _, hips = plant(np.broadcast_to([0.0, 0, 0, 1], (200, 4)), place)
+    assert hips[:, 1].max() < 0.96
+    assert np.abs(np.diff(hips[:, 1], 2)).max() < 1e-4  # no kink where the other leg becomes the shorter one
     np.testing.assert_array_equal(place[:, 1], 1.4)
 
 
-def test_each_frame_is_its_own_row(made):
-    vectors = np.concatenate([HUMANOID.encode(made[style])[:40] for style in ("orator", "seated")]).astype(np.float32)
+def test_each_frame_is_its_own_row(motions):
+    vectors = np.concatenate([HUMANOID.encode(motions[style])[:40] for style in ("orator", "seated")]).astype(np.float32)
     whole = HUMANOID.decode(vectors, 20)
     pieces = Motion.concatenate(HUMANOID.decode(vectors[k : k + 7], 20, start=k / 20) for k in range(0, len(vectors), 7))
     np.testing.assert_array_equal(quat_continuous(whole.rotations), pieces.rotations)
@@ -109,12 +109,12 @@ def test_finger_angles_are_read_as_they_are_written():
     channels[..., 7:15] = random.uniform(-15, 60, (200, 2, 8))
     channels[..., 15:19] = random.uniform(-20, 40, (200, 2, 4))
     rotations = finger_rotations(channels) * random.choice([-1.0, 1.0], (200, 2, 15, 1))  # signs mean nothing
-    angles, seen = finger_angles(rotations)
+    angles, visibility = finger_angles(rotations)
     np.testing.assert_allclose(np.degrees(angles), channels[..., 7:19], atol=1e-9)
-    assert seen.min() > 0
+    assert visibility.min() > 0
     channels[..., 7:11] = 80  # a fist hides the spread
-    angles, seen = finger_angles(finger_rotations(channels))
-    assert not seen.any()
+    angles, visibility = finger_angles(finger_rotations(channels))
+    assert not visibility.any()
     assert np.isfinite(angles).all()
 
 
@@ -125,31 +125,31 @@ def test_any_hand_is_encoded_by_the_nearest():
     hands = [*humanoid().left_hand, *humanoid().right_hand]
     axis = random.normal(size=(50, 30, 3))
     axis /= np.linalg.norm(axis, axis=-1, keepdims=True)
-    bent = axis_angle_to_quat(np.array([0.0, 0, 1]), -0.6 * np.r_[np.ones(15), -np.ones(15)])
-    rotations[:, hands] = quat_multiply(bent, axis_angle_to_quat(axis, random.uniform(0, 0.1, (50, 30))))
+    bend = axis_angle_to_quat(np.array([0.0, 0, 1]), -0.6 * np.r_[np.ones(15), -np.ones(15)])
+    rotations[:, hands] = quat_multiply(bend, axis_angle_to_quat(axis, random.uniform(0, 0.1, (50, 30))))
     motion = Motion(20, rotations, np.broadcast_to(humanoid().offsets[0], (50, 3)))
     back = HUMANOID.decode(HUMANOID.encode(motion))
     fingers = [k for k in hands if "Thumb" not in humanoid().names[k]]
     assert np.degrees(quat_angle(back.rotations[:, fingers], rotations[:, fingers])).mean() < 10
 
 
-def test_left_and_right_are_mirror_images(made):
-    vectors, mirrored = HUMANOID.encode(made["storyteller"]), HUMANOID.encode(made["storyteller"].mirror())
+def test_left_and_right_are_mirror_images(motions):
+    vectors, mirrored = HUMANOID.encode(motions["storyteller"]), HUMANOID.encode(motions["storyteller"].mirror())
     np.testing.assert_allclose(mirrored[:, 45:51], vectors[:, 51:57], atol=1e-5)
     left, right = (HUMANOID.names.index(f"{side}UpperArm.rx") for side in ("left", "right"))
     np.testing.assert_allclose(mirrored[:, left : left + 3], vectors[:, right : right + 3] * [1, -1, -1], atol=1e-5)
 
 
 def test_wild_numbers_give_motion_all_the_same():
-    """What an untrained network says."""
+    """The numbers are those of an untrained network."""
     random = np.random.default_rng(3)
     wild = random.normal(size=(500, 57)) * 10.0 ** random.uniform(-9, 1.2, (500, 1))
     motion = HUMANOID.decode(np.clip(wild, -99, 99))
     assert np.isfinite(motion.positions()).all()
     wild[:, 3:45] = 0  # fingers bend as far as hands can
     fingers = [INDEX[side + f + part] for side in ("left", "right") for f in ("Index", "Little") for part in _FINGER]
-    turned = HUMANOID.decode(np.clip(wild, -99, 99)).rotations[:, fingers]
-    assert np.degrees(quat_angle(turned, humanoid().rest[fingers])).max() < 115
+    rotations = HUMANOID.decode(np.clip(wild, -99, 99)).rotations[:, fingers]
+    assert np.degrees(quat_angle(rotations, humanoid().rest[fingers])).max() < 115
     for side in ("left", "right"):  # a hip on its ankle, and straight behind it
         way = humanoid().tpose[INDEX[side + "UpperLeg"]] - humanoid().offsets[0]
         foot = np.array([STANCE if side == "left" else -STANCE, *humanoid().tpose[INDEX["leftFoot"], 1:]])

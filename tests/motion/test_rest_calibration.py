@@ -33,8 +33,8 @@ LEGS = [side + part for side in ("left", "right") for part in ("UpperLeg", "Lowe
 def along_x(seed: int) -> Skeleton:
     """Our body as some exporters have it: every bone lies along X in its own axes, turned about itself by chance."""
     body, rng = humanoid(), np.random.default_rng(seed)
-    known = directions(body, {name: name for name in body.names})
-    bones = [known.get(name, np.array([0.0, 1, 0])) for name in body.names]
+    along = directions(body, {name: name for name in body.names})
+    bones = [along.get(name, np.array([0.0, 1, 0])) for name in body.names]
     axes = np.array([quat_between(np.array([1.0, 0, 0]), bone / np.linalg.norm(bone)) for bone in bones])
     axes = quat_multiply(axes, axis_angle_to_quat((1.0, 0, 0), rng.uniform(-np.pi, np.pi, len(axes))))
     above = quat_conjugate(axes[[max(p, 0) for p in body.parents]])
@@ -46,7 +46,7 @@ def along_x(seed: int) -> Skeleton:
 
 
 def rename(motion: Motion) -> Motion:
-    """The same, with names that no table has, and a zero pose of which nothing is said."""
+    """The same skeleton, with names that no table has, and without a statement about its zero pose."""
     body = motion.skeleton
     ends = {f"my:{name}": end for name, end in body.ends.items()}
     other = replace(body, names=tuple(f"my:{name}" for name in body.names), ends=ends, rest=None)
@@ -82,8 +82,8 @@ def test_a_tpose_that_fits_is_kept(tmp_path):
 def test_a_thumb_is_set_right_with_its_hand():
     body, rest = humanoid(), humanoid().rest.copy()
     rest[body.index["leftHand"]] = axis_angle_to_quat((1.0, 0, 0), np.radians(120))
-    turned = replace(body, rest=rest, kind="custom")
-    right = calibrate_rest(turned, {name: name for name in body.names}, gesturing(120).rotations)
+    twist = replace(body, rest=rest, kind="custom")
+    right = calibrate_rest(twist, {name: name for name in body.names}, gesturing(120).rotations)
     for joint in ("leftHand", "leftThumbMetacarpal", "leftThumbDistal"):
         off = quat_angle(right.rest[body.index[joint]], body.rest[body.index[joint]])
         assert np.degrees(off) < 25, joint  # what the motion itself turns on the average

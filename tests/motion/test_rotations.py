@@ -136,22 +136,22 @@ def test_slerp_against_scipy_and_its_ends():
 
 def test_continuous_signs():
     q = r.quat_multiply(r.rotvec_to_quat(np.cumsum(RNG.normal(0, 0.1, (300, 5, 3)), 0)), ANY[:5])
-    flipped = q * RNG.choice([-1.0, 1.0], (300, 5, 1))
-    smooth = r.quat_continuous(flipped)
+    either_sign = q * RNG.choice([-1.0, 1.0], (300, 5, 1))
+    smooth = r.quat_continuous(either_sign)
     assert (np.sum(smooth[1:] * smooth[:-1], -1) > 0).all()
     assert same(smooth, q)
-    assert np.array_equal(smooth[0], flipped[0])
-    assert np.array_equal(r.quat_continuous(np.swapaxes(flipped, 0, 1), axis=1), np.swapaxes(smooth, 0, 1))
-    assert r.quat_continuous(flipped[:1]).shape == (1, 5, 4)
-    assert r.quat_continuous(flipped[:0]).shape == (0, 5, 4)
-    assert r.quat_continuous(flipped.astype(np.float32)).dtype == np.float32
+    assert np.array_equal(smooth[0], either_sign[0])
+    assert np.array_equal(r.quat_continuous(np.swapaxes(either_sign, 0, 1), axis=1), np.swapaxes(smooth, 0, 1))
+    assert r.quat_continuous(either_sign[:1]).shape == (1, 5, 4)
+    assert r.quat_continuous(either_sign[:0]).shape == (0, 5, 4)
+    assert r.quat_continuous(either_sign.astype(np.float32)).dtype == np.float32
 
 
 def test_between_directions():
     a, b = RNG.normal(size=(200, 3)), RNG.normal(size=(200, 3))
     q = r.quat_between(a, b)
-    turned = r.quat_rotate(q, a / np.linalg.norm(a, axis=1, keepdims=True))
-    assert np.allclose(turned, b / np.linalg.norm(b, axis=1, keepdims=True), atol=1e-12)
+    result = r.quat_rotate(q, a / np.linalg.norm(a, axis=1, keepdims=True))
+    assert np.allclose(result, b / np.linalg.norm(b, axis=1, keepdims=True), atol=1e-12)
     assert np.allclose(np.sum(q[:, :3] * a, -1), 0, atol=1e-12)  # the shortest: no turn about the direction itself
     assert np.allclose(r.quat_between(a, 5 * a), r.quat_identity(200), atol=1e-7)
     for v in (*np.eye(3), *AXES):

@@ -30,10 +30,10 @@ def test_forward_kinematics_turns_and_moves_with_its_root():
     local = rotvec_to_quat(rng.normal(size=(7, 55, 3)))
     positions, world = body.forward(local, np.zeros((7, 3)))
     turn, shift = rotvec_to_quat(rng.normal(size=3)), np.array([1.0, 2, 3])
-    turned = local.copy()
-    turned[:, 0] = quat_multiply(turn, local[:, 0])
-    moved, world_too = body.forward(turned, np.tile(shift, (7, 1)))
-    assert np.allclose(moved, quat_rotate(turn, positions) + shift, atol=1e-12)
+    rotations = local.copy()
+    rotations[:, 0] = quat_multiply(turn, local[:, 0])
+    points, world_too = body.forward(rotations, np.tile(shift, (7, 1)))
+    assert np.allclose(points, quat_rotate(turn, positions) + shift, atol=1e-12)
     assert np.allclose(world_too, quat_multiply(turn, world), atol=1e-12)
     lengths = np.linalg.norm(positions[:, 1:] - positions[:, list(body.parents[1:])], axis=-1)
     assert np.allclose(lengths, np.linalg.norm(body.offsets[1:], axis=-1), atol=1e-12)
@@ -70,9 +70,9 @@ def test_equality_is_of_what_matters():
     assert humanoid() == replace(humanoid(), kind="other")
     assert humanoid() != find_skeleton("mixamo")
     assert humanoid() != replace(humanoid(), offsets=humanoid().offsets * 1.01)
-    turned = humanoid().rest.copy()
-    turned[3] = axis_angle_to_quat((1, 0, 0), 0.01)
-    assert humanoid() != replace(humanoid(), rest=turned)
+    rest = humanoid().rest.copy()
+    rest[3] = axis_angle_to_quat((1, 0, 0), 0.01)
+    assert humanoid() != replace(humanoid(), rest=rest)
     assert humanoid() == replace(humanoid(), rest=-humanoid().rest)
 
 
@@ -166,15 +166,15 @@ def test_smplx_is_in_the_order_of_the_model():
 def test_beat_is_what_is_published(shared):
     import json
 
-    published = json.loads((shared / "data" / "beat_speaker2_skeleton.json").read_text())
+    table = json.loads((shared / "data" / "beat_speaker2_skeleton.json").read_text())
     ours = find_skeleton("beat")
-    joints = [n for n in published if not n.endswith("_Nub")]
+    joints = [n for n in table if not n.endswith("_Nub")]
     assert list(ours.names) == joints
     for k, name in enumerate(joints):
-        parent = published[name]["parent"]
+        parent = table[name]["parent"]
         assert (ours.names[ours.parents[k]] if ours.parents[k] >= 0 else None) == parent
         if k:
-            assert np.allclose(ours.offsets[k] * 100, published[name]["offset"], atol=1e-3)
+            assert np.allclose(ours.offsets[k] * 100, table[name]["offset"], atol=1e-3)
 
 
 def test_vrm0_thumbs_are_one_off():

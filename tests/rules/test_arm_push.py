@@ -26,19 +26,19 @@ def sweeping() -> np.ndarray:
     return q
 
 
-def led(q: np.ndarray, *cuts: int) -> np.ndarray:
-    pushes, found, begun, waiting = ArmPush(REACH, REACH, 1.0), [], 0, q
+def keep_arms_out_in_pieces(q: np.ndarray, *cuts: int) -> np.ndarray:
+    pushes, pieces, start_of_waiting, waiting = ArmPush(REACH, REACH, 1.0), [], 0, q
     for start, end in zip((0, *cuts), (*cuts, len(q)), strict=True):
         pushes.add(q[start:end])
-        count = max(end - REACH, 0) - begun
+        count = max(end - REACH, 0) - start_of_waiting
         if count > 0:
-            piece, waiting, begun = waiting[:count].copy(), waiting[count:], begun + count
+            piece, waiting, start_of_waiting = waiting[:count].copy(), waiting[count:], start_of_waiting + count
             pushes.apply(piece)
-            found.append(piece)
+            pieces.append(piece)
     pushes.finish()
     piece = waiting.copy()
     pushes.apply(piece)
-    return np.concatenate([*found, piece])
+    return np.concatenate([*pieces, piece])
 
 
 def jerk(q: np.ndarray) -> float:
@@ -54,22 +54,22 @@ def test_the_sweep_meets_the_body():
 
 
 def test_an_arm_is_led_around_the_body_without_a_jerk():
-    once, eased = sweeping(), led(sweeping())
+    once, smooth = sweeping(), keep_arms_out_in_pieces(sweeping())
     keep_arms_out(once)
-    keep_arms_out(eased)
-    assert np.linalg.norm(find_pushes(eased), axis=-1).max() < 0.01
-    assert jerk(eased) < 0.7 * jerk(once)
+    keep_arms_out(smooth)
+    assert np.linalg.norm(find_pushes(smooth), axis=-1).max() < 0.01
+    assert jerk(smooth) < 0.7 * jerk(once)
 
 
 @pytest.mark.parametrize("cuts", [(1,), (8, 9, 40), (30, 60), tuple(range(1, FRAMES))])
 def test_pieces_make_the_bits_of_the_whole(cuts):
-    assert np.array_equal(led(sweeping(), *cuts), led(sweeping()))
+    assert np.array_equal(keep_arms_out_in_pieces(sweeping(), *cuts), keep_arms_out_in_pieces(sweeping()))
 
 
 def test_arms_that_touch_nothing_stay_as_they_are():
     q = sweeping()
     joint = humanoid().index
-    before, after = q.copy(), led(q)
+    before, after = q.copy(), keep_arms_out_in_pieces(q)
     for name in ("leftUpperArm", "leftLowerArm"):
         np.testing.assert_allclose(after[:, joint[name]], before[:, joint[name]], atol=1e-9)
     far = np.flatnonzero(np.linalg.norm(find_pushes(q), axis=-1).max(1) > 0)

@@ -14,10 +14,10 @@ from cospeech.rules.emotion_modifiers import MANNERS
 from cospeech.rules.mood import Mood
 
 
-def level(*heard: float | None, usual: int = 40) -> float:
-    """After looks at a neutral voice, and these."""
+def level(*looks: float | None, usual: int = 40) -> float:
+    """The arousal after ``usual`` looks at a neutral voice, and then these looks."""
     arousal = Arousal()
-    for one in (0.0,) * usual + heard:
+    for one in (0.0,) * usual + looks:
         arousal.follow(one)
     return arousal.level
 
@@ -42,9 +42,9 @@ def test_it_is_careful_at_first_never_jumps_and_fades_in_silence():
 
 
 def test_arousal_makes_movement_larger_and_quicker_and_names_no_emotion():
-    calm, excited = (arouse(MANNERS["neutral"], amount) for amount in (-1.0, 1.0))
+    calm, lively = (arouse(MANNERS["neutral"], amount) for amount in (-1.0, 1.0))
     for name in ("amplitude", "rate", "tempo", "torso", "head"):
-        assert getattr(calm, name) < getattr(MANNERS["neutral"], name) < getattr(excited, name)
+        assert getattr(calm, name) < getattr(MANNERS["neutral"], name) < getattr(lively, name)
     assert arouse(MANNERS["anger"], 0.0) == MANNERS["anger"]
 
 
@@ -69,15 +69,15 @@ def test_a_usual_voice_does_not_change_learned_poses_and_an_aroused_one_enlarges
 
 
 class Category:
-    """Surely hears one emotion from a look on."""
+    """A classifier that is sure of one emotion after ``since`` looks."""
 
     def __init__(self, emotion: str, since: int) -> None:
-        self.wanted, self.since, self.looks = np.eye(8)[EMOTIONS.index(emotion)], since, 0
+        self.probabilities_then, self.since, self.looks = np.eye(8)[EMOTIONS.index(emotion)], since, 0
         self.played = self.probabilities = np.eye(8)[0]
 
     def follow(self, look: object) -> np.ndarray:
         self.looks += 1
-        self.played = self.probabilities = self.wanted if self.looks > self.since else np.eye(8)[0]
+        self.played = self.probabilities = self.probabilities_then if self.looks > self.since else np.eye(8)[0]
         return self.played
 
 
@@ -103,8 +103,8 @@ def test_the_voice_may_be_followed_only_later_and_for_hours():
     for k in range(10, 1000):
         mood.listen(0.5 * k)
         if k == 30:
-            played = mood.track.at(np.array([5.0, 7.0, 7.25, 7.5, 9.0]))
-            np.testing.assert_allclose(played[:, fear], [0, 0, 0.5, 1, 1])  # half a second after the fifth look, at 7 s
+            shares = mood.track.at(np.array([5.0, 7.0, 7.25, 7.5, 9.0]))
+            np.testing.assert_allclose(shares[:, fear], [0, 0, 0.5, 1, 1])  # half a second after the fifth look, at 7 s
     assert len(mood._course._looks) <= 80
     assert mood.track.at(np.array([490.0, 499.0]))[:, fear].tolist() == [1.0, 1.0]
 
@@ -119,6 +119,6 @@ def test_auto_stays_neutral_on_a_reader_and_reports_what_is_heard():
     assert -1 < session.arousal < 1
     assert session.arousal != 0
     assert sum(session.emotion.values()) == pytest.approx(1)
-    named = RuleBasedModel().session(emotion="fear", parts=("face",))
-    list(named.push(speech))
-    assert (named.expression["fear"], named.arousal) == (pytest.approx(1), None)
+    afraid = RuleBasedModel().session(emotion="fear", parts=("face",))
+    list(afraid.push(speech))
+    assert (afraid.expression["fear"], afraid.arousal) == (pytest.approx(1), None)

@@ -12,7 +12,7 @@ from cospeech import Speech
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import axis_angle_to_quat, euler_to_quat, quat_identity
 from cospeech.rules import EMOTIONS, STYLES, RuleBasedModel
-from tests.support.rules_laws import AT, SKELETON, babble, broken_laws, wrist_distance
+from tests.support.rules_laws import AT, SKELETON, babble, find_broken_laws, wrist_distance
 
 GROUPS, EACH = 20, 6
 INTENSITIES = (0.5, 0.8, 1.0, 1.25, 1.5)
@@ -36,16 +36,16 @@ def combination(number: int) -> tuple[Speech, dict]:
 @pytest.mark.slow
 @pytest.mark.parametrize("group", range(GROUPS))
 def test_laws_of_the_body(group):
-    broken = {}
+    faults_of_numbers = {}
     for number in range(group * EACH, (group + 1) * EACH):
         speech, options = combination(number)
         motion = RuleBasedModel().generate(speech, **options)
-        faults = broken_laws(motion, stand=not STYLES[options["style"]].seated)
+        faults = find_broken_laws(motion, stand=not STYLES[options["style"]].seated)
         if len(motion) != ceil(speech.duration * int(options["fps"])):
             faults.append(f"{len(motion)} frames")
         if faults:
-            broken[f"{number}: {options}"] = faults
-    assert broken == {}
+            faults_of_numbers[f"{number}: {options}"] = faults
+    assert faults_of_numbers == {}
 
 
 @pytest.mark.slow
@@ -57,12 +57,12 @@ def test_the_stream_in_pieces_of_any_size_is_the_whole(number):
     edges = np.unique(np.concatenate([[0, len(speech.samples)], rng.integers(1, len(speech.samples), rng.integers(1, 40))]))
     pieces = [Speech(speech.samples[a:b], speech.rate, start=a / speech.rate) for a, b in pairwise(edges)]
     parts = list(RuleBasedModel().stream(iter(pieces), **options))
-    joined = Motion.concatenate(parts)
+    motion = Motion.concatenate(parts)
     assert len(parts) > 1
-    assert len(joined) == len(whole)
-    assert np.abs(joined.root - whole.root).max() <= 1e-5
-    assert np.abs(joined.face - whole.face).max() <= 1e-5
-    assert np.abs(joined.rotations - whole.rotations).max() <= 1e-5
+    assert len(motion) == len(whole)
+    assert np.abs(motion.root - whole.root).max() <= 1e-5
+    assert np.abs(motion.face - whole.face).max() <= 1e-5
+    assert np.abs(motion.rotations - whole.rotations).max() <= 1e-5
 
 
 @pytest.mark.slow
@@ -82,7 +82,7 @@ def tpose(frames: int = 30) -> Motion:
     return Motion(30.0, quat_identity(frames, len(SKELETON)), np.tile(SKELETON.offsets[0], (frames, 1)), np.zeros((frames, 52)))
 
 
-def bent(turns: dict[str, tuple[tuple[float, float, float], float]], root: tuple[float, float, float] = (0, 0, 0)) -> Motion:
+def bend(turns: dict[str, tuple[tuple[float, float, float], float]], root: tuple[float, float, float] = (0, 0, 0)) -> Motion:
     motion = tpose()
     for name, (axis, angle) in turns.items():
         motion.rotations[:, AT[name]] = axis_angle_to_quat(axis, np.radians(angle))
@@ -91,7 +91,7 @@ def bent(turns: dict[str, tuple[tuple[float, float, float], float]], root: tuple
 
 
 def test_a_standing_body_breaks_no_law():
-    assert broken_laws(tpose(), stand=True) == []
+    assert find_broken_laws(tpose(), stand=True) == []
 
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -119,7 +119,7 @@ WRONG = {
 
 @pytest.mark.parametrize("what", WRONG)
 def test_a_wrong_pose_is_noticed(what):
-    assert any(what in fault for fault in broken_laws(bent(WRONG[what]), stand=True))
+    assert any(what in fault for fault in find_broken_laws(bend(WRONG[what]), stand=True))
 
 
 FACEPALM = (-40, 30, -60, -130)  # degrees: upper arm about Y, Z and X, then the elbow
@@ -169,13 +169,13 @@ def _facepalm(motion: Motion) -> None:
 def test_a_wrong_movement_is_noticed(spoil, fault):
     motion = tpose()
     spoil(motion)
-    assert any(fault in found for found in broken_laws(motion, stand=True))
+    assert any(fault in message for message in find_broken_laws(motion, stand=True))
 
 
 def test_seated_hips_that_move_are_noticed():
     motion = tpose()
     motion.root[:, 0] += np.linspace(0, 0.05, len(motion))
-    assert any("seated" in fault for fault in broken_laws(motion, stand=False))
+    assert any("seated" in fault for fault in find_broken_laws(motion, stand=False))
 
 
 @pytest.mark.slow

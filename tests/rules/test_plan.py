@@ -21,7 +21,7 @@ from cospeech.rules.plan_commands import PlanCommands
 EXAMPLE = Path(cospeech.__file__).parent / "assets" / "example"
 FPS, SECONDS = 30, 12.0
 MUTANTS = 500
-PLAYED = 20  # of the mutants that are plans: each is generated
+PLAYS = 20  # of the mutants that are plans: each is generated
 
 
 @cache
@@ -39,8 +39,8 @@ def usual() -> Motion:
     return RuleBasedModel().generate(speech())
 
 
-def play(edited: Plan) -> Motion:
-    return RuleBasedModel().generate(speech(), plan=edited)
+def play(new_plan: Plan) -> Motion:
+    return RuleBasedModel().generate(speech(), plan=new_plan)
 
 
 def same(a: Motion, b: Motion) -> bool:
@@ -53,9 +53,9 @@ def wrists(motion: Motion) -> np.ndarray:
     return motion.positions()[:, [at["leftHand"], at["rightHand"]]]
 
 
-def moved(edited: Motion) -> np.ndarray:
+def measure_change(motion: Motion) -> np.ndarray:
     """(T,) metres between the wrists of an edited motion and of the usual one."""
-    return np.linalg.norm(wrists(edited) - wrists(usual()), axis=-1).max(1)
+    return np.linalg.norm(wrists(motion) - wrists(usual()), axis=-1).max(1)
 
 
 def at(time: float) -> int:
@@ -63,7 +63,7 @@ def at(time: float) -> int:
 
 
 def a_gesture() -> str:
-    """Id of one in the middle of the speech that makes way on the picture, too."""
+    """Id of a gesture in the middle of the speech that is no superimposed beat."""
     return next(each.id for each in plan().gestures if each.stroke > 5 and each.form != "superimposed-beat")
 
 
@@ -71,9 +71,9 @@ def a_gesture() -> str:
 @pytest.mark.parametrize("options", [{}, {"style": "lively", "seed": 3}, {"emotion": "anger", "style": "seated"}])
 def test_a_plan_that_is_written_and_read_back_gives_the_same_bytes(tmp_path, options):
     model = RuleBasedModel()
-    made = model.plan(speech(), **options)
-    made.save(tmp_path / "plan.json")
-    assert Plan.load(tmp_path / "plan.json") == made
+    complete = model.plan(speech(), **options)
+    complete.save(tmp_path / "plan.json")
+    assert Plan.load(tmp_path / "plan.json") == complete
     assert same(model.generate(speech(), plan=tmp_path / "plan.json"), model.generate(speech(), **options))
 
 
@@ -89,14 +89,16 @@ def test_a_plan_that_is_written_names_its_style_and_one_that_names_none_plays():
 def test_a_plan_of_another_speech_is_told_and_what_is_written_can_be_played(tmp_path):
     part, late = speech().window(0, 7.1), [each.id for each in plan().gestures if each.stroke > 8.1]
     assert late
-    with pytest.warns(CospeechWarning, match="the plan is of a speech of 12 s, and this one has 7.1 s; gestures after") as told:
-        made = RuleBasedModel().plan(part, plan=plan())
-    assert str(told[0].message).endswith(f"the end of the speech are left out: {', '.join(late)}")
-    made.save(tmp_path / "plan.json")
-    assert Plan.load(tmp_path / "plan.json") == made
+    with pytest.warns(
+        CospeechWarning, match="the plan is of a speech of 12 s, and this one has 7.1 s; gestures after"
+    ) as record:
+        complete = RuleBasedModel().plan(part, plan=plan())
+    assert str(record[0].message).endswith(f"the end of the speech are left out: {', '.join(late)}")
+    complete.save(tmp_path / "plan.json")
+    assert Plan.load(tmp_path / "plan.json") == complete
     with warnings.catch_warnings():
         warnings.simplefilter("error", CospeechWarning)
-        RuleBasedModel().plan(part, plan=made)
+        RuleBasedModel().plan(part, plan=complete)
     with pytest.warns(CospeechWarning, match="^gestures after the end of the speech are left out: a1$"):
         RuleBasedModel().plan(part, plan=Plan().add("huge", at=9.0))
 
@@ -132,21 +134,21 @@ def test_without_a_plan_there_is_none():
 
 
 def test_a_removed_gesture_is_gone_and_the_rest_stays():
-    gone = plan().find(a_gesture())
-    changed = moved(play(plan().remove(gone.id)))
-    near = np.abs(np.arange(len(changed)) / FPS - gone.stroke) < 2.5
-    assert changed[at(gone.stroke) : at(gone.end)].max() > 0.1
-    assert changed[~near].max() < 0.01
+    gesture = plan().find(a_gesture())
+    change = measure_change(play(plan().remove(gesture.id)))
+    near = np.abs(np.arange(len(change)) / FPS - gesture.stroke) < 2.5
+    assert change[at(gesture.stroke) : at(gesture.end)].max() > 0.1
+    assert change[~near].max() < 0.01
 
 
 def test_the_gestures_of_a_stretch_are_removed_and_the_rest_stays():
-    left = plan().remove_between(4, 10)
-    gone = [each for each in plan().gestures if each not in left.gestures]
-    assert {each.id for each in plan().gestures if 4 <= each.stroke < 10} <= {each.id for each in gone}
-    assert all(each.form == "superimposed-beat" for each in gone if not 4 <= each.stroke < 10)  # on one that is gone
-    assert still_after_gestures(play(left), 4, 10)
-    assert moved(play(left))[: at(3.0)].max() == 0
-    assert PlanCommands(remove=["4:10"]).apply(plan()) == left == PlanCommands(remove=["4:10"]).apply(left)
+    new_plan = plan().remove_between(4, 10)
+    removals = [each for each in plan().gestures if each not in new_plan.gestures]
+    assert {each.id for each in plan().gestures if 4 <= each.stroke < 10} <= {each.id for each in removals}
+    assert all(each.form == "superimposed-beat" for each in removals if not 4 <= each.stroke < 10)  # on one that is gone
+    assert still_after_gestures(play(new_plan), 4, 10)
+    assert measure_change(play(new_plan))[: at(3.0)].max() == 0
+    assert PlanCommands(remove=["4:10"]).apply(plan()) == new_plan == PlanCommands(remove=["4:10"]).apply(new_plan)
 
 
 def test_locked_gestures_of_a_stretch_are_not_removed_with_the_others():
@@ -161,27 +163,27 @@ def test_locked_gestures_of_a_stretch_are_not_removed_with_the_others():
 
 def test_a_moved_gesture_strokes_at_the_new_time():
     old = plan().find(a_gesture())
-    edited = plan().move(old.id, old.stroke + 0.4)
-    new = edited.find(old.id)
+    new_plan = plan().move(old.id, old.stroke + 0.4)
+    new = new_plan.find(old.id)
     assert (new.stroke - old.stroke, new.end - old.end) == pytest.approx((0.4, 0.4))
-    changed = moved(play(edited))
-    assert changed[at(old.stroke) - 10 : at(old.stroke) + 10].max() > 0.05
-    assert changed[np.arange(len(changed)) / FPS < old.start - 0.1].max() == 0
+    change = measure_change(play(new_plan))
+    assert change[at(old.stroke) - 10 : at(old.stroke) + 10].max() > 0.05
+    assert change[np.arange(len(change)) / FPS < old.start - 0.1].max() == 0
 
 
 def test_an_added_gesture_is_seen_at_its_time():
-    edited = plan().add("big", at=9.0, hands="both")
-    pair = wrists(play(edited))
+    new_plan = plan().add("big", at=9.0, hands="both")
+    pair = wrists(play(new_plan))
     width = np.abs(pair[:, 0, 0] - pair[:, 1, 0])
     assert width[at(9.0) : at(9.5)].max() > width[at(8.7)] + 0.5
-    assert moved(play(edited))[: at(7.9)].max() < 1e-9
+    assert measure_change(play(new_plan))[: at(7.9)].max() < 1e-9
 
 
 def test_a_gesture_is_added_at_a_word():
     word = next(each for each in plan().words if each.text == "Yesterday")
-    added = plan().add("point_left", word="yesterday").find("a1")
-    assert word.start < added.stroke < word.end
-    assert (added.form, added.hands, added.word) == ("point", "left", "Yesterday")
+    gesture = plan().add("point_left", word="yesterday").find("a1")
+    assert word.start < gesture.stroke < word.end
+    assert (gesture.form, gesture.hands, gesture.word) == ("point", "left", "Yesterday")
 
 
 def test_an_added_gesture_takes_the_place_of_its_neighbours():
@@ -195,10 +197,10 @@ def test_an_added_gesture_takes_the_place_of_its_neighbours():
 def test_a_changed_gesture_is_another_there_alone(fields):
     old = plan().find(a_gesture())
     fields = {"hands": "right"} if fields == {"hands": old.hands} else fields
-    changed = moved(play(plan().change(old.id, **fields)))
-    time = np.arange(len(changed)) / FPS
-    assert changed[np.abs(time - old.stroke) < 3].max() > 0.01
-    assert changed[(time < old.start - 0.2) | (time > old.stroke + 5)].max() < 0.05
+    change = measure_change(play(plan().change(old.id, **fields)))
+    time = np.arange(len(change)) / FPS
+    assert change[np.abs(time - old.stroke) < 3].max() > 0.01
+    assert change[(time < old.start - 0.2) | (time > old.stroke + 5)].max() < 0.05
 
 
 @pytest.mark.slow
@@ -210,30 +212,30 @@ def test_a_place_is_where_the_hand_comes():
 
 
 def test_another_seed_for_a_stretch_has_smooth_borders_and_leaves_the_rest():
-    edited = play(plan().reseed(5, 7.5, seed=9))
-    changed, time = moved(edited), np.arange(len(usual())) / FPS
-    assert changed[(time > 5) & (time < 8)].max() > 0.1
-    assert changed[time < 3.9].max() < 1e-6
-    assert changed[time > 11].max() < 0.05
-    speed = [np.linalg.norm(np.diff(wrists(motion), axis=0), axis=-1).max() * FPS for motion in (edited, usual())]
+    take = play(plan().reseed(5, 7.5, seed=9))
+    change, time = measure_change(take), np.arange(len(usual())) / FPS
+    assert change[(time > 5) & (time < 8)].max() > 0.1
+    assert change[time < 3.9].max() < 1e-6
+    assert change[time > 11].max() < 0.05
+    speed = [np.linalg.norm(np.diff(wrists(motion), axis=0), axis=-1).max() * FPS for motion in (take, usual())]
     assert speed[0] < 1.5 * speed[1]
 
 
 def test_a_stretch_without_its_seed_is_planned_with_that_of_the_plan():
-    edited = plan().reseed(5, 7.5, seed=9).clear(0, 12, ["seed"])
-    assert [(each.start, each.end, each.seed, each.open) for each in edited.stretches] == [(5, 7.5, None, True)]
-    motion, sown = play(edited), play(plan().reseed(5, 7.5, seed=9))
+    new_plan = plan().reseed(5, 7.5, seed=9).clear(0, 12, ["seed"])
+    assert [(each.start, each.end, each.seed, each.open) for each in new_plan.stretches] == [(5, 7.5, None, True)]
+    motion, sown = play(new_plan), play(plan().reseed(5, 7.5, seed=9))
     time, wrist = np.arange(len(motion)) / FPS, np.abs(wrists(motion) - wrists(sown)).max((1, 2))
     assert wrist[(time > 5) & (time < 8)].max() > 0.05, "its gestures are not those of the old seed"
-    assert moved(motion)[time < 3.9].max() < 1e-6
+    assert measure_change(motion)[time < 3.9].max() < 1e-6
 
 
 @pytest.mark.parametrize("values", [{"style": "lively"}, {"intensity": 0.2}, {"emotion": "anger"}])
 def test_a_stretch_has_its_own_style_intensity_and_emotion(values):
-    edited = play(plan().set(4, 8, **values))
+    motion = play(plan().set(4, 8, **values))
     time = np.arange(len(usual())) / FPS
-    face = np.abs(edited.face - usual().face).max(1)
-    change = np.maximum(moved(edited), face)
+    face = np.abs(motion.face - usual().face).max(1)
+    change = np.maximum(measure_change(motion), face)
     assert change[(time > 4) & (time < 8.5)].max() > 0.02
     assert change[time < 3.5].max() < 1e-6
 
@@ -245,14 +247,14 @@ def still_after_gestures(motion: Motion, start: float, end: float) -> bool:
     return bool(speed[(times[1:] > start + 2) & (times[1:] < end - 1)].max() < 0.25)
 
 
-@pytest.mark.parametrize("listed", [False, True])
-def test_a_stretch_without_intensity_has_no_gestures(listed):
+@pytest.mark.parametrize("is_listed", [False, True])
+def test_a_stretch_without_intensity_has_no_gestures(is_listed):
     assert not still_after_gestures(usual(), 4, 10)
-    model, edited = RuleBasedModel(), (plan() if listed else Plan()).set(4, 10, intensity=0)
-    assert still_after_gestures(play(edited), 4, 10)
-    there = [each for each in model.plan(speech(), plan=edited).gestures if 4 <= each.stroke < 10]
-    assert bool(there) == listed  # what was listed comes back with `clear`
-    after = [each.stroke for each in model.plan(speech(), plan=edited).gestures if each.stroke > 10]
+    model, new_plan = RuleBasedModel(), (plan() if is_listed else Plan()).set(4, 10, intensity=0)
+    assert still_after_gestures(play(new_plan), 4, 10)
+    there = [each for each in model.plan(speech(), plan=new_plan).gestures if 4 <= each.stroke < 10]
+    assert bool(there) == is_listed  # what was listed comes back with `clear`
+    after = [each.stroke for each in model.plan(speech(), plan=new_plan).gestures if each.stroke > 10]
     assert after == [each.stroke for each in plan().gestures if each.stroke > 10]
 
 
@@ -276,25 +278,25 @@ def test_what_is_heard_in_the_voice_is_played_after_a_stretch_as_without_it(monk
 
 
 def test_a_stretch_has_the_values_of_the_plan_again():
-    edited = plan().set(2, 6, emotion="anger", style="lively").set(4, 8, intensity=0.5)
-    cleared = edited.clear(3, 5, ["emotion"])
-    assert [(each.start, each.end, each.style, each.emotion, each.intensity) for each in cleared.stretches] == [
+    new_plan = plan().set(2, 6, emotion="anger", style="lively").set(4, 8, intensity=0.5)
+    cleared_plan = new_plan.clear(3, 5, ["emotion"])
+    assert [(each.start, each.end, each.style, each.emotion, each.intensity) for each in cleared_plan.stretches] == [
         (2, 3, "lively", "anger", None), (3, 4, "lively", None, None), (4, 5, "lively", None, 0.5),
         (5, 6, "lively", "anger", 0.5), (6, 8, None, None, 0.5),
     ]  # fmt: skip
-    assert edited.clear(0, 9) == plan()
-    assert edited.lock(2, 4).clear(0, 9, ["emotion"]).stretches[0].emotion == "anger"
+    assert new_plan.clear(0, 9) == plan()
+    assert new_plan.lock(2, 4).clear(0, 9, ["emotion"]).stretches[0].emotion == "anger"
     anew = plan().reseed(2, 4, seed=9)
     assert anew.clear(0, 9) == anew, "a seed is no value: the stretch stays open"
-    cleared = anew.lock(3, 4).clear(0, 9, ["seed"]).stretches
-    assert [(each.start, each.end, each.seed, each.open) for each in cleared] == [(2, 3, None, True), (3, 4, 9, True)]
-    assert edited.clear(0, 9, ["seed"]) == edited
+    stretches = anew.lock(3, 4).clear(0, 9, ["seed"]).stretches
+    assert [(each.start, each.end, each.seed, each.open) for each in stretches] == [(2, 3, None, True), (3, 4, 9, True)]
+    assert new_plan.clear(0, 9, ["seed"]) == new_plan
     with pytest.raises(InputError, match="no value 'moods' to clear"):
-        edited.clear(0, 9, ["moods"])
+        new_plan.clear(0, 9, ["moods"])
     with pytest.raises(InputError, match="not after"):
-        edited.clear(5, 5)
+        new_plan.clear(5, 5)
     with pytest.raises(InputError, match="locked"):
-        edited.lock(2, 4).clear(2.5, 3)
+        new_plan.lock(2, 4).clear(2.5, 3)
 
 
 def test_a_plan_that_is_made_by_hand_says_what_is_wrong():
@@ -324,9 +326,9 @@ def test_a_gesture_that_reaches_into_a_lock_is_locked():
     first = plan().find(a_gesture())
     for low, high in ((first.begins - 0.2, first.begins + 0.05), (first.end - 0.05, first.end + 0.1)):
         locked = plan().lock(max(low, 0), high)
-        said = rf"gesture '{first.id}', .* reaches into a locked stretch, .* \(the lock is the entry locked\[0\] of the plan"
+        message = rf"gesture '{first.id}', .* reaches into a locked stretch, .* \(the lock is the entry locked\[0\] of the plan"
         for edit in (lambda p: p.remove(first.id), lambda p: p.move(first.id, 11.0), lambda p: p.change(first.id, size=1.5)):
-            with pytest.raises(InputError, match=said):
+            with pytest.raises(InputError, match=message):
                 edit(locked)
         assert first in locked.reseed(0, 12).gestures
 
@@ -360,28 +362,28 @@ def test_an_added_gesture_keeps_out_of_a_lock():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("listed", [True, False])
-def test_what_is_planned_anew_keeps_out_of_a_lock(listed):
+@pytest.mark.parametrize("is_listed", [True, False])
+def test_what_is_planned_anew_keeps_out_of_a_lock(is_listed):
     low, high = 4.0, 8.0
-    edited = (plan() if listed else Plan()).lock(low, high).reseed(0, 12)
-    made = RuleBasedModel().plan(speech(), plan=edited)
+    new_plan = (plan() if is_listed else Plan()).lock(low, high).reseed(0, 12)
+    complete = RuleBasedModel().plan(speech(), plan=new_plan)
 
-    def inside(known: Plan) -> list[str]:
-        return [each.id for each in known.gestures if each.begins < high and each.over > low]
+    def inside(candidate: Plan) -> list[str]:
+        return [each.id for each in candidate.gestures if each.begins < high and each.over > low]
 
-    assert inside(made) == inside(plan())
-    assert any("-" in each.id for each in made.gestures)
-    assert same(play(made), play(edited))
+    assert inside(complete) == inside(plan())
+    assert any("-" in each.id for each in complete.gestures)
+    assert same(play(complete), play(new_plan))
     border = slice(at(high - 1), at(high))
-    assert moved(play(edited))[border].max() < 0.02
+    assert measure_change(play(new_plan))[border].max() < 0.02
 
 
 @pytest.mark.slow
 def test_what_is_played_becomes_a_plan_that_plays_the_same():
-    for edited in (Plan().add("big", at=4.0), plan().reseed(5, 8), plan().remove(a_gesture()).add("stop_right", at=9.0)):
-        listed = RuleBasedModel().plan(speech(), plan=edited)
-        assert not listed.open
-        assert same(play(listed), play(edited))
+    for new_plan in (Plan().add("big", at=4.0), plan().reseed(5, 8), plan().remove(a_gesture()).add("stop_right", at=9.0)):
+        complete = RuleBasedModel().plan(speech(), plan=new_plan)
+        assert not complete.open
+        assert same(play(complete), play(new_plan))
 
 
 def test_a_gesture_without_room_is_told_of():
@@ -400,10 +402,10 @@ def test_commands_are_edits():
         lock=["0:0.4"], remove=[a_gesture()], move=["@1.8@2.0"], stretch=["8:9:style=calm:0.5,lively:0.5,intensity=1.2"],
         reseed=["9:10:4"], gesture=["huge@6", "point_left@word:tiny"],
     )  # fmt: skip
-    edited = edits.apply(plan())
-    assert a_gesture() not in {each.id for each in edited.gestures}
-    assert [(each.style, each.seed) for each in edited.stretches] == [("calm:0.5,lively:0.5", None), (None, 4)]
-    assert {each.form for each in edited.gestures if each.id.startswith("a")} == {"big", "point"}
+    new_plan = edits.apply(plan())
+    assert a_gesture() not in {each.id for each in new_plan.gestures}
+    assert [(each.style, each.seed) for each in new_plan.stretches] == [("calm:0.5,lively:0.5", None), (None, 4)]
+    assert {each.form for each in new_plan.gestures if each.id.startswith("a")} == {"big", "point"}
 
 
 @pytest.mark.parametrize(
@@ -421,7 +423,7 @@ def test_commands_that_cannot_be_understood_are_told(commands):
 
 
 @pytest.mark.parametrize(
-    ("commands", "said"),
+    ("commands", "message"),
     [
         ({"gesture": ["huge@30"]}, r"--gesture huge@30: 30 is after the end of the speech \(12 s\)"),
         ({"remove": ["@30"]}, r"--remove @30: 30 is after the end of the speech \(12 s\)"),
@@ -439,8 +441,8 @@ def test_commands_that_cannot_be_understood_are_told(commands):
         ({"gesture": ["huge@word:i:9"]}, r"there is no word 'i:9': 'i' is said 3 times \(i:1 … i:3\)"),
     ],
 )
-def test_a_command_that_cannot_be_done_names_its_option(commands, said):
-    with pytest.raises(InputError, match=said):
+def test_a_command_that_cannot_be_done_names_its_option(commands, message):
+    with pytest.raises(InputError, match=message):
         PlanCommands(**commands).apply(plan())
 
 
@@ -455,30 +457,30 @@ def test_a_command_that_cannot_be_done_names_its_option(commands, said):
 def test_times_of_edits_may_have_minutes(minutes, seconds):
     long = Plan(seconds=80.0, open=False).add("beat", at=2.0).add("big", at=62.2).add("beat", at=72.0)
     first = long.gestures[0].id
-    told = [
+    commands = [
         PlanCommands(**{name: [text.replace("g1", first) for text in texts] for name, texts in edits.items()})
         for edits in (minutes, seconds)
     ]
-    assert told[0].apply(long) == told[1].apply(long) != long
+    assert commands[0].apply(long) == commands[1].apply(long) != long
 
 
 def test_an_unknown_gesture_of_a_long_plan_is_told_in_a_line_that_can_be_read():
     many = Plan().model_copy(
         update={"gestures": tuple(plan().gestures[0].model_copy(update={"id": f"g{k}"}) for k in range(3000))}
     )
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as error:
         many.find("g2999x")
-    assert told.value.hint == "did you mean 'g2999'? known: g0 … g2999; @37:10 is the one nearest to this time"
+    assert error.value.hint == "did you mean 'g2999'? known: g0 … g2999; @37:10 is the one nearest to this time"
 
 
 def test_words_that_have_a_form_are_suggested_and_listed():
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as error:
         Plan().add("hug", at=2.4)
-    assert told.value.hint.startswith("did you mean 'huge'? known: beat, ")
-    known, words = told.value.hint.removeprefix("did you mean 'huge'? known: ").split("; words that have a form: ")
-    for name in [*known.split(", "), *words.split(" ")]:  # the list is whole, and each of it can be added
+    assert error.value.hint.startswith("did you mean 'huge'? known: beat, ")
+    forms, words = error.value.hint.removeprefix("did you mean 'huge'? known: ").split("; words that have a form: ")
+    for name in [*forms.split(", "), *words.split(" ")]:  # the list is whole, and each of it can be added
         assert Plan().add(name, at=2.4).gestures
-    assert "superimposed-beat" in known
+    assert "superimposed-beat" in forms
     assert {"huge", "hello", "grow"} <= {*words.split(" ")}
 
 
@@ -488,7 +490,7 @@ def test_the_length_of_the_sound_counts_before_that_of_the_plan():
 
 
 @pytest.mark.parametrize(
-    ("commands", "said"),
+    ("commands", "message"),
     [
         (
             {"gesture": ["huge@6", "huge@6.3"]},
@@ -497,10 +499,10 @@ def test_the_length_of_the_sound_counts_before_that_of_the_plan():
         ({"move": ["g1@6"], "reseed": ["5:7"]}, "--move g1@6 is left out: --reseed 5:7 plans this stretch anew"),
     ],
 )
-def test_a_command_that_a_later_one_undoes_is_told(commands, said):
-    with pytest.warns(CospeechWarning) as told:
+def test_a_command_that_a_later_one_undoes_is_told(commands, message):
+    with pytest.warns(CospeechWarning) as record:
         PlanCommands(**commands).apply(Plan(seconds=SECONDS).add("stop", at=2.0).change("a1", id="g1"))
-    assert [str(each.message) for each in told] == [said]
+    assert [str(each.message) for each in record] == [message]
 
 
 @pytest.mark.parametrize("option", [{"seed": 4}, {"style": "lively"}, {"intensity": 0.5}, {"takes": 2}])
@@ -577,7 +579,7 @@ def mutate(data: object, draw: random.Random) -> None:
 
 @pytest.mark.slow
 def test_a_mutated_plan_is_an_error_that_names_the_entry_or_a_result(tmp_path):
-    draw, path, played, refused = random.Random(0), tmp_path / "plan.json", 0, list[str]()
+    draw, path, plays, messages = random.Random(0), tmp_path / "plan.json", 0, list[str]()
     part = speech().window(0, 4)
     keys = set(json.loads(plan().to_json())) | {"gestures", "gaze", "stretches", "locked", "no style"}
     for _ in range(MUTANTS):
@@ -586,16 +588,16 @@ def test_a_mutated_plan_is_an_error_that_names_the_entry_or_a_result(tmp_path):
             mutate(data, draw)
         path.write_text(json.dumps(data))
         try:
-            found = Plan.load(path)
-            played += 1
-            if played <= PLAYED:
+            mutant = Plan.load(path)
+            plays += 1
+            if plays <= PLAYS:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore", CospeechWarning)
-                    RuleBasedModel().generate(part, plan=found)
+                    RuleBasedModel().generate(part, plan=mutant)
         except InputError as error:
-            refused.append(str(error))
-    assert [text for text in refused if not any(key in text for key in keys)] == []
-    assert min(played, len(refused)) > MUTANTS // 20
+            messages.append(str(error))
+    assert [text for text in messages if not any(key in text for key in keys)] == []
+    assert min(plays, len(messages)) > MUTANTS // 20
 
 
 @pytest.mark.parametrize("number", ["inf", "nan", "second"])

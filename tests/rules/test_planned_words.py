@@ -26,7 +26,7 @@ SRT = "1\n00:00:00,200 --> 00:00:02,600\nYesterday I saw a tiny dog there\n\n2\n
 
 @cache
 def speech() -> Speech:
-    """From the middle of a word on, so that one begins before 0."""
+    """A speech that begins in the middle of a word, so that this word begins before 0."""
     return Speech.load(EXAMPLE / "example.ogg", transcript=EXAMPLE / "example.TextGrid").window(0.9, 7)
 
 
@@ -76,8 +76,8 @@ def test_a_stream_without_words_has_those_of_the_plan_too(seconds):
 def test_words_that_are_given_win_and_a_note_says_so():
     other = replace(speech(), words=tuple(replace(word, text="mum") for word in speech().words))
     with pytest.warns(CospeechWarning, match="^the words of the speech are not those of the plan, and are played"):
-        made = RuleBasedModel().generate(other, plan=plan())
-    assert not same(made, usual())
+        motion = RuleBasedModel().generate(other, plan=plan())
+    assert not same(motion, usual())
     with pytest.warns(CospeechWarning):
         assert {word.text for word in RuleBasedModel().plan(other, plan=plan()).words} == {"mum"}
     silent = replace(speech(), words=())  # a transcript that says: nothing
@@ -86,10 +86,10 @@ def test_words_that_are_given_win_and_a_note_says_so():
 
 
 def test_words_whose_times_were_rounded_are_the_same_words():
-    rounded = plan().with_words(Word(w.text, round(w.start, 4), round(w.end, 4)) for w in plan().speech_words)
+    new_plan = plan().with_words(Word(w.text, round(w.start, 4), round(w.end, 4)) for w in plan().speech_words)
     with warnings.catch_warnings():
         warnings.simplefilter("error", CospeechWarning)
-        assert same(RuleBasedModel().generate(speech(), plan=rounded), usual())
+        assert same(RuleBasedModel().generate(speech(), plan=new_plan), usual())
 
 
 def test_a_word_of_a_plan_does_not_end_before_it_starts(tmp_path):
@@ -113,8 +113,8 @@ def test_a_plan_file_alone_gives_the_same_files(talk):
 @pytest.mark.parametrize(("given", "language", "source"), [("", "de", "found"), ("en", "en", "given"), ("nl", "nl", "given")])
 def test_the_language_of_words_is_found_or_given_and_the_plan_keeps_it(talk, given, language, source):
     Path("talk.txt").write_text("Das will sie am Mittwoch nicht wieder abgeben", "utf-8")
-    made = generate_files("talk.wav", "a.csv", parts=["face"], transcript="talk.txt", plan_out="plan.json", language=given)
-    assert (made.language, made.language_source) == (language, source)
+    result = generate_files("talk.wav", "a.csv", parts=["face"], transcript="talk.txt", plan_out="plan.json", language=given)
+    assert (result.language, result.language_source) == (language, source)
     words = Plan.load("plan.json").speech_words
     assert {word.language for word in words} == {"" if language == "en" else language}
     again = generate_files("talk.wav", "b.csv", parts=["face"], plan="plan.json")
@@ -126,8 +126,8 @@ def test_the_language_of_words_is_found_or_given_and_the_plan_keeps_it(talk, giv
 def test_a_transcript_of_chinese_signs_changes_no_lips_and_a_note_says_so(talk):
     Path("talk.txt").write_text("晚上好我的爸爸妈妈", "utf-8")
     with pytest.warns(CospeechWarning, match="the spelling of Chinese does not tell"):
-        made = generate_files("talk.wav", "a.csv", parts=["face"], transcript="talk.txt")
-    assert made.language == "zh"
+        result = generate_files("talk.wav", "a.csv", parts=["face"], transcript="talk.txt")
+    assert result.language == "zh"
     generate_files("talk.wav", "b.csv", parts=["face"])
     assert Path("a.csv").read_bytes() == Path("b.csv").read_bytes()
 
@@ -148,8 +148,8 @@ def test_trained_models_play_the_words_of_a_plan_too():
     model = cospeech.load("mix-stage")
     of_stretch = Plan().set(2, 3, intensity=0.5)
     session = model.session(plan=of_stretch)
-    made = Motion.concatenate([*session.push(speech()), *session.finish()])
+    motion = Motion.concatenate([*session.push(speech()), *session.finish()])
     assert session.plan.words == plan().words
-    assert same(model.generate(without_words(), plan=session.plan), made)
-    assert not np.array_equal(model.generate(without_words(), plan=of_stretch).face, made.face)
-    assert same(Motion.concatenate(model.stream(without_words().chunks(0.3), plan=session.plan)), made)
+    assert same(model.generate(without_words(), plan=session.plan), motion)
+    assert not np.array_equal(model.generate(without_words(), plan=of_stretch).face, motion.face)
+    assert same(Motion.concatenate(model.stream(without_words().chunks(0.3), plan=session.plan)), motion)

@@ -32,7 +32,7 @@ def test_every_recording_gives_motion_of_its_exact_length(shared):
 
 
 def test_a_seed_gives_the_same_bytes_and_another_seed_other_motion(shared):
-    """Of every fourth recording: each takes three performances."""
+    """The test takes every fourth recording, because each needs three performances."""
     hands = [humanoid().index["leftHand"], humanoid().index["rightHand"]]
     for path in recordings(shared)[::4]:
         speech = Speech.load(path)

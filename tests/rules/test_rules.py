@@ -156,8 +156,8 @@ class TestVolume:
     def test_the_head_keeps_hands_off_all_around(self):
         directions = np.random.default_rng(2).normal(size=(100, 3))
         points = 0.05 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
-        moved = points + push_from_head(points, np.zeros(3), 0.02)
-        assert (np.linalg.norm(moved, axis=1) > 0.075).all()
+        outside = points + push_from_head(points, np.zeros(3), 0.02)
+        assert (np.linalg.norm(outside, axis=1) > 0.075).all()
 
 
 class TestTables:
@@ -179,9 +179,9 @@ class TestTables:
     def test_a_word_calls_for_a_gesture_in_its_own_language_alone(self):
         own = {"de": "riesig! Nichts. ich hallo", "fr": "énorme rien J’ai Bonjour,", "es": "enorme nada yo ¡Hola!"}
         for language, words in own.items():
-            found = [form_for(word, language) for word in words.split()]
-            assert [form for form, _ in found] == ["big", "nothing", "me", "wave"]
-            assert found[2][1] < 1
+            forms = [form_for(word, language) for word in words.split()]
+            assert [form for form, _ in forms] == ["big", "nothing", "me", "wave"]
+            assert forms[2][1] < 1
         other = {
             "de": "will Not her so huge I me",
             "fr": "me or long on no main",
@@ -211,19 +211,19 @@ class TestTables:
 
     def test_styles_mix_between_their_parents(self):
         for weight in (0.25, 0.5, 0.75):
-            mixed = mix_styles({"calm": 1 - weight, "lively": weight})
+            mixture = mix_styles({"calm": 1 - weight, "lively": weight})
             for field in ("rate", "amplitude", "tempo", "height"):
                 low, high = sorted((getattr(STYLES["calm"], field), getattr(STYLES["lively"], field)))
-                assert low < getattr(mixed, field) < high
+                assert low < getattr(mixture, field) < high
 
 
 class TestListening:
     def test_accents_are_heard_where_they_are(self):
         at = rhythm()
         _, accents, _ = listen(pulses(17, at))
-        heard = np.array([a.time for a in accents])
-        assert np.abs(heard[:, None] - np.array(at)).min(0).max() < 0.03
-        assert len(heard) <= len(at) + 1
+        times = np.array([a.time for a in accents])
+        assert np.abs(times[:, None] - np.array(at)).min(0).max() < 0.03
+        assert len(times) <= len(at) + 1
 
     def test_silence_and_steady_noise_have_none(self):
         rng = np.random.default_rng(0)
@@ -272,12 +272,12 @@ class TestPerformance:
         session = RuleBasedModel().session(emotion="neutral", seed=1)
         list(session.push(speech))
         list(session.finish())
-        acted = {g.word: g for g in session.gestures if g.word}
-        assert {"huge", "tiny"} <= set(acted)
-        assert acted["huge"].form == "big"
-        assert acted["huge"].score >= 0.8
-        assert acted["huge"].hands == "both"
-        assert not {"table", "stone"} & set(acted)
+        by_word = {g.word: g for g in session.gestures if g.word}
+        assert {"huge", "tiny"} <= set(by_word)
+        assert by_word["huge"].form == "big"
+        assert by_word["huge"].score >= 0.8
+        assert by_word["huge"].hands == "both"
+        assert not {"table", "stone"} & set(by_word)
 
     @pytest.mark.slow
     def test_hands_rest_in_long_pauses(self):
@@ -386,7 +386,7 @@ class TestPerformance:
 
     @pytest.mark.slow
     @pytest.mark.parametrize(
-        ("options", "said"),
+        ("options", "message"),
         [
             ({"style": "livly"}, "lively"),
             ({"style": "calm:x"}, "weight"),
@@ -411,8 +411,8 @@ class TestPerformance:
             ({"style": "calm:1e308,lively:1e308"}, "weights"),
         ],
     )
-    def test_bad_options_are_named(self, options, said):
-        with pytest.raises(InputError, match=said):
+    def test_bad_options_are_named(self, options, message):
+        with pytest.raises(InputError, match=message):
             RuleBasedModel().generate(babble_speech(), **options)
 
     def test_what_is_not_speech_is_told(self):

@@ -27,7 +27,7 @@ SECONDS = 60
 TIMES = np.arange(0, SECONDS, 1 / 30)
 
 
-def stood(seed: int = 0, **amounts: float) -> np.ndarray:
+def sample_stance(seed: int = 0, **amounts: float) -> np.ndarray:
     """(T, channels) of a minute of a stance."""
     random = Random(seed)
     seated = bool(amounts.get("seated", False))
@@ -42,12 +42,12 @@ def turns(seed: int, minutes: int) -> np.ndarray:
     """(minutes, 60) degrees that both feet are turned away from the listener, once a second."""
     random = Random(seed)
     track = MinimumJerkTrack(first_body(random, seated=False))
-    stance, found = Stance(track, random, StanceAmounts()), []
+    stance, degrees = Stance(track, random, StanceAmounts()), []
     for tick in range(600 * minutes):
         stance.decide(tick * 0.1)
         if tick % 10 == 0:
-            found.append((track.target[Body.LEFT_FOOT][2] + track.target[Body.RIGHT_FOOT][2]) / 2)
-    return np.reshape(found, (minutes, 60))
+            degrees.append((track.target[Body.LEFT_FOOT][2] + track.target[Body.RIGHT_FOOT][2]) / 2)
+    return np.reshape(degrees, (minutes, 60))
 
 
 def upper_body(seconds: float = 20.0) -> Motion:
@@ -79,13 +79,13 @@ def shares_of_motion(motion: Motion) -> np.ndarray:
 class TestStance:
     def test_nobody_stands_turned_away_for_minutes(self):
         """They turn, and turn back: without a way back, turns are beyond 12° for two fifths of the time."""
-        found = np.concatenate([turns(seed, 12) for seed in range(3)])
-        assert 5 < found.std() < 10
-        assert (abs(found) > 12).mean() < 0.25
-        assert abs(found.mean(1)).mean() < 6.5
+        degrees = np.concatenate([turns(seed, 12) for seed in range(3)])
+        assert 5 < degrees.std() < 10
+        assert (abs(degrees) > 12).mean() < 0.25
+        assert abs(degrees.mean(1)).mean() < 6.5
 
     def test_the_weight_goes_from_leg_to_leg(self):
-        b = stood(steps=0.0)
+        b = sample_stance(steps=0.0)
         assert b[:, Body.HIPS_X].max() > 0.5 * STANCE
         assert b[:, Body.HIPS_X].min() < -0.5 * STANCE
         assert np.ptp(b[:, Body.LEFT_FOOT], axis=0).max() == 0  # no step, no foot that turns
@@ -103,13 +103,13 @@ class TestStance:
 
     def test_hips_stay_between_the_feet(self):
         b = np.tile(first_body(Random(0), seated=False), (41, 1))
-        wanted = np.stack([np.linspace(-0.5, 0.5, 41), np.full(41, 0.03)], 1)
-        kept = balance(wanted, b)
-        share = shares_of_feet(b[:, Body.LEFT_FOOT][:, :2], b[:, Body.RIGHT_FOOT][:, :2], kept)
+        goal = np.stack([np.linspace(-0.5, 0.5, 41), np.full(41, 0.03)], 1)
+        hips = balance(goal, b)
+        share = shares_of_feet(b[:, Body.LEFT_FOOT][:, :2], b[:, Body.RIGHT_FOOT][:, :2], hips)
         assert np.abs(share).max() < 0.66
         assert np.diff(share).min() > -1e-12  # who wants further never comes back
-        near = np.abs(shares_of_feet(b[:, Body.LEFT_FOOT][:, :2], b[:, Body.RIGHT_FOOT][:, :2], wanted)) < 0.5
-        np.testing.assert_allclose(kept[near], wanted[near], atol=1e-12)
+        near = np.abs(shares_of_feet(b[:, Body.LEFT_FOOT][:, :2], b[:, Body.RIGHT_FOOT][:, :2], goal)) < 0.5
+        np.testing.assert_allclose(hips[near], goal[near], atol=1e-12)
 
     @pytest.mark.slow
     @pytest.mark.parametrize("style", ["natural", "lively", "restless"])
@@ -137,19 +137,19 @@ class TestStance:
             up = b[:, [Body.LEFT_LIFT, Body.RIGHT_LIFT]].max(1) > 0.01
             return int((up[1:] & ~up[:-1]).sum())
 
-        counted = np.mean([steps(stood(seed, steps=10.0)) for seed in range(8)])
-        assert 6 < counted < 14
-        assert steps(stood(1, steps=0.0)) == 0
+        steps_a_minute = np.mean([steps(sample_stance(seed, steps=10.0)) for seed in range(8)])
+        assert 6 < steps_a_minute < 14
+        assert steps(sample_stance(1, steps=0.0)) == 0
 
     @pytest.mark.slow
     def test_one_foot_stands_whatever_the_steps(self):
         for seed in range(12):
-            b = stood(seed, steps=40.0, sway=1.8)
+            b = sample_stance(seed, steps=40.0, sway=1.8)
             assert not ((b[:, Body.LEFT_LIFT] > 0.002) & (b[:, Body.RIGHT_LIFT] > 0.002)).any()
 
     @pytest.mark.slow
     def test_breath_comes_twelve_to_eighteen_times_a_minute(self):
-        breath = np.array([stood(seed)[:, Body.BREATH] for seed in range(6)])
+        breath = np.array([sample_stance(seed)[:, Body.BREATH] for seed in range(6)])
         inward = ((breath[:, 1:] > 0.5) & (breath[:, :-1] <= 0.5)).sum(1)
         assert 11 <= inward.mean() <= 19
         assert breath.min() > -0.05
@@ -168,15 +168,15 @@ class TestStance:
         assert at > 0.7
 
     def test_a_seated_body_rolls_its_pelvis_and_keeps_its_seat(self):
-        b = stood(2, seated=True)
+        b = sample_stance(2, seated=True)
         assert b[:, Body.HIPS_ROLL].std() > 1
         assert np.ptp(b[:, [Body.HIPS_X, Body.HIPS_Z]], axis=0).max() < 0.03
         assert np.ptp(b[:, Body.LEFT_FOOT], axis=0).max() > 0.02
 
     def test_a_seated_body_crosses_its_legs_now_and_then_and_never_both(self):
-        crossed = np.array([stood(seed, seated=True)[:, [Body.LEFT_LIFT, Body.RIGHT_LIFT]] > 0.1 for seed in (0, 3)])
-        assert 0.05 < crossed.any(-1).mean() < 0.7
-        assert not crossed.all(-1).any()
+        crossings = np.array([sample_stance(seed, seated=True)[:, [Body.LEFT_LIFT, Body.RIGHT_LIFT]] > 0.1 for seed in (0, 3)])
+        assert 0.05 < crossings.any(-1).mean() < 0.7
+        assert not crossings.all(-1).any()
 
     def test_under_a_crossed_leg_the_pelvis_tilts_back(self):
         b = np.tile(first_body(Random(0), seated=True), (2, 1))
@@ -276,28 +276,30 @@ class TestLayer:
         assert (len(given), len(rest)) == (len(bare) - round(layer.look_ahead * 30), round(layer.look_ahead * 30))
         assert 0 < layer.look_ahead < 0.3
         assert len(layer.finish()[0]) == 0
-        raised, still = upper_body(4.0), upper_body(4.0)
-        for motion, since in ((raised, 60), (still, len(still))):  # hands that come up at two seconds, and hands that do not
+        gesture, still = upper_body(4.0), upper_body(4.0)
+        for motion, since in ((gesture, 60), (still, len(still))):  # hands that come up at two seconds, and hands that do not
             for side in ("left", "right"):
                 motion.rotations[:, humanoid().index[side + "UpperArm"]] = motion.rotations[
                     0, humanoid().index[side + "UpperArm"]
                 ]
                 arm = motion.rotations[:, humanoid().index[side + "LowerArm"]]
                 arm[:since], arm[since:] = arm[0], axis_angle_to_quat([0.0, 1.0, 0.0], (-2.0 if side == "left" else 2.0))
-        chests = [add_stance(m, seed=5).rotations[:, humanoid().index["chest"]] for m in (raised, still)]
-        changed = np.flatnonzero(quat_angle(*chests) > np.radians(0.1))
-        assert 50 < changed[0] < 60  # before the hands
+        chests = [add_stance(m, seed=5).rotations[:, humanoid().index["chest"]] for m in (gesture, still)]
+        frames_of_change = np.flatnonzero(quat_angle(*chests) > np.radians(0.1))
+        assert 50 < frames_of_change[0] < 60  # before the hands
 
     def test_arms_are_as_they_were_and_the_body_below_lives(self):
         bare = upper_body(60.0)
-        carried = add_stance(bare, seed=2)
-        kept = [k for k, name in enumerate(humanoid().names) if any(part in name for part in ("LowerArm", "Hand", "Thumb"))]
-        np.testing.assert_allclose(carried.rotations[:, kept], bare.rotations[:, kept], atol=1e-6)
+        result = add_stance(bare, seed=2)
+        same_joints = [
+            k for k, name in enumerate(humanoid().names) if any(part in name for part in ("LowerArm", "Hand", "Thumb"))
+        ]
+        np.testing.assert_allclose(result.rotations[:, same_joints], bare.rotations[:, same_joints], atol=1e-6)
         for side in ("left", "right"):  # upper arms keep their direction in the chest's frame, whatever the clavicles do
-            arms = [m.rotations[:, [humanoid().index[side + n] for n in ("Shoulder", "UpperArm")]] for m in (bare, carried)]
+            arms = [m.rotations[:, [humanoid().index[side + n] for n in ("Shoulder", "UpperArm")]] for m in (bare, result)]
             turns = [quat_multiply(arm[:, 0].astype(float), arm[:, 1].astype(float)) for arm in arms]
             assert np.degrees(quat_angle(*turns)).max() < 0.05
-        before, rows = body_statistics(bare), body_statistics(carried)
+        before, rows = body_statistics(bare), body_statistics(result)
         assert rows["clavicle rotation SD, deg"] > before["clavicle rotation SD, deg"] + 3
         for name in ("pelvis rotation SD, deg", "hip height SD, cm", "hip travel SD, cm"):
             assert before[name] < BODY_TARGETS[name].low < rows[name]
@@ -320,13 +322,13 @@ class TestLayer:
             k for k, name in enumerate(humanoid().names) if any(f in name for f in ("Index", "Middle", "Ring", "Little"))
         ]
         bare.rotations[:, fingers] = axis_angle_to_quat([0.0, 0.0, 1.0], -1.5)  # a left fist; right fingers bent backwards
-        carried = add_stance(bare, seed=4)
+        result = add_stance(bare, seed=4)
         left = [k for k in fingers if humanoid().names[k].startswith("left")]
-        bend = -2 * np.degrees(np.arctan2(carried.rotations[:, left, 2], carried.rotations[:, left, 3]))
+        bend = -2 * np.degrees(np.arctan2(result.rotations[:, left, 2], result.rotations[:, left, 3]))
         assert np.ptp(bend, axis=0).min() > 4
         assert bend.max() < 102
         right = [k for k in fingers if k not in left]
-        assert (quat_angle(bare.rotations[:, right], carried.rotations[:, right]) < 1.0).all()
+        assert (quat_angle(bare.rotations[:, right], result.rotations[:, right]) < 1.0).all()
         layer = StanceLayer(seed=4, fps=30.0, fingers=False)
         still = np.concatenate([layer.push(bare.rotations, bare.root)[0], layer.finish()[0]])
         np.testing.assert_allclose(still[:, fingers], bare.rotations[:, fingers], atol=1e-6)
@@ -335,24 +337,24 @@ class TestLayer:
         bare = upper_body(20.0)
         lively, head = upper_body(20.0), humanoid().index["head"]
         lively.rotations[:, head] = axis_angle_to_quat([0.0, 1.0, 0.0], 0.2 * np.sin(2 * np.pi * 0.5 * np.arange(600) / 30))
-        added = []
+        turn_of_chest = []
         for motion in (bare, lively):
             worlds = [humanoid().forward(m.rotations, m.root)[1][300:, head] for m in (motion, add_stance(motion, seed=6))]
-            added.append(np.degrees(quat_angle(*worlds)).mean())
-        assert added[1] < 0.6 * added[0]
+            turn_of_chest.append(np.degrees(quat_angle(*worlds)).mean())
+        assert turn_of_chest[1] < 0.6 * turn_of_chest[0]
 
     def test_a_hasty_head_turns_as_fast_as_people_do(self):
         bare, times, joint = upper_body(30.0), np.arange(900) / 30, humanoid().index["head"]
         nods = axis_angle_to_quat([1.0, 0.0, 0.0], 0.09 * np.sin(2 * np.pi * 1.9 * times))
         turns = axis_angle_to_quat([0.0, 1.0, 0.0], 0.2 * np.sin(2 * np.pi * 0.3 * times))
         bare.rotations[:, joint] = quat_multiply(turns, nods)
-        carried, layer = add_stance(bare, seed=6), StanceLayer(seed=6, fps=30.0)
-        worlds = [humanoid().forward(m.rotations, m.root)[1][:, joint] for m in (bare, carried)]
+        result, layer = add_stance(bare, seed=6), StanceLayer(seed=6, fps=30.0)
+        worlds = [humanoid().forward(m.rotations, m.root)[1][:, joint] for m in (bare, result)]
         before, after = (np.degrees(np.median(quat_angle(world[:-1], world[1:]))) * 30 for world in worlds)
         assert before > 45
         assert 19 < after < 27  # as of people (benchmarks/life.py)
         parts = [layer.push(bare.rotations[a:z], bare.root[a:z])[0] for a, z in pairwise((0, 1, 3, 40, 41, 333, 900))]
-        assert np.concatenate([*parts, layer.finish()[0]]).tobytes() == carried.rotations.tobytes()
+        assert np.concatenate([*parts, layer.finish()[0]]).tobytes() == result.rotations.tobytes()
         yaws = [2 * np.arctan2(world[300:, 1], world[300:, 3]) for world in worlds]
         assert np.corrcoef(*yaws)[0, 1] > 0.7  # it still looks where it looked
 

@@ -22,14 +22,16 @@ def perform(style: str, seconds: float, seed: int = 0) -> tuple[list[tuple], lis
     """Accents without a pause: where each hand goes, tick by tick; and what is planned."""
     planner = Planner(STYLES[style], seed=seed)
     accents = [Accent(time, 0.8) for time in np.arange(0.6, seconds, GAP)]
-    seen, gestures = [], []
+    states, gestures = [], []
     for tick in range(int(10 * seconds)):
         now = tick / 10
-        heard = [accent for accent in accents if accent.time < now + 1.2]
-        made = planner.decide(now, accents=heard, phrases=[Phrase(0.2, seconds)], words=(), modifier=EmotionModifier())
-        gestures += [(round(g.stroke, 3), g.form, g.hands) for g in made]
-        seen += [(now, hand.place, hand.track.target[:3].copy(), hand.gesture_end) for hand in planner.hands]
-    return seen, gestures
+        past_accents = [accent for accent in accents if accent.time < now + 1.2]
+        new_gestures = planner.decide(
+            now, accents=past_accents, phrases=[Phrase(0.2, seconds)], words=(), modifier=EmotionModifier()
+        )
+        gestures += [(round(g.stroke, 3), g.form, g.hands) for g in new_gestures]
+        states += [(now, hand.place, hand.track.target[:3].copy(), hand.gesture_end) for hand in planner.hands]
+    return states, gestures
 
 
 def test_beats_do_not_carry_a_raised_hand_beside_the_hip():
@@ -48,16 +50,16 @@ def test_beats_do_not_carry_a_raised_hand_beside_the_hip():
 
 @pytest.mark.parametrize("style", ["natural", "lively", "seated"])
 def test_no_raised_hand_ends_below_the_belly(style):
-    seen, gestures = perform(style, 60.0)
+    states, gestures = perform(style, 60.0)
     assert sum(form == "beat" for _, form, _ in gestures) > 10
-    raised = np.array([place for _, where, place, _ in seen if where == "up"])
-    assert (raised[:, 1] < -0.85).mean() < 0.02
+    places = np.array([place for _, where, place, _ in states if where == "up"])
+    assert (places[:, 1] < -0.85).mean() < 0.02
 
 
 @pytest.mark.parametrize("style", ["natural", "calm", "seated"])
 def test_no_hand_stays_up_for_long_after_its_last_gesture(style):
-    seen, _ = perform(style, 120.0)
-    assert max(now - raised for now, where, _, raised in seen if where == "up") < 8.0
+    states, _ = perform(style, 120.0)
+    assert max(now - gesture_end for now, where, _, gesture_end in states if where == "up") < 8.0
 
 
 def test_two_styles_with_one_seed_plan_different_gestures():

@@ -21,21 +21,29 @@ COLUMNS = ("speed", "rate", "amplitude", "height", "right_share", "breadth", "tr
 
 @cache
 def speech() -> Speech:
-    """38 s: the example twice; a style is seen in no single phrase."""
+    """The example twice, 38 s: one phrase is too short to show a style."""
     once = Speech.load(EXAMPLE)
     return Speech(np.concatenate([once.samples, once.samples]), once.rate)
 
 
 def look(style: str, seed: int) -> list[float]:
-    """What a viewer notices of a take: `COLUMNS`. Whether the body sits or is turned is left out; that would be too easy."""
+    """The numbers of a take that a viewer notices: `COLUMNS`. They leave out sitting and turning, which would be too easy."""
     motion = RuleBasedModel().generate(speech(), style=style, seed=seed, emotion="neutral", parts=("body", "hands"))
     points, names = body_of(motion)
-    seen, index = attributes_of([points], names, motion.fps), humanoid().index
+    attributes, index = attributes_of([points], names, motion.fps), humanoid().index
     wrists = points[:, [index["leftHand"], index["rightHand"]]] - points[:, [index["chest"]]]
     speed = np.linalg.norm(np.diff(wrists, axis=0), axis=-1).mean() * motion.fps
     trunk = np.linalg.norm(np.diff(points[:, index["chest"]] - points[:, index["hips"]], axis=0), axis=-1).mean() * motion.fps
     span = np.linalg.norm(wrists[:, 0] - wrists[:, 1], axis=-1).mean()
-    return [float(speed), seen.rate, seen.amplitude, float(wrists[..., 1].mean()), seen.right_share, float(span), float(trunk)]
+    return [
+        float(speed),
+        attributes.rate,
+        attributes.amplitude,
+        float(wrists[..., 1].mean()),
+        attributes.right_share,
+        float(span),
+        float(trunk),
+    ]
 
 
 @cache
@@ -50,14 +58,14 @@ def mean(style: str, column: str) -> float:
 
 def test_a_take_is_nearest_to_the_takes_of_its_style():
     every = looks()
-    scaled = every / np.sqrt(every.var(1).mean(0))
+    columns = every / np.sqrt(every.var(1).mean(0))
     right = 0
-    for k in range(len(scaled)):
+    for k in range(len(columns)):
         for take in range(TAKES):
-            means = scaled.mean(1)
-            means[k] = np.delete(scaled[k], take, 0).mean(0)
-            right += int(np.argmin(np.linalg.norm(means - scaled[k, take], axis=1)) == k)
-    assert right / (len(scaled) * TAKES) > 0.5  # chance is a tenth
+            means = columns.mean(1)
+            means[k] = np.delete(columns[k], take, 0).mean(0)
+            right += int(np.argmin(np.linalg.norm(means - columns[k, take], axis=1)) == k)
+    assert right / (len(columns) * TAKES) > 0.5  # chance is a tenth
 
 
 def test_quiet_styles_are_slower_and_rarer_than_vivid_ones():

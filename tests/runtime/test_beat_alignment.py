@@ -47,8 +47,8 @@ def beating(times: list[float], seconds: float) -> tuple[np.ndarray, np.ndarray]
 
 def align(rotations: np.ndarray, root: np.ndarray, track: AccentTrack) -> tuple[np.ndarray, ...]:
     layer = BeatAlignment(FPS, track)
-    made = [layer.push(rotations, root), layer.finish()]
-    return tuple(np.concatenate(parts) for parts in zip(*made, strict=True))
+    pieces = [layer.push(rotations, root), layer.finish()]
+    return tuple(np.concatenate(parts) for parts in zip(*pieces, strict=True))
 
 
 def fastest(rotations: np.ndarray, around: float) -> float:
@@ -63,22 +63,22 @@ def fastest(rotations: np.ndarray, around: float) -> float:
 def test_a_stroke_near_an_accent_is_moved_onto_it(off):
     accents = [1.5, 2.6, 3.4, 4.5, 5.7]
     rotations, root = beating([time - LEAD + off for time in accents], 7.0)
-    moved, same = align(rotations, root, Known(accents))
+    result, same = align(rotations, root, Known(accents))
     np.testing.assert_array_equal(same, root)
     others = [k for k in range(len(humanoid())) if k not in arm_joints()]
-    np.testing.assert_array_equal(moved[:, others], rotations[:, others])
+    np.testing.assert_array_equal(result[:, others], rotations[:, others])
     for time in accents:
         assert abs(fastest(rotations, time - LEAD + off) - (time - LEAD)) > 0.06
-        assert abs(fastest(moved, time - LEAD) - (time - LEAD)) < 0.04
-    np.testing.assert_allclose(moved[[0, -1], ELBOW], rotations[[0, -1], ELBOW], atol=1e-3)
+        assert abs(fastest(result, time - LEAD) - (time - LEAD)) < 0.04
+    np.testing.assert_allclose(result[[0, -1], ELBOW], rotations[[0, -1], ELBOW], atol=1e-3)
 
 
 def test_without_accents_nothing_moves_and_far_strokes_stay():
     rotations, root = beating([1.0, 2.0, 3.0], 5.0)
     np.testing.assert_allclose(align(rotations, root, Known([]))[0], rotations, atol=1e-6)
-    moved, _ = align(rotations, root, Known([4.5]))
+    result, _ = align(rotations, root, Known([4.5]))
     for time in (1.0, 2.0, 3.0):
-        assert abs(fastest(moved, time) - fastest(rotations, time)) < 0.01
+        assert abs(fastest(result, time) - fastest(rotations, time)) < 0.01
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -90,9 +90,9 @@ def test_time_never_goes_back(seed):
         last = knots[-1]
         knots.append(Knot(last.time + ahead, last.source + ahead * random.uniform(0.62, 1.6), random.choice([1.0, 1.3])))
     times = np.arange(0, knots[-1].time, 0.003)
-    bent = bend_times(knots, times)
-    assert np.diff(bent).min() >= 0
-    assert np.diff(bent).max() / 0.003 < 2.5
+    sources = bend_times(knots, times)
+    assert np.diff(sources).min() >= 0
+    assert np.diff(sources).max() / 0.003 < 2.5
     np.testing.assert_allclose(bend_times(knots, np.array([k.time for k in knots])), [k.source for k in knots], atol=1e-9)
 
 
@@ -107,17 +107,17 @@ def test_pieces_of_any_size_give_the_whole(seed):
     whole.push(speech)
     whole.finish()
     expected = align(rotations, root, whole)
-    track, made, at = AccentTrack(), [], 0
+    track, pieces, at = AccentTrack(), [], 0
     layer = BeatAlignment(FPS, track)
     for piece in speech.chunks(0.1):  # frames and sound go on together, the frames in pieces of their own
         track.push(piece)
         end = min(at + int(random.integers(0, 7)), len(rotations))
-        made.append(layer.push(rotations[at:end], root[at:end]))
+        pieces.append(layer.push(rotations[at:end], root[at:end]))
         at = end
     track.finish()
-    made += [layer.push(rotations[at:], root[at:]), layer.finish()]
-    for part, wanted in zip(zip(*made, strict=True), expected, strict=True):
-        np.testing.assert_array_equal(np.concatenate(part), wanted)
+    pieces += [layer.push(rotations[at:], root[at:]), layer.finish()]
+    for part, expected_part in zip(zip(*pieces, strict=True), expected, strict=True):
+        np.testing.assert_array_equal(np.concatenate(part), expected_part)
 
 
 def test_the_track_hears_the_accents_that_the_rules_hear():
@@ -139,20 +139,20 @@ def test_a_stream_waits_as_long_as_it_says_and_has_the_frames_of_the_whole(name)
     model, speech = cospeech.load(name), example().window(0, 6)
     options = {"seed": 1, "fps": 30, "parts": ("body", "hands"), "stance": True, "beat_alignment": True}
     session = model.session(**options)
-    made, heard, late = [], 0.0, []
+    motions, seconds, late = [], 0.0, []
     for piece in speech.chunks(0.04):
-        heard += piece.seconds
-        made += list(session.push(piece))
-        late.append(heard - sum(map(len, made)) / 30)
-    made += list(session.finish())
+        seconds += piece.seconds
+        motions += list(session.push(piece))
+        late.append(seconds - sum(map(len, motions)) / 30)
+    motions += list(session.finish())
     whole = model.generate(speech, **options)
-    np.testing.assert_array_equal(Motion.concatenate(made).rotations, whole.rotations)
+    np.testing.assert_array_equal(Motion.concatenate(motions).rotations, whole.rotations)
     assert session.latency - 0.3 < max(late) <= session.latency + 1e-6
     plain = model.generate(speech, **{**options, "beat_alignment": False, "stance": False})
-    bent = model.generate(speech, **{**options, "stance": False})
+    aligned_motion = model.generate(speech, **{**options, "stance": False})
     others = [k for k in range(len(humanoid())) if k not in arm_joints()]
-    np.testing.assert_array_equal(bent.rotations[:, others], plain.rotations[:, others])
-    assert np.abs(bent.rotations - plain.rotations).max() > 0.01
+    np.testing.assert_array_equal(aligned_motion.rotations[:, others], plain.rotations[:, others])
+    assert np.abs(aligned_motion.rotations - plain.rotations).max() > 0.01
 
 
 @pytest.mark.slow
@@ -179,11 +179,11 @@ def test_takes_of_one_pass_are_those_played_alone(name, parts):
     model, speech = cospeech.load(name), example().window(0, 12)
     options = {"fps": 30, "parts": parts, "stance": True, "beat_alignment": True}
     session = model.session(seed=3, takes=3, **options)
-    made = [pieces for chunk in speech.chunks(1.7) for pieces in session.push_takes(chunk)]
-    made += list(session.finish_takes())
+    rounds = [pieces for chunk in speech.chunks(1.7) for pieces in session.push_takes(chunk)]
+    rounds += list(session.finish_takes())
     for take in range(3):
         together, alone = (
-            Motion.concatenate([pieces[take] for pieces in made]),
+            Motion.concatenate([pieces[take] for pieces in rounds]),
             model.generate(speech, seed=3 + take, **options),
         )
         assert len(together) == len(alone) == 12 * 30

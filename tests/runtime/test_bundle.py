@@ -60,19 +60,19 @@ def contents(kind: str) -> tuple[dict, dict[str, bytes]]:
     return contents_of(good(kind))
 
 
-def opened(path: Path, data: bytes) -> System:
+def write_and_open(path: Path, data: bytes) -> System:
     path.write_bytes(data)
     return open_bundle(path)
 
 
-def parsed(path: Path, data: bytes) -> BundleSpec:
-    """As `opened`; with the weights."""
-    opened(path, data)
+def write_and_read(path: Path, data: bytes) -> BundleSpec:
+    """As `write_and_open`; with the weights."""
+    write_and_open(path, data)
     return read_spec(read_bundle(path))
 
 
-def rewritten(path: Path, manifest: dict, members: dict[str, bytes]) -> BundleSpec:
-    """Changed as somebody would who repairs the hashes; opened."""
+def rewrite(path: Path, manifest: dict, members: dict[str, bytes]) -> BundleSpec:
+    """Write a bundle with other members and right hashes, and read it."""
     write_bundle(path, manifest, members)
     open_bundle(path)
     return read_spec(read_bundle(path))
@@ -80,12 +80,12 @@ def rewritten(path: Path, manifest: dict, members: dict[str, bytes]) -> BundleSp
 
 def perform(spec: BundleSpec) -> dict[str, np.ndarray]:
     """Some frames of everything that a bundle can do; checks that they are numbers within bounds."""
-    system, rng, made = open_system(spec), np.random.default_rng(0), {}
+    system, rng, outputs = open_system(spec), np.random.default_rng(0), {}
     low, high = system.statistics.bounds
     if (flow := system.flow) is not None:
         poses, audio = (rng.normal(size=(12, n)).astype(np.float32) for n in (flow.sizes.pose, flow.sizes.audio))
         z = rng.normal(size=(2, 5, flow.sizes.pose)).astype(np.float32)
-        made["poses"] = flow.begin(np.stack([poses[: flow.sizes.history]] * 2)).frames(flow.windows(audio), z)
+        outputs["poses"] = flow.begin(np.stack([poses[: flow.sizes.history]] * 2)).frames(flow.windows(audio), z)
         flow.latents(poses, audio, flow.style_code(poses)[None])
     for name, network in system.networks.items():
         state = network.begin(2)
@@ -93,37 +93,37 @@ def perform(spec: BundleSpec) -> dict[str, np.ndarray]:
             shapes = {
                 key: [{"N": 2, "T": 64}.get(size, size) for size in port] for key, port in network.signature.inputs.items()
             }
-            found = network.run(**{key: rng.normal(size=shape) for key, shape in shapes.items()}, **state)
-            state = {key: found[f"next.{key}"] for key in state}
-            for key, values in ((key, found[key]) for key in network.signature.outputs):
+            output = network.run(**{key: rng.normal(size=shape) for key, shape in shapes.items()}, **state)
+            state = {key: output[f"next.{key}"] for key in state}
+            for key, values in ((key, output[key]) for key in network.signature.outputs):
                 bounds = (low, high) if key == "poses" else (-LIMIT, LIMIT)
                 assert ((values >= bounds[0]) & (values <= bounds[1])).all(), name
-                made[f"{name}.{key}"] = values
+                outputs[f"{name}.{key}"] = values
     if system.statistics.words.size:
         assert np.isfinite(system.word_rows(["a", None, "word"])).all()
-    return made
+    return outputs
 
 
 @every_kind
 def test_there_and_back(kind, tmp_path):
-    spec = parsed(tmp_path / "a.cospeech", good(kind))
+    spec = write_and_read(tmp_path / "a.cospeech", good(kind))
     fps = 15.0 if kind == "chain" else 20.0
     assert (spec.pose, spec.fps, spec.audio, spec.smooth) == ("expmap-humanoid", fps, "mel20-prosody", 1)
     assert (spec.speakers, spec.style, spec.card) == (NAMES, "ada", "# Random weights\n")
     assert spec.styles == (*NAMES, *([VOICE] if kind == "chain" else []))
-    wanted, width = {}, len(spec.statistics.audio_mean)
+    expected, width = {}, len(spec.statistics.audio_mean)
     if kind == "flow":
         sizes = small_sizes("expmap-humanoid", "mel20-prosody")
         assert spec.flow == sizes
         statistics = flow_statistics(sizes)
     else:
         build, measure = {"window": (small_windows, window_statistics), "chain": (small_chain, chain_statistics)}[kind]
-        signatures, wanted, _ = build(57, width)
+        signatures, expected, _ = build(57, width)
         assert spec.signatures == signatures
         statistics = measure(signatures)
     for name, value in vars(statistics).items():
         assert not value.size or np.array_equal(getattr(spec.statistics, name), value), name
-    for name, value in wanted.items():
+    for name, value in expected.items():
         assert np.abs(spec.weights[name] - value).max() <= 2**-11 * np.abs(value).max()
     assert read_bundle(tmp_path / "a.cospeech").manifest["model"].startswith(("stylised", "mix", "chain"))
     assert WRITERS[kind](tmp_path / "b.cospeech").read_bytes() == good(kind)  # the same contents, the same bytes
@@ -144,17 +144,17 @@ def test_half_the_size_makes_nearly_the_same(kind, tmp_path):
 
 
 def test_words_are_means_of_their_subwords_or_rows_of_a_vocabulary(tmp_path):
-    system = opened(tmp_path / "a.cospeech", good("chain"))
+    system = write_and_open(tmp_path / "a.cospeech", good("chain"))
     rows, table = system.word_rows(["Hello,", None, "hello", ""]), system.statistics.words
     ids = subwords("hello")
     np.testing.assert_allclose(rows[0], table[ids[ids > 0]].mean(0), atol=1e-6)
     assert np.array_equal(rows[0], rows[2])
     assert not rows[[1, 3]].any()
     assert rows.shape == (4, WORDS)
-    listed = open_bundle(write_small_chain(tmp_path / "v.cospeech", vocabulary=("yes", "no")))
-    table = listed.statistics.words
-    assert np.array_equal(listed.word_rows(["No!", "yes", "maybe", None]), table[[2, 1, 0, 0]])
-    assert system.word_rows([]).shape == listed.word_rows([]).shape == (0, WORDS)
+    with_vocabulary = open_bundle(write_small_chain(tmp_path / "v.cospeech", vocabulary=("yes", "no")))
+    table = with_vocabulary.statistics.words
+    assert np.array_equal(with_vocabulary.word_rows(["No!", "yes", "maybe", None]), table[[2, 1, 0, 0]])
+    assert system.word_rows([]).shape == with_vocabulary.word_rows([]).shape == (0, WORDS)
 
 
 @pytest.mark.parametrize("without", [{"live": False}, {"judges": False}, {"noise": 0}, {"words": 0}], ids=str)
@@ -169,20 +169,20 @@ def test_systems_that_lack_something(tmp_path, without):
 
 @every_kind
 def test_damage_is_an_input_error_or_does_not_matter(kind, tmp_path):
-    assert check_damage(partial(parsed, tmp_path / "x.cospeech"), good(kind)) > 0.8
+    assert check_damage(partial(write_and_read, tmp_path / "x.cospeech"), good(kind)) > 0.8
 
 
 @every_kind
 def test_damage_behind_repaired_hashes(kind, tmp_path):
     """Errors, or a system whose numbers are all finite and within bounds."""
     times, least = (150, 30) if kind == "flow" else (200, 60)
-    assert check_repaired_damage(partial(rewritten, tmp_path / "x.cospeech"), good(kind), perform, times) > least
+    assert check_repaired_damage(partial(rewrite, tmp_path / "x.cospeech"), good(kind), perform, times) > least
 
 
 # the file --------------------------------------------------------------------------------------------------------------------
 
 
-def zipped(entries: list[tuple[str, bytes]], **options: int) -> bytes:
+def zip_entries(entries: list[tuple[str, bytes]], **options: int) -> bytes:
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", **options) as archive:
         for name, data in entries:
@@ -201,27 +201,27 @@ def entries() -> list[tuple[str, bytes]]:
     [
         ("empty", lambda: b""),
         ("text", lambda: b"this is not a zip" * 99),
-        ("packed", lambda: zipped(entries(), compression=zipfile.ZIP_DEFLATED)),
-        ("bomb", lambda: zipped([("card.md", bytes(1 << 20)), *entries()], compression=zipfile.ZIP_DEFLATED)),
-        ("twice", lambda: zipped([*entries(), ("card.md", b"another")])),
-        ("upwards", lambda: zipped([*entries(), ("../card.md", b"")])),
-        ("absolute", lambda: zipped([*entries(), ("/tmp/card.md", b"")])),
-        ("folder", lambda: zipped([*entries(), ("a/b.json", b"")])),
-        ("program", lambda: zipped([*entries(), ("model.pkl", b"")])),
-        ("more", lambda: zipped([*entries(), ("more.onnx", b"")])),
-        ("less", lambda: zipped([e for e in entries() if e[0] != "frame.onnx"])),
-        ("many", lambda: zipped([*entries(), *((f"m{n}.md", b"") for n in range(40))])),
-        ("no manifest", lambda: zipped([e for e in entries() if e[0] != MANIFEST])),
-        ("long card", lambda: zipped([e if e[0] != "card.md" else ("card.md", bytes(2 << 20)) for e in entries()])),
-        ("swapped", lambda: zipped([*[e for e in entries() if "onnx" not in e[0]], *swapped()])),
+        ("packed", lambda: zip_entries(entries(), compression=zipfile.ZIP_DEFLATED)),
+        ("bomb", lambda: zip_entries([("card.md", bytes(1 << 20)), *entries()], compression=zipfile.ZIP_DEFLATED)),
+        ("twice", lambda: zip_entries([*entries(), ("card.md", b"another")])),
+        ("upwards", lambda: zip_entries([*entries(), ("../card.md", b"")])),
+        ("absolute", lambda: zip_entries([*entries(), ("/tmp/card.md", b"")])),
+        ("folder", lambda: zip_entries([*entries(), ("a/b.json", b"")])),
+        ("program", lambda: zip_entries([*entries(), ("model.pkl", b"")])),
+        ("more", lambda: zip_entries([*entries(), ("more.onnx", b"")])),
+        ("less", lambda: zip_entries([e for e in entries() if e[0] != "frame.onnx"])),
+        ("many", lambda: zip_entries([*entries(), *((f"m{n}.md", b"") for n in range(40))])),
+        ("no manifest", lambda: zip_entries([e for e in entries() if e[0] != MANIFEST])),
+        ("long card", lambda: zip_entries([e if e[0] != "card.md" else ("card.md", bytes(2 << 20)) for e in entries()])),
+        ("swapped", lambda: zip_entries([*[e for e in entries() if "onnx" not in e[0]], *swap_graphs()])),
     ],
 )
 def test_foreign_and_hostile_files(tmp_path, what, data):
     with pytest.raises(InputError):
-        opened(tmp_path / "x.cospeech", data())
+        write_and_open(tmp_path / "x.cospeech", data())
 
 
-def swapped() -> list[tuple[str, bytes]]:
+def swap_graphs() -> list[tuple[str, bytes]]:
     graphs = [e for e in entries() if "onnx" in e[0]]
     return [(a[0], b[1]) for a, b in zip(graphs, graphs[1:] + graphs[:1], strict=True)]
 
@@ -232,7 +232,7 @@ def test_a_lie_about_sizes(tmp_path):
     at = data.rfind(b"PK\x01\x02")
     data[at + 20 : at + 28] = struct.pack("<II", 900_000, 900_000)
     with pytest.raises(InputError):
-        opened(tmp_path / "x.cospeech", bytes(data))
+        write_and_open(tmp_path / "x.cospeech", bytes(data))
 
 
 def test_names_of_files(tmp_path):
@@ -283,14 +283,17 @@ def test_a_bundle_of_format_1_says_how_to_convert_it_and_plays_the_same_after(ki
     with monkeypatch.context() as patch:
         patch.setattr("cospeech.runtime.bundles.bundle.FORMAT", 1)
         write_bundle(tmp_path / "old.cospeech", *old)
-    with pytest.raises(InputError, match=r"format 1.*`cospeech bundle old\.cospeech -o new\.cospeech` converts it") as told:
+    with pytest.raises(InputError, match=r"format 1.*`cospeech bundle old\.cospeech -o new\.cospeech` converts it") as error:
         open_bundle(tmp_path / "old.cospeech")
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(error.value)
     convert_bundle.convert_bundle(tmp_path / "old.cospeech", tmp_path / "new.cospeech")
-    found, wanted = (
-        perform(parsed(tmp_path / "x.cospeech", data)) for data in ((tmp_path / "new.cospeech").read_bytes(), good(kind))
+    outputs, expected = (
+        perform(write_and_read(tmp_path / "x.cospeech", data))
+        for data in ((tmp_path / "new.cospeech").read_bytes(), good(kind))
     )
-    assert {name: made.tobytes() for name, made in found.items()} == {name: made.tobytes() for name, made in wanted.items()}
+    assert {name: array.tobytes() for name, array in outputs.items()} == {
+        name: array.tobytes() for name, array in expected.items()
+    }
     new, old = (read_spec(read_bundle(path)) for path in (tmp_path / "new.cospeech", tmp_path / "x.cospeech"))
     assert (new.signatures, new.flow, new.styles, new.style_space) == (old.signatures, old.flow, old.styles, old.style_space)
     for name, value in vars(new.statistics).items():
@@ -306,9 +309,9 @@ def test_what_cannot_be_converted(kind, tmp_path, monkeypatch):
     monkeypatch.setattr("cospeech.runtime.bundles.bundle.FORMAT", 1)
     for change in ({"kind": "vae"}, {"sizes": {}}, {"sizes": 3}, {"sizes": manifest["sizes"] | {"pose": 9}}):
         write_bundle(tmp_path / "old.cospeech", manifest | change, members)
-        with pytest.raises(InputError) as told:
+        with pytest.raises(InputError) as error:
             convert_bundle.convert_bundle(tmp_path / "old.cospeech", tmp_path / "again.cospeech")
-        assert "\n" not in str(told.value)
+        assert "\n" not in str(error.value)
     with pytest.raises(InputError, match=r"ends in \.cospeech"):
         convert_bundle.convert_bundle(tmp_path / "old.cospeech", tmp_path / "again.zip")
     assert not (tmp_path / "again.cospeech").exists()
@@ -331,9 +334,11 @@ FACTS = [
 @pytest.mark.parametrize("change", FACTS, ids=lambda change: str(change)[:40])
 def test_manifests(kind, change, tmp_path):
     manifest, members = contents(kind)
-    with pytest.raises(InputError) as told:
-        opened(tmp_path / "x.cospeech", zipped([(MANIFEST, json.dumps(manifest | change).encode()), *members.items()]))
-    assert "\n" not in str(told.value)
+    with pytest.raises(InputError) as error:
+        write_and_open(
+            tmp_path / "x.cospeech", zip_entries([(MANIFEST, json.dumps(manifest | change).encode()), *members.items()])
+        )
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -345,7 +350,7 @@ def test_manifests(kind, change, tmp_path):
 def test_words_and_styles_of_another_network(kind, change, tmp_path):
     manifest, members = contents(kind)
     with pytest.raises(InputError):
-        rewritten(tmp_path / "x.cospeech", manifest | change, members)
+        rewrite(tmp_path / "x.cospeech", manifest | change, members)
 
 
 @pytest.mark.parametrize(
@@ -361,7 +366,7 @@ def test_sizes_of_another_flow(tmp_path, change):
     manifest, members = contents("flow")
     manifest["flow"] |= change
     with pytest.raises(InputError):
-        rewritten(tmp_path / "x.cospeech", manifest, members)
+        rewrite(tmp_path / "x.cospeech", manifest, members)
 
 
 def port(part: str, name: str, *shape: object) -> dict:
@@ -413,13 +418,13 @@ CASES += [("chain", name, change) for name, change in LIVE]
 @pytest.mark.parametrize(("kind", "name", "change"), CASES, ids=lambda value: str(value)[:60])
 def test_signatures_of_another_network(tmp_path, kind, name, change):
     manifest, members = contents(kind)
-    found = manifest["networks"][name]
+    entry = manifest["networks"][name]
     for key, value in change.items():
-        merge = isinstance(value, dict) and value and isinstance(found.get(key, {}), dict)
-        found[key] = found.get(key, {}) | value if merge else value
-    with pytest.raises(InputError) as told:
-        rewritten(tmp_path / "x.cospeech", manifest, members)
-    assert "\n" not in str(told.value)
+        merge = isinstance(value, dict) and value and isinstance(entry.get(key, {}), dict)
+        entry[key] = entry.get(key, {}) | value if merge else value
+    with pytest.raises(InputError) as error:
+        rewrite(tmp_path / "x.cospeech", manifest, members)
+    assert "\n" not in str(error.value)
 
 
 # arrays ----------------------------------------------------------------------------------------------------------------------
@@ -441,7 +446,7 @@ def test_numbers_that_are_none(tmp_path, kind, name, value):
         with np.errstate(over="ignore"):
             wrong.flat[wrong.size // 2] = value
         with pytest.raises(InputError):
-            rewritten(tmp_path / "x.cospeech", manifest, {**members, name: pack_arrays({**arrays, key: wrong})})
+            rewrite(tmp_path / "x.cospeech", manifest, {**members, name: pack_arrays({**arrays, key: wrong})})
 
 
 @every_kind
@@ -463,15 +468,15 @@ def test_statistics_that_make_no_sense(kind, tmp_path):
     if kind == "flow":
         cases += [{"histories": arrays["histories"][:0]}, {"histories": arrays["histories"][:5]}]
     if "words" in arrays:
-        said = arrays["words"].copy()
-        said[0, 0] = 1
-        cases.append({"words": said})
+        words = arrays["words"].copy()
+        words[0, 0] = 1
+        cases.append({"words": words})
     for wrong in cases:
         with pytest.raises(InputError):
-            rewritten(tmp_path / "x.cospeech", manifest, {**members, "statistics.safetensors": pack_arrays(arrays | wrong)})
+            rewrite(tmp_path / "x.cospeech", manifest, {**members, "statistics.safetensors": pack_arrays(arrays | wrong)})
     del arrays["speaker_mean"]
     with pytest.raises(InputError):
-        rewritten(tmp_path / "x.cospeech", manifest, {**members, "statistics.safetensors": pack_arrays(arrays)})
+        rewrite(tmp_path / "x.cospeech", manifest, {**members, "statistics.safetensors": pack_arrays(arrays)})
 
 
 @every_kind
@@ -484,10 +489,10 @@ def test_weights_that_do_not_fit(kind, tmp_path):
         {key: first[:1]}, {key: first.astype(np.float64)}, {key: first.astype(np.int8)}, {"more": first}, {key: first[None]},
     ):  # fmt: skip
         with pytest.raises(InputError):
-            rewritten(tmp_path / "x.cospeech", manifest, {**members, "weights.safetensors": pack_arrays(weights | wrong)})
+            rewrite(tmp_path / "x.cospeech", manifest, {**members, "weights.safetensors": pack_arrays(weights | wrong)})
     del weights[key]
     with pytest.raises(InputError):
-        rewritten(tmp_path / "x.cospeech", manifest, {**members, "weights.safetensors": pack_arrays(weights)})
+        rewrite(tmp_path / "x.cospeech", manifest, {**members, "weights.safetensors": pack_arrays(weights)})
 
 
 # graphs ----------------------------------------------------------------------------------------------------------------------
@@ -500,12 +505,12 @@ def test_graphs_that_are_missing_swapped_or_more(kind, tmp_path):
     others = {name: data for name, data in members.items() if name not in graphs}
     names, first = [*graphs], next(iter(graphs))
     cases = [{}, graphs | {"more.onnx": graphs[first]}, graphs | {first: b""}, graphs | {first: graphs[first][:-9]}]
-    cases += [{name: data for name, data in graphs.items() if name != gone} for gone in graphs]
+    cases += [{name: data for name, data in graphs.items() if name != absent} for absent in graphs]
     cases += [graphs | {a: graphs[b]} for a in names for b in names if a != b]
     cases.append(dict(zip(names, [*graphs.values()][1:] + [graphs[first]], strict=True)))
     for wrong in cases:
         with pytest.raises(InputError):
-            rewritten(tmp_path / "x.cospeech", manifest, others | wrong)
+            rewrite(tmp_path / "x.cospeech", manifest, others | wrong)
 
 
 def graph_with(kind: str, change, name: str = "") -> dict[str, bytes]:
@@ -526,7 +531,7 @@ def name_a_file(onnx, model):
 
 
 def name_a_file_late(onnx, model):
-    """A second place: the last one counts."""
+    """Name a file for the weights a second time: the last name counts."""
     first_outside(model).external_data.add(key="location", value="../secret")
 
 
@@ -584,18 +589,18 @@ HARM = [
 @pytest.mark.parametrize("change", HARM, ids=lambda f: f.__name__)
 def test_graphs_are_looked_into(kind, change, tmp_path):
     manifest, _ = contents(kind)
-    with pytest.raises(InputError) as told:
-        rewritten(tmp_path / "x.cospeech", manifest, graph_with(kind, change))
-    assert "\n" not in str(told.value)
+    with pytest.raises(InputError) as error:
+        rewrite(tmp_path / "x.cospeech", manifest, graph_with(kind, change))
+    assert "\n" not in str(error.value)
 
 
 def one_pose_for_all(onnx, model):
     """Poses of the right width for one frame alone."""
     last = model.graph.node[-1]
-    made, last.output[0] = last.output[0], "before"
+    output, last.output[0] = last.output[0], "before"
     at = onnx.numpy_helper.from_array(np.array([0], np.int64), "first")
     model.graph.initializer.append(at)
-    model.graph.node.append(onnx.helper.make_node("Gather", ["before", "first"], [made], axis=1))
+    model.graph.node.append(onnx.helper.make_node("Gather", ["before", "first"], [output], axis=1))
 
 
 def more_than_any_memory(onnx, model):
@@ -614,7 +619,7 @@ def one_state_less(onnx, model):
 
 
 def a_state_of_no_width(onnx, model):
-    """Announced of any width."""
+    """The graph gives the state no fixed width."""
     state = next(value for value in model.graph.input if value.name == "state0")
     state.type.tensor_type.shape.dim[1].dim_param = "W"
 
@@ -627,9 +632,9 @@ def a_state_of_any_memory(onnx, model):
 
 def a_state_that_grows(onnx, model):
     """After every frame it is twice as long."""
-    made = next(node for node in model.graph.node if "next.state0" in node.output)
-    at = list(made.output).index("next.state0")
-    made.output[at] = "before"
+    maker = next(node for node in model.graph.node if "next.state0" in node.output)
+    at = list(maker.output).index("next.state0")
+    maker.output[at] = "before"
     model.graph.node.append(onnx.helper.make_node("Concat", ["before", "before"], ["next.state0"], axis=1))
 
 
@@ -642,9 +647,9 @@ OTHERS += [("chain", name, harm) for name in ("make", "classify") for harm in (n
 @pytest.mark.parametrize(("kind", "name", "harm"), OTHERS, ids=lambda value: getattr(value, "__name__", value))
 def test_graphs_do_what_their_signatures_say(tmp_path, kind, name, harm):
     manifest, _ = contents(kind)
-    with pytest.raises(InputError) as told:
-        rewritten(tmp_path / "x.cospeech", manifest, graph_with(kind, harm, name))
-    assert "\n" not in str(told.value)
+    with pytest.raises(InputError) as error:
+        rewrite(tmp_path / "x.cospeech", manifest, graph_with(kind, harm, name))
+    assert "\n" not in str(error.value)
 
 
 def divide_by_nothing(onnx, model):
@@ -660,7 +665,7 @@ def divide_by_nothing(onnx, model):
     ("kind", "name"), [("window", "make"), ("window", "style"), ("chain", "make"), ("chain", "live"), ("chain", "classify")]
 )
 def test_what_is_no_number_never_comes_out(tmp_path, kind, name):
-    perform(rewritten(tmp_path / "x.cospeech", contents(kind)[0], graph_with(kind, divide_by_nothing, name)))
+    perform(rewrite(tmp_path / "x.cospeech", contents(kind)[0], graph_with(kind, divide_by_nothing, name)))
 
 
 def test_what_the_look_sees_is_what_onnx_sees():
@@ -690,10 +695,10 @@ def test_what_does_not_fit_is_not_written(kind, tmp_path):
     facts = facts_of("it") | {"style_space": space}
     facts["styles"] += [VOICE] if kind == "chain" else []
     statistics = measure(signatures)
-    broken = {**weights, "make.0": weights["make.0"] * np.float32(np.nan)}
-    for some, said in ((weights, {"styles": ["ada"]}), (broken, {}), ({**weights, "odd": np.zeros(3, np.float32)}, {})):
+    not_finite = {**weights, "make.0": weights["make.0"] * np.float32(np.nan)}
+    for some, changes in ((weights, {"styles": ["ada"]}), (not_finite, {}), ({**weights, "odd": np.zeros(3, np.float32)}, {})):
         with pytest.raises(InputError):
-            write_networks(tmp_path / "x.cospeech", signatures, graphs, some, statistics, facts=facts | said)
+            write_networks(tmp_path / "x.cospeech", signatures, graphs, some, statistics, facts=facts | changes)
     for width in (1, -1):
         wrong = replace(statistics, pose_low=statistics.pose_low[width:])
         with pytest.raises(InputError):

@@ -26,7 +26,7 @@ from cospeech.rules.options import LAYERS
 from cospeech.runtime.bundles.spec import VOICE
 from cospeech.runtime.flow.latent_sources import CodeSource
 from cospeech.runtime.model import TrainedModel
-from tests.support.runtime_bundles import LOOK_AHEAD, NAMES, changed, cut, same, talk, write_small_chain
+from tests.support.runtime_bundles import LOOK_AHEAD, NAMES, cut, perform_changes, same, talk, write_small_chain
 
 BODY = ("body", "hands")
 CUTS = ([], [1, 2, 7, 9000, 9001, 40_000], list(range(1600, 51_000, 1600)))
@@ -47,12 +47,12 @@ def spoken(seconds: float = 3.2) -> Speech:
 
 
 def cut_with_words(speech: Speech, edges) -> list[Speech]:
-    """A word comes with the piece that it starts in; times count from the first one."""
+    """Cut a speech; a word comes with the piece that it starts in; times count from the start of the first piece."""
     bounds = [0, *edges, len(speech)]
-    said = [tuple(w for w in speech.words if a <= w.start * speech.rate < b) for a, b in pairwise(bounds)]
+    words_of_pieces = [tuple(w for w in speech.words if a <= w.start * speech.rate < b) for a, b in pairwise(bounds)]
     return [
         Speech(speech.samples[a:b], speech.rate, words, start=a / speech.rate)
-        for (a, b), words in zip(pairwise(bounds), said, strict=True)
+        for (a, b), words in zip(pairwise(bounds), words_of_pieces, strict=True)
     ]
 
 
@@ -79,11 +79,11 @@ def test_pieces_do_not_show_at_another_rate():
 )
 def test_it_is_as_late_as_it_says(look_ahead, frames):
     speech, session = talk(8.0), gesturer().session(parts=BODY, look_ahead=look_ahead)
-    heard, made, late = 0, 0, []
+    samples, count, late = 0, 0, []
     for chunk in cut(speech, range(160, len(speech), 160)):
-        heard += len(chunk)
-        made += sum(len(piece) for piece in session.push(chunk))
-        late.append(heard / 16_000 - made / 30)
+        samples += len(chunk)
+        count += sum(len(piece) for piece in session.push(chunk))
+        late.append(samples / 16_000 - count / 30)
     assert max(late) <= session.latency
     assert max(late) > session.latency - 0.2
     assert session.latency == pytest.approx((frames + 2) / 15 + 0.065, abs=0.02)
@@ -91,28 +91,28 @@ def test_it_is_as_late_as_it_says(look_ahead, frames):
 
 def test_words_that_come_with_pieces_are_read():
     speech = spoken()
-    plain, said = gesturer().generate(talk(), parts=BODY), gesturer().generate(speech, parts=BODY)
-    moved = np.abs(said.rotations - plain.rotations).max((1, 2)) > 1e-5
-    assert not moved[: int((1.0 - (LOOK_AHEAD + 3) / 15) * 30)].any()  # what it hears ahead, and smoothing
-    assert moved[32:75].mean() > 0.9
+    plain, with_words = gesturer().generate(talk(), parts=BODY), gesturer().generate(speech, parts=BODY)
+    differs = np.abs(with_words.rotations - plain.rotations).max((1, 2)) > 1e-5
+    assert not differs[: int((1.0 - (LOOK_AHEAD + 3) / 15) * 30)].any()  # what it hears ahead, and smoothing
+    assert differs[32:75].mean() > 0.9
     assert same(gesturer(words=0).generate(speech, parts=BODY), gesturer(words=0).generate(talk(), parts=BODY))
 
 
 def test_emotions_are_heard_given_or_follow_a_track():
     speech = talk(4.0)
-    made = {name: gesturer().generate(speech, emotion=name) for name in ("auto", "anger", "happiness")}
-    assert min(away(made["auto"], made["anger"]), away(made["anger"], made["happiness"])) > 1e-3
+    motions = {name: gesturer().generate(speech, emotion=name) for name in ("auto", "anger", "happiness")}
+    assert min(away(motions["auto"], motions["anger"]), away(motions["anger"], motions["happiness"])) > 1e-3
     track = EmotionTrack([0, 2, 2.1], np.eye(8)[[EMOTIONS.index(name) for name in ("anger", "anger", "happiness")]])
-    turned = gesturer().generate(speech, emotion=track)
+    motion = gesturer().generate(speech, emotion=track)
     before = int((2 - LOOK_AHEAD / 15 - 0.3) * 30)
-    assert away(turned[:before], made["anger"][:before]) < 1e-6
-    assert away(turned[90:], made["anger"][90:]) > 1e-3
+    assert away(motion[:before], motions["anger"][:before]) < 1e-6
+    assert away(motion[90:], motions["anger"][90:]) > 1e-3
     session = gesturer().session(emotion="anger")
     list(session.push(speech))
     list(session.finish())
     assert session.emotion["anger"] == pytest.approx(1)
     assert Motion.concatenate(list(gesturer().stream(cut(speech, CUTS[1]), emotion=track))).rotations.tobytes() == (
-        turned.rotations.tobytes()
+        motion.rotations.tobytes()
     )
 
 
@@ -126,11 +126,11 @@ def test_a_mood_that_is_heard_is_reported_and_not_played():
     assert session.emotion != gesturer(judges=False).session().emotion
     assert session.expression == {name: float(name == "neutral") for name in EMOTIONS}
     assert -1 <= session.arousal <= 1
-    named = gesturer().session(emotion="anger")
-    list(named.push(talk(5.0)))
-    list(named.finish())
-    assert named.expression["anger"] == pytest.approx(1)
-    assert named.arousal is None
+    angry = gesturer().session(emotion="anger")
+    list(angry.push(talk(5.0)))
+    list(angry.finish())
+    assert angry.expression["anger"] == pytest.approx(1)
+    assert angry.arousal is None
 
 
 @pytest.mark.slow
@@ -153,9 +153,9 @@ def test_who_speaks_is_told_and_played():
     assert set(session.speaker) == set(NAMES)
     assert sum(session.speaker.values()) == pytest.approx(1)
     assert gesturer(judges=False).session().speaker is None
-    ada, ben, voice, mixed = (gesturer().generate(speech, style=s, parts=BODY) for s in (*NAMES, VOICE, "ada:0.7,ben:0.3"))
-    assert min(away(ada, ben), away(voice, ada), away(voice, ben), away(mixed, ada)) > 1e-3
-    assert same(mixed, gesturer().generate(speech, style={"ben": 0.3, "ada": 0.7}, parts=BODY))
+    ada, ben, voice, mixture = (gesturer().generate(speech, style=s, parts=BODY) for s in (*NAMES, VOICE, "ada:0.7,ben:0.3"))
+    assert min(away(ada, ben), away(voice, ada), away(voice, ben), away(mixture, ada)) > 1e-3
+    assert same(mixture, gesturer().generate(speech, style={"ben": 0.3, "ada": 0.7}, parts=BODY))
     assert gesturer().session(style="ada:0.7,ben:0.3").style_mixture == {"ada": 0.7, "ben": 0.3}
     assert gesturer().session(style=f"ada:0.5,{VOICE}:0.5").style_mixture == {"ada": 0.5, VOICE: 0.5}
     assert gesturer().session(style="ben").style_mixture is gesturer().session(style=VOICE).style_mixture is None
@@ -165,7 +165,7 @@ def test_who_speaks_is_told_and_played():
 @pytest.mark.parametrize("look_ahead", [None, inf])
 def test_a_change_of_style_depends_on_the_samples_and_not_on_the_pieces(look_ahead):
     speech, changes = talk(4.0), {20_000: "ben", 23_333: "ada:0.5,voice:0.5", 41_000: VOICE}
-    play = partial(changed, gesturer(), speech, changes=changes, seed=2, parts=BODY, look_ahead=look_ahead)
+    play = partial(perform_changes, gesturer(), speech, changes=changes, seed=2, parts=BODY, look_ahead=look_ahead)
     at_once = play([])
     assert all(same(play(edges), at_once) for edges in CUTS)
     assert away(gesturer().generate(speech, seed=2, parts=BODY, look_ahead=look_ahead), at_once) > 1e-3
@@ -195,41 +195,41 @@ def test_what_a_chain_cannot_do_is_told():
 
 
 def test_memory_does_not_grow_with_the_speech():
-    """What every part keeps, after one minute and after ten."""
-    session, minute, kept = gesturer().session(style=VOICE, parts=BODY), talk(60.0), []
+    """The test compares what every part stores after one minute and after ten."""
+    session, minute, sizes = gesturer().session(style=VOICE, parts=BODY), talk(60.0), []
 
-    def size(thing, seen) -> int:
-        if id(thing) in seen or isinstance(thing, str | int | float | type) or callable(thing):
+    def size(thing, visits) -> int:
+        if id(thing) in visits or isinstance(thing, str | int | float | type) or callable(thing):
             return 0
-        seen.add(id(thing))
+        visits.add(id(thing))
         if isinstance(thing, np.ndarray):
             return thing.nbytes
         inner = thing.values() if isinstance(thing, dict) else thing if isinstance(thing, list | tuple) else []
-        return sum(size(each, seen) for each in [*inner, *getattr(thing, "__dict__", {}).values()])
+        return sum(size(each, visits) for each in [*inner, *getattr(thing, "__dict__", {}).values()])
 
     for number in range(10):
         for chunk in minute.chunks(2.0):
             list(session.push(chunk))
         if number in (0, 9):
-            kept.append(size({k: v for k, v in vars(session).items() if k in ("_decoder", "_frontend", "_sampled")}, set()))
-    assert kept[1] < 1.05 * kept[0] + 10_000
+            sizes.append(size({k: v for k, v in vars(session).items() if k in ("_decoder", "_frontend", "_sampled")}, set()))
+    assert sizes[1] < 1.05 * sizes[0] + 10_000
 
 
 def test_files_are_played_with_all_of_their_speech_heard(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(generating, "load_model", lambda name: gesturer())
     sf.write("talk.wav", talk(2.0).samples, 16_000)
-    told = generating.generate_files("talk.wav", ["a.npz"], style=f"ada:0.5,{VOICE}:0.5", report="r.json", seed=3, takes=3)
+    result = generating.generate_files("talk.wav", ["a.npz"], style=f"ada:0.5,{VOICE}:0.5", report="r.json", seed=3, takes=3)
     report = json.loads(Path("r.json").read_text(encoding="utf-8"))
-    assert report["speaker"] == told.speaker
+    assert report["speaker"] == result.speaker
     assert set(report["speaker"]) == set(NAMES)
     assert report["style_mixture"] == {"ada": 0.5, VOICE: 0.5}
     generating.generate_files("talk.wav", ["alone.npz"], style=f"ada:0.5,{VOICE}:0.5", seed=4)
     assert Path("a.2.npz").read_bytes() == Path("alone.npz").read_bytes()
-    made, speech = Motion.load("alone.npz"), Speech.load("talk.wav")
+    alone, speech = Motion.load("alone.npz"), Speech.load("talk.wav")
     options, layers = {"style": f"ada:0.5,{VOICE}:0.5", "seed": 4}, dict.fromkeys(LAYERS, True)
     both_ways, ahead = (gesturer().generate(speech, look_ahead=seconds, **layers, **options) for seconds in (inf, None))
     for name, motion in {"both": both_ways, "ahead": ahead}.items():
         motion.save(f"{name}.npz")
-    assert away(made, Motion.load("both.npz")) < 1e-4 < 1e-2 < away(made, Motion.load("ahead.npz"))
+    assert away(alone, Motion.load("both.npz")) < 1e-4 < 1e-2 < away(alone, Motion.load("ahead.npz"))
     assert (gesturer().for_files, RuleBasedModel().for_files) == ({"look_ahead": inf, **layers}, {})

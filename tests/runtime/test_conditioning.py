@@ -36,8 +36,8 @@ def gesturer(**kind) -> TrainedModel:
 
 
 @cache
-def recorded(seconds: float = 3.2, fps: float = 25.0, seed: int = 8) -> Motion:
-    """Of our rules (synthetic), with a face."""
+def make_motion(seconds: float = 3.2, fps: float = 25.0, seed: int = 8) -> Motion:
+    """A motion of our rules (synthetic), with a face."""
     return RuleBasedModel().generate(talk(seconds), fps=fps, seed=seed, emotion="happiness")
 
 
@@ -46,7 +46,7 @@ def away(a: Motion, b: Motion) -> float:
 
 
 def test_a_face_over_time():
-    motion = recorded(2.0)
+    motion = make_motion(2.0)
     face, times = ConditioningFace(motion), np.arange(50) / 25
     weights, share = face.at(times)
     np.testing.assert_allclose(weights, motion.face, atol=1e-6)
@@ -64,91 +64,91 @@ def test_a_face_over_time():
 
 
 def test_a_face_that_is_given_is_shown_and_moves_body_and_hands():
-    speech, face = talk(3.2), recorded()
-    plain, made = gesturer().generate(speech, **WHOLE), gesturer().generate(speech, face=face, **WHOLE)
-    times = np.arange(len(made)) / 30
-    np.testing.assert_allclose(made.face, ConditioningFace(face).at(times)[0], atol=1e-6)
-    assert away(plain, made) > 1e-3
-    other = gesturer().generate(speech, face=recorded(seed=9), **WHOLE)
-    assert away(other, made) > 1e-4
+    speech, face = talk(3.2), make_motion()
+    plain, motion = gesturer().generate(speech, **WHOLE), gesturer().generate(speech, face=face, **WHOLE)
+    times = np.arange(len(motion)) / 30
+    np.testing.assert_allclose(motion.face, ConditioningFace(face).at(times)[0], atol=1e-6)
+    assert away(plain, motion) > 1e-3
+    other = gesturer().generate(speech, face=make_motion(seed=9), **WHOLE)
+    assert away(other, motion) > 1e-4
     body = gesturer().generate(speech, face=face, parts=BODY, **WHOLE)
     assert body.face is None
-    eyes = [made.skeleton.index[name] for name in ("leftEye", "rightEye")]
-    rest = [k for k in range(len(made.skeleton)) if k not in eyes]
-    np.testing.assert_array_equal(body.rotations[:, rest], made.rotations[:, rest])
-    turned = quat_angle(made.rotations[:, eyes], plain.rotations[:, eyes])
-    assert np.degrees(turned).mean() < 15  # the gaze is that of the rules, aimed from where this head is
+    eyes = [motion.skeleton.index[name] for name in ("leftEye", "rightEye")]
+    rest = [k for k in range(len(motion.skeleton)) if k not in eyes]
+    np.testing.assert_array_equal(body.rotations[:, rest], motion.rotations[:, rest])
+    angles = quat_angle(motion.rotations[:, eyes], plain.rotations[:, eyes])
+    assert np.degrees(angles).mean() < 15  # the gaze is that of the rules, aimed from where this head is
 
 
 def test_after_a_face_that_is_shorter_comes_the_system_s_own():
-    speech, face = talk(6.4), recorded(2.0)
-    plain, made = gesturer().generate(speech, **WHOLE), gesturer().generate(speech, face=face, **WHOLE)
+    speech, face = talk(6.4), make_motion(2.0)
+    plain, motion = gesturer().generate(speech, **WHOLE), gesturer().generate(speech, face=face, **WHOLE)
     over = int((2 + FADE) * 30) + 1
     window = int(gesturer().system.main_network.signature.window / FPS * 30)
-    np.testing.assert_allclose(made.face[over + window :], plain.face[over + window :], atol=1e-6)  # eyelids follow the head
-    np.testing.assert_allclose(made.rotations[over + window :], plain.rotations[over + window :], atol=1e-6)
-    assert np.abs(made.face[:60] - plain.face[:60]).max() > 0.05
+    np.testing.assert_allclose(motion.face[over + window :], plain.face[over + window :], atol=1e-6)  # eyelids follow the head
+    np.testing.assert_allclose(motion.rotations[over + window :], plain.rotations[over + window :], atol=1e-6)
+    assert np.abs(motion.face[:60] - plain.face[:60]).max() > 0.05
 
 
 @pytest.mark.parametrize("suffix", [".json", ".csv", ".glb"])
 def test_a_face_out_of_a_file(suffix, tmp_path):
     path = tmp_path / f"face{suffix}"
-    face = recorded(2.0, fps=30.0)
+    face = make_motion(2.0, fps=30.0)
     face.save(path)
-    made = gesturer().generate(talk(2.0), face=path, **WHOLE)
-    np.testing.assert_allclose(made.face, face.face, atol=2e-3)
-    assert same(made, gesturer().generate(talk(2.0), face=Motion.load(path), **WHOLE))
+    motion = gesturer().generate(talk(2.0), face=path, **WHOLE)
+    np.testing.assert_allclose(motion.face, face.face, atol=2e-3)
+    assert same(motion, gesturer().generate(talk(2.0), face=Motion.load(path), **WHOLE))
 
 
 @pytest.mark.parametrize("fps", [15.0, 30.0, 24.0])
 def test_poses_before_lie_a_frame_of_the_model_apart(fps):
     """The next clip's first frame would come one frame after the last."""
     motion = RuleBasedModel().generate(talk(2.0), fps=fps, seed=1, parts=BODY)
-    system, found = gesturer().system, poses_before(gesturer().system, motion, SEEDS)
+    system, poses = gesturer().system, poses_before(gesturer().system, motion, SEEDS)
     rows = find_pose(system.pose).encode(motion)
     at = len(motion) - fps / FPS * np.arange(SEEDS, 0, -1)
     low = at.astype(int)
     high = np.minimum(low + 1, len(motion) - 1)
-    wanted = rows[low] + (at - low)[:, None] * (rows[high] - rows[low])
+    expected = rows[low] + (at - low)[:, None] * (rows[high] - rows[low])
     s = system.statistics
-    np.testing.assert_allclose(found, (wanted - s.pose_mean) / s.pose_std, atol=2e-3)
-    held = poses_before(system, motion[:1], SEEDS)
-    np.testing.assert_allclose(held, np.repeat((rows[:1] - s.pose_mean) / s.pose_std, SEEDS, 0), atol=2e-3)
+    np.testing.assert_allclose(poses, (expected - s.pose_mean) / s.pose_std, atol=2e-3)
+    of_one_frame = poses_before(system, motion[:1], SEEDS)
+    np.testing.assert_allclose(of_one_frame, np.repeat((rows[:1] - s.pose_mean) / s.pose_std, SEEDS, 0), atol=2e-3)
 
 
 def test_the_network_sees_poses_as_it_would_have_made_them(monkeypatch):
     """In its own numbers: what is made of them is what came before."""
-    shown, seen = recorded(), []
+    motion, calls = make_motion(), []
     system = gesturer(words=2).system
     network, width = system.networks["make"], system.pose_width
     run = network.run
-    monkeypatch.setattr(network, "run", lambda **given: seen.append(given) or run(**given))
-    session = gesturer(words=2).session(continue_from=shown, parts=BODY, style="ada", **WHOLE)
+    monkeypatch.setattr(network, "run", lambda **given: calls.append(given) or run(**given))
+    session = gesturer(words=2).session(continue_from=motion, parts=BODY, style="ada", **WHOLE)
     list(session.push(talk(3.2)))
     list(session.finish())
-    (first, *later), frames = seen, seen[0]["rows"].shape[1]
+    (first, *later), frames = calls, calls[0]["rows"].shape[1]
     assert first["seed"].shape == (1, frames, width + 1)
     given = first["seed"][0]
     np.testing.assert_array_equal(given[:, -1], np.arange(frames) < SEEDS)
     assert not given[SEEDS:].any()
     assert not [ports for ports in later if {"seed", "face"} & set(ports)]
     assert later
-    centre, made, gain = session._decoder._style.scales(np.zeros(1, int))
-    back = centre + gain * (given[:SEEDS, :-1] - made)
-    poses = poses_before(system, shown, SEEDS)
+    centre, mean, gain = session._decoder._style.scales(np.zeros(1, int))
+    back = centre + gain * (given[:SEEDS, :-1] - mean)
+    poses = poses_before(system, motion, SEEDS)
     inside = np.abs(given[:SEEDS, :-1]) < 2.9  # not at the bounds of what is made
     np.testing.assert_allclose(back[inside], poses[inside], atol=1e-3)
     assert inside.mean() > 0.5
 
 
 def test_motion_to_go_on_from_moves_the_beginning_and_no_more():
-    speech, first = talk(9.6), recorded()
-    plain, made = (gesturer().generate(speech, parts=BODY, continue_from=m, **WHOLE) for m in (None, first))
+    speech, first = talk(9.6), make_motion()
+    plain, motion = (gesturer().generate(speech, parts=BODY, continue_from=m, **WHOLE) for m in (None, first))
     window = int(gesturer().system.main_network.signature.window / FPS * 30)
-    assert away(plain[:10], made[:10]) > 1e-4
-    np.testing.assert_array_equal(plain.rotations[window:], made.rotations[window:])
+    assert away(plain[:10], motion[:10]) > 1e-4
+    np.testing.assert_array_equal(plain.rotations[window:], motion.rotations[window:])
     with_file = gesturer().generate(speech, parts=BODY, continue_from=first, face=first, **WHOLE)
-    assert away(with_file, made) > 1e-4
+    assert away(with_file, motion) > 1e-4
 
 
 @pytest.mark.parametrize("fps", [15.0, 30.0])
@@ -157,19 +157,19 @@ def test_clips_join(fps, style):
     """The first pose is nearly the last one of what came before, and what is added is gone after half a second."""
     options = WHOLE | {"fps": fps, "parts": BODY, "style": style}
     first = RuleBasedModel().generate(talk(2.0), fps=fps, seed=2, parts=BODY)
-    plain, made = (gesturer().generate(talk(4.8), continue_from=m, **options) for m in (None, first))
+    plain, joint_motion = (gesturer().generate(talk(4.8), continue_from=m, **options) for m in (None, first))
     pose, s = find_pose(gesturer().system.pose), gesturer().system.statistics
     last = poses_before(gesturer().system, first, SEEDS)[-1] * s.pose_std + s.pose_mean
     arms = [k for k, name in enumerate(pose.names) if "Arm" in name]
-    gaps = [np.abs(pose.encode(motion[:1])[0] - last)[arms].max() for motion in (made, plain)]
+    gaps = [np.abs(pose.encode(motion[:1])[0] - last)[arms].max() for motion in (joint_motion, plain)]
     assert gaps[0] < 0.2 * gaps[1]
-    speed = np.abs(np.diff(pose.encode(made), axis=0))[:, arms].max(1)
+    speed = np.abs(np.diff(pose.encode(joint_motion), axis=0))[:, arms].max(1)
     assert speed[: round(fps / 2)].max() < 0.5 * gaps[1]
 
 
 def test_pieces_and_takes_do_not_show():
     speech = talk(3.2)
-    given = {"face": recorded(1.2), "continue_from": recorded(), **WHOLE}
+    given = {"face": make_motion(1.2), "continue_from": make_motion(), **WHOLE}
     whole = gesturer().generate(speech, **given)
     for edges in ([1, 2, 7, 9000, 9001, 40_000], list(range(1600, 51_000, 1600))):
         assert same(Motion.concatenate(list(gesturer().stream(cut(speech, edges), **given))), whole)
@@ -183,10 +183,10 @@ def test_old_bundles_and_those_trained_without():
         player = gesturer(**kind)
         if not kind.get("faces", True):
             with pytest.raises(InputError, match="does not take a face"):
-                player.session(face=recorded(), **WHOLE)
+                player.session(face=make_motion(), **WHOLE)
         if not kind.get("seeds", True):
             with pytest.raises(InputError, match="continue from"):
-                player.session(continue_from=recorded(), **WHOLE)
+                player.session(continue_from=make_motion(), **WHOLE)
         assert len(player.generate(talk(1.0), **WHOLE)) == 30
     signature = gesturer(faces=False, seeds=0).system.main_network.signature
     assert not {"face", "seed"} & set(signature.inputs)
@@ -195,17 +195,17 @@ def test_old_bundles_and_those_trained_without():
 
 @pytest.mark.parametrize("option", ["face", "continue_from"])
 def test_who_cannot_is_told(option, tmp_path):
-    given, flow = {option: recorded()}, TrainedModel.open(write_small(tmp_path / "flow.cospeech"))
+    given, flow = {option: make_motion()}, TrainedModel.open(write_small(tmp_path / "flow.cospeech"))
     with pytest.raises(InputError, match="look_ahead=inf"):
         gesturer().session(**given)
     for player in (flow, RuleBasedModel()):
         with pytest.raises(InputError, match="does not take"):
             player.session(**given)
-    for wrong in (7, tmp_path / "none.json", tmp_path, replace(recorded(), face=None)[:0]):
+    for wrong in (7, tmp_path / "none.json", tmp_path, replace(make_motion(), face=None)[:0]):
         with pytest.raises(InputError, match=r"^[^\n]*$"):
             gesturer().session(**{option: wrong}, **WHOLE)
     with pytest.raises(InputError, match="has no face"):
-        gesturer().session(face=replace(recorded(), face=None), **WHOLE)
+        gesturer().session(face=replace(make_motion(), face=None), **WHOLE)
 
 
 def test_files(tmp_path, monkeypatch):
@@ -213,14 +213,14 @@ def test_files(tmp_path, monkeypatch):
     monkeypatch.setattr(generating, "load_model", lambda name: gesturer())
     speech = talk(2.0)
     sf.write("talk.wav", speech.samples, 16_000)
-    recorded().save("face.json")
-    recorded().save("before.bvh")
+    make_motion().save("face.json")
+    make_motion().save("before.bvh")
     generating.generate_files("talk.wav", ["a.npz"], face="face.json", continue_from="before.bvh", seed=3)
     generating.generate_files("talk.wav", ["plain.npz"], seed=3)
-    made, plain = Motion.load("a.npz"), Motion.load("plain.npz")
-    assert away(made, plain) > 1e-3
-    times = np.arange(len(made)) / 30
-    np.testing.assert_allclose(made.face, ConditioningFace(Motion.load("face.json")).at(times)[0], atol=1e-3)
+    motion, plain = Motion.load("a.npz"), Motion.load("plain.npz")
+    assert away(motion, plain) > 1e-3
+    times = np.arange(len(motion)) / 30
+    np.testing.assert_allclose(motion.face, ConditioningFace(Motion.load("face.json")).at(times)[0], atol=1e-3)
     with pytest.raises(InputError, match="overwrite"):
         generating.generate_files("talk.wav", ["face.json"], face="face.json")
     with pytest.raises(InputError, match="overwrite"):

@@ -23,7 +23,7 @@ def spoken() -> Speech:
     return Speech.load(example()[0]).window(0, 3)
 
 
-def mixed(sadness: float) -> EmotionTrack:
+def mix_with_neutral(sadness: float) -> EmotionTrack:
     weights = np.zeros(len(EMOTIONS))
     weights[EMOTIONS.index("sadness")], weights[EMOTIONS.index("neutral")] = sadness, 1 - sadness
     return EmotionTrack([0], [weights])
@@ -32,7 +32,10 @@ def mixed(sadness: float) -> EmotionTrack:
 def test_a_part_of_an_emotion_is_played_as_a_mixture_with_neutral():
     system = replace(load("chain-of-generation").system, emotion_strength={})
     whole, part = TrainedModel(system), TrainedModel(replace(system, emotion_strength={"sadness": 0.5}))
-    assert same(part.generate(spoken(), emotion="sadness", **OPTIONS), whole.generate(spoken(), emotion=mixed(0.5), **OPTIONS))
+    assert same(
+        part.generate(spoken(), emotion="sadness", **OPTIONS),
+        whole.generate(spoken(), emotion=mix_with_neutral(0.5), **OPTIONS),
+    )
     assert not same(
         part.generate(spoken(), emotion="sadness", **OPTIONS), whole.generate(spoken(), emotion="sadness", **OPTIONS)
     )
@@ -44,7 +47,8 @@ def test_what_ships_gives_less_than_all_of_sadness_and_the_bare_network_all():
     assert model.system.emotion_strength == {"sadness": 0.7}
     usual = model.generate(spoken(), emotion="sadness", **OPTIONS)
     assert same(
-        usual, TrainedModel(replace(model.system, emotion_strength={})).generate(spoken(), emotion=mixed(0.7), **OPTIONS)
+        usual,
+        TrainedModel(replace(model.system, emotion_strength={})).generate(spoken(), emotion=mix_with_neutral(0.7), **OPTIONS),
     )
 
 

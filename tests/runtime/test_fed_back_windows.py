@@ -21,7 +21,7 @@ def signature(seed: int | str = "N") -> Signature:
 
 
 class Counting:
-    """Poses count up from the last known pose, in steps of a take's first noise; it keeps what it was given."""
+    """A network whose poses count up from the last known pose, in steps of a take's first noise; it stores its inputs."""
 
     def __init__(self, seed: int | str) -> None:
         self.signature, self.given = signature(seed), []
@@ -56,13 +56,13 @@ def play(network: Counting, frames: int, **options) -> np.ndarray:
 
 def test_each_window_goes_on_from_the_poses_of_the_one_before():
     network = Counting("N")
-    made = play(network, 40)
-    assert made.shape == (2, 40, WIDTH)
+    poses = play(network, 40)
+    assert poses.shape == (2, 40, WIDTH)
     assert "seed" not in network.given[0]
-    np.testing.assert_allclose(made[0, :, 0], np.arange(40) + 1)  # without a gap where windows meet
+    np.testing.assert_allclose(poses[0, :, 0], np.arange(40) + 1)  # without a gap where windows meet
     for k, ports in enumerate(network.given[1:], 1):
         seed, before = ports["seed"], 6 * k
-        np.testing.assert_allclose(seed[:, :SEEDS, :-1], made[:, before - SEEDS : before])
+        np.testing.assert_allclose(seed[:, :SEEDS, :-1], poses[:, before - SEEDS : before])
         assert seed[:, :SEEDS, -1].all()
         assert not seed[:, SEEDS:].any()
 
@@ -70,10 +70,10 @@ def test_each_window_goes_on_from_the_poses_of_the_one_before():
 def test_poses_before_the_first_are_each_takes_own():
     network = Counting("N")
     before = np.repeat(np.arange(6, 10, dtype=np.float32)[:, None], WIDTH, 1)
-    made = play(network, 6, before=before)
+    poses = play(network, 6, before=before)
     assert network.given[0]["seed"].shape == (2, WINDOW, WIDTH + 1)
     np.testing.assert_allclose(network.given[0]["seed"][:, :SEEDS, :-1], np.stack([before, before]))
-    np.testing.assert_allclose(made[0, :, 0], np.arange(10, 16))
+    np.testing.assert_allclose(poses[0, :, 0], np.arange(10, 16))
 
 
 def test_of_a_shared_port_only_the_first_window_has_known_poses():

@@ -93,27 +93,27 @@ def test_float_engine_is_the_network(changes):
     model = network(**changes)
     engine = engine_of(model.export(), sizes_of(model.config, int8=False))
     audio, past, z = speech(20 + model.speech_frames), histories(2), latents(2, 21)
-    shown = histories(2, 19)
-    styles = np.stack([engine.style_code(poses) for poses in shown]) if engine.sizes.style else None
-    made = engine.begin(past, styles).frames(engine.windows(audio), z)
+    examples = histories(2, 19)
+    styles = np.stack([engine.style_code(poses) for poses in examples]) if engine.sizes.style else None
+    result = engine.begin(past, styles).frames(engine.windows(audio), z)
     with torch.no_grad():
-        code = model.style(torch.from_numpy(shown))
-        wanted = model.sample(*(torch.from_numpy(v) for v in (z, past, np.stack([audio] * 2))), code).numpy()
+        code = model.style(torch.from_numpy(examples))
+        expected = model.sample(*(torch.from_numpy(v) for v in (z, past, np.stack([audio] * 2))), code).numpy()
     if styles is not None:
         np.testing.assert_allclose(styles, code.numpy(), atol=1e-5)
-    assert made.shape == (2, 21, POSE)
-    assert wanted.std() > 0.3
-    np.testing.assert_allclose(made, wanted, atol=3e-4)
+    assert result.shape == (2, 21, POSE)
+    assert expected.std() > 0.3
+    np.testing.assert_allclose(result, expected, atol=3e-4)
 
 
 def test_quantised_engine_is_near_the_network():
     model = network()
     audio, past, z = speech(60), histories(2), latents(2, 53)
-    made = [
+    poses = [
         engine.begin(past).frames(engine.windows(audio), z)
         for engine in (engine_of(model.export(), sizes_of(model.config, int8=int8)) for int8 in (True, False))
     ]
-    assert 0 < relative(*made) < 0.05  # 12 units; the paper's size is measured by benchmarks/flow.py
+    assert 0 < relative(*poses) < 0.05  # 12 units; the paper's size is measured by benchmarks/flow.py
 
 
 def test_lstm_cells():
@@ -126,18 +126,18 @@ def test_lstm_cells():
     lively(flow)
     arrays = {f"flow.{name}": value.numpy() for name, value in flow.state_dict().items()}
     audio, past, z = speech(12), histories(1, 2), latents(1, 10)
-    made = {}
+    results = {}
     for int8 in (False, True):
         engine = engine_of(arrays, replace(sizes, int8=int8))
-        made[int8] = engine.begin(past).frames(engine.windows(audio), z)
+        results[int8] = engine.begin(past).frames(engine.windows(audio), z)
     poses, states = [torch.from_numpy(p) for p in past[0]], None
     for t in range(10):
         c = torch.cat([*poses[-2:], torch.from_numpy(audio[t : t + 3].ravel())])[None, None]
         with torch.no_grad():
             x, states = flow.inverse(torch.from_numpy(z[:, t : t + 1]), c, states)
         poses.append(x[0, 0])
-    np.testing.assert_allclose(made[False][0], torch.stack(poses[2:]).numpy(), atol=2e-4)
-    assert relative(made[True], made[False]) < 0.05
+    np.testing.assert_allclose(results[False][0], torch.stack(poses[2:]).numpy(), atol=2e-4)
+    assert relative(results[True], results[False]) < 0.05
 
 
 @pytest.mark.parametrize("int8", [False, True])
@@ -149,11 +149,11 @@ def test_takes_do_not_touch_each_other_and_pieces_do_not_show(int8):
     for take in (0, 5):
         alone = engine.begin(past[take : take + 1]).frames(windows, z[take : take + 1])
         assert alone.tobytes() == whole[take : take + 1].tobytes()
-    takes, made, at = engine.begin(past), [], 0
+    takes, pieces, at = engine.begin(past), [], 0
     for count in (1, 2, 1, 30, 49):
-        made.append(takes.frames(windows[at : at + count], z[:, at : at + count]))
+        pieces.append(takes.frames(windows[at : at + count], z[:, at : at + count]))
         at += count
-    assert np.concatenate(made, 1).tobytes() == whole.tobytes()
+    assert np.concatenate(pieces, 1).tobytes() == whole.tobytes()
     assert not np.allclose(whole[0], whole[1])
 
 
@@ -162,11 +162,11 @@ def test_bytes_do_not_blur_small_steps():
     model = network(residual=True, inertia=0.7, steps_seen=True, encoder=False)
     past = 1.5 + histories(40, 1) + 0.02 * histories(1)
     windows, z = speech(TINY.history + 1 + TINY.look_ahead)[None], latents(40, 1)
-    made = {}
+    steps = {}
     for int8 in (True, False):
         engine = engine_of(model.export(), sizes_of(model.config, int8=int8))
-        made[int8] = engine.begin(past).frames(windows, z)[:, 0] - past[:, -1]
-    assert relative(made[True], made[False]) < 0.005  # 0.02 where the steps are folded into the weights
+        steps[int8] = engine.begin(past).frames(windows, z)[:, 0] - past[:, -1]
+    assert relative(steps[True], steps[False]) < 0.005  # 0.02 where the steps are folded into the weights
 
 
 @pytest.mark.parametrize("changes", [{}, {"residual": True, "style": 4}], ids=["plain", "residual,style"])
@@ -178,10 +178,10 @@ def test_latents_of_what_was_made_are_what_it_was_made_from(int8, most, changes)
     style = np.array([[0.9, -0.5, 0.1, 0.7]]) if changes else None
     poses = np.concatenate([past[0], engine.begin(past, style).frames(engine.windows(audio), z)[0]])
     poses = np.concatenate([poses, np.zeros((TINY.look_ahead, POSE), np.float32)])  # nobody looks at these
-    found = engine.latents(poses, audio, style)
-    assert found.shape == z[0].shape
-    assert np.abs(found - z[0]).max() < most
-    again = engine.begin(past, style).frames(engine.windows(audio), found[None])
+    result = engine.latents(poses, audio, style)
+    assert result.shape == z[0].shape
+    assert np.abs(result - z[0]).max() < most
+    again = engine.begin(past, style).frames(engine.windows(audio), result[None])
     assert np.abs(again[0] - poses[TINY.history : -TINY.look_ahead]).max() < 2 * most
 
 
@@ -194,10 +194,10 @@ def test_latents_are_those_of_the_network(changes):
     model = network(**changes)
     engine = engine_of(model.export(), sizes_of(model.config, int8=False))
     poses, audio = histories(1, 40)[0], speech(40)
-    wanted = model.latents(torch.from_numpy(poses)[None], torch.from_numpy(audio)[None])[0].detach().numpy()
+    expected = model.latents(torch.from_numpy(poses)[None], torch.from_numpy(audio)[None])[0].detach().numpy()
     style = engine.style_code(poses[: model.style_frames]) if model.style_frames else None
-    found = engine.latents(poses[model.style_frames :], audio[model.style_frames :], style)
-    np.testing.assert_allclose(found, wanted, atol=1e-3)
+    result = engine.latents(poses[model.style_frames :], audio[model.style_frames :], style)
+    np.testing.assert_allclose(result, expected, atol=1e-3)
 
 
 def test_a_pull_draws_poses_to_the_mean_and_latents_know_it():
@@ -207,22 +207,22 @@ def test_a_pull_draws_poses_to_the_mean_and_latents_know_it():
         for feedback_gain in (1.0, 0.9)
     )
     audio, past, z = speech(60), histories(2), latents(2, 53)
-    loose, held = (engine.begin(past).frames(engine.windows(audio), z) for engine in (free, with_feedback))
-    np.testing.assert_allclose(held[:, 0], 0.9 * loose[:, 0], rtol=1e-5, atol=1e-6)
-    assert held.std() < loose.std()
-    poses = np.concatenate([past[0], held[0], np.zeros((TINY.look_ahead, POSE), np.float32)])
+    loose, near = (engine.begin(past).frames(engine.windows(audio), z) for engine in (free, with_feedback))
+    np.testing.assert_allclose(near[:, 0], 0.9 * loose[:, 0], rtol=1e-5, atol=1e-6)
+    assert near.std() < loose.std()
+    poses = np.concatenate([past[0], near[0], np.zeros((TINY.look_ahead, POSE), np.float32)])
     assert np.abs(with_feedback.latents(poses, audio) - z[0]).max() < 1e-3
 
 
-@pytest.mark.parametrize("said", ["first\nsecond", "", "\n"])
-def test_an_error_of_onnxruntime_is_told_in_our_words_whatever_it_says(said):
+@pytest.mark.parametrize("message", ["first\nsecond", "", "\n"])
+def test_an_error_of_onnxruntime_is_told_in_our_words_whatever_it_says(message):
     class Failing:
         def run(self, outputs, inputs):
-            raise RuntimeError(said)
+            raise RuntimeError(message)
 
-    with pytest.raises(InputError, match=r"^onnxruntime cannot run a graph \(is the bundle damaged\?\)$") as caught:
+    with pytest.raises(InputError, match=r"^onnxruntime cannot run a graph \(is the bundle damaged\?\)$") as error:
         run_session(Failing(), {})
-    assert str(caught.value.__cause__) == said
+    assert str(error.value.__cause__) == message
 
 
 def test_a_hostile_network_stays_within_bounds():
@@ -238,10 +238,10 @@ def test_a_hostile_network_stays_within_bounds():
     takes = engine.begin(np.zeros((1, sizes.history, POSE)))
     draw = StudentT(POSE, 1, seed=0, temperature=2.0)  # heavy tails
     for _ in range(20):
-        made = takes.frames(engine.windows(1e3 * speech(1000 + sizes.speech_frames - 1, 5)), draw.draw(1000)[None])[0]
-        assert np.isfinite(made).all()
-        assert (np.abs(made) <= edge * (1 + 1e-6)).all()
-    assert made.std(0).min() > 1e-3
+        poses = takes.frames(engine.windows(1e3 * speech(1000 + sizes.speech_frames - 1, 5)), draw.draw(1000)[None])[0]
+        assert np.isfinite(poses).all()
+        assert (np.abs(poses) <= edge * (1 + 1e-6)).all()
+    assert poses.std(0).min() > 1e-3
 
 
 def test_student_t():
@@ -309,5 +309,5 @@ def test_with_all_that_is_ours_off_it_is_the_published_model():
     assert paper.runtime_sizes() == ours.runtime_sizes()
     assert paper.loss(Batch(arrays, StepRandom(0, 0)), 0) == ours.loss(Batch(arrays, StepRandom(0, 0)), 0)
     z = torch.randn(3, 6, POSE, generator=draw)
-    past, heard = arrays["pose"][:, : TINY.history], torch.randn(3, 5 + paper.speech_frames, AUDIO, generator=draw)
-    assert torch.equal(paper.sample(z, past, heard), ours.sample(z, past, heard))
+    past, audio = arrays["pose"][:, : TINY.history], torch.randn(3, 5 + paper.speech_frames, AUDIO, generator=draw)
+    assert torch.equal(paper.sample(z, past, audio), ours.sample(z, past, audio))

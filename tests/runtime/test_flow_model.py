@@ -28,7 +28,7 @@ from cospeech.runtime.pose_decoder import PoseDecoder
 from cospeech.runtime.pose_resampler import PoseResampler
 from cospeech.runtime.styles.space import style_space
 from cospeech.runtime.styles.style import Styles
-from tests.support.runtime_bundles import changed, cut, same, talk, write_small
+from tests.support.runtime_bundles import cut, perform_changes, same, talk, write_small
 
 EYES = [humanoid().index[name] for name in ("leftEye", "rightEye")]
 FINGERS = sorted({*humanoid().left_hand, *humanoid().right_hand})
@@ -81,10 +81,10 @@ def test_parts_rest():
     assert np.array_equal(hands.rotations[:, FINGERS], whole.rotations[:, FINGERS])
     face = gesturer().generate(speech, parts=("face",))
     assert (face.rotations[:, BODY + FINGERS] == rest).all()
-    ruled = RuleBasedModel(open_default_mouth).generate(speech, parts=("face",))
+    by_rules = RuleBasedModel(open_default_mouth).generate(speech, parts=("face",))
     mouth = [k for k, name in enumerate(ARKIT) if not name.startswith(("eye", "brow"))]  # those follow the eyes and the hands
-    assert np.array_equal(face.face[:, mouth], ruled.face[:, mouth])
-    assert np.abs(face.rotations[:, EYES] - ruled.rotations[:, EYES]).max() < 0.03  # aimed from where each head is
+    assert np.array_equal(face.face[:, mouth], by_rules.face[:, mouth])
+    assert np.abs(face.rotations[:, EYES] - by_rules.rotations[:, EYES]).max() < 0.03  # aimed from where each head is
 
 
 def test_intensity_scales_from_the_mean_pose():
@@ -103,30 +103,30 @@ def test_styles_are_speakers_and_mixtures():
     plain, ada, ben = (gesturer().generate(speech, style=s, parts=("body",)) for s in (None, "ada", "ben"))
     assert same(plain, ada)
     assert not np.allclose(ada.rotations, ben.rotations, atol=1e-2)
-    mixed, other = (source(s) for s in ("ada:3, ben:1", "ben"))
+    mixture, other = (source(s) for s in ("ada:3, ben:1", "ben"))
     s = gesturer().system.statistics
-    np.testing.assert_allclose(mixed.style, 0.75 * s.style_codes[0] + 0.25 * s.style_codes[1], atol=1e-6)
+    np.testing.assert_allclose(mixture.style, 0.75 * s.style_codes[0] + 0.25 * s.style_codes[1], atol=1e-6)
     np.testing.assert_allclose(other.speaker_mean, s.speaker_mean[1])
-    begun = {tuple(source("ben", seed).history.ravel()) for seed in range(20)}
-    assert begun == {tuple(h.ravel()) for h in s.histories[3:]}
+    beginnings = {tuple(source("ben", seed).history.ravel()) for seed in range(20)}
+    assert beginnings == {tuple(h.ravel()) for h in s.histories[3:]}
     assert gesturer().styles == ("ada", "ben")
 
 
 def test_style_controls(tmp_path):
     path = write_small(tmp_path / "a.cospeech", audio="mel27", controls=("hand_speed", "hand_height"))
-    controlled, speech = TrainedModel.open(path), talk(1.5)
+    player, speech = TrainedModel.open(path), talk(1.5)
     median, high, both = (
-        controlled.generate(speech, style=s, parts=("body",)) for s in (None, "hand_height:0.95", "ben, hand_height:0.95")
+        player.generate(speech, style=s, parts=("body",)) for s in (None, "hand_height:0.95", "ben, hand_height:0.95")
     )
-    assert same(median, controlled.generate(speech, style="hand_height:0.5,hand_speed:0.5", parts=("body",)))
+    assert same(median, player.generate(speech, style="hand_height:0.5,hand_speed:0.5", parts=("body",)))
     assert not np.allclose(median.rotations, high.rotations, atol=1e-3)
     assert not np.allclose(both.rotations, high.rotations, atol=1e-3)
-    session = controlled.session(style="hand_speed:0.25")
-    table = controlled.system.statistics.control_quantiles
+    session = player.session(style="hand_speed:0.25")
+    table = player.system.statistics.control_quantiles
     np.testing.assert_allclose(session._frontend.silence[0, -2:], [table[25, 0], table[50, 1]], atol=1e-6)
     for wrong in ("hand_radius:0.5", "hand_height:2", "hand_height", "hand_height:0.1,hand_height:0.2"):
         with pytest.raises(InputError):
-            controlled.session(style=wrong)
+            player.session(style=wrong)
 
 
 def test_temperature_and_emotion():
@@ -146,15 +146,15 @@ def test_temperature_and_emotion():
 @pytest.mark.parametrize("fps", [20.0, 47.0])
 def test_resampling_keeps_poses_and_holds_ends(fps):
     """A straight line stays one; smoothing and the cubic add up to one everywhere."""
-    sampled = PoseResampler(2, 3, smooth=1, step=20 / fps)
+    resampler = PoseResampler(2, 3, smooth=1, step=20 / fps)
     line = np.arange(40, dtype=np.float32)[None, :, None] * np.ones((2, 1, 3), np.float32)
     count = int(40 * fps / 20)
-    made, at = sampled.push(line, count, 39)
+    poses, at = resampler.push(line, count, 39)
     np.testing.assert_allclose(at, np.arange(count) * 20 / fps)
     inner = (at > 3) & (at < 36)
-    np.testing.assert_allclose(made[0, inner, 0], at[inner], atol=2e-4)
-    assert made[1, 0, 2] == pytest.approx(0.25, abs=1e-3)  # (0 + 2·0 + 1) / 4
-    assert (np.diff(made[0, :, 0]) >= -1e-4).all()
+    np.testing.assert_allclose(poses[0, inner, 0], at[inner], atol=2e-4)
+    assert poses[1, 0, 2] == pytest.approx(0.25, abs=1e-3)  # (0 + 2·0 + 1) / 4
+    assert (np.diff(poses[0, :, 0]) >= -1e-4).all()
 
 
 def walking(seconds: float = 6.0, fps: float = 20.0) -> Motion:
@@ -177,12 +177,12 @@ def test_a_body_that_walks_goes_on_where_it_was():
     assert np.allclose(pose.end_of_walk(vectors, start), (*place[-1, [0, 2]], turn[-1]), atol=1e-9)
     whole, pieces = (PoseDecoder(pose, 20.0, 1.0) for _ in range(2))
     root = whole.push(vectors)[1]
-    made = [pieces.push(piece) for piece in np.split(vectors, [1, 17, 18, 90])]
-    np.testing.assert_array_equal(np.concatenate([r for _, r in made]), root)
+    results = [pieces.push(piece) for piece in np.split(vectors, [1, 17, 18, 90])]
+    np.testing.assert_array_equal(np.concatenate([r for _, r in results]), root)
     twice = PoseDecoder(pose, 40.0, 0.5).push(np.repeat(vectors, 2, 0))[1]
     np.testing.assert_allclose(twice[1::2], root, atol=0.03)
-    gone = np.linalg.norm(np.diff(root[:, [0, 2]], axis=0), axis=1).sum()
-    assert 2.0 < gone < 4.0  # 3 m, as far as the smoothing of the walk and the humanoid's legs have it
+    distance = np.linalg.norm(np.diff(root[:, [0, 2]], axis=0), axis=1).sum()
+    assert 2.0 < distance < 4.0  # 3 m, as far as the smoothing of the walk and the humanoid's legs have it
 
 
 @pytest.mark.parametrize("fps", [20.0, 30.0])
@@ -219,21 +219,21 @@ def test_changes_do_not_depend_on_the_pieces(transfer):
     speech, player = talk(4.0), TrainedModel(gesturer().system, transfer)
     clip = gesturer().generate(talk(3.0), style="ben", seed=8, parts=("body", "hands"))
     changes = {20_000: "ben", 23_333: {clip: 0.6, "ada": 0.4}, 41_000: "ada:0.5,ben:0.5"}
-    made = changed(player, speech, [], changes, seed=2)
+    motion = perform_changes(player, speech, [], changes, seed=2)
     for edges in ([1, 2, 7, 9000, 9001, 40_000], list(range(1600, 60_000, 1600))):
-        assert same(changed(player, speech, edges, changes, seed=2), made)
-    assert not same(made, player.generate(speech, seed=2))
+        assert same(perform_changes(player, speech, edges, changes, seed=2), motion)
+    assert not same(motion, player.generate(speech, seed=2))
 
 
 def test_nothing_is_foreseen_of_a_change():
     """A flow hears ahead, but plays every frame in its own style: only smoothing and the cubic look one and two poses on."""
     speech, samples, options = talk(5.0), 40_000, {"parts": ("body", "hands"), "fps": 20.0, "seed": 1}
-    made = changed(gesturer(), speech, [], {samples: "ben"}, **options)
+    motion = perform_changes(gesturer(), speech, [], {samples: "ben"}, **options)
     plain = gesturer().generate(speech, **options)
-    differs = np.flatnonzero((made.rotations != plain.rotations).any((1, 2)))
+    differs = np.flatnonzero((motion.rotations != plain.rotations).any((1, 2)))
     frame = samples // 800
     assert frame + 1 - (gesturer().system.smooth + 2) <= differs[0] <= frame + 2
-    assert len(differs) > 0.9 * (len(made) - frame)
+    assert len(differs) > 0.9 * (len(motion) - frame)
 
 
 def test_a_change_is_a_code_and_a_place_for_each_frame():
@@ -246,26 +246,26 @@ def test_a_change_is_a_code_and_a_place_for_each_frame():
     def make_sources(blend):
         return [CodeSource(system, blend, seed=seed) for seed in seeds]
 
-    ada, mixed = (blend(style) for style in ("ada", "ada:0.25,ben:0.75"))
+    ada, mixture = (blend(style) for style in ("ada", "ada:0.25,ben:0.75"))
     player = AutoregressiveDecoder(system, system.flow, make_sources, ada, silence, intensity=0.5)
-    made = [player.push(rows[:start])]
-    player.restyle(mixed, start)
-    made += [player.push(rows[start:40])]
-    placed = player.denormalise(np.concatenate(made, 1), at := np.arange(40 - after))
-    made = np.concatenate([*made, player.push(rows[40:]), player.finish(silence)], 1)
+    poses = [player.push(rows[:start])]
+    player.restyle(mixture, start)
+    poses += [player.push(rows[start:40])]
+    units = player.denormalise(np.concatenate(poses, 1), at := np.arange(40 - after))
+    poses = np.concatenate([*poses, player.push(rows[40:]), player.finish(silence)], 1)
 
     sources = make_sources(ada)
     takes = system.flow.begin(np.stack([x.history for x in sources]), np.stack([x.style for x in sources]))
-    heard = np.concatenate([np.repeat(silence, sizes.history, 0), rows, np.repeat(silence, after, 0)])
-    windows, z = system.flow.windows(heard), np.stack([x.draw(frames) for x in sources])
+    all_rows = np.concatenate([np.repeat(silence, sizes.history, 0), rows, np.repeat(silence, after, 0)])
+    windows, z = system.flow.windows(all_rows), np.stack([x.draw(frames) for x in sources])
     u = np.clip((np.arange(frames) - start) / 10, 0, 1)[:, None]
     share = 0.75 * (3 * u**2 - 2 * u**3)
     for f in range(frames):
         takes.styles[:] = (1 - share[f]) * s.style_codes[0] + share[f] * s.style_codes[1]
-        np.testing.assert_allclose(takes.frames(windows[f : f + 1], z[:, f : f + 1])[:, 0], made[:, f], atol=5e-3)  # 7 bits
+        np.testing.assert_allclose(takes.frames(windows[f : f + 1], z[:, f : f + 1])[:, 0], poses[:, f], atol=5e-3)  # 7 bits
     centres = (1 - share) * s.speaker_mean[0] + share * s.speaker_mean[1]
-    wanted = (centres + 0.5 * (made - centres)) * s.pose_std + s.pose_mean
-    np.testing.assert_allclose(placed, wanted[:, at], atol=1e-5)
+    expected = (centres + 0.5 * (poses - centres)) * s.pose_std + s.pose_mean
+    np.testing.assert_allclose(units, expected[:, at], atol=1e-5)
 
 
 def test_a_change_brings_the_speaker_s_own_deviation():
@@ -287,19 +287,19 @@ def test_a_change_brings_the_speaker_s_own_deviation():
     player = AutoregressiveDecoder(system, system.flow, make_sources, ada, np.zeros((1, system.flow.sizes.audio), np.float32))
     player.restyle(ben, 0)
     at, poses = np.array([0.0, 5.0, 10.0]), rng.normal(size=(1, 3, width)).astype(np.float32)
-    found = (player.denormalise(poses, at) - s.pose_mean) / s.pose_std
+    result = (player.denormalise(poses, at) - s.pose_mean) / s.pose_std
     for k, share in enumerate((0.0, 0.5, 1.0)):
         centre, spread = ((1 - share) * each[0] + share * each[1] for each in (s.speaker_mean, s.speaker_std))
-        wanted = centre + (poses[:, k] - s.free_mean) / s.free_std * spread
-        np.testing.assert_allclose(found[:, k], wanted, atol=1e-4)
+        expected = centre + (poses[:, k] - s.free_mean) / s.free_std * spread
+        np.testing.assert_allclose(result[:, k], expected, atol=1e-4)
 
 
 def test_style_controls_change_with_the_style(tmp_path):
     path = write_small(tmp_path / "a.cospeech", audio="mel27", controls=("hand_speed", "hand_height"))
     player, speech = TrainedModel.open(path), talk(4.0)
     changes = {16_000: "hand_height:0.95", 33_000: "ben"}
-    made = changed(player, speech, [], changes, parts=("body",))
-    assert same(changed(player, speech, [900, 31_000, 31_001], changes, parts=("body",)), made)
+    motion = perform_changes(player, speech, [], changes, parts=("body",))
+    assert same(perform_changes(player, speech, [900, 31_000, 31_001], changes, parts=("body",)), motion)
     table, session = player.system.statistics.control_quantiles, player.session()
     list(session.push(cut(speech, [16_000])[0]))
     session.restyle("hand_height:0.95")
@@ -314,11 +314,11 @@ def test_style_controls_change_with_the_style(tmp_path):
 
 def test_a_wrong_change_changes_nothing():
     speech, session = talk(2.0), gesturer().session(seed=1)
-    made = list(session.push(speech))
+    motions = list(session.push(speech))
     for wrong in ("bem", 7, "ada:nan", "hand_height:0.5"):
         with pytest.raises(InputError):
             session.restyle(wrong)
-    assert same(Motion.concatenate([*made, *session.finish()]), gesturer().generate(speech, seed=1))
+    assert same(Motion.concatenate([*motions, *session.finish()]), gesturer().generate(speech, seed=1))
     assert session.style_mixture is None
 
 
@@ -328,9 +328,9 @@ def test_flows_hear_as_far_ahead_as_they_were_trained_to_or_less(look_ahead):
     speech, session = talk(6.0), gesturer().session(parts=("body",), look_ahead=look_ahead)
     usual = gesturer().session(parts=("body",)).latency
     assert session.latency == usual if look_ahead in (None, 1.0) else session.latency < usual
-    heard, made, late = 0, 0, []
+    samples, count, late = 0, 0, []
     for chunk in cut(speech, list(range(160, len(speech), 160))):
-        heard += len(chunk)
-        made += sum(len(piece) for piece in session.push(chunk))
-        late.append(heard / 16_000 - made / 30)
+        samples += len(chunk)
+        count += sum(len(piece) for piece in session.push(chunk))
+        late.append(samples / 16_000 - count / 30)
     assert session.latency - 0.06 < max(late) <= session.latency

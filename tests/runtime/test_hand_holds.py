@@ -41,8 +41,8 @@ def strokes(seconds: float, times: list[float]) -> Array:
 
 def hold(rotations: Array, root: Array) -> tuple[Array, Array]:
     layer = HandHolds(FPS)
-    made = [layer.push(rotations, root), layer.finish()]
-    whole, places = (np.concatenate(parts) for parts in zip(*made, strict=True))
+    pieces = [layer.push(rotations, root), layer.finish()]
+    whole, places = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
     return whole, places
 
 
@@ -55,27 +55,27 @@ def still(rotations: Array, side: int = 1) -> Array:
 def test_a_hand_that_drifts_is_held_and_its_strokes_stay():
     times = [3.0, 6.0, 9.0]
     rotations, root = arms({"rightLowerArm": strokes(12, times)})
-    held, same = hold(rotations, root)
+    result, same = hold(rotations, root)
     np.testing.assert_array_equal(same, root)
     assert still(rotations).mean() < 0.5
-    assert still(held).mean() > 0.65
-    before, after = (wrists_in_chest(q.astype(float))[:, 1] for q in (rotations, held))
+    assert still(result).mean() > 0.65
+    before, after = (wrists_in_chest(q.astype(float))[:, 1] for q in (rotations, result))
     assert np.linalg.norm(before - after, axis=-1).max() < 0.16
     for time in times:
         around = slice(round((time - 0.1) * FPS), round((time + 0.1) * FPS))
         np.testing.assert_allclose(after[around], before[around], atol=0.02)
-    np.testing.assert_array_equal(held[[0, -1]], rotations[[0, -1]])
+    np.testing.assert_array_equal(result[[0, -1]], rotations[[0, -1]])
     finger = JOINTS["rightIndexProximal"]
-    assert np.abs(np.diff(held[45:75, finger], axis=0)).max() < 0.2 * np.abs(np.diff(rotations[45:75, finger], axis=0)).max()
+    assert np.abs(np.diff(result[45:75, finger], axis=0)).max() < 0.2 * np.abs(np.diff(rotations[45:75, finger], axis=0)).max()
 
 
 def test_each_hand_has_its_own_holds_and_all_else_moves_on():
     rotations, root = arms({"rightLowerArm": strokes(10, [5.0]), "leftLowerArm": np.sin(np.arange(300) / FPS * 4)})
-    held, _ = hold(rotations, root)
+    result, _ = hold(rotations, root)
     mine = [k for k in arm_joints() if humanoid().names[k].startswith("right")]
     others = [k for k in range(len(humanoid())) if k not in mine]
-    np.testing.assert_array_equal(held[:, others], rotations[:, others])  # the left hand never stays
-    assert np.abs(held[:, mine] - rotations[:, mine]).max() > 0.01
+    np.testing.assert_array_equal(result[:, others], rotations[:, others])  # the left hand never stays
+    assert np.abs(result[:, mine] - rotations[:, mine]).max() > 0.01
 
 
 def test_a_hand_that_stays_briefly_goes_on():
@@ -101,15 +101,15 @@ def test_pieces_of_any_size_give_the_whole_and_wait_as_long_as_said(seed):
     root = random.normal(0, 1, (400, 3)).astype(np.float32)
     expected, places = hold(rotations, root)
     assert (expected != rotations).any()
-    layer, made, at, late = HandHolds(FPS), [], 0, 0
+    layer, pieces, at, late = HandHolds(FPS), [], 0, 0
     while at < len(rotations):
         end = min(at + int(random.integers(0, 9)), len(rotations))
-        made.append(layer.push(rotations[at:end], root[at:end]))
+        pieces.append(layer.push(rotations[at:end], root[at:end]))
         at = end
-        late = max(late, at - sum(len(piece) for piece, _ in made))
-    made.append(layer.finish())
-    np.testing.assert_array_equal(np.concatenate([piece for piece, _ in made]), expected)
-    np.testing.assert_array_equal(np.concatenate([piece for _, piece in made]), places)
+        late = max(late, at - sum(len(piece) for piece, _ in pieces))
+    pieces.append(layer.finish())
+    np.testing.assert_array_equal(np.concatenate([piece for piece, _ in pieces]), expected)
+    np.testing.assert_array_equal(np.concatenate([piece for _, piece in pieces]), places)
     assert late / FPS <= layer.look_ahead + 1e-9
     assert layer.look_ahead < 2.5
 
@@ -117,8 +117,8 @@ def test_pieces_of_any_size_give_the_whole_and_wait_as_long_as_said(seed):
 @pytest.mark.parametrize("frames", [0, 1, 2, 30])
 def test_short_motion_comes_back_whole(frames):
     rotations, root = (rows[:frames] for rows in arms({"rightLowerArm": strokes(2, [])}))
-    held, places = hold(rotations, root)
-    assert held.shape == rotations.shape
+    result, places = hold(rotations, root)
+    assert result.shape == rotations.shape
     assert places.shape == root.shape
 
 
@@ -141,8 +141,8 @@ def test_speeds_are_those_of_the_wrist():
 def test_trained_models_hold_their_hands_longer(name):
     model, speech = cospeech.load(name), Speech.load(EXAMPLE, rate=16_000)
     options = {"seed": 1, "fps": 30, "parts": ("body", "hands"), "emotion": "neutral"}
-    plain, held = (model.generate(speech, holds=on, **options).rotations for on in (False, True))
+    plain, with_holds = (model.generate(speech, holds=on, **options).rotations for on in (False, True))
     others = [k for k in range(len(humanoid())) if k not in arm_joints()]
-    np.testing.assert_array_equal(plain[:, others], held[:, others])
-    before, after = (np.mean([still(rotations, side) for side in (0, 1)]) for rotations in (plain, held))
+    np.testing.assert_array_equal(plain[:, others], with_holds[:, others])
+    before, after = (np.mean([still(rotations, side) for side in (0, 1)]) for rotations in (plain, with_holds))
     assert after > before + 0.02

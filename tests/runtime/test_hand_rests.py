@@ -41,18 +41,18 @@ def tpose(seconds: float, fps: float, tremble: float = 0.0) -> tuple[np.ndarray,
 def play(
     track: AccentTrack, seconds: float, *, fps: float = 30.0, seed: int = 0, piece: int | None = None, tremble: float = 0.0
 ) -> np.ndarray:
-    """Rotations that come back, of pieces of so many frames."""
+    """The rotations that the layer gives for pieces of ``piece`` frames."""
     rotations, root = tpose(seconds, fps, tremble)
     layer = HandRests(fps, track, seed)
     size = piece or len(rotations)
-    made = [layer.push(rotations[k : k + size], root[k : k + size]) for k in range(0, len(rotations), size)]
-    made.append(layer.finish())
-    joined = np.concatenate([part for part, _ in made])
-    assert len(joined) == len(rotations) == sum(len(part) for _, part in made)
-    return joined
+    pieces = [layer.push(rotations[k : k + size], root[k : k + size]) for k in range(0, len(rotations), size)]
+    pieces.append(layer.finish())
+    whole = np.concatenate([part for part, _ in pieces])
+    assert len(whole) == len(rotations) == sum(len(part) for _, part in pieces)
+    return whole
 
 
-def lowered(rotations: np.ndarray, arm: int = ARM) -> np.ndarray:
+def measure_rest(rotations: np.ndarray, arm: int = ARM) -> np.ndarray:
     """(n,) how far an arm is on its way to rest, 0 … 1."""
     way = quat_angle(rotations[:, arm].astype(float), np.broadcast_to(quat_identity(1), (len(rotations), 4)))
     return way / quat_angle(quat_identity(1), resting_pose()[None, arm].astype(float))
@@ -70,8 +70,8 @@ def near_rest(rotations: np.ndarray) -> float:
 
 
 def test_hands_rest_for_a_part_of_the_time_and_gesture_for_most_of_it():
-    made = play(Known(list(np.arange(0.4, 600, 0.6))), 600.0)
-    down = np.maximum(lowered(made, LEFT), lowered(made))
+    rotations = play(Known(list(np.arange(0.4, 600, 0.6))), 600.0)
+    down = np.maximum(measure_rest(rotations, LEFT), measure_rest(rotations))
     assert down.max() < 0.92  # a hand that rests still lives a little
     spells = spells_of(down, 30.0)
     assert 0.15 < (down > 0.5).mean() < 0.35
@@ -80,14 +80,14 @@ def test_hands_rest_for_a_part_of_the_time_and_gesture_for_most_of_it():
 
 
 def test_often_one_hand_rests_and_the_other_goes_on():
-    made = [play(Known(list(np.arange(0.4, 600, 0.6))), 600.0, seed=seed) for seed in range(3)]
-    left, right = (np.concatenate([lowered(one, arm) > 0.5 for one in made]) for arm in (LEFT, ARM))
+    takes = [play(Known(list(np.arange(0.4, 600, 0.6))), 600.0, seed=seed) for seed in range(3)]
+    left, right = (np.concatenate([measure_rest(one, arm) > 0.5 for one in takes]) for arm in (LEFT, ARM))
     both, some = (left & right).mean(), (left | right).mean()
     assert 0.35 < both / some < 0.65
     assert (left & ~right).mean() > 0.15 * some < (right & ~left).mean()
     one_at_rest = play(Known(list(np.arange(0.4, 600, 0.6))), 600.0, tremble=0.1)
     own = tpose(600.0, 30.0, 0.1)[0]
-    alone = (lowered(one_at_rest, LEFT) > 0.9) & (one_at_rest[:, ARM] == own[:, ARM]).all(-1)
+    alone = (measure_rest(one_at_rest, LEFT) > 0.9) & (one_at_rest[:, ARM] == own[:, ARM]).all(-1)
     assert alone.any()  # the hand that goes on keeps its bits
 
 
@@ -95,7 +95,7 @@ def test_hands_go_down_where_no_accent_is_near_and_come_up_on_one():
     bars = np.arange(0.0, 400.0, 2.5)  # three accents in each, and then 1.5 s of nothing
     times = [bar + more for bar in bars for more in (0.2, 0.7, 1.2)]
     clear = [(bar + 1.2, bar + 2.7 - 0.7) for bar in bars]
-    down = lowered(play(Known(times), 400.0, fps=100.0))
+    down = measure_rest(play(Known(times), 400.0, fps=100.0))
     speed = np.gradient(down) * 100
     ways_down = [k / 100 for k in np.flatnonzero((down[1:] > 0) & (down[:-1] == 0))]
     ups = [k / 100 for k in range(50, len(speed) - 50) if speed[k] < -0.5 and speed[k] == speed[k - 50 : k + 50].min()]
@@ -105,8 +105,8 @@ def test_hands_go_down_where_no_accent_is_near_and_come_up_on_one():
 
 
 def test_weak_accents_do_not_raise_the_hands_until_they_have_waited_long():
-    down = lowered(play(Known(list(np.arange(0.4, 120, 0.6)), strength=0.1), 120.0))
-    strong = lowered(play(Known(list(np.arange(0.4, 120, 0.6))), 120.0))
+    down = measure_rest(play(Known(list(np.arange(0.4, 120, 0.6)), strength=0.1), 120.0))
+    strong = measure_rest(play(Known(list(np.arange(0.4, 120, 0.6))), 120.0))
     assert (down > 0.85).mean() > (strong > 0.85).mean() + 0.1
 
 
@@ -114,10 +114,10 @@ def test_a_bout_begins_after_a_pause():
     """Where pauses come more often than bouts end, hands rest in them, and not in the speech as well."""
     phrases = [bar + more for bar in np.arange(0.0, 120.0, 5.0) for more in np.arange(0.2, 3.0, 0.4)]
     speaks = (np.arange(3600) / 30 % 5 > 0.2) & (np.arange(3600) / 30 % 5 < 2.8)
-    assert lowered(play(Known(phrases), 120.0))[speaks].max() < 0.05
-    assert lowered(play(Known(list(np.arange(0.2, 120, 0.4))), 120.0)).max() > 0.5
+    assert measure_rest(play(Known(phrases), 120.0))[speaks].max() < 0.05
+    assert measure_rest(play(Known(list(np.arange(0.2, 120, 0.4))), 120.0)).max() > 0.5
     for seed in range(8):  # also where the bout before it ended in the pause
-        down = lowered(play(Known([*np.arange(0.2, 4, 0.3), *np.arange(7.0, 12, 0.3)]), 12.0, fps=50.0, seed=seed))
+        down = measure_rest(play(Known([*np.arange(0.2, 4, 0.3), *np.arange(7.0, 12, 0.3)]), 12.0, fps=50.0, seed=seed))
         assert down[360:500].max() < 0.05
 
 
@@ -135,10 +135,10 @@ def test_a_frame_waits_until_its_accents_are_known():
     track.known = 5.0
     layer = HandRests(30.0, track, 0)
     rotations, root = tpose(10.0, 30.0)
-    made, _ = layer.push(rotations, root)
-    assert 3.5 * 30 < len(made) < 5.0 * 30
+    first, _ = layer.push(rotations, root)
+    assert 3.5 * 30 < len(first) < 5.0 * 30
     track.known = np.inf
-    assert len(made) + len(layer.finish()[0]) == len(rotations)
+    assert len(first) + len(layer.finish()[0]) == len(rotations)
 
 
 def test_only_arms_and_hands_are_led():

@@ -17,7 +17,7 @@ from cospeech.runtime.live_control import apply_control
 
 
 class Listener:
-    """Writes down what it is asked for, as a `LiveSession` would do it."""
+    """Records the calls that a `LiveSession` would carry out."""
 
     def __init__(self) -> None:
         self.calls: list[tuple] = []
@@ -50,8 +50,8 @@ def test_a_message_that_says_nothing_sensible_is_refused_whole(text):
 
 def test_words_of_a_message_go_where_words_are_wanted():
     session, words = Listener(), []
-    done = apply_control(session, '{"words": [{"word": "no"}], "style": "calm"}', put_words=words.append)
-    assert (done, words, session.calls) == ({"words", "style"}, [[{"word": "no"}]], [("restyle", "calm")])
+    keys = apply_control(session, '{"words": [{"word": "no"}], "style": "calm"}', put_words=words.append)
+    assert (keys, words, session.calls) == ({"words", "style"}, [[{"word": "no"}]], [("restyle", "calm")])
     with pytest.raises(InputError, match=r"words are not taken here .*--transcript"):
         apply_control(session, '{"words": []}')
     with pytest.raises(InputError, match="interrupt, words"):

@@ -19,14 +19,14 @@ SIZE = round(PIECE * RATE)
 
 
 class Listener:
-    """Writes down when it is interrupted, as a `LiveSession` would do it."""
+    """Records when a `LiveSession` would be interrupted."""
 
     def __init__(self) -> None:
-        self.heard: list[np.ndarray] = []
-        self.interrupted: list[int] = []
+        self.sound: list[np.ndarray] = []
+        self.interrupts: list[int] = []
 
     def interrupt(self) -> None:
-        self.interrupted.append(len(self.heard))
+        self.interrupts.append(len(self.sound))
 
 
 def sound_of(value: int, count: int) -> bytes:
@@ -34,18 +34,18 @@ def sound_of(value: int, count: int) -> bytes:
 
 
 def play(messages, gate: threading.Event, ready: threading.Event, *, before: int) -> tuple[Listener, list[InputError]]:
-    """Hear so many pieces, let the other messages come, and hear the rest."""
-    told: list[InputError] = []
+    """Hear ``before`` pieces, let the other messages come, and hear the rest."""
+    errors: list[InputError] = []
     waiting = WaitingSound(100 * RATE)
-    controls, session = LiveControls(waiting, told.append), Listener()
+    controls, session = LiveControls(waiting, errors.append), Listener()
     blocks = read_websocket(messages(), "s16", controls.put)
     for piece in pace_pieces(blocks, RATE, idle=False, waiting=waiting, sleep=lambda seconds: None):
         piece = controls.steer(session, piece)
-        session.heard.append(piece.samples)
-        if len(session.heard) == before:
+        session.sound.append(piece.samples)
+        if len(session.sound) == before:
             gate.set()
             assert ready.wait(10)
-    return session, told
+    return session, errors
 
 
 @pytest.mark.parametrize("odd", [0, 70])  # samples of the old sound that do not fill a piece
@@ -61,45 +61,45 @@ def test_an_interruption_drops_what_was_sent_ahead_and_keeps_what_follows(odd):
         ready.set()
 
     session, _ = play(messages, gate, ready, before=5)
-    heard = np.concatenate(session.heard)
-    assert session.interrupted == [5]
-    assert (heard == np.float32(8000 / 32768)).sum() == 5 * SIZE
-    assert not heard[5 * SIZE : 6 * SIZE].any()  # the piece that was under way
-    assert (heard[6 * SIZE :] == np.float32(16000 / 32768)).all()
-    assert len(heard) == 9 * SIZE
+    sound = np.concatenate(session.sound)
+    assert session.interrupts == [5]
+    assert (sound == np.float32(8000 / 32768)).sum() == 5 * SIZE
+    assert not sound[5 * SIZE : 6 * SIZE].any()  # the piece that was under way
+    assert (sound[6 * SIZE :] == np.float32(16000 / 32768)).all()
+    assert len(sound) == 9 * SIZE
 
 
-def words_heard(*messages: str | None) -> tuple[list[tuple[str, float]], list[InputError]]:
+def hear_words(*messages: str | None) -> tuple[list[tuple[str, float]], list[InputError]]:
     """Words and their starts, of messages each of which comes after three pieces of sound."""
-    told: list[InputError] = []
+    errors: list[InputError] = []
     waiting = WaitingSound(100 * RATE)
-    controls = LiveControls(waiting, told.append, WaitingWords(waiting, RATE, pytest.fail))
+    controls = LiveControls(waiting, errors.append, WaitingWords(waiting, RATE, pytest.fail))
     for message in messages:
         waiting.put(np.full(3 * SIZE, 0.5, np.float32))
         if message is not None:
             assert controls.put(message) == ("true" in message)
     waiting.end()
     pieces = pace_pieces(None, RATE, idle=False, waiting=waiting, sleep=lambda seconds: None)
-    heard = [controls.steer(Listener(), piece) for piece in pieces]
-    return [(word.text, round(word.start, 6)) for piece in heard for word in piece.words], told
+    pieces_of_sound = [controls.steer(Listener(), piece) for piece in pieces]
+    return [(word.text, round(word.start, 6)) for piece in pieces_of_sound for word in piece.words], errors
 
 
 def test_words_among_the_sound_count_from_where_their_message_stands():
-    said = '{"words": [{"word": "interrupt", "start": 0.01, "end": 0.05}, {"word": "me", "start": 0.07, "end": 0.08}]}'
-    assert words_heard(said, None) == ([("interrupt", 0.07)], [])  # the sound ends before the other one
-    assert words_heard(None, said, None, None) == ([("interrupt", 0.13), ("me", 0.19)], [])
+    message = '{"words": [{"word": "interrupt", "start": 0.01, "end": 0.05}, {"word": "me", "start": 0.07, "end": 0.08}]}'
+    assert hear_words(message, None) == ([("interrupt", 0.07)], [])  # the sound ends before the other one
+    assert hear_words(None, message, None, None) == ([("interrupt", 0.13), ("me", 0.19)], [])
 
 
 def test_an_interruption_drops_the_words_before_it_and_none_of_its_own_message():
-    lost = '{"words": [{"word": "lost", "start": 0.0, "end": 0.1}]}'
+    old = '{"words": [{"word": "lost", "start": 0.0, "end": 0.1}]}'
     new = '{"interrupt": true, "words": [{"word": "new", "start": 0.02, "end": 0.04}]}'
-    assert words_heard(lost, new, None) == ([("new", 0.04)], [])  # the piece that is heard is 0.02 s of silence
+    assert hear_words(old, new, None) == ([("new", 0.04)], [])  # the piece that is heard is 0.02 s of silence
 
 
 def test_words_that_are_none_are_told_and_the_sound_goes_on():
-    words, told = words_heard('{"words": [{"word": "a", "start": "soon", "end": 1}]}', '{"words": 3}', None)
+    words, errors = hear_words('{"words": [{"word": "a", "start": "soon", "end": 1}]}', '{"words": 3}', None)
     assert words == []
-    assert [error.problem for error in told] == ["'soon' is not a time", "JSON that holds '3'"]
+    assert [error.problem for error in errors] == ["'soon' is not a time", "JSON that holds '3'"]
 
 
 def test_within_a_piece_the_old_samples_are_silent_and_the_new_ones_are_heard():
@@ -122,18 +122,18 @@ def test_an_interruption_that_is_refused_drops_nothing():
         yield '{"interrupt": false}'
         ready.set()
 
-    session, told = play(messages, gate, ready, before=5)
-    assert (np.concatenate(session.heard) == np.float32(8000 / 32768)).sum() == 10 * SIZE
-    assert (len(told), session.interrupted) == (1, [])
+    session, errors = play(messages, gate, ready, before=5)
+    assert (np.concatenate(session.sound) == np.float32(8000 / 32768)).sum() == 10 * SIZE
+    assert (len(errors), session.interrupts) == (1, [])
 
 
 def test_a_line_that_says_nothing_is_told_as_text():
-    told: list[InputError] = []
-    controls = LiveControls(WaitingSound(RATE), told.append)
+    errors: list[InputError] = []
+    controls = LiveControls(WaitingSound(RATE), errors.append)
     for line in (b"garbage\n", "gr\xfc\xdf\n".encode(), b"\xff\n"):
         controls.put(line)
     controls.steer(Listener(), None)
-    assert [error.problem.split(" is no")[0] for error in told] == ["'garbage'", "'gr\xfc\xdf'", "'\ufffd'"]
+    assert [error.problem.split(" is no")[0] for error in errors] == ["'garbage'", "'gr\xfc\xdf'", "'\ufffd'"]
 
 
 def test_who_is_made_to_wait_goes_on_after_an_interruption():

@@ -28,13 +28,13 @@ def voice():
 def play(partner, own=None, *, size=PIECE, seed=1, **options):
     """Frames of a session that hears its own sound, or silence, and a partner, in pieces of both."""
     session = open_live_session("rules", seed=seed, fps=30, idle_after=2.0, **options)
-    made = []
+    motions = []
     for at in range(0, len(partner), size):
         session.listener.hear(partner[at : at + size], RATE)
         sound = np.zeros(len(partner[at : at + size]), np.float32) if own is None else own[at : at + size]
-        made += session.push(sound, RATE)
-    made += session.idle(1.0)
-    return Motion.concatenate(made)
+        motions += session.push(sound, RATE)
+    motions += session.idle(1.0)
+    return Motion.concatenate(motions)
 
 
 def pitch(motion):
@@ -51,13 +51,13 @@ def test_nobody_who_speaks_leaves_the_frames_as_they_are(voice):
 
 
 def test_a_character_that_is_spoken_to_nods_soon_after_pauses(voice):
-    bare, shown = play(np.zeros_like(voice)), play(voice)
-    nods = pitch(shown) - pitch(bare)
+    bare, motion = play(np.zeros_like(voice)), play(voice)
+    nods = pitch(motion) - pitch(bare)
     assert nods.max() > 2.5, "there is a nod"
     assert (nods > 2.0).sum() < 0.4 * len(nods), "and not all the time"
-    first = shown.times[np.flatnonzero(nods > 2.0)[0]]
+    first = motion.times[np.flatnonzero(nods > 2.0)[0]]
     assert first > 0.7, "nobody nods before anything was said"
-    assert np.abs(shown.face - bare.face).max() > 0.03, "the face takes part"
+    assert np.abs(motion.face - bare.face).max() > 0.03, "the face takes part"
 
 
 def test_seeds_differ_and_one_seed_is_always_alike(voice):
@@ -94,10 +94,10 @@ def test_listening_ends_where_the_sound_of_the_person_ends(voice):
                 session.listener.hear(partner[at : at + PIECE], RATE)
             for _ in session.push(np.zeros(PIECE, np.float32), RATE):
                 pass
-        gone = Motion.concatenate(list(session.idle(30.0)))
-        brows.append(gone.face[:, ARKIT_INDEX["browInnerUp"]])
-    assert np.abs(brows[0] - brows[1])[gone.times < 7].max() > 0.01, "the person was speaking"
-    assert np.abs(brows[0] - brows[1])[gone.times > 12].max() == 0
+        after = Motion.concatenate(list(session.idle(30.0)))
+        brows.append(after.face[:, ARKIT_INDEX["browInnerUp"]])
+    assert np.abs(brows[0] - brows[1])[after.times < 7].max() > 0.01, "the person was speaking"
+    assert np.abs(brows[0] - brows[1])[after.times > 12].max() == 0
 
 
 def test_frames_that_are_taken_back_take_back_what_was_to_be_shown_in_them(voice):
@@ -122,14 +122,14 @@ def test_frames_that_are_taken_back_take_back_what_was_to_be_shown_in_them(voice
 
 def test_intensity_and_parts_are_those_of_the_session(voice):
     def play_with(change, voice=voice):
-        session, made = open_live_session("rules", seed=1, fps=30, idle_after=2.0), []
+        session, motions = open_live_session("rules", seed=1, fps=30, idle_after=2.0), []
         change(session)
         for at in range(0, len(voice), PIECE):
             session.listener.hear(voice[at : at + PIECE], RATE)
-            made += session.push(np.zeros(PIECE, np.float32), RATE)
-        return Motion.concatenate(made)
+            motions += session.push(np.zeros(PIECE, np.float32), RATE)
+        return Motion.concatenate(motions)
 
-    still, bare = (play_with(lambda session: session.set_intensity(0), heard) for heard in (voice, np.zeros_like(voice)))
+    still, bare = (play_with(lambda session: session.set_intensity(0), sound) for sound in (voice, np.zeros_like(voice)))
     assert np.abs(pitch(still) - pitch(bare))[still.times > 1].max() < 0.01
     faceless = play_with(lambda session: session.set_parts(("body", "hands")))
     assert np.abs(faceless.face[faceless.times > 1]).max() == 0
@@ -138,8 +138,8 @@ def test_intensity_and_parts_are_those_of_the_session(voice):
 
 
 def test_a_character_without_a_body_answers_with_eyes_and_face_alone(voice):
-    shown = play(voice, parts=("face",))
-    head = shown.rotations[:, shown.skeleton.index["head"]]
+    motion = play(voice, parts=("face",))
+    head = motion.rotations[:, motion.skeleton.index["head"]]
     assert np.abs(head - head[0]).max() < 1e-6
 
 

@@ -20,7 +20,7 @@ from cospeech.motion.skeleton import humanoid
 from cospeech.motion.skeletons.arkit import ARKIT_INDEX
 from cospeech.runtime.idle import nod_angles
 from cospeech.runtime.live_session import LiveSession
-from tests.support.rules_laws import broken_laws, speed_faults
+from tests.support.rules_laws import find_broken_laws, speed_faults
 from tests.support.runtime_bundles import same
 
 S = humanoid()
@@ -36,7 +36,7 @@ def model(name: str = "rules"):
 
 
 @cache
-def said() -> Speech:
+def load_speech() -> Speech:
     return Speech.load(example()[0])
 
 
@@ -45,7 +45,7 @@ def session(name: str = "rules", **options) -> LiveSession:
 
 
 def speak(live: LiveSession, start: float, end: float) -> list[Motion]:
-    return [motion for piece in said().window(start, end).chunks(0.1) for motion in live.push(piece.samples, piece.rate)]
+    return [motion for piece in load_speech().window(start, end).chunks(0.1) for motion in live.push(piece.samples, piece.rate)]
 
 
 def hush(live: LiveSession, seconds: float) -> list[Motion]:
@@ -75,21 +75,23 @@ def whole(pieces: list[Motion], live: LiveSession) -> Motion:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["rules", *TRAINED])
 def test_what_nobody_steers_is_what_a_session_of_the_model_gives(name):
-    live, speech = session(name), said().window(0, 3)
-    made = [motion for piece in speech.chunks(0.1) for motion in live.push(piece)] + list(live.finish())
+    live, speech = session(name), load_speech().window(0, 3)
+    motions = [motion for piece in speech.chunks(0.1) for motion in live.push(piece)] + list(live.finish())
     options = {layer: True for layer in ("stance", "rests", "arm_limits") if model(name).for_files.get(layer)}
-    assert same(whole(made, live), Motion.concatenate(list(model(name).stream(speech.chunks(0.1), fps=30, seed=1, **options))))
+    assert same(
+        whole(motions, live), Motion.concatenate(list(model(name).stream(speech.chunks(0.1), fps=30, seed=1, **options)))
+    )
 
 
 def test_samples_of_both_kinds_are_heard_and_a_rate_is_asked_for():
-    speech = said().window(0, 2)
+    speech = load_speech().window(0, 2)
     whole_numbers = np.round(speech.samples * 32767).astype(np.int16)
     floats = (whole_numbers / 32768).astype(np.float32)
-    made = []
+    motions = []
     for samples in (whole_numbers, floats):
         live = session()
-        made.append(Motion.concatenate([*live.push(samples, 16_000), *live.finish()]))
-    assert same(*made)
+        motions.append(Motion.concatenate([*live.push(samples, 16_000), *live.finish()]))
+    assert same(*motions)
     with pytest.raises(InputError, match="samples without a rate"):
         session().push(floats)
     with pytest.raises(InputError, match="shape"):
@@ -98,18 +100,18 @@ def test_samples_of_both_kinds_are_heard_and_a_rate_is_asked_for():
 
 def check_interruption(name: str, at: float, seed: int) -> None:
     live = session(name, seed=seed)
-    made = speak(live, 0, at)
-    first = sum(map(len, made))
+    motions = speak(live, 0, at)
+    first = sum(map(len, motions))
     live.interrupt()
-    made += hush(live, 2.4) + speak(live, 3, 4.5) + list(live.finish())
-    motion = whole(made, live)
+    motions += hush(live, 2.4) + speak(live, 3, 4.5) + list(live.finish())
+    motion = whole(motions, live)
     around = slice(max(first - 2, 0), first + 45)
     usual = jumps(motion[: max(first - 1, 3)]).max()
     assert jumps(motion)[around].max() < max(usual, 4.3)  # degrees at 30 fps: a stroke, a step of a leg
     k = max(first - 1, 0)
-    turned = np.degrees(quat_angle(motion.rotations[k + 1].astype(float), motion.rotations[k].astype(float)))
+    degrees = np.degrees(quat_angle(motion.rotations[k + 1].astype(float), motion.rotations[k].astype(float)))
     before = np.degrees(quat_angle(motion.rotations[k].astype(float), motion.rotations[k - 1].astype(float)))
-    assert np.abs(np.delete(turned - before, EYES)).max() < 3.0
+    assert np.abs(np.delete(degrees - before, EYES)).max() < 3.0
     assert speed_faults(motion[k : k + 60]) == []
     shut = motion.face[first + 9 : first + 60, JAW]
     assert shut.max() < 0.03  # 0.3 s after
@@ -135,27 +137,27 @@ def test_interruptions_at_random_moments(number):
 @pytest.mark.slow
 def test_frames_come_by_the_clock_after_an_interruption():
     live = session()
-    made = speak(live, 0, 4)
+    motions = speak(live, 0, 4)
     live.interrupt()
-    made += hush(live, 0.1)  # some frames were given early
+    motions += hush(live, 0.1)  # some frames were given early
     for _ in range(20):
-        before = sum(map(len, made))
-        made += hush(live, 0.1)
-        assert sum(map(len, made)) - before == 3
-    assert abs(sum(map(len, made)) / 30 + live.latency - live.time) < 0.12
+        before = sum(map(len, motions))
+        motions += hush(live, 0.1)
+        assert sum(map(len, motions)) - before == 3
+    assert abs(sum(map(len, motions)) / 30 + live.latency - live.time) < 0.12
 
 
 @pytest.mark.slow
 def test_who_pushes_ahead_says_what_is_shown():
     live = session()
-    made = speak(live, 0, 8)
-    assert sum(map(len, made)) / 30 > 6
+    motions = speak(live, 0, 8)
+    assert sum(map(len, motions)) / 30 > 6
     live.interrupt(at=4.0)
     assert live.time == pytest.approx(4.0)
-    kept = Motion.concatenate(made)[:120]
-    made = [*live.idle(0.5), *speak(live, 3, 6), *live.finish()]
-    assert made[0].start == pytest.approx(4.0)
-    motion = Motion.concatenate([kept, *made])
+    start = Motion.concatenate(motions)[:120]
+    motions = [*live.idle(0.5), *speak(live, 3, 6), *live.finish()]
+    assert motions[0].start == pytest.approx(4.0)
+    motion = Motion.concatenate([start, *motions])
     assert len(motion) == round(7.5 * 30)
     assert jumps(motion[110:135]).max() < 4.3
     with pytest.raises(InputError, match="interrupted at 99"):
@@ -166,14 +168,14 @@ def test_who_pushes_ahead_says_what_is_shown():
 def test_a_new_utterance_takes_over_without_a_jump_of_speed(name):
     """A sentence that comes at once begins in the middle of a preparation."""
     live = session(name, fps=60)
-    made = [*speak(live, 0, 3), *live.idle(0.5)]
-    begun = [sum(map(len, made))]
-    made += [*speak(live, 0.5, 3.5), *live.idle(2.0)]
-    begun.append(sum(map(len, made)))
-    made += [*speak(live, 4, 7), *live.finish()]
-    hands = whole(made, live).positions()[:, HANDS]
+    motions = [*speak(live, 0, 3), *live.idle(0.5)]
+    starts = [sum(map(len, motions))]
+    motions += [*speak(live, 0.5, 3.5), *live.idle(2.0)]
+    starts.append(sum(map(len, motions)))
+    motions += [*speak(live, 4, 7), *live.finish()]
+    hands = whole(motions, live).positions()[:, HANDS]
     change = np.linalg.norm(np.diff(hands, 2, axis=0), axis=-1).max(1) * 60  # m/s from frame to frame
-    for first in begun:
+    for first in starts:
         assert change[first - 4 : first + 4].max() < 0.7
 
 
@@ -189,21 +191,21 @@ def test_a_session_is_interrupted_before_anything_was_shown():
 @pytest.mark.slow
 def test_what_was_not_taken_is_dropped_by_an_interruption():
     live = session()
-    taken = list(live.push(said().samples[:40_000], 16_000))
-    live.push(said().samples[40_000:80_000], 16_000)  # nobody takes these frames
+    motions = list(live.push(load_speech().samples[:40_000], 16_000))
+    live.push(load_speech().samples[40_000:80_000], 16_000)  # nobody takes these frames
     live.interrupt()
     rest = list(live.idle(0.2))
-    assert rest[0].start * 30 == pytest.approx(sum(map(len, taken)))
-    whole([*taken, *rest], live)
+    assert rest[0].start * 30 == pytest.approx(sum(map(len, motions)))
+    whole([*motions, *rest], live)
 
 
 def test_idle_gives_every_frame_of_its_seconds():
     live = session(fps=60)
-    made = [motion for _ in range(90) for motion in live.idle(1 / 60)]
-    assert sum(map(len, made)) == 90
-    made += speak(live, 1, 2.5)
-    made += live.idle(0.5)
-    assert len(whole(made, live)) == 210
+    motions = [motion for _ in range(90) for motion in live.idle(1 / 60)]
+    assert sum(map(len, motions)) == 90
+    motions += speak(live, 1, 2.5)
+    motions += live.idle(0.5)
+    assert len(whole(motions, live)) == 210
     for wrong in (-1, 61, float("nan"), "1"):
         with pytest.raises(InputError, match="idle for"):
             live.idle(wrong)
@@ -228,7 +230,7 @@ def test_minutes_of_idling_never_freeze_and_blink_as_people_do():
     speed = np.degrees(quat_angle(motion.rotations[1:].astype(float), motion.rotations[:-1].astype(float)))
     for name in ("hips", "spine", "head", "leftUpperArm", "rightLowerArm", "leftUpperLeg"):
         assert speed[:, S.index[name]].reshape(-1, 1)[: 30 * 119].reshape(-1, 30).max(1).min() > 1e-3, name  # in every second
-    assert broken_laws(motion, stand=True) == []
+    assert find_broken_laws(motion, stand=True) == []
     assert np.ptp(motion.root[:, 0]) > 0.03  # the weight shifts
 
 
@@ -245,11 +247,11 @@ def test_a_listener_nods_now_and_then():
 @pytest.mark.slow
 def test_silence_turns_to_idling_and_speech_is_heard_again():
     live = session(idle_after=2.0)
-    made = speak(live, 0, 3) + hush(live, 4)
+    motions = speak(live, 0, 3) + hush(live, 4)
     assert live._speaking is None
-    made += speak(live, 1, 3)
+    motions += speak(live, 1, 3)
     assert live._speaking is not None
-    motion = whole(made + list(live.finish()), live)
+    motion = whole(motions + list(live.finish()), live)
     assert motion.face[round(7.6 * 30) : round(8.6 * 30), JAW].max() > 0.1  # said at 7 … 9 s
     with pytest.raises(InputError, match="idle_after"):
         session(idle_after=0.5)
@@ -259,10 +261,10 @@ def test_silence_turns_to_idling_and_speech_is_heard_again():
 def test_the_same_calls_with_the_same_seed_give_the_same_bits():
     def play(seed: int) -> Motion:
         live = session(seed=seed)
-        made = speak(live, 0, 3)
+        motions = speak(live, 0, 3)
         live.interrupt()
         live.set_emotion("anger")
-        return Motion.concatenate([*made, *hush(live, 0.5), *speak(live, 2, 4), *live.idle(1)])
+        return Motion.concatenate([*motions, *hush(live, 0.5), *speak(live, 2, 4), *live.idle(1)])
 
     assert same(play(5), play(5))
     assert not same(play(5), play(6))
@@ -279,19 +281,19 @@ STEERING = [("restyle", "lively"), ("set_emotion", "happiness"), ("set_intensity
 
 
 def check_control(name: str, control: str, value: object) -> None:
-    made = {}
-    for steered in (False, True):
+    results = {}
+    for steers in (False, True):
         live = session(name)
         pieces = speak(live, 0, 3.6)
-        changed = sum(map(len, pieces))
-        if steered:
+        first = sum(map(len, pieces))
+        if steers:
             getattr(live, control)(value)
-        made[steered] = whole(pieces + speak(live, 3.6, 6.5) + list(live.finish()), live)
-    plain, other = made[False], made[True]
-    np.testing.assert_array_equal(other.rotations[:changed], plain.rotations[:changed])
+        results[steers] = whole(pieces + speak(live, 3.6, 6.5) + list(live.finish()), live)
+    plain, other = results[False], results[True]
+    np.testing.assert_array_equal(other.rotations[:first], plain.rotations[:first])
     assert not np.array_equal(other.rotations, plain.rotations) or not np.array_equal(other.face, plain.face)
-    assert jumps(other)[changed - 2 : changed + 30].max() < jumps(plain).max() + 3.0
-    assert np.abs(np.diff(other.face[changed - 1 : changed + 1, JAW])).max() < 0.2
+    assert jumps(other)[first - 2 : first + 30].max() < jumps(plain).max() + 3.0
+    assert np.abs(np.diff(other.face[first - 1 : first + 1, JAW])).max() < 0.2
 
 
 @pytest.mark.slow
@@ -313,8 +315,8 @@ def test_emotions_are_shown_in_speech_and_while_idling():
     before = Motion.concatenate([*speak(live, 0, 3), *live.idle(2)]).face[-30:, smile].mean()
     live.set_emotion("happiness")
     idling = Motion.concatenate(list(live.idle(4))).face[-30:, smile].mean()
-    made = speak(live, 0, 3)
-    speaking = Motion.concatenate([*made, *live.finish()]).face[30:60, smile].mean()
+    motions = speak(live, 0, 3)
+    speaking = Motion.concatenate([*motions, *live.finish()]).face[30:60, smile].mean()
     assert idling > before + 0.1
     assert speaking > before + 0.05
     live.set_emotion("auto")
@@ -351,10 +353,10 @@ def test_parts_that_are_off_come_to_rest_and_back():
 )
 def test_a_wrong_control_changes_nothing(control, value, problem):
     live, plain = session(), session()
-    made = {each: speak(each, 0, 2.5) for each in (live, plain)}
+    motions = {each: speak(each, 0, 2.5) for each in (live, plain)}
     with pytest.raises(InputError, match=problem):
         getattr(live, control)(value)
-    assert same(*(Motion.concatenate(made[each] + list(each.finish())) for each in (live, plain)))
+    assert same(*(Motion.concatenate(motions[each] + list(each.finish())) for each in (live, plain)))
 
 
 def test_one_take_and_something_to_finish():
@@ -366,7 +368,7 @@ def test_one_take_and_something_to_finish():
 
 @pytest.mark.slow
 def test_another_thread_may_steer_while_sound_is_pushed():
-    session, seen, over = cospeech.open_live_session("rules", fps=30), [], threading.Event()
+    session, motions, over = cospeech.open_live_session("rules", fps=30), [], threading.Event()
 
     def steer() -> None:
         for k in itertools.count():
@@ -380,11 +382,11 @@ def test_another_thread_may_steer_while_sound_is_pushed():
     other.start()
     try:
         for piece in Speech.load(example()[0]).window(0, 8).chunks(0.02):
-            seen += list(session.push(piece))
-        seen += list(session.finish())
+            motions += list(session.push(piece))
+        motions += list(session.finish())
     finally:
         over.set()
         other.join()
-    starts = np.cumsum([0, *(len(motion) for motion in seen)])
-    assert [round(motion.start * 30) for motion in seen] == starts[:-1].tolist()
+    starts = np.cumsum([0, *(len(motion) for motion in motions)])
+    assert [round(motion.start * 30) for motion in motions] == starts[:-1].tolist()
     assert starts[-1] == 240

@@ -33,7 +33,7 @@ def model(name: str):
 
 
 @cache
-def said() -> Speech:
+def load_speech() -> Speech:
     return Speech.load(example()[0]).window(0.0, SPOKEN)
 
 
@@ -44,10 +44,10 @@ def options_of(name: str) -> dict:
 
 
 def play(name: str, seconds: float, samples: np.ndarray | None = None) -> Motion:
-    speech = said() if samples is None else Speech(samples)
+    speech = load_speech() if samples is None else Speech(samples)
     session = model("rules" if name == "face" else name).session(**options_of(name))
-    made = [motion for piece in speech.chunks(seconds) for motion in session.push(piece)]
-    return Motion.concatenate([*made, *session.finish()])
+    motions = [motion for piece in speech.chunks(seconds) for motion in session.push(piece)]
+    return Motion.concatenate([*motions, *session.finish()])
 
 
 def test_settings_of_rules_are_what_is_asked_for_or_less():
@@ -80,21 +80,21 @@ def test_a_mouth_that_cannot_hurry_is_refused():
 
 
 def test_windows_hold_the_last_row_in_the_place_of_what_is_not_waited_for():
-    seen: list[np.ndarray] = []
+    windows: list[np.ndarray] = []
 
     def make(rows: np.ndarray, first: int, noise: np.ndarray) -> np.ndarray:
-        seen.append(rows[:, 0])
+        windows.append(rows[:, 0])
         return np.zeros((1, len(rows), 1), np.float32)
 
     layout = WindowLayout(window=8, hop=1, ahead=2, fade=1, held=3)
     sliding = Sliding(layout, np.zeros((1, 1), np.float32), lambda count: np.zeros((1, count, 0), np.float32), make)
     assert (layout.past, layout.waits) == (2, 3)
-    assert [made.shape for made in sliding.push(np.arange(1.0, 5.0, dtype=np.float32)[:, None])] == [(1, 1, 1)] * 2
-    assert [window.tolist() for window in seen] == [[0, 0, 1, 2, 3, 3, 3, 3], [0, 1, 2, 3, 4, 4, 4, 4]]
+    assert [poses.shape for poses in sliding.push(np.arange(1.0, 5.0, dtype=np.float32)[:, None])] == [(1, 1, 1)] * 2
+    assert [window.tolist() for window in windows] == [[0, 0, 1, 2, 3, 3, 3, 3], [0, 1, 2, 3, 4, 4, 4, 4]]
 
 
 def test_a_stance_that_does_not_wait_gives_each_frame_at_once():
-    layer, frames = StanceLayer(seed=1, fps=30, waits=0.0), model("rules").generate(said().window(0, 1), seed=1)
+    layer, frames = StanceLayer(seed=1, fps=30, waits=0.0), model("rules").generate(load_speech().window(0, 1), seed=1)
     assert layer.look_ahead == 0
     for k in range(len(frames)):
         assert len(layer.push(frames.rotations[k : k + 1], frames.root[k : k + 1])[0]) == 1
@@ -128,11 +128,11 @@ def test_pieces_do_not_show(name):
 @pytest.mark.parametrize("name", [*TARGETS, "face"])
 def test_sessions_are_as_late_as_they_say(name):
     session = model("rules" if name == "face" else name).session(**options_of(name))
-    heard, made, late = 0, 0, []
-    for chunk in said().chunks(0.01):
-        heard += len(chunk)
-        made += sum(len(piece) for piece in session.push(chunk))
-        late.append(heard / 16_000 - made / options_of(name)["fps"])
+    samples, count, late = 0, 0, []
+    for chunk in load_speech().chunks(0.01):
+        samples += len(chunk)
+        count += sum(len(piece) for piece in session.push(chunk))
+        late.append(samples / 16_000 - count / options_of(name)["fps"])
     most = 0.30 if name == "face" else TARGETS[name][1]
     assert session.latency - 0.1 < max(late) <= session.latency <= most
     assert 0 < session.look_ahead <= session.latency
@@ -144,8 +144,8 @@ def test_frames_depend_on_no_more_than_the_look_ahead(name):
     session = model("rules" if name == "face" else name).session(**options_of(name))
     whole = play(name, 1.0)
     for at in (1.7, 2.93):
-        samples = said().samples.copy()
+        samples = load_speech().samples.copy()
         first = round(at * 16_000)
         samples[first:] = np.random.default_rng(0).normal(size=len(samples) - first) * 0.2
-        kept = int(np.floor((at - session.look_ahead) * whole.fps))
-        assert same(whole[:kept], play(name, 1.0, samples.astype(np.float32))[:kept])
+        frames = int(np.floor((at - session.look_ahead) * whole.fps))
+        assert same(whole[:frames], play(name, 1.0, samples.astype(np.float32))[:frames])

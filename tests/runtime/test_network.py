@@ -48,12 +48,12 @@ def play(who: Network, given: dict[str, np.ndarray]) -> np.ndarray:
     """(N, T, D) at once, or frame by frame."""
     if who.signature.window is not None:
         return who.run(**given)["poses"]
-    state, made = who.begin(len(given["style"])), []
+    state, poses = who.begin(len(given["style"])), []
     for k in range(given["rows"].shape[1]):
-        found = who.run(**{name: x[:, k] for name, x in given.items()}, **state)
-        state = {name: found[f"next.{name}"] for name in state}
-        made.append(found["poses"])
-    return np.stack(made, 1)
+        output = who.run(**{name: x[:, k] for name, x in given.items()}, **state)
+        state = {name: output[f"next.{name}"] for name in state}
+        poses.append(output["poses"])
+    return np.stack(poses, 1)
 
 
 def alone(given: dict[str, np.ndarray], take: int) -> dict[str, np.ndarray]:
@@ -80,7 +80,7 @@ def test_takes_together_have_the_bits_of_takes_alone(kind, name, without):
 def test_everything_that_is_given_matters(kind, name):
     who = network(kind, name)
     given = material(who, 1, 20)
-    made = play(who, given)
+    poses = play(who, given)
     parts = [(port, slice(None)) for port in given]
     parts += [("rows", slice(AUDIO)), ("rows", slice(AUDIO, None)), ("style", slice(2)), ("style", slice(2, None))] * (
         kind == "chain"
@@ -88,20 +88,20 @@ def test_everything_that_is_given_matters(kind, name):
     for port, part in parts:
         other = given[port].copy()
         other[..., part] = given[port][..., part][..., ::-1]
-        assert np.abs(play(who, given | {port: other}) - made).max() > 1e-3
+        assert np.abs(play(who, given | {port: other}) - poses).max() > 1e-3
         without = {key: x for key, x in given.items() if key != port}
         if port != "rows" and name == "make":  # what is left out is zeros
             zeros = np.zeros_like(given[port])
             assert play(who, without).tobytes() == play(who, given | {port: zeros}).tobytes()
 
 
-def moved(frame: int, frames: int, at: int) -> float:
-    """How far a frame of poses moves when another one of speech does."""
+def measure_change(frame: int, frames: int, at: int) -> float:
+    """How much a frame of poses changes when a frame of speech changes."""
     given = material(network("window", "make"), 1, frames)
     other = given["rows"].copy()
     other[0, at] += 3
-    made = [play(network("window", "make"), given | {"rows": rows}) for rows in (given["rows"], other)]
-    return float(np.abs(made[1] - made[0])[0, frame].max())
+    poses = [play(network("window", "make"), given | {"rows": rows}) for rows in (given["rows"], other)]
+    return float(np.abs(poses[1] - poses[0])[0, frame].max())
 
 
 def test_speech_matters_within_the_reach_and_not_beyond():
@@ -110,9 +110,9 @@ def test_speech_matters_within_the_reach_and_not_beyond():
     near = []
     for frame in range(middle, middle + MULTIPLE):  # every place on the grid of halvings
         for side in (-1, 1):
-            assert moved(frame, frames, frame + side * (REACH + 1)) == 0
-            assert moved(frame, frames, frame + side * (2 * REACH - 2)) == 0
-            near.append(moved(frame, frames, frame + side * REACH))
+            assert measure_change(frame, frames, frame + side * (REACH + 1)) == 0
+            assert measure_change(frame, frames, frame + side * (2 * REACH - 2)) == 0
+            near.append(measure_change(frame, frames, frame + side * REACH))
     assert max(near) > 0
 
 
@@ -122,9 +122,9 @@ def test_within_the_reach_of_silence_a_window_is_the_whole_speech():
     given = material(who, 2, 160)
     whole, margin = play(who, given), -(-REACH // MULTIPLE) * MULTIPLE
     piece = slice(60 - margin, 100 + margin)
-    made = play(who, {name: x[:, piece] for name, x in given.items()})
-    np.testing.assert_allclose(made[:, margin:-margin], whole[:, 60:100], atol=1e-5)
-    assert np.abs(made[:, : margin // 2] - whole[:, piece][:, : margin // 2]).max() > 1e-3
+    poses = play(who, {name: x[:, piece] for name, x in given.items()})
+    np.testing.assert_allclose(poses[:, margin:-margin], whole[:, 60:100], atol=1e-5)
+    assert np.abs(poses[:, : margin // 2] - whole[:, piece][:, : margin // 2]).max() > 1e-3
 
 
 def test_noise_draws_a_mode():
@@ -133,22 +133,22 @@ def test_noise_draws_a_mode():
     given = material(who, 1, 32)
     pure = [play(who, given | {"noise": np.eye(MODES)[None, [m] * 32] * LIMIT}) for m in range(MODES)]
     low, high = np.min(pure, 0), np.max(pure, 0)
-    mixed = play(who, given | {"noise": np.zeros((1, 32, MODES))})
-    assert ((low - 1e-4 <= mixed) & (mixed <= high + 1e-4)).all()
+    mixture = play(who, given | {"noise": np.zeros((1, 32, MODES))})
+    assert ((low - 1e-4 <= mixture) & (mixture <= high + 1e-4)).all()
     assert (high - low).mean() > 0.05
 
 
 def test_a_frame_hears_nothing_that_comes_later_and_remembers_what_came_before():
     who = network("chain", "live")
     given = material(who, 2, 30)
-    made, later, before = play(who, given), given["rows"].copy(), given["rows"].copy()
+    poses, later, before = play(who, given), given["rows"].copy(), given["rows"].copy()
     later[:, 20:], before[:, 5] = 9, 9
-    assert play(who, given | {"rows": later})[:, :20].tobytes() == made[:, :20].tobytes()
-    change = np.abs(play(who, given | {"rows": before}) - made).max((0, 2))
+    assert play(who, given | {"rows": later})[:, :20].tobytes() == poses[:, :20].tobytes()
+    change = np.abs(play(who, given | {"rows": before}) - poses).max((0, 2))
     assert not change[:5].any()
     assert (change[5:15] > 0).all()  # by its memory longer than by the rows it sees
     one = who.run(**{name: x[:, 0] for name, x in given.items()}, **who.begin(2))  # sessions share nothing
-    assert one["poses"].tobytes() == made[:, 0].tobytes()
+    assert one["poses"].tobytes() == poses[:, 0].tobytes()
 
 
 def test_logits_are_of_their_frame_and_those_around_it():
@@ -159,8 +159,8 @@ def test_logits_are_of_their_frame_and_those_around_it():
         piece = rows[:, k - REACH_OF_VOICE : k + REACH_OF_VOICE + 1]
         np.testing.assert_allclose(who.run(rows=piece)["logits"][0, REACH_OF_VOICE], whole[k], atol=1e-5)
     other[0, 20] += 1
-    changed = np.flatnonzero(np.abs(who.run(rows=other)["logits"][0] - whole).max(1) > 1e-6)
-    assert (changed[0], changed[-1]) == (20 - REACH_OF_VOICE, 20 + REACH_OF_VOICE)
+    frames = np.flatnonzero(np.abs(who.run(rows=other)["logits"][0] - whole).max(1) > 1e-6)
+    assert (frames[0], frames[-1]) == (20 - REACH_OF_VOICE, 20 + REACH_OF_VOICE)
 
 
 def test_styles_are_shares():
@@ -178,13 +178,13 @@ def test_numbers_lie_within_the_bounds_whatever_goes_in(kind, name):
     output = next(iter(who.signature.outputs))
     for size in (1.0, 1e6, 1e30, 3e38):
         given = {key: (size * rng.normal(size=x.shape)).clip(-3e38, 3e38) for key, x in material(who, 2, 64).items()}
-        made = play(who, given) if output == "poses" else who.run(**given)[output]
-        assert np.abs(made).max() <= (0.25 if output == "poses" else LIMIT)
+        values = play(who, given) if output == "poses" else who.run(**given)[output]
+        assert np.abs(values).max() <= (0.25 if output == "poses" else LIMIT)
     given = material(who, 1, 64)
     loud = {key: np.where(np.abs(x) > 1, np.sign(x) * 1e30, x) for key, x in given.items()}
-    clipped = {key: np.clip(x, -LIMIT, LIMIT) for key, x in loud.items()}
+    within_limits = {key: np.clip(x, -LIMIT, LIMIT) for key, x in loud.items()}
     if output == "poses":
-        assert play(who, loud).tobytes() == play(who, clipped).tobytes()
+        assert play(who, loud).tobytes() == play(who, within_limits).tobytes()
 
 
 WRONG = {
@@ -209,12 +209,12 @@ WRONG = {
 
 @pytest.mark.parametrize(("who", "wrong"), [(who, wrong) for who, cases in WRONG.items() for wrong in cases], ids=str)
 def test_shapes(who, wrong):
-    asked = network(*who)
-    given = material(asked, 2, 32)
+    player = network(*who)
+    given = material(player, 2, 32)
     if who[1] == "live":
-        given = {name: x[:, 0] for name, x in given.items()} | asked.begin(2)
+        given = {name: x[:, 0] for name, x in given.items()} | player.begin(2)
     with pytest.raises(InputError, match="a network"):
-        asked.run(**given | {name: np.zeros(shape) for name, shape in wrong.items()})
+        player.run(**given | {name: np.zeros(shape) for name, shape in wrong.items()})
 
 
 def test_takes_of_a_network_without_style_and_noise_are_one():
@@ -225,8 +225,8 @@ def test_takes_of_a_network_without_style_and_noise_are_one():
     who = Network(signature, b.model(signature), weights)
     rows = np.random.default_rng(1).normal(size=(11, AUDIO)).astype(np.float32)
     padded, weight = np.pad(rows, ((1, 1), (0, 0))), weights["make.0"]
-    wanted = sum(padded[k : k + 11] @ weight[:, :, k].T for k in range(3))
-    np.testing.assert_allclose(who.run(rows=rows[None])["poses"], wanted[None], atol=1e-5)
+    expected = sum(padded[k : k + 11] @ weight[:, :, k].T for k in range(3))
+    np.testing.assert_allclose(who.run(rows=rows[None])["poses"], expected[None], atol=1e-5)
 
 
 @pytest.mark.parametrize("field", ["window", "multiple", "reach", "hop", "look_ahead", "seeds"])

@@ -31,17 +31,17 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("options", "said"), WRONG, ids=str)
-def test_whoever_is_asked_says_the_same(options, said, tmp_path):
+@pytest.mark.parametrize(("options", "message"), WRONG, ids=str)
+def test_whoever_is_asked_says_the_same(options, message, tmp_path):
     for ask in (
         lambda: GenerationOptions(**options),
         lambda: RuleBasedModel().session(**options),
         lambda: TrainedModel.open(write_small(tmp_path / "a.cospeech")).session(**options),
         lambda: check_request(RuleBasedModel(), **options),
     ):
-        with pytest.raises(InputError) as told:
+        with pytest.raises(InputError) as error:
             ask()
-        assert str(told.value).startswith(said)
+        assert str(error.value).startswith(message)
 
 
 def test_options_become_what_models_work_with():
@@ -66,8 +66,8 @@ def test_the_last_take_has_a_seed_too():
 def test_a_session_takes_them_whole_or_with_changes():
     options = GenerationOptions(fps=20, parts=("body",))
     assert GenerationOptions.of(options, {}) is options
-    changed = RuleBasedModel().session(options, seed=7)
-    assert (changed.fps, changed.parts, changed.seed) == (20.0, ("body",), 7)
+    session = RuleBasedModel().session(options, seed=7)
+    assert (session.fps, session.parts, session.seed) == (20.0, ("body",), 7)
     with pytest.raises(InputError, match="rule-based"):
         RuleBasedModel().session(options, takes=2)
 
@@ -105,12 +105,12 @@ def test_names_and_numbers():
 
 
 def test_a_colon_of_a_path_is_its_own():
-    known = {"is_name": lambda name: name == "ada"}
-    assert parts(r"C:\clips\a.bvh:0.5,C:\b.bvh", **known) == [(r"C:\clips\a.bvh", 0.5), (r"C:\b.bvh", None)]
+    names = {"is_name": lambda name: name == "ada"}
+    assert parts(r"C:\clips\a.bvh:0.5,C:\b.bvh", **names) == [(r"C:\clips\a.bvh", 0.5), (r"C:\b.bvh", None)]
     with pytest.raises(InputError, match=r"weight 'x' of style 'ada' \(a number\)"):
-        parts("ada:x", **known)
+        parts("ada:x", **names)
     with pytest.raises(InputError, match="weight '' of style 'ada'"):
-        parts("ada:", **known)
+        parts("ada:", **names)
 
 
 @pytest.mark.parametrize("wrong", [16000, {"seed": 1}, "rules"], ids=str)

@@ -19,7 +19,7 @@ BODY = ("body", "hands")
 
 
 @cache
-def said(gain: float) -> Speech:
+def load_speech(gain: float) -> Speech:
     """The example, louder by so many dB."""
     speech = Speech.load(example()[0])
     return Speech(speech.samples * np.float32(10 ** (gain / 20)), speech.rate)
@@ -37,24 +37,24 @@ def speed(motion: Motion, start: float = 3.0, end: float = 19.0) -> float:
 @pytest.mark.parametrize("name", TRAINED)
 def test_quiet_speech_moves_the_arms_as_usual_speech_does(name):
     model = models.load(name)
-    usual, quiet = (speed(model.generate(said(gain), seed=1, parts=BODY)) for gain in (0, -24))
+    usual, quiet = (speed(model.generate(load_speech(gain), seed=1, parts=BODY)) for gain in (0, -24))
     assert quiet > 0.8 * usual  # without level control .44 to .74
 
 
 @pytest.mark.parametrize("name", [*TRAINED, "speech-to-face"])
 def test_pieces_of_quiet_speech_are_the_whole(name):
-    speech, model = said(-20).window(0, 5), models.load(name)
+    speech, model = load_speech(-20).window(0, 5), models.load(name)
     whole = model.generate(speech, seed=1)
-    made = list(model.stream(speech.chunks(0.13), seed=1))
-    assert len(made) > 1
-    assert np.array_equal(np.concatenate([piece.rotations for piece in made]), whole.rotations)
-    assert np.array_equal(np.concatenate([piece.face for piece in made]), whole.face)
+    pieces = list(model.stream(speech.chunks(0.13), seed=1))
+    assert len(pieces) > 1
+    assert np.array_equal(np.concatenate([piece.rotations for piece in pieces]), whole.rotations)
+    assert np.array_equal(np.concatenate([piece.face for piece in pieces]), whole.face)
 
 
 @pytest.mark.parametrize("name", TRAINED)
 def test_silence_stays_silence(name):
     """What follows quiet speech is not raised."""
-    quiet = said(-24)
+    quiet = load_speech(-24)
     pause = Speech(np.concatenate([quiet.samples, np.zeros(6 * quiet.rate, np.float32)]), quiet.rate)
     motion = models.load(name).generate(pause, seed=1, parts=BODY)
     assert speed(motion, 21.0, 25.0) < 0.2 * speed(motion)

@@ -1,4 +1,4 @@
-"""Hands of trained systems come to rest while nobody speaks."""
+"""Hands of trained systems come to rest while there is no speech."""
 
 from __future__ import annotations
 
@@ -72,8 +72,8 @@ def test_it_waits_for_nothing_more(model):
     session, speech, given = model.session(fps=20, parts=("body",)), spoken(), 0
     for k in range(0, len(speech.samples), 320):
         given += sum(len(m) for m in session.push(Speech(speech.samples[k : k + 320])))
-        heard = (k + 320) / 16_000
-        assert given / 20 >= min(heard, speech.seconds) - session.latency - 0.12  # a piece, a frame, the resampler
+        seconds = (k + 320) / 16_000
+        assert given / 20 >= min(seconds, speech.seconds) - session.latency - 0.12  # a piece, a frame, the resampler
 
 
 def test_a_frame_depends_on_what_it_says(model):

@@ -37,7 +37,7 @@ def tracker(given=None, *, judges: bool = True, reach: int = REACH) -> SpeakerEm
 
 
 def speech(frames: int, seed: int = 0) -> np.ndarray:
-    """With pauses."""
+    """Random rows of speech with pauses."""
     rows = np.random.default_rng(seed).normal(size=(frames, AUDIO)).astype(np.float32)
     rows[np.arange(frames) % 17 < 5] = QUIET
     return rows
@@ -70,14 +70,14 @@ def test_the_course_is_what_the_logits_say():
     assert who.frames == (80 - REACH) // BLOCK * BLOCK
     assert who.lag == LAG
     for frame in (LAG, LAG + 1, 20, 41, 73, 79):
-        played = who.shares(np.array(frame))
-        np.testing.assert_allclose(played[:SPEAKERS], by_hand(rows, frame - LAG)[:SPEAKERS], atol=1e-6)
-        np.testing.assert_array_equal(played[SPEAKERS:], NEUTRAL)  # whatever is heard
+        of_frame = who.shares(np.array(frame))
+        np.testing.assert_allclose(of_frame[:SPEAKERS], by_hand(rows, frame - LAG)[:SPEAKERS], atol=1e-6)
+        np.testing.assert_array_equal(of_frame[SPEAKERS:], NEUTRAL)  # whatever is heard
     half = (by_hand(rows, 30) + by_hand(rows, 31)) / 2
     np.testing.assert_allclose(who.shares(np.array(30.5 + LAG))[:SPEAKERS], half[:SPEAKERS], atol=1e-6)
     np.testing.assert_allclose(who.speaker, by_hand(rows, who.frames - 1)[:SPEAKERS], atol=1e-6)
-    heard = np.mean([by_hand(rows, frame)[SPEAKERS:] for frame in range(who.frames)], 0)
-    np.testing.assert_allclose(who.emotion, heard, atol=1e-6)
+    mean = np.mean([by_hand(rows, frame)[SPEAKERS:] for frame in range(who.frames)], 0)
+    np.testing.assert_allclose(who.emotion, mean, atol=1e-6)
     shares = who.shares(np.linspace(-3, 90, 77))
     assert shares.min() >= 0
     np.testing.assert_allclose([shares[:, :SPEAKERS].sum(1), shares[:, SPEAKERS:].sum(1)], 1)
@@ -108,9 +108,9 @@ def test_pieces_do_not_show(sizes):
         piece = rows[at : at + sizes[turn % len(sizes)]]
         parts.push(piece)
         at, turn = at + len(piece), turn + 1
-        asked = np.array([max(at - 1, 0), max(at - 1.5, 0), max(at - 20, 0)])
+        frames = np.array([max(at - 1, 0), max(at - 1.5, 0), max(at - 20, 0)])
         if at:
-            assert parts.shares(asked).tobytes() == whole.shares(asked).tobytes()
+            assert parts.shares(frames).tobytes() == whole.shares(frames).tobytes()
     assert parts.speaker.tobytes() == whole.speaker.tobytes()
     assert set(whole._classifier.calls) == {(1, 2 * REACH + BLOCK, AUDIO)}  # always the same blocks
 
@@ -126,13 +126,13 @@ def test_the_voice_is_followed_over_seconds():
     who.push(rows)
     course = who.shares(np.arange(200))
     assert (course[:, SPEAKERS:] == NEUTRAL).all()  # no mood that is heard is played
-    felt = np.array(who._course)[-200:, SPEAKERS:]
-    assert (felt[99].argmax(), felt[199].argmax()) == (2, 4)
-    turned = np.flatnonzero(felt[100:, 4] > felt[100:, 2])[0] / FPS
-    assert 1 < turned < SPAN
+    emotions = np.array(who._course)[-200:, SPEAKERS:]
+    assert (emotions[99].argmax(), emotions[199].argmax()) == (2, 4)
+    seconds = np.flatnonzero(emotions[100:, 4] > emotions[100:, 2])[0] / FPS
+    assert 1 < seconds < SPAN
     np.testing.assert_allclose(who.speaker[0], who.speaker[1], rtol=1e-6)
-    moved = np.abs(np.diff(course[BLOCK:], axis=0)).max(1)
-    assert (moved[moved > 1e-3] < 0.3).all()  # it does not jump, not even between blocks
+    change = np.abs(np.diff(course[BLOCK:], axis=0)).max(1)
+    assert (change[change > 1e-3] < 0.3).all()  # it does not jump, not even between blocks
 
 
 def test_what_is_given_is_played_and_not_heard():

@@ -39,10 +39,10 @@ def rules_takes() -> tuple[Motion, Motion]:
     return RuleBasedModel().generate(speech(), seed=0), RuleBasedModel().generate(speech(), seed=1)
 
 
-def changed(a: Motion, b: Motion) -> np.ndarray:
+def differ(a: Motion, b: Motion) -> np.ndarray:
     """(T,) whether a frame differs."""
-    turned = np.minimum(np.abs(a.rotations - b.rotations), np.abs(a.rotations + b.rotations))  # q and −q are one rotation
-    return turned.max((1, 2)) + np.abs(a.face - b.face).max(1) > 1e-6
+    distance = np.minimum(np.abs(a.rotations - b.rotations), np.abs(a.rotations + b.rotations))  # q and −q are one rotation
+    return distance.max((1, 2)) + np.abs(a.face - b.face).max(1) > 1e-6
 
 
 def fastest(motion: Motion) -> float:
@@ -53,12 +53,12 @@ def fastest(motion: Motion) -> float:
 @pytest.mark.slow
 def test_another_seed_takes_over_and_gives_back_without_a_jump():
     first, second = takes()
-    mixed = model().generate(speech(), plan=Plan().set(3, 5, seed=1))
-    differs = np.flatnonzero(changed(mixed, first)) / FPS
+    motion = model().generate(speech(), plan=Plan().set(3, 5, seed=1))
+    differs = np.flatnonzero(differ(motion, first)) / FPS
     assert differs[0] >= 3 - 1e-6
     assert 5 < differs[-1] < 7.1  # what is left of a transition dies away in two seconds
-    assert fastest(mixed) < 1.3 * max(fastest(first), fastest(second))
-    assert np.abs(mixed.rotations[5 * FPS - 1] - second.rotations[5 * FPS - 1]).max() < 0.02
+    assert fastest(motion) < 1.3 * max(fastest(first), fastest(second))
+    assert np.abs(motion.rotations[5 * FPS - 1] - second.rotations[5 * FPS - 1]).max() < 0.02
 
 
 @pytest.mark.slow
@@ -66,7 +66,7 @@ def test_another_seed_takes_over_and_gives_back_without_a_jump():
 def test_a_stretch_has_its_own_values_from_border_to_border(values):
     styles = list(model().styles)
     values = {"style": styles[1]} if "style" in values else values
-    differs = np.flatnonzero(changed(model().generate(speech(), plan=Plan().set(3, 5, **values)), takes()[0])) / FPS
+    differs = np.flatnonzero(differ(model().generate(speech(), plan=Plan().set(3, 5, **values)), takes()[0])) / FPS
     assert 2.4 < differs[0] < 3.3  # a network foresees a style
     assert 4.5 < differs[-1] < 7
 
@@ -83,7 +83,7 @@ def test_pieces_of_any_length_give_the_same():
 
 @pytest.mark.slow
 def test_a_plan_without_a_stretch_is_what_is_generated_without_one():
-    assert not changed(model().generate(speech(), plan=Plan()), takes()[0]).any()
+    assert not differ(model().generate(speech(), plan=Plan()), takes()[0]).any()
 
 
 def test_a_plan_that_was_played_names_its_style():
@@ -99,21 +99,21 @@ def test_a_trained_model_plays_no_listed_gestures():
 
 def test_what_is_kept_is_as_it_was_and_the_rest_is_new():
     old, new = rules_takes()
-    mixed = KeptStretches(old, [(0, 2), (3, 4)], FPS).push(new)
-    kept = ~changed(mixed, old)
-    assert kept[: 2 * FPS].all()
-    assert kept[3 * FPS : 4 * FPS].all()
-    assert not changed(mixed, new)[7 * FPS :].any()
-    assert fastest(mixed) < 1.5 * max(fastest(old), fastest(new))
+    motion = KeptStretches(old, [(0, 2), (3, 4)], FPS).push(new)
+    is_old = ~differ(motion, old)
+    assert is_old[: 2 * FPS].all()
+    assert is_old[3 * FPS : 4 * FPS].all()
+    assert not differ(motion, new)[7 * FPS :].any()
+    assert fastest(motion) < 1.5 * max(fastest(old), fastest(new))
 
 
 def test_kept_stretches_in_pieces():
     old, new = rules_takes()
     whole = KeptStretches(old, [(1, 2)], FPS).push(new)
     pieces = KeptStretches(old, [(1, 2)], FPS)
-    made = Motion.concatenate([pieces.push(new[k : k + 7]) for k in range(0, len(new), 7)])
-    assert np.array_equal(made.rotations, whole.rotations)
-    assert np.array_equal(made.root, whole.root)
+    motion = Motion.concatenate([pieces.push(new[k : k + 7]) for k in range(0, len(new), 7)])
+    assert np.array_equal(motion.rotations, whole.rotations)
+    assert np.array_equal(motion.root, whole.root)
 
 
 @pytest.mark.parametrize("keep", ["", "x", "3:2", "0:99", "1:2,", "-1:2"])
@@ -143,12 +143,12 @@ def test_files_keep_and_plan(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("style", "said"), [("bogus", "no style is called 'bogus'"), ("seated", "'seated' sits where the plan stands")]
+    ("style", "message"), [("bogus", "no style is called 'bogus'"), ("seated", "'seated' sits where the plan stands")]
 )
-def test_an_error_names_the_stretch_whose_style_cannot_be_played(style, said):
+def test_an_error_names_the_stretch_whose_style_cannot_be_played(style, message):
     plan = Plan().set(1, 2, style="lively").set(3, 5, style=style)
-    with pytest.raises(InputError, match=rf"stretches\[1\]\.style, [\d.]+ to [\d.]+ s: {said}"):
+    with pytest.raises(InputError, match=rf"stretches\[1\]\.style, [\d.]+ to [\d.]+ s: {message}"):
         RuleBasedModel().generate(speech(), plan=plan)
     if style == "bogus":
-        with pytest.raises(InputError, match=rf"stretches\[1\]\.style, [\d.]+ to [\d.]+ s: {said}"):
+        with pytest.raises(InputError, match=rf"stretches\[1\]\.style, [\d.]+ to [\d.]+ s: {message}"):
             model().generate(speech(), plan=Plan().set(1, 2, style="ben").set(3, 5, style=style))

@@ -34,14 +34,14 @@ def place(tmp_path, monkeypatch):
 @pytest.fixture
 def passes(monkeypatch):
     """A list that grows by one whenever the sound is decoded."""
-    heard, blocks = [], SpeechSource.blocks
+    names_of_sources, blocks = [], SpeechSource.blocks
 
-    def counted(source):
-        heard.append(source.name)
+    def count(source):
+        names_of_sources.append(source.name)
         return blocks(source)
 
-    monkeypatch.setattr(SpeechSource, "blocks", counted)
-    return heard
+    monkeypatch.setattr(SpeechSource, "blocks", count)
+    return names_of_sources
 
 
 def names() -> list[str]:
@@ -54,15 +54,15 @@ def test_takes_are_the_single_runs_of_their_seeds(place, model, skeleton):
     options = {"model": model, "skeleton": skeleton, "fps": 24.0}
     report = generate_files("talk.wav", FILES, seed=7, takes=5, **options)
     assert report.outputs == [f"talk.{take}{suffix}" for take in range(1, 6) for suffix in (".bvh", ".npz")]
-    seen = set()
+    contents = set()
     for take in range(5):
         alone = generate_files("talk.wav", ["alone.bvh", "alone.npz"], seed=7 + take, **options)
         assert (alone.emotion, alone.frames, alone.speech_seconds) == (report.emotion, report.frames, report.speech_seconds)
         for name in FILES:
-            made = take_path(name, take + 1, 5).read_bytes()
-            assert made == Path("alone").with_suffix(Path(name).suffix).read_bytes()
-            seen.add(made)
-    assert len(seen) == 10
+            content = take_path(name, take + 1, 5).read_bytes()
+            assert content == Path("alone").with_suffix(Path(name).suffix).read_bytes()
+            contents.add(content)
+    assert len(contents) == 10
     assert (report.seed, report.takes) == (7, 5)
 
 
@@ -80,27 +80,27 @@ def test_sound_is_decoded_once_for_eight_takes(place, passes):
 
 @pytest.mark.parametrize("model", PLAYERS)
 def test_progress_is_of_all_takes(place, model):
-    told: list[tuple[float, float | None]] = []
-    report = generate_files("talk.wav", ["talk.bvh"], model=model, takes=10, progress=lambda *now: told.append(now))
+    reports: list[tuple[float, float | None]] = []
+    report = generate_files("talk.wav", ["talk.bvh"], model=model, takes=10, progress=lambda *now: reports.append(now))
     whole = 10 * report.speech_seconds
-    done = [now for now, _ in told]
-    assert [total for _, total in told] == pytest.approx([whole] * len(told))
-    assert done == sorted(done)
-    assert done[0] < whole / 2
-    assert whole <= done[-1] + 1e-9 < whole + 8.1 / report.fps  # the last frame of a take may end after the speech
+    seconds = [now for now, _ in reports]
+    assert [total for _, total in reports] == pytest.approx([whole] * len(reports))
+    assert seconds == sorted(seconds)
+    assert seconds[0] < whole / 2
+    assert whole <= seconds[-1] + 1e-9 < whole + 8.1 / report.fps  # the last frame of a take may end after the speech
 
 
 @pytest.mark.parametrize("model", PLAYERS)
 def test_a_take_that_cannot_be_written_leaves_nothing(place, model, monkeypatch):
     """The third of four, in the middle of the speech; a file of an earlier run stays as it was."""
-    begun, begin, write = [], npz.Writer._begin, npz.Writer._write
+    writers, begin, write = [], npz.Writer._begin, npz.Writer._write
 
     def begins(writer, temporary):
-        begun.append(writer)
+        writers.append(writer)
         begin(writer, temporary)
 
     def fails(writer, motion):
-        if begun.index(writer) == 2 and writer.frames:
+        if writers.index(writer) == 2 and writer.frames:
             raise OSError(28, "No space left on device")
         write(writer, motion)
 
@@ -112,4 +112,4 @@ def test_a_take_that_cannot_be_written_leaves_nothing(place, model, monkeypatch)
         generate_files("talk.wav", FILES, model=model, takes=4, report="report.json")
     assert names() == before
     assert Path("talk.1.bvh").read_text(encoding="utf-8") == "of an earlier run"
-    assert len(begun) == (4 if model == BUNDLE else 3)
+    assert len(writers) == (4 if model == BUNDLE else 3)

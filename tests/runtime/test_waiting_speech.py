@@ -14,27 +14,27 @@ BODIES = ("stylised-flow", "mix-stage", "chain-of-generation")
 
 def test_what_waits_comes_out_as_one_piece():
     pieces = list(Speech(np.arange(1000, dtype=np.float32) / 1e4, 16_000).chunks(0.013))
-    held = WaitingSpeech()
+    waiting = WaitingSpeech()
     for piece in pieces:
-        held.hold(piece)
-    whole = held.take()
+        waiting.hold(piece)
+    whole = waiting.take()
     np.testing.assert_array_equal(whole.samples, np.concatenate([piece.samples for piece in pieces]))
     assert whole.duration == sum(piece.duration for piece in pieces)
-    assert held.take() is None
-    assert held.heard == 1000
+    assert waiting.take() is None
+    assert waiting.heard == 1000
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", BODIES)
 def test_face_and_body_do_not_work_in_one_push(name, monkeypatch):
-    done = {"face": 0, "body": 0}
+    calls = {"face": 0, "body": 0}
 
     def count(kind, method):
-        def counted(self, *values, **options):
-            done[kind] += 1
+        def call(self, *values, **options):
+            calls[kind] += 1
             return method(self, *values, **options)
 
-        return counted
+        return call
 
     for kind, owner, method in (("face", Session, "_realise"), ("face", Session, "_hear"), ("body", WaitingSpeech, "take")):
         monkeypatch.setattr(owner, method, count(kind, getattr(owner, method)))
@@ -43,10 +43,10 @@ def test_face_and_body_do_not_work_in_one_push(name, monkeypatch):
     session, both, bodies = cospeech.load(name).session(fps=60), 0, 0
     assert isinstance(session, TrainedSession)
     for number, piece in enumerate(speech.chunks(0.02)):
-        done.update(face=0, body=0)
+        calls.update(face=0, body=0)
         list(session.push(piece))
         if number > 100:
-            both += done["face"] > 0 and done["body"] > 0
-            bodies += done["body"]
+            both += calls["face"] > 0 and calls["body"] > 0
+            bodies += calls["body"]
     assert bodies < 0.25 * (250 - 100)  # ticks of .1 s, not pieces of .02 s
     assert both <= 0.05 * bodies

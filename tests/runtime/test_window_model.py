@@ -22,7 +22,7 @@ from cospeech.runtime.sliding_window_decoder import LIVE
 from cospeech.runtime.styles.embedding import stretches
 from cospeech.runtime.styles.space import style_space
 from tests.support.fake_windows import whole_system
-from tests.support.runtime_bundles import changed, cut, same, talk, write_small_window
+from tests.support.runtime_bundles import cut, perform_changes, same, talk, write_small_window
 
 BODY = ("body", "hands")
 
@@ -32,7 +32,7 @@ def gesturer(**kind) -> TrainedModel:
 
 
 @cache
-def acted(style: str = "lively", seconds: float = 9.0, fps: float = 30.0) -> Motion:
+def act(style: str = "lively", seconds: float = 9.0, fps: float = 30.0) -> Motion:
     return RuleBasedModel().generate(talk(seconds), style=STYLES[style], fps=fps, parts=BODY, emotion="neutral")
 
 
@@ -71,11 +71,11 @@ def test_longer_look_aheads_come_nearer_to_the_whole():
 @pytest.mark.parametrize(("look_ahead", "frames"), [(None, 4 + 12), (0.0, 1), (0.5, 14), (inf, 268)])
 def test_it_is_as_late_as_it_says(look_ahead, frames):
     speech, session = talk(15.0), gesturer().session(parts=BODY, look_ahead=look_ahead)
-    heard, made, late = 0, 0, []
+    samples, count, late = 0, 0, []
     for chunk in cut(speech, range(160, len(speech), 160)):
-        heard += len(chunk)
-        made += sum(len(piece) for piece in session.push(chunk))
-        late.append(heard / 16_000 - made / 30)
+        samples += len(chunk)
+        count += sum(len(piece) for piece in session.push(chunk))
+        late.append(samples / 16_000 - count / 30)
     assert max(late) <= session.latency
     assert max(late) > session.latency - 0.2
     assert session.latency == pytest.approx((frames + 2) / 20 + 0.065, abs=0.001)
@@ -101,43 +101,43 @@ def test_latents_are_of_flows():
 
 def test_styles_are_speakers_and_mixtures(monkeypatch):
     speech = talk(2.0)
-    plain, ada, ben, mixed, said = (
+    plain, ada, ben, mixture, by_weights = (
         gesturer().generate(speech, style=s, parts=BODY)
         for s in (None, "ada", "ben", "ada:0.7,ben:0.3", {"ada": 0.7, "ben": 0.3})
     )
     assert same(plain, ada)
-    assert same(mixed, said)
-    assert min(away(ada, ben), away(mixed, ada), away(mixed, ben)) > 0.01
+    assert same(mixture, by_weights)
+    assert min(away(ada, ben), away(mixture, ada), away(mixture, ben)) > 0.01
     assert (gesturer().styles, gesturer().default_style) == (("ada", "ben", "cleo"), "ada")
-    network, played = whole_system().main_network, []
+    network, styles = whole_system().main_network, []
     run = network.run
-    monkeypatch.setattr(network, "run", lambda **given: played.append(given["style"]) or run(**given))
+    monkeypatch.setattr(network, "run", lambda **given: styles.append(given["style"]) or run(**given))
     gesturer().generate(speech, style="ada:3,cleo:1", parts=BODY)
-    assert played
-    assert all(np.allclose(style, [0.75, 0, 0.25], atol=1e-6) for style in played)
+    assert styles
+    assert all(np.allclose(style, [0.75, 0, 0.25], atol=1e-6) for style in styles)
 
 
 def test_a_name_has_no_mixture_and_a_mixture_is_told():
-    told = {None: None, "ben": None, "ada:0.7,ben:0.3": {"ada": 0.7, "ben": 0.3}, "ben:0.999,cleo:0.001": {"ben": 0.999}}
-    told |= {"cleo:1,ada:2": {"ada": 0.667, "cleo": 0.333}, "cleo:0.25": {"ada": 0.75, "cleo": 0.25}, "cleo:3": None}
-    for style, wanted in told.items():
-        assert gesturer().session(style=style).style_mixture == wanted
+    mixtures = {None: None, "ben": None, "ada:0.7,ben:0.3": {"ada": 0.7, "ben": 0.3}, "ben:0.999,cleo:0.001": {"ben": 0.999}}
+    mixtures |= {"cleo:1,ada:2": {"ada": 0.667, "cleo": 0.333}, "cleo:0.25": {"ada": 0.75, "cleo": 0.25}, "cleo:3": None}
+    for style, mixture in mixtures.items():
+        assert gesturer().session(style=style).style_mixture == mixture
     assert list(gesturer().session(style="cleo:2,ada:1,ben:2").style_mixture) == ["ben", "cleo", "ada"]
 
 
 def test_an_example_is_the_nearest_mixture():
-    system, clip = whole_system(), acted()
+    system, clip = whole_system(), act()
     embedding = style_space(system).by_example(clip)
     (poses,) = embedding.poses
     windows = [poses[k : k + 64] for k in (*range(0, len(poses) - 64, 32), len(poses) - 64)]
     assert len(windows) > 3
-    wanted = np.mean([system.networks["style"].run(poses=window[None])["style"][0] for window in windows], 0)
-    np.testing.assert_allclose(embedding.code, wanted, atol=1e-6)
+    expected = np.mean([system.networks["style"].run(poses=window[None])["style"][0] for window in windows], 0)
+    np.testing.assert_allclose(embedding.code, expected, atol=1e-6)
     assert embedding.code.min() >= 0
     assert embedding.code.sum() == pytest.approx(1)
-    np.testing.assert_allclose(embedding.speaker_mean, wanted @ system.statistics.speaker_mean, atol=1e-6)
+    np.testing.assert_allclose(embedding.speaker_mean, expected @ system.statistics.speaker_mean, atol=1e-6)
     session = gesturer().session(style=clip)
-    weights = {name: round(float(w), 3) for name, w in zip(system.styles, wanted, strict=True) if w >= 0.005}
+    weights = {name: round(float(w), 3) for name, w in zip(system.styles, expected, strict=True) if w >= 0.005}
     assert session.style_mixture == weights
     assert list(session.style_mixture.values()) == sorted(weights.values(), reverse=True)
     speech = talk(1.5)
@@ -150,60 +150,60 @@ def test_an_example_is_the_nearest_mixture():
 
 
 def test_examples_mix_with_names():
-    clip, system = acted(), whole_system()
+    clip, system = act(), whole_system()
     code = style_space(system).by_example(clip).code
     session = gesturer().session(style={clip: 0.5, "ben": 0.5})
-    wanted = 0.5 * code + 0.5 * np.eye(3)[1]
+    expected = 0.5 * code + 0.5 * np.eye(3)[1]
     assert session.style_mixture == {
-        name: round(float(w), 3) for name, w in zip(system.styles, wanted, strict=True) if w >= 0.005
+        name: round(float(w), 3) for name, w in zip(system.styles, expected, strict=True) if w >= 0.005
     }
 
 
 def test_a_free_code_goes_with_the_example_s_own_mean_pose():
     system = whole_system(styles="code")
-    embedding = style_space(system).by_example(acted())
+    embedding = style_space(system).by_example(act())
     assert system.style_space == "code"
     np.testing.assert_allclose(embedding.speaker_mean, embedding.poses[0].mean(0), atol=1e-5)
     assert style_space(system).shares(((1.0, embedding),)) is None
-    assert gesturer(styles="code").session(style={acted(): 0.5}).style_mixture is None
-    assert len(gesturer(styles="code").generate(talk(1.0), style=acted())) == 30
+    assert gesturer(styles="code").session(style={act(): 0.5}).style_mixture is None
+    assert len(gesturer(styles="code").generate(talk(1.0), style=act())) == 30
 
 
 def test_an_encoder_s_nonsense_becomes_weights(monkeypatch):
     system = whole_system(fps=21.0)
-    for odd, wanted in {
+    for odd, weights in {
         (-1.0, 3.0, 1.0): (0, 0.5, 0.5),
         (np.nan, 1.0, 0.0): (0, 1, 0),
         (-1.0, -1.0, 0.0): (1 / 3,) * 3,
     }.items():
-        said = {"style": np.array([odd], np.float32)}
-        monkeypatch.setattr(system.networks["style"], "run", lambda poses, said=said: said)
-        np.testing.assert_allclose(style_space(system).by_example(acted()).code, wanted, atol=1e-6)
+        output = {"style": np.array([odd], np.float32)}
+        monkeypatch.setattr(system.networks["style"], "run", lambda poses, output=output: output)
+        np.testing.assert_allclose(style_space(system).by_example(act()).code, weights, atol=1e-6)
 
 
 def test_examples_that_are_too_short_or_of_no_use(tmp_path):
     with pytest.raises(InputError, match=r"the example has only 3\.17 s.*3\.2 s at least"):
-        gesturer().session(style=acted()[:95])
-    assert gesturer().session(style=acted()[:96]).style_mixture
+        gesturer().session(style=act()[:95])
+    assert gesturer().session(style=act()[:96]).style_mixture
     short, stick = tmp_path / "short.npz", tmp_path / "stick.bvh"
-    acted()[:40].save(short)
+    act()[:40].save(short)
     stick.write_text(
         "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n"
         "JOINT b\n{\nOFFSET 0 10 0\nCHANNELS 3 Zrotation Xrotation Yrotation\nEnd Site\n{\nOFFSET 0 10 0\n}\n}\n}\n"
         "MOTION\nFrames: 120\nFrame Time: 0.033333\n" + "0 0 0 0 0 0 0 0 0\n" * 120
     )
     for path in (short, stick, tmp_path / "none.bvh"):
-        with pytest.raises(InputError, match=path.name) as told:
+        with pytest.raises(InputError, match=path.name) as error:
             gesturer().session(style=path)
-        assert "\n" not in str(told.value)
+        assert "\n" not in str(error.value)
     for kind in ({"recognises": False}, {"styles": "none", "recognises": False}):
         with pytest.raises(InputError, match="cannot take a style"):
-            gesturer(**kind).session(style=acted())
+            gesturer(**kind).session(style=act())
 
 
 def test_a_long_example_is_seen_in_pieces_of_a_window_at_least():
     system = whole_system(fps=5.0)  # ten seconds would be 50 frames
-    embedding = style_space(system).by_example(Motion.concatenate([acted()] * 20))
+    embedding = style_space(system).by_example(Motion.concatenate([act()] * 20))
     assert {len(poses) for poses in embedding.poses} <= {64, 65}
     assert len(embedding.poses) == 12
 
@@ -220,8 +220,8 @@ def test_stretches_overlap_by_half_and_reach_the_end():
 @pytest.mark.slow
 @pytest.mark.parametrize("look_ahead", [None, inf])
 def test_a_change_depends_on_the_samples_and_not_on_the_pieces(look_ahead):
-    speech, changes = talk(4.0), {20_000: "ben", 23_333: "ada:0.5,cleo:0.5", 41_000: acted()}
-    play = partial(changed, gesturer(), speech, changes=changes, seed=2, parts=BODY, look_ahead=look_ahead)
+    speech, changes = talk(4.0), {20_000: "ben", 23_333: "ada:0.5,cleo:0.5", 41_000: act()}
+    play = partial(perform_changes, gesturer(), speech, changes=changes, seed=2, parts=BODY, look_ahead=look_ahead)
     at_once = play([])
     assert all(same(play(edges), at_once) for edges in CUTS)
     plain = gesturer().generate(speech, seed=2, parts=BODY, look_ahead=look_ahead)
@@ -231,27 +231,27 @@ def test_a_change_depends_on_the_samples_and_not_on_the_pieces(look_ahead):
 @pytest.mark.slow
 def test_what_was_before_a_change_and_what_comes_after():
     speech, samples = talk(9.0), 64_000
-    made = changed(gesturer(), speech, [], {samples: "ben"}, parts=BODY, fps=20.0)
+    motion = perform_changes(gesturer(), speech, [], {samples: "ben"}, parts=BODY, fps=20.0)
     before, after = (gesturer().generate(speech, style=style, parts=BODY, fps=20.0) for style in ("ada", "ben"))
-    differs = (made.rotations != before.rotations).any((1, 2))
+    differs = (motion.rotations != before.rotations).any((1, 2))
     frame, lead = samples // 800, LIVE.waits - 2 + whole_system().smooth + 2
     assert not differs[: frame - lead].any()
     assert differs[frame + LIVE.hop :].mean() > 0.9
-    settled = frame + 10 + LIVE.past + LIVE.hop
-    assert made.rotations[settled:].tobytes() == after.rotations[settled:].tobytes()
+    end = frame + 10 + LIVE.past + LIVE.hop
+    assert motion.rotations[end:].tobytes() == after.rotations[end:].tobytes()
 
 
 def test_a_change_is_told_and_a_wrong_one_changes_nothing():
     speech = talk(3.0)
     session = gesturer().session(parts=BODY, style="ada:0.5,ben:0.5")
-    made = list(session.push(cut(speech, [16_000])[0]))
-    for wrong in ("bem", 7, "ada:nan", acted()[:20]):
+    motions = list(session.push(cut(speech, [16_000])[0]))
+    for wrong in ("bem", 7, "ada:nan", act()[:20]):
         with pytest.raises(InputError):
             session.restyle(wrong)
     assert session.style_mixture == {"ada": 0.5, "ben": 0.5}
-    made += session.push(cut(speech, [16_000])[1])
-    made += session.finish()
-    assert same(Motion.concatenate(made), gesturer().generate(speech, style="ada:0.5,ben:0.5", parts=BODY))
+    motions += session.push(cut(speech, [16_000])[1])
+    motions += session.finish()
+    assert same(Motion.concatenate(motions), gesturer().generate(speech, style="ada:0.5,ben:0.5", parts=BODY))
     session.restyle("cleo:0.5,ben:0.5")
     assert session.style_mixture == {"ben": 0.5, "cleo": 0.5}
 
@@ -260,11 +260,11 @@ def test_a_change_before_any_speech_fades_from_the_beginning():
     speech = talk(4.0)
     session = gesturer().session(parts=BODY, fps=20.0)
     session.restyle("ben")
-    made = Motion.concatenate([*session.push(speech), *session.finish()])
+    motion = Motion.concatenate([*session.push(speech), *session.finish()])
     ben = gesturer().generate(speech, style="ben", parts=BODY, fps=20.0)
-    settled = 10 + LIVE.past + LIVE.hop + 3
-    assert made.rotations[settled:].tobytes() == ben.rotations[settled:].tobytes()
-    assert away(made, ben) > 0.001
+    end = 10 + LIVE.past + LIVE.hop + 3
+    assert motion.rotations[end:].tobytes() == ben.rotations[end:].tobytes()
+    assert away(motion, ben) > 0.001
 
 
 # from files --------------------------------------------------------------------------------------------------------------
@@ -275,18 +275,18 @@ def test_the_report_tells_the_mixture(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(generating, "load_model", lambda name: gesturer())
     sf.write("talk.wav", talk(1.0).samples, 16_000)
-    acted().save("clip.bvh")
-    told = {
+    act().save("clip.bvh")
+    mixtures = {
         "clip.bvh": gesturer().session(style="clip.bvh").style_mixture,
         "ben": None,
         "cleo:3,ada:1": {"cleo": 0.75, "ada": 0.25},
     }
-    for style, wanted in told.items():
+    for style, mixture in mixtures.items():
         generating.generate_files("talk.wav", ["a.bvh"], style=style, parts=BODY, report="r.json")
         report = json.loads((tmp_path / "r.json").read_text())
-        assert report["style_mixture"] == wanted
+        assert report["style_mixture"] == mixture
         assert report["style"] == style
-    assert told["clip.bvh"]
+    assert mixtures["clip.bvh"]
 
 
 @pytest.mark.slow
@@ -298,9 +298,9 @@ def test_takes_in_one_pass_are_the_files_of_their_seeds(tmp_path, monkeypatch):
     files = set()
     for take in range(8):
         generating.generate_files("talk.wav", ["alone.npz"], seed=2 + take, parts=BODY)
-        made = (tmp_path / f"a.{take + 1}.npz").read_bytes()
-        assert made == (tmp_path / "alone.npz").read_bytes()
-        files.add(made)
+        content = (tmp_path / f"a.{take + 1}.npz").read_bytes()
+        assert content == (tmp_path / "alone.npz").read_bytes()
+        files.add(content)
     assert len(files) == 8
 
 
@@ -319,11 +319,11 @@ def test_a_bundle_on_stage(tmp_path, monkeypatch):
     model = "small.cospeech"
     write_small_window(Path(model))
     sf.write("talk.wav", talk(2.0).samples, 16_000)
-    acted().save("clip.bvh")
+    act().save("clip.bvh")
     options = {"model": model, "parts": BODY, "style": "clip.bvh:0.5,ben:0.5"}
-    told = generating.generate_files("talk.wav", ["a.npz"], seed=3, takes=8, report="r.json", **options)
-    assert sum(told.style_mixture.values()) == pytest.approx(1, abs=0.01)
-    assert json.loads(Path("r.json").read_text(encoding="utf-8"))["style_mixture"] == told.style_mixture
+    result = generating.generate_files("talk.wav", ["a.npz"], seed=3, takes=8, report="r.json", **options)
+    assert sum(result.style_mixture.values()) == pytest.approx(1, abs=0.01)
+    assert json.loads(Path("r.json").read_text(encoding="utf-8"))["style_mixture"] == result.style_mixture
     generating.generate_files("talk.wav", ["alone.npz"], seed=5, **options)
     assert Path("a.3.npz").read_bytes() == Path("alone.npz").read_bytes()
     assert len({Path(f"a.{take}.npz").read_bytes() for take in range(1, 9)}) == 8
@@ -331,5 +331,5 @@ def test_a_bundle_on_stage(tmp_path, monkeypatch):
     for look_ahead in (None, inf):
         whole = player.generate(speech, style="ben", look_ahead=look_ahead)
         assert same(Motion.concatenate(list(player.stream(cut(speech, CUTS[1]), style="ben", look_ahead=look_ahead))), whole)
-    play = partial(changed, player, speech, changes={20_000: "ben", 31_000: acted()}, parts=BODY)
+    play = partial(perform_changes, player, speech, changes={20_000: "ben", 31_000: act()}, parts=BODY)
     assert same(play(CUTS[2]), play([]))

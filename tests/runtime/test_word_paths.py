@@ -48,16 +48,16 @@ item []:
             xmax = 5.5
             text = "world"
 """
-TIMED = [{"word": "hello", "start": 0.5, "end": 1.0}, {"word": "big", "start": 1.0, "end": 3.1}]
-TIMED += [{"word": "world", "start": 3.1, "end": 5.5}]
+WORDS_WITH_TIMES = [{"word": "hello", "start": 0.5, "end": 1.0}, {"word": "big", "start": 1.0, "end": 3.1}]
+WORDS_WITH_TIMES += [{"word": "world", "start": 3.1, "end": 5.5}]
 SUBTITLES = "1\n00:00:00,500 --> 00:00:01,000\nhello\n\n2\n00:00:01,000 --> 00:00:03,100\nbig\n\n"
 SUBTITLES += "3\n00:00:03,100 --> 00:00:05,500\nworld\n"
 KINDS = {
     "a.TextGrid": GRID,
-    "a.tsv": "".join(f"{w['start']}\t{w['end']}\t{w['word']}\n" for w in TIMED),
+    "a.tsv": "".join(f"{w['start']}\t{w['end']}\t{w['word']}\n" for w in WORDS_WITH_TIMES),
     "a.srt": SUBTITLES,
     "a.vtt": "WEBVTT\n\n" + SUBTITLES.replace(",", "."),
-    "a.json": json.dumps({"words": TIMED}),
+    "a.json": json.dumps({"words": WORDS_WITH_TIMES}),
     "a.txt": "Hello, big world!",
 }
 
@@ -77,16 +77,16 @@ def spoken(words: tuple[Word, ...] | None) -> list[str]:
 
 
 class StreamingFeatures:
-    """A performance that keeps what it is given, and plays what another plays."""
+    """A session that stores its input and plays what another session plays."""
 
-    def __init__(self, inner, heard: list[Speech]) -> None:
-        self._inner, self._heard = inner, heard
+    def __init__(self, inner, chunks: list[Speech]) -> None:
+        self._inner, self._chunks = inner, chunks
 
     def __getattr__(self, name: str):
         return getattr(self._inner, name)
 
     def push_takes(self, chunk: Speech):
-        self._heard.append(chunk)
+        self._chunks.append(chunk)
         return self._inner.push_takes(chunk)
 
 
@@ -94,13 +94,13 @@ class Listening:
     """A gesturer whose sessions are `StreamingFeatures`."""
 
     def __init__(self, inner) -> None:
-        self._inner, self.heard = inner, []
+        self._inner, self.chunks = inner, []
 
     def __getattr__(self, name: str):
         return getattr(self._inner, name)
 
     def session(self, options):
-        return StreamingFeatures(self._inner.session(options), self.heard)
+        return StreamingFeatures(self._inner.session(options), self.chunks)
 
 
 @pytest.mark.slow
@@ -110,16 +110,16 @@ def test_words_of_a_file_reach_the_system(tmp_path, monkeypatch, recording, name
     listening = Listening(load("rules"))
     monkeypatch.setattr(generate, "load_model", lambda *_, **__: listening)
     cospeech.generate.generate_files(recording, [tmp_path / "out.bvh"], transcript=tmp_path / name, parts=("body",))
-    words = [word for chunk in listening.heard for word in chunk.words or ()]
+    words = [word for chunk in listening.chunks for word in chunk.words or ()]
     assert spoken(tuple(words)) == ["hello", "big", "world"]
     whole = Speech.load(recording, transcript=tmp_path / name)
     assert spoken(whole.words) == ["hello", "big", "world"]
-    for word, loaded in zip(words, whole.words or (), strict=True):
-        assert (word.start, word.end) == pytest.approx((loaded.start, loaded.end), abs=0.02)
+    for word, word_of_file in zip(words, whole.words or (), strict=True):
+        assert (word.start, word.end) == pytest.approx((word_of_file.start, word_of_file.end), abs=0.02)
     if name != "a.txt":
-        assert [(w.start, w.end) for w in words] == [(w["start"], w["end"]) for w in TIMED]
-    for chunk in listening.heard:
-        end = np.inf if chunk is listening.heard[-1] else chunk.start + chunk.seconds
+        assert [(w.start, w.end) for w in words] == [(w["start"], w["end"]) for w in WORDS_WITH_TIMES]
+    for chunk in listening.chunks:
+        end = np.inf if chunk is listening.chunks[-1] else chunk.start + chunk.seconds
         assert all(chunk.start <= word.start < end for word in chunk.words or ())
 
 
@@ -129,12 +129,12 @@ def test_frames_have_the_same_words_of_a_file_and_of_a_stream(tmp_path, recordin
     (tmp_path / name).write_text(KINDS[name], "utf-8")
     with open_speech(recording, transcript=tmp_path / name) as source:
         expected_words = source.words
-        stream, found = WordStream(15), []
+        stream, words = WordStream(15), []
         for chunk in speech_chunks(source):
-            found += stream.push(chunk)
-        found += stream.finish()
-    assert found == word_ids(expected_words, 90, 15)
-    assert [word.lower() for word in dict.fromkeys(found) if word] == ["hello", "big", "world"]
+            words += stream.push(chunk)
+        words += stream.finish()
+    assert words == word_ids(expected_words, 90, 15)
+    assert [word.lower() for word in dict.fromkeys(words) if word] == ["hello", "big", "world"]
     whole = Speech.load(recording, transcript=tmp_path / name)
     for seconds in (0.04, 0.3, 10):
         stream, live = WordStream(15), []
@@ -148,11 +148,11 @@ def test_frames_have_the_same_words_of_a_file_and_of_a_stream(tmp_path, recordin
 def test_sessions_take_words_with_the_piece_in_which_they_start(recording, tmp_path):
     (tmp_path / "a.tsv").write_text(KINDS["a.tsv"], "utf-8")
     whole = Speech.load(recording, transcript=tmp_path / "a.tsv")
-    told, untold = [], []
-    for speech, out in ((whole, told), (Speech(whole.samples, whole.rate), untold)):
+    with_words, without_words = [], []
+    for speech, out in ((whole, with_words), (Speech(whole.samples, whole.rate), without_words)):
         session = load("rules").session(seed=3, fps=15)
         for chunk in speech.chunks(0.2):
             out += [motion.face for motion in session.push(chunk)]
         out += [motion.face for motion in session.finish()]
-    assert np.concatenate(told).shape == np.concatenate(untold).shape == (90, 52)
-    assert np.abs(np.concatenate(told) - np.concatenate(untold)).max() > 0.05, "lips follow the words"
+    assert np.concatenate(with_words).shape == np.concatenate(without_words).shape == (90, 52)
+    assert np.abs(np.concatenate(with_words) - np.concatenate(without_words)).max() > 0.05, "lips follow the words"

@@ -22,7 +22,7 @@ pytest.importorskip("starlette", reason="local pages need starlette (the studio 
 pytest.importorskip("uvicorn", reason="local pages need uvicorn (the studio extra)")
 
 pytestmark = pytest.mark.slow
-DONE = "cospeechStudio.takes.every(take => take.frames > 0 && take.progress === null)"
+READY = "cospeechStudio.takes.every(take => take.frames > 0 && take.progress === null)"
 SPEECH, WORDS = example()
 
 
@@ -57,12 +57,12 @@ def wav(tmp_path_factory) -> Path:
 @pytest.fixture
 def page(chromium, address):
     context = chromium.new_context(viewport={"width": 1280, "height": 860}, accept_downloads=True)
-    opened, wrong = context.new_page(), []
-    opened.on("pageerror", lambda error: wrong.append(str(error)))
-    opened.on("console", lambda said: wrong.append(said.text) if is_wrong(said) else None)
-    opened.goto(address)
-    wait_until(opened, "document.documentElement.dataset.ready === 'true'")
-    yield opened
+    tab, wrong = context.new_page(), []
+    tab.on("pageerror", lambda error: wrong.append(str(error)))
+    tab.on("console", lambda message: wrong.append(message.text) if is_wrong(message) else None)
+    tab.goto(address)
+    wait_until(tab, "document.documentElement.dataset.ready === 'true'")
+    yield tab
     context.close()
     assert not wrong
 
@@ -71,13 +71,13 @@ def page(chromium, address):
 def talking(page, wav):
     """The page with a speech and its motion."""
     page.set_input_files("#speech-file", wav)
-    wait_until(page, DONE)
+    wait_until(page, READY)
     return page
 
 
-def is_wrong(said) -> bool:
+def is_wrong(message) -> bool:
     """Whether the console tells of an error; answers with a status of 400 are told of by the page itself."""
-    return said.type == "error" and not said.text.startswith("Failed to load resource")
+    return message.type == "error" and not message.text.startswith("Failed to load resource")
 
 
 def seek(page, seconds: float) -> None:
@@ -95,7 +95,7 @@ def choose(page, selector: str, value: str) -> None:
     """Choose an option, and wait until the motion that it asks for is there."""
     old = page.evaluate("cospeechStudio.takes[0].id")
     page.select_option(selector, value)
-    wait_until(page, f"cospeechStudio.takes[0].id !== '{old}' && {DONE}")
+    wait_until(page, f"cospeechStudio.takes[0].id !== '{old}' && {READY}")
 
 
 def drop(page, path: Path) -> None:
@@ -110,7 +110,7 @@ def drop(page, path: Path) -> None:
 
 def test_a_dropped_speech_moves_the_character(page, wav):
     drop(page, wav)
-    wait_until(page, DONE)
+    wait_until(page, READY)
     places = []
     for at in (0.5, 1.5, 2.5):
         seek(page, at)
@@ -122,11 +122,11 @@ def test_a_dropped_speech_moves_the_character(page, wav):
 def test_scrubbing_shows_that_frame_of_the_motion(talking, wav):
     motion = cospeech.load("rules").generate(cospeech.Speech.load(wav), seed=0)
     hand = motion.skeleton.index["rightHand"]
-    wanted = motion.positions()[:, hand]
+    expected = motion.positions()[:, hand]
     for frame in (10, 47, 90):
         seek(talking, frame / 30 + 1e-4)
         assert talking.evaluate("cospeechStudio.frame") == frame
-        assert np.linalg.norm(place(talking) - wanted[frame]) < 0.005
+        assert np.linalg.norm(place(talking) - expected[frame]) < 0.005
 
 
 def test_the_mouth_is_open_when_the_sound_is_loud(talking, wav):
@@ -134,12 +134,12 @@ def test_the_mouth_is_open_when_the_sound_is_loud(talking, wav):
 
     samples, rate = soundfile.read(wav, dtype="float32")
     loudness = np.array([np.sqrt(np.mean(np.square(piece))) for piece in np.array_split(samples, 40)])
-    opened = []
+    openings = []
     for k in range(40):
         seek(talking, (k + 0.5) * len(samples) / rate / 40)
-        opened.append(talking.evaluate("cospeechStudio.jawOpen()"))
+        openings.append(talking.evaluate("cospeechStudio.jawOpen()"))
     order = np.argsort(loudness)
-    assert np.mean(np.array(opened)[order[-13:]]) > 2 * np.mean(np.array(opened)[order[:13]]) + 0.02
+    assert np.mean(np.array(openings)[order[-13:]]) > 2 * np.mean(np.array(openings)[order[:13]]) + 0.02
 
 
 def follow(page, seconds: float) -> np.ndarray:
@@ -177,7 +177,7 @@ def test_sound_and_motion_are_within_40_ms_after_a_minute(page, tmp_path):
     samples, rate = soundfile.read(SPEECH, dtype="float32")
     soundfile.write(tmp_path / "long.wav", np.concatenate([samples] * 4), rate)
     page.set_input_files("#speech-file", tmp_path / "long.wav")
-    wait_until(page, DONE, 60)
+    wait_until(page, READY, 60)
     seek(page, 55.0)
     rows = follow(page, 6)
     check_sync(rows)
@@ -233,9 +233,9 @@ def test_intensity_seed_parts_undo_and_redo(talking):
     wait_until(talking, "cospeechStudio.settings.intensity === 0")
     talking.keyboard.press("Control+z")
     talking.click("#next-seed")
-    wait_until(talking, f"cospeechStudio.takes[0].seed === 1 && cospeechStudio.takes[0].id !== '{old}' && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].seed === 1 && cospeechStudio.takes[0].id !== '{old}' && {READY}")
     talking.uncheck("#part-face")
-    wait_until(talking, f"cospeechStudio.settings.parts.length === 2 && {DONE}")
+    wait_until(talking, f"cospeechStudio.settings.parts.length === 2 && {READY}")
 
 
 def test_a_gesture_that_is_dragged_moves_in_the_motion(talking):
@@ -258,9 +258,9 @@ def test_a_gesture_that_is_dragged_moves_in_the_motion(talking):
     talking.mouse.move(box["x"] + 8 + shift / 2, box["y"] + 8)
     talking.mouse.move(box["x"] + 8 + shift, box["y"] + 8)
     talking.mouse.up()
-    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {DONE}")
-    moved = next(each for each in talking.evaluate("cospeechStudio.takes[0].plan.gestures") if each["id"] == mine["id"])
-    assert moved["stroke"] == pytest.approx(mine["stroke"] + by, abs=0.05)
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {READY}")
+    new = next(each for each in talking.evaluate("cospeechStudio.takes[0].plan.gestures") if each["id"] == mine["id"])
+    assert new["stroke"] == pytest.approx(mine["stroke"] + by, abs=0.05)
     seek(talking, mine["stroke"])
     assert np.linalg.norm(place(talking) - before) > 0.01 or np.linalg.norm(place(talking, "leftHand") - before) > 0.01
     talking.keyboard.press("Control+z")
@@ -272,12 +272,12 @@ def test_gestures_are_added_deleted_and_locked_by_keys_and_buttons(talking):
     talking.locator(".gesture:not(.beat)").first.focus()
     before = talking.evaluate(count)
     talking.keyboard.press("Delete")
-    wait_until(talking, f"{count} < {before} && {DONE}")
+    wait_until(talking, f"{count} < {before} && {READY}")
     talking.click("#add-gesture")
     talking.select_option("#add-form", "big")
     talking.fill("#add-time", "2.0")
     talking.click("#add-dialog button[value=add]")
-    wait_until(talking, f"cospeechStudio.takes[0].plan.gestures.some(each => each.form === 'big') && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].plan.gestures.some(each => each.form === 'big') && {READY}")
     talking.locator('.gesture:has-text("big")').first.click()
     talking.keyboard.press("l")
     assert talking.get_attribute("#loop", "aria-pressed") == "true"
@@ -293,9 +293,9 @@ def test_a_selected_stretch_gets_a_seed_and_an_emotion(talking):
     talking.mouse.up()
     wait_until(talking, "cospeechStudio.selection !== null")
     talking.click("#reseed")
-    wait_until(talking, f"cospeechStudio.takes[0].plan.stretches.length === 1 && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].plan.stretches.length === 1 && {READY}")
     talking.select_option("#stretch-emotion", "happiness")
-    wait_until(talking, f"cospeechStudio.takes[0].plan.stretches[0].emotion === 'happiness' && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].plan.stretches[0].emotion === 'happiness' && {READY}")
 
 
 def drag(page, start: tuple[float, float], to: tuple[float, float]) -> None:
@@ -308,17 +308,17 @@ def drag(page, start: tuple[float, float], to: tuple[float, float]) -> None:
 
 def stretches(page) -> list[tuple]:
     """From, to, style, emotion and intensity of each stretch of the first take."""
-    found = page.evaluate("cospeechStudio.takes[0].plan.stretches ?? []")
-    return [(each["from"], each["to"], *(each.get(name) for name in ("style", "emotion", "intensity"))) for each in found]
+    rows = page.evaluate("cospeechStudio.takes[0].plan.stretches ?? []")
+    return [(each["from"], each["to"], *(each.get(name) for name in ("style", "emotion", "intensity"))) for each in rows]
 
 
 def remove_first(page) -> str:
     """Delete the first gesture of the first take; its name."""
-    gone = page.evaluate("cospeechStudio.takes[0].plan.gestures.find(each => each.form !== 'superimposed-beat').id")
-    page.locator(f'[data-id="{gone}"]').focus()
+    name = page.evaluate("cospeechStudio.takes[0].plan.gestures.find(each => each.form !== 'superimposed-beat').id")
+    page.locator(f'[data-id="{name}"]').focus()
     page.keyboard.press("Delete")
-    wait_until(page, f"cospeechStudio.takes[0].edited && {DONE}")
-    return gone
+    wait_until(page, f"cospeechStudio.takes[0].edited && {READY}")
+    return name
 
 
 HAS = "cospeechStudio.takes[0].plan.gestures.some(each => each.id === '{}')"
@@ -334,7 +334,7 @@ def slide(page, name: str, value: float) -> None:
 
 
 def test_an_edited_plan_is_played_at_another_rate_with_other_parts_and_of_another_size(talking):
-    gone = remove_first(talking)
+    name = remove_first(talking)
     steps = [
         (lambda: talking.select_option("#fps", "60"), "cospeechStudio.takes[0].frames === 240"),
         (lambda: talking.uncheck("#part-face"), "cospeechStudio.settings.parts.length === 2"),
@@ -344,22 +344,22 @@ def test_an_edited_plan_is_played_at_another_rate_with_other_parts_and_of_anothe
     for change, expected in steps:
         old = talking.evaluate("cospeechStudio.takes[0].id")
         change()
-        wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {expected} && {DONE}")
+        wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {expected} && {READY}")
         assert talking.evaluate("cospeechStudio.takes[0].edited")
-        assert not talking.evaluate(HAS.format(gone))
+        assert not talking.evaluate(HAS.format(name))
         assert not talking.locator("#gave-way").is_visible()
 
 
 def test_a_plan_is_downloaded_played_by_generate_and_opened_after_a_reload(talking, wav, tmp_path):
-    asked: list[str] = []
-    talking.on("dialog", lambda dialog: (asked.append(dialog.type), dialog.accept()))
-    gone = remove_first(talking)
+    dialogs: list[str] = []
+    talking.on("dialog", lambda dialog: (dialogs.append(dialog.type), dialog.accept()))
+    name = remove_first(talking)
     with talking.expect_download() as waiting:
         talking.click("#save-plan")
     path = tmp_path / waiting.value.suggested_filename
     waiting.value.save_as(path)
     assert path.name == "talk.plan.json"
-    assert gone not in {each.id for each in cospeech.Plan.load(path).gestures}
+    assert name not in {each.id for each in cospeech.Plan.load(path).gestures}
     with talking.expect_download() as waiting:
         talking.select_option("#format", ".bvh")
         talking.click("#download")
@@ -368,24 +368,24 @@ def test_a_plan_is_downloaded_played_by_generate_and_opened_after_a_reload(talki
     assert (tmp_path / "page.bvh").read_bytes() == (tmp_path / "command.bvh").read_bytes()
     talking.reload()
     wait_until(talking, "document.documentElement.dataset.ready === 'true'")
-    assert not asked  # the edits are in a file
+    assert not dialogs  # the edits are in a file
     drop(talking, path)
     talking.locator("#problem:visible").wait_for()
     assert "drop the speech first" in talking.inner_text("#problem")
     talking.set_input_files("#speech-file", wav)
-    wait_until(talking, DONE)
+    wait_until(talking, READY)
     drop(talking, path)
-    wait_until(talking, f"cospeechStudio.takes[0].edited && {DONE}")
-    assert not talking.evaluate(HAS.format(gone))
+    wait_until(talking, f"cospeechStudio.takes[0].edited && {READY}")
+    assert not talking.evaluate(HAS.format(name))
     assert not talking.locator("#unsaved").is_visible()
     talking.click("#next-seed")
     talking.click("#bring-back")
-    wait_until(talking, f"cospeechStudio.takes[0].edited && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].edited && {READY}")
     remove_first(talking)
     talking.locator("#unsaved:visible").wait_for()
     assert not find_violations(talking)
     talking.reload()
-    assert asked == ["beforeunload"]
+    assert dialogs == ["beforeunload"]
 
 
 @pytest.mark.parametrize(
@@ -397,22 +397,22 @@ def test_a_plan_is_downloaded_played_by_generate_and_opened_after_a_reload(talki
     ],
 )
 def test_edits_that_give_way_are_told_until_the_user_answers(talking, change):
-    gone = remove_first(talking)
+    name = remove_first(talking)
     mine = talking.evaluate("cospeechStudio.takes[0].id")
     change(talking)
-    wait_until(talking, f"cospeechStudio.takes[0].id !== '{mine}' && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{mine}' && {READY}")
     talking.select_option("#fps", "60")
-    wait_until(talking, f"cospeechStudio.takes[0].frames === 240 && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].frames === 240 && {READY}")
     assert talking.locator("#gave-way").is_visible()
     assert not find_violations(talking)
     talking.click("#bring-back")
-    wait_until(talking, f"cospeechStudio.takes[0].id === '{mine}' && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].id === '{mine}' && {READY}")
     assert talking.evaluate("cospeechStudio.takes[0].edited")
-    assert not talking.evaluate(HAS.format(gone))
+    assert not talking.evaluate(HAS.format(name))
     assert not talking.locator("#gave-way").is_visible()
     talking.click("#redo")
     talking.click("#redo")
-    wait_until(talking, f"cospeechStudio.takes[0].frames === 240 && !cospeechStudio.takes[0].edited && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].frames === 240 && !cospeechStudio.takes[0].edited && {READY}")
 
 
 def test_a_value_is_drawn_on_its_track_dragged_and_taken_off(talking):
@@ -421,7 +421,7 @@ def test_a_value_is_drawn_on_its_track_dragged_and_taken_off(talking):
     drag(talking, (row["x"] + 1.0 * second, row["y"] + 8), (row["x"] + 2.0 * second, row["y"] + 8))
     wait_until(talking, "document.activeElement.id === 'stretch-emotion'")
     talking.select_option("#stretch-emotion", "anger")
-    wait_until(talking, f"cospeechStudio.takes[0].plan.stretches?.length === 1 && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].plan.stretches?.length === 1 && {READY}")
     angry = talking.evaluate("cospeechStudio.takes[0].id")
     segment = talking.locator('.track[data-value="emotion"] .segment')
     box = segment.bounding_box()
@@ -430,7 +430,7 @@ def test_a_value_is_drawn_on_its_track_dragged_and_taken_off(talking):
 
     middle = (box["x"] + box["width"] / 2, box["y"] + 8)
     drag(talking, middle, (middle[0] + second, middle[1]))
-    wait_until(talking, f"cospeechStudio.takes[0].id !== '{angry}' && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{angry}' && {READY}")
     ((start, end, style, emotion, _),) = stretches(talking)
     assert (start, end, emotion) == (pytest.approx(2, abs=0.05), pytest.approx(3, abs=0.05), "anger")
     assert style is None
@@ -438,15 +438,15 @@ def test_a_value_is_drawn_on_its_track_dragged_and_taken_off(talking):
     old = talking.evaluate("cospeechStudio.takes[0].id")
     box = segment.bounding_box()
     drag(talking, (box["x"] + box["width"] - 2, middle[1]), (box["x"] + box["width"] - 2 - second / 2, middle[1]))
-    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {READY}")
     assert stretches(talking)[0][:2] == (pytest.approx(2, abs=0.05), pytest.approx(2.5, abs=0.05))
     segment.focus()
     talking.keyboard.press("Shift+ArrowRight")
     wait_until(talking, "Math.abs(cospeechStudio.takes[0].plan.stretches[0].to - 2.6) < 0.05")
-    wait_until(talking, DONE)
+    wait_until(talking, READY)
     talking.locator(".segment").focus()
     talking.keyboard.press("Delete")
-    wait_until(talking, f"!cospeechStudio.takes[0].plan.stretches?.length && {DONE}")
+    wait_until(talking, f"!cospeechStudio.takes[0].plan.stretches?.length && {READY}")
     assert segment.count() == 0
     talking.keyboard.press("Control+z")  # of one step: the length before
     wait_until(talking, "cospeechStudio.takes[0].plan.stretches?.length === 1")
@@ -458,33 +458,33 @@ def test_a_style_on_its_track_changes_that_stretch_alone(talking):
     times = (0.3, 0.6, 2.6, 3.0, 3.4)
 
     def places() -> np.ndarray:
-        found = []
+        points = []
         for at in times:
             seek(talking, at)
-            found.append(place(talking))
-        return np.array(found)
+            points.append(place(talking))
+        return np.array(points)
 
     before = places()
     row = talking.locator('.track[data-value="style"]').bounding_box()
     drag(talking, (row["x"] + 0.5 * row["width"], row["y"] + 8), (row["x"] + 0.98 * row["width"], row["y"] + 8))
     assert not talking.locator('#stretch-style option[value="seated"]').count()  # one cannot sit down within a plan
     talking.select_option("#stretch-style", "orator")
-    wait_until(talking, f"cospeechStudio.takes[0].id !== '{usual}' && {DONE}")
-    moved = np.linalg.norm(places() - before, axis=1)
-    assert moved[:2].max() < 1e-3
-    assert moved[2:].max() > 3e-3  # gestures that are listed stay; the posture is another
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{usual}' && {READY}")
+    distances = np.linalg.norm(places() - before, axis=1)
+    assert distances[:2].max() < 1e-3
+    assert distances[2:].max() > 3e-3  # gestures that are listed stay; the posture is another
 
 
 def test_sliders_mix_styles(talking):
     usual = talking.evaluate("cospeechStudio.takes[0].id")
     talking.click("#open-mix")
-    wait_until(talking, f"cospeechStudio.takes[0].id !== '{usual}' && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{usual}' && {READY}")
     old, mix = talking.evaluate("cospeechStudio.takes[0].id"), talking.evaluate("cospeechStudio.settings.mix")
     assert len(mix) == 2
     talking.evaluate(
         "() => { const s = document.getElementById('mix-orator'); s.valueAsNumber = 1; s.dispatchEvent(new Event('change')); }"
     )
-    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {READY}")
     assert talking.evaluate("cospeechStudio.settings.mix") == mix | {"orator": 1}
     assert talking.evaluate("document.getElementById('style').value") == "*mix"
     talking.select_option("#style", "calm")
@@ -501,7 +501,7 @@ def test_a_clip_that_is_dropped_is_the_style(talking, wav, tmp_path):
     talking.locator("#problem").wait_for(state="hidden")
     old = talking.evaluate("cospeechStudio.takes[0].id")
     drop(talking, clip)
-    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {DONE}", 30)
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {READY}", 30)
     assert talking.evaluate("cospeechStudio.settings.clip.name") == "someone.bvh"
     assert talking.evaluate("document.getElementById('style').value") == "*clip"
 
@@ -511,7 +511,7 @@ def test_a_transcript_gives_words_and_gestures_of_words(talking, tmp_path):
     srt.write_text("1\n00:00:00,500 --> 00:00:01,000\nhuge\n\n2\n00:00:02,000 --> 00:00:02,500\nyou\n")
     old = talking.evaluate("cospeechStudio.takes[0].id")
     talking.set_input_files("#words-file", srt)
-    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && {READY}")
     assert talking.locator("#words span").all_inner_texts() == ["huge", "you"]
     assert {each.get("word") for each in talking.evaluate("cospeechStudio.takes[0].plan.gestures")} & {"huge", "you"}
     first = talking.locator("#words span").first.bounding_box()
@@ -524,7 +524,7 @@ def test_a_recording_becomes_speech(page):
     wait_until(page, "document.getElementById('notice').textContent === 'recording …'")
     time.sleep(1.5)  # the microphone of the tests beeps
     page.locator(".record:visible").first.click()
-    wait_until(page, DONE)
+    wait_until(page, READY)
     assert page.inner_text("#speech-name").startswith("recording.")
     assert page.evaluate("cospeechStudio.takes[0].frames") >= 30
 
@@ -562,13 +562,13 @@ def test_a_page_that_is_loaded_again_does_not_wait_for_its_last_take(page, wav, 
     page.reload()
     wait_until(page, "document.documentElement.dataset.ready === 'true'")
     page.set_input_files("#speech-file", wav)
-    wait_until(page, DONE, 6)
+    wait_until(page, READY, 6)
 
 
 def test_takes_stand_side_by_side_and_a_link_brings_them_back(talking, chromium):
     talking.click("#add-take")
     talking.click("#add-take")
-    wait_until(talking, f"cospeechStudio.characters === 3 && {DONE}")
+    wait_until(talking, f"cospeechStudio.characters === 3 && {READY}")
     assert len({take["id"] for take in talking.evaluate("cospeechStudio.takes")}) == 3
     other = chromium.new_page()
     other.goto(talking.url)
@@ -579,7 +579,7 @@ def test_takes_stand_side_by_side_and_a_link_brings_them_back(talking, chromium)
 
 
 @pytest.mark.parametrize(
-    ("link", "told"),
+    ("link", "message"),
     [
         ("#style=nonsense&emotion=foo&fps=24&seeds=a,1", "style=nonsense, emotion=foo, seeds=a,1"),
         ("#intensity=9", "intensity=9"),
@@ -587,12 +587,12 @@ def test_takes_stand_side_by_side_and_a_link_brings_them_back(talking, chromium)
         ("#controls", ""),
     ],
 )
-def test_a_link_that_says_what_does_not_exist_is_told(chromium, address, link, told):
+def test_a_link_that_says_what_does_not_exist_is_told(chromium, address, link, message):
     page = chromium.new_page()
     page.goto(address + link)
     wait_until(page, "document.documentElement.dataset.ready === 'true'")
     notice = page.text_content("#notice")
-    assert notice.endswith(f"left out: {told}") if told else notice == ""
+    assert notice.endswith(f"left out: {message}") if message else notice == ""
     page.close()
 
 
@@ -615,8 +615,8 @@ def test_loop_speed_and_keys(talking):
 
 @pytest.mark.parametrize("name", ["Godette_vrm_v4_CC-BY-3.0.vrm", "avatar_mpfb_female_arkit52_viseme15.glb"])
 def test_an_avatar_wears_the_motion_and_stays_in_the_browser(talking, shared, name):
-    sent: list[str] = []
-    talking.on("request", lambda request: sent.append(request.method) if request.method != "GET" else None)
+    requests: list[str] = []
+    talking.on("request", lambda request: requests.append(request.method) if request.method != "GET" else None)
     talking.set_input_files("#avatar-file", shared / "data" / "avatars" / name)
     wait_until(talking, f"document.getElementById('avatar-name').textContent === '{name}'")
     assert "files hold the mannequin" in talking.inner_text("#avatar-note")
@@ -629,7 +629,7 @@ def test_an_avatar_wears_the_motion_and_stays_in_the_browser(talking, shared, na
     assert max(mouths) > 0.1
     head, foot = place(talking, "head"), place(talking, "leftFoot")
     assert head[1] > 3 * abs(foot[1])
-    assert not sent
+    assert not requests
 
 
 @pytest.mark.parametrize("change", [as_half, as_bust, as_head, as_nodes])

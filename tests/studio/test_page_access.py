@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.studio.test_page import DONE, address, chromium, page, talking, wav  # noqa: F401  fixtures
+from tests.studio.test_page import READY, address, chromium, page, talking, wav  # noqa: F401  fixtures
 from tests.studio.test_page_edits import COUNT, PLAN, free_gesture
 from tests.support.browser import scrub, wait_until
 
@@ -22,7 +22,7 @@ def test_a_take_that_failed_is_not_downloaded_and_is_made_when_the_studio_answer
     talking.unroute("**/api/takes")
     talking.select_option("#emotion", "sadness")
     talking.select_option("#emotion", "anger")
-    wait_until(talking, f"{DONE} && cospeechStudio.takes[0].id !== '{before}'")
+    wait_until(talking, f"{READY} && cospeechStudio.takes[0].id !== '{before}'")
     assert talking.evaluate("cospeechStudio.takes[0].problem") == ""
     assert talking.get_attribute("#download", "aria-disabled") == "false"
 
@@ -36,9 +36,9 @@ def test_a_gesture_goes_with_its_stroke_when_that_is_changed(talking):
     later = round(gesture["stroke"] + 0.3, 2)
     talking.fill("#add-time", str(later))
     talking.click("#add-done")
-    found = f"{PLAN}.gestures.find(each => each.id === '{gesture['id']}')"
-    wait_until(talking, f"Math.abs({found}.stroke - {later}) < 0.02 && {DONE}")
-    assert talking.evaluate(f"{found}.start < {found}.stroke && {found}.stroke < {found}.end")
+    expression = f"{PLAN}.gestures.find(each => each.id === '{gesture['id']}')"
+    wait_until(talking, f"Math.abs({expression}.stroke - {later}) < 0.02 && {READY}")
+    assert talking.evaluate(f"{expression}.start < {expression}.stroke && {expression}.stroke < {expression}.end")
     assert talking.inner_text("#problem") == ""
 
 
@@ -82,7 +82,7 @@ def test_keys_move_the_camera_delete_gestures_only_where_these_are_and_letters_c
 def test_a_finger_that_scrolls_selects_nothing_and_moves_no_gesture(talking):
     scrub(talking, 1.5)
     talking.click("#select-from")
-    kept = talking.evaluate("[cospeechStudio.selection, cospeechStudio.time, JSON.stringify(cospeechStudio.takes[0].plan)]")
+    before = talking.evaluate("[cospeechStudio.selection, cospeechStudio.time, JSON.stringify(cospeechStudio.takes[0].plan)]")
     for selector in ("#wave", "#words", ".gesture:not(.beat)"):
         talking.evaluate(
             """selector => { const element = document.querySelector(selector), box = element.getBoundingClientRect();
@@ -93,13 +93,13 @@ def test_a_finger_that_scrolls_selects_nothing_and_moves_no_gesture(talking):
             selector,
         )
         now = talking.evaluate("[cospeechStudio.selection, cospeechStudio.time, JSON.stringify(cospeechStudio.takes[0].plan)]")
-        assert now == kept, selector
+        assert now == before, selector
 
 
 def test_the_focus_stays_on_the_page(talking):
     talking.locator(".gesture:not(.beat)").first.click()
     talking.click("#remove-gesture")
-    wait_until(talking, f"cospeechStudio.takes[0].edited && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].edited && {READY}")
     talking.focus("#undo")
     talking.keyboard.press("Enter")
     wait_until(talking, "!cospeechStudio.takes[0].edited")

@@ -27,7 +27,7 @@ def rename(document: dict, change) -> None:
 
 
 def as_short(document: dict) -> None:
-    """eyeBlink_L, and something before it."""
+    """Names such as eyeBlink_L, with a prefix."""
     rename(document, lambda n: n if n.startswith("viseme") else "Face.M_" + n.replace("Left", "_L").replace("Right", "_R"))
 
 
@@ -47,8 +47,8 @@ def as_nameless(document: dict) -> None:
 def as_vrm1(document: dict, *, custom: bool = True) -> None:
     """VRM 1.0 that looks by bones; a binary expression, one of two shapes, and ARKit's as custom expressions."""
     names = document["meshes"][0]["extras"]["targetNames"]
-    shaped = [k for k, mesh in enumerate(document["meshes"]) if mesh["primitives"][0].get("targets")]
-    nodes = [k for k, node in enumerate(document["nodes"]) if node.get("mesh") in shaped]
+    with_shapes = [k for k, mesh in enumerate(document["meshes"]) if mesh["primitives"][0].get("targets")]
+    nodes = [k for k, node in enumerate(document["nodes"]) if node.get("mesh") in with_shapes]
 
     def expression(*shapes: str, weight: float = 1.0) -> dict:
         return {"morphTargetBinds": [{"node": k, "index": names.index(n), "weight": weight} for k in nodes for n in shapes]}
@@ -145,22 +145,22 @@ def test_a_face_moves_as_in_a_file(page, of_others, tmp_path, source, change, al
     if change in (as_vrm1, as_vrm1_presets):
         path = path.rename(tmp_path / "me.vrm")
     wear(page, path)
-    told = page.inner_text("#avatar-face")
-    assert (told == f"Its face moves by {alphabet}.") is bool(alphabet)
-    assert ("cannot be moved" in told) is (not alphabet)
+    line = page.inner_text("#avatar-face")
+    assert (line == f"Its face moves by {alphabet}.") is bool(alphabet)
+    assert ("cannot be moved" in line) is (not alphabet)
     rig, rng = read(path).face, np.random.default_rng(0)
     faces = np.concatenate([np.zeros((1, 52)), rng.uniform(0, 1, (15, 52)), rng.uniform(0, 0.4, (15, 52)), np.eye(52)])
-    wanted = rig.weights(faces)
+    expected = rig.weights(faces)
     for k, face in enumerate(faces):
-        shown = page.evaluate("face => cospeechStudio.shapes(face)", face.tolist())
-        assert {int(node) for node in shown} == set(wanted)
-        for node, weights in wanted.items():
-            np.testing.assert_allclose(shown[str(node)], weights[k], atol=1e-6)
+        shapes = page.evaluate("face => cospeechStudio.shapes(face)", face.tolist())
+        assert {int(node) for node in shapes} == set(expected)
+        for node, weights in expected.items():
+            np.testing.assert_allclose(shapes[str(node)], weights[k], atol=1e-6)
 
 
 @pytest.mark.parametrize(("change", "turns"), [(same, False), (as_visemes, True), (as_vrm1, False), (as_vrm1_presets, True)])
 def test_eyes_turn_once(talking, of_others, tmp_path, change, turns):  # noqa: F811
-    """By shapes of looking where these turn the eyeballs, else by bones."""
+    """Eyes turn by shapes where the shapes turn the eyeballs, else by bones."""
     path = tmp_path / ("me.vrm" if change in (as_vrm1, as_vrm1_presets) else "me.glb")
     rewrite(of_others / WOMAN, path, change)
     wear(talking, path)
@@ -182,8 +182,8 @@ def test_without_a_face_the_mouth_is_shut(talking):  # noqa: F811
 
 @pytest.mark.parametrize("extension", PACKED)
 def test_a_packed_character_is_refused_for_what_it_is(page, still, tmp_path, extension):  # noqa: F811
-    used = {"extensionsUsed": [extension], "extensionsRequired": [extension]}
-    rewrite(still, tmp_path / "me.glb", lambda document: document.update(used))
+    extensions = {"extensionsUsed": [extension], "extensionsRequired": [extension]}
+    rewrite(still, tmp_path / "me.glb", lambda document: document.update(extensions))
     page.set_input_files("#avatar-file", tmp_path / "me.glb")
     page.locator("#problem:visible").wait_for()
     assert page.inner_text("#problem") == f"me.glb is packed by {extension} (export it without compression)"
@@ -213,18 +213,18 @@ Object.defineProperty(Navigator.prototype, name, { get: () => undefined });"""
 
 def test_a_page_without_https_says_why_there_is_no_microphone_and_shows_the_link(chromium, address):  # noqa: F811
     """As a browser of another computer has it: it gives neither microphone nor clipboard."""
-    opened = chromium.new_page()
-    opened.add_init_script(INSECURE)
-    opened.goto(address)
-    wait_until(opened, "document.documentElement.dataset.ready === 'true'")
-    opened.locator(".record:visible").first.click()
-    opened.locator("#problem:visible").wait_for()
-    assert "pages of https or localhost" in opened.inner_text("#problem")
-    opened.click("#copy-link")
-    wait_until(opened, "document.getElementById('notice').textContent.includes('#model=')")
-    assert opened.inner_text("#notice").endswith(opened.url)
-    opened.click("#tab-live")
-    opened.click("#live-start")
-    opened.locator("#live-problem:visible").wait_for()
-    assert "pages of https or localhost" in opened.inner_text("#live-problem")
-    opened.close()
+    tab = chromium.new_page()
+    tab.add_init_script(INSECURE)
+    tab.goto(address)
+    wait_until(tab, "document.documentElement.dataset.ready === 'true'")
+    tab.locator(".record:visible").first.click()
+    tab.locator("#problem:visible").wait_for()
+    assert "pages of https or localhost" in tab.inner_text("#problem")
+    tab.click("#copy-link")
+    wait_until(tab, "document.getElementById('notice').textContent.includes('#model=')")
+    assert tab.inner_text("#notice").endswith(tab.url)
+    tab.click("#tab-live")
+    tab.click("#live-start")
+    tab.locator("#live-problem:visible").wait_for()
+    assert "pages of https or localhost" in tab.inner_text("#live-problem")
+    tab.close()

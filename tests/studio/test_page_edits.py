@@ -7,7 +7,7 @@ from base64 import b64encode
 
 import pytest
 
-from tests.studio.test_page import DONE, address, chromium, drag, page, talking, wav  # noqa: F401  fixtures
+from tests.studio.test_page import READY, address, chromium, drag, page, talking, wav  # noqa: F401  fixtures
 from tests.support.browser import scrub, wait_until
 
 pytestmark = pytest.mark.slow
@@ -16,7 +16,7 @@ COUNT = f"{PLAN}.gestures.length"
 
 
 def free_gesture(page) -> dict:
-    """One that can go half a second later without meeting another."""
+    """A gesture that can be moved half a second later and touches no other."""
     gestures = page.evaluate(f"{PLAN}.gestures")
     strokes = sorted(each["stroke"] for each in gestures)
     for each in gestures:
@@ -43,7 +43,7 @@ def test_each_of_many_quick_keys_counts(talking):
     talking.locator(f'[data-id="{gesture["id"]}"]').focus()
     for _ in range(3):
         talking.keyboard.press("ArrowRight")
-    wait_until(talking, f"Math.abs({stroke} - {gesture['stroke'] + 0.3}) < 0.02 && {DONE}")
+    wait_until(talking, f"Math.abs({stroke} - {gesture['stroke'] + 0.3}) < 0.02 && {READY}")
     talking.keyboard.press("Control+z")
     wait_until(talking, f"Math.abs({stroke} - {gesture['stroke'] + 0.2}) < 0.02")
 
@@ -51,14 +51,14 @@ def test_each_of_many_quick_keys_counts(talking):
 def test_two_gestures_that_are_deleted_at_once_are_both_gone_and_the_focus_stays(talking):
     before = talking.evaluate(COUNT)
     names = talking.evaluate(f"{PLAN}.gestures.filter(each => each.form !== 'superimposed-beat').map(each => each.id)")
-    focused = "document.activeElement.matches('.gesture, #add-gesture')"
+    has_focus = "document.activeElement.matches('.gesture, #add-gesture')"
     for name in (names[0], names[-1]):
         talking.locator(f'[data-id="{name}"]').focus()
         talking.keyboard.press("Delete")
-    gone = " && ".join(f"!{PLAN}.gestures.some(each => each.id === '{name}')" for name in (names[0], names[-1]))
-    wait_until(talking, f"{gone} && {DONE}")
+    are_absent = " && ".join(f"!{PLAN}.gestures.some(each => each.id === '{name}')" for name in (names[0], names[-1]))
+    wait_until(talking, f"{are_absent} && {READY}")
     assert talking.evaluate(COUNT) < before - 1
-    assert talking.evaluate(focused)
+    assert talking.evaluate(has_focus)
 
 
 def test_nothing_is_downloaded_before_an_edit_is_made(talking):
@@ -73,20 +73,20 @@ def test_nothing_is_downloaded_before_an_edit_is_made(talking):
 def test_the_plan_of_a_take_that_the_studio_dropped_can_be_downloaded_and_the_take_is_made_again(talking):
     talking.locator(".gesture:not(.beat)").first.focus()
     talking.keyboard.press("Delete")
-    wait_until(talking, f"cospeechStudio.takes[0].edited && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].edited && {READY}")
     old = talking.evaluate("cospeechStudio.takes[0].id")
-    lost = {"status": 404, "json": {"problem": "this take is no longer here", "hint": ""}}
+    answer = {"status": 404, "json": {"problem": "this take is no longer here", "hint": ""}}
     for what in ("plan", "file?**"):
-        talking.route(f"**/api/takes/{old}/{what}", lambda route: route.fulfill(**lost))
-    with talking.expect_download() as saved:
+        talking.route(f"**/api/takes/{old}/{what}", lambda route: route.fulfill(**answer))
+    with talking.expect_download() as download:
         talking.click("#save-plan")
-    assert '"cospeech_plan"' in saved.value.path().read_text("utf-8")
+    assert '"cospeech_plan"' in download.value.path().read_text("utf-8")
     talking.click("#download")
-    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && cospeechStudio.takes[0].id !== null && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{old}' && cospeechStudio.takes[0].id !== null && {READY}")
     talking.select_option("#format", ".bvh")
-    with talking.expect_download() as saved:
+    with talking.expect_download() as download:
         talking.click("#download")
-    assert saved.value.path().read_bytes().startswith(b"HIERARCHY")
+    assert download.value.path().read_bytes().startswith(b"HIERARCHY")
 
 
 def test_keys_of_takes_do_nothing_while_the_live_tab_is_open(talking):
@@ -141,7 +141,7 @@ def test_space_plays_after_the_slider_was_used(talking):
 def test_a_speech_and_its_transcript_may_be_dropped_together(page, wav, tmp_path):
     files = {"talk.srt": b"1\n00:00:00,500 --> 00:00:01,000\nhuge\n", wav.name: wav.read_bytes()}
     drop_all(page, files)
-    wait_until(page, f"document.getElementById('words').textContent === 'huge' && {DONE}")
+    wait_until(page, f"document.getElementById('words').textContent === 'huge' && {READY}")
 
 
 def test_a_character_that_is_cut_off_is_refused(talking, shared):
@@ -151,10 +151,10 @@ def test_a_character_that_is_cut_off_is_refused(talking, shared):
 
 
 def test_seeds_stay_in_their_range(talking):
-    for given, kept in (("-5", "0"), ("99999999999999", "2147483647")):
+    for given, seed in (("-5", "0"), ("99999999999999", "2147483647")):
         talking.fill("#seed", given)
         talking.keyboard.press("Enter")
-        assert talking.input_value("#seed") == kept
+        assert talking.input_value("#seed") == seed
     talking.click("#next-seed")
     wait_until(talking, "cospeechStudio.takes[0].seed === 0")
 
@@ -169,7 +169,7 @@ def test_a_gesture_gets_another_form_hand_and_size(talking):
     talking.fill("#add-size", "1.5")
     talking.click("#add-dialog button[value=add]")
     mine = f"{PLAN}.gestures.find(each => each.id === '{name}')"
-    wait_until(talking, f"{mine}.form === 'big' && {mine}.hands === 'left' && {mine}.size === 1.5 && {DONE}")
+    wait_until(talking, f"{mine}.form === 'big' && {mine}.hands === 'left' && {mine}.size === 1.5 && {READY}")
     assert talking.evaluate(f"{mine}.stroke") == stroke
     talking.locator(f'[data-id="{name}"]').focus()
     talking.keyboard.press("Enter")
@@ -194,19 +194,19 @@ def test_an_edit_that_is_cancelled_is_taken_back(talking):
 def test_a_transcript_does_not_go_to_another_speech_than_that_beside_it(talking, wav):
     talking.locator(".gesture:not(.beat)").first.focus()
     talking.keyboard.press("Delete")
-    wait_until(talking, f"cospeechStudio.takes[0].edited && {DONE}")
-    words, asked = talking.inner_text("#words"), []
-    talking.on("dialog", lambda dialog: (asked.append(dialog.message), dialog.dismiss()))
+    wait_until(talking, f"cospeechStudio.takes[0].edited && {READY}")
+    words, questions = talking.inner_text("#words"), []
+    talking.on("dialog", lambda dialog: (questions.append(dialog.message), dialog.dismiss()))
     drop_all(talking, {"other.srt": b"1\n00:00:00,500 --> 00:00:01,000\nhuge\n", "other.wav": wav.read_bytes()})
     talking.wait_for_timeout(1000)
-    assert "Open another speech without them?" in asked[0]
+    assert "Open another speech without them?" in questions[0]
     assert talking.inner_text("#words") == words
 
 
 def test_a_transcript_under_edits_is_told(talking, tmp_path):
     talking.locator(".gesture:not(.beat)").first.focus()
     talking.keyboard.press("Delete")
-    wait_until(talking, f"cospeechStudio.takes[0].edited && {DONE}")
+    wait_until(talking, f"cospeechStudio.takes[0].edited && {READY}")
     drop_all(talking, {"words.srt": b"1\n00:00:00,500 --> 00:00:01,000\nhuge\n"})
     wait_until(talking, "document.getElementById('notice').textContent.startsWith('takes with edits keep their gestures')")
 
@@ -222,7 +222,7 @@ def test_a_link_in_the_address_bar_of_an_open_page_is_followed(page):
 def test_eight_takes_fit_a_phone(talking):
     for _ in range(7):
         talking.click("#add-take")
-    wait_until(talking, f"cospeechStudio.takes.length === 8 && {DONE}", 60)
+    wait_until(talking, f"cospeechStudio.takes.length === 8 && {READY}", 60)
     talking.set_viewport_size({"width": 390, "height": 780})
     cut = "[...document.querySelectorAll('.card')].filter(card => card.scrollWidth > card.clientWidth + 1).length"
     wait_until(talking, f"{cut} === 0")
@@ -239,7 +239,7 @@ def test_keys_that_move_a_slider_are_one_step_of_undo(talking):
 
 
 def test_keys_select_a_stretch_and_take_its_seed_off(talking):
-    """No pointer: I and O begin and end it where the time is."""
+    """No pointer is used: the keys I and O begin and end the stretch at the current time."""
     scrub(talking, 1.0)
     talking.locator("#view").focus()
     talking.keyboard.press("i")
@@ -251,10 +251,10 @@ def test_keys_select_a_stretch_and_take_its_seed_off(talking):
         talking, "Math.abs(cospeechStudio.selection[0] - 1) < 0.05 && Math.abs(cospeechStudio.selection[1] - 2.5) < 0.05"
     )
     talking.click("#reseed")
-    wait_until(talking, f"{PLAN}.stretches?.[0]?.seed === 1 && {DONE}")
+    wait_until(talking, f"{PLAN}.stretches?.[0]?.seed === 1 && {READY}")
     talking.locator("#stretches button").focus()
     talking.keyboard.press("Delete")
-    wait_until(talking, f"{PLAN}.stretches.every(each => each.seed == null) && {DONE}")
+    wait_until(talking, f"{PLAN}.stretches.every(each => each.seed == null) && {READY}")
     scrub(talking, 0.5)
     talking.locator("#view").focus()
     talking.keyboard.press("o")

@@ -17,7 +17,7 @@ from cospeech.errors import InputError
 from cospeech.studio import server
 from cospeech.studio.study import load_plan
 from cospeech.studio.study.session import make_session
-from tests.support.study_raters import as_sent, ask, make_tiny_study, right_answers, running, serving
+from tests.support.study_raters import ask, encode_answers, make_tiny_study, right_answers, running, serving
 
 SECRET = "keep this to yourself"
 PAYLOADS = [
@@ -44,7 +44,7 @@ def port(study):
 
 
 def raw_get(port: int, path: str) -> bytes:
-    """A path sent as it stands: clients would tidy it."""
+    """Send a path unchanged; HTTP clients would normalise it."""
     with socket.create_connection(("127.0.0.1", port), timeout=10) as line:
         line.sendall(f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nConnection: close\r\n\r\n".encode())
         got = b""
@@ -122,7 +122,7 @@ def test_a_large_body_is_refused_at_once(port, length):
 
 
 def bad_answers(plan) -> list[object]:
-    good = as_sent(plan, right_answers(plan, make_session(plan, 0)[0]))
+    good = encode_answers(plan, right_answers(plan, make_session(plan, 0)[0]))
     name = next(iter(good))
     wrong = [None, [], 7, {}, {name: None}, {name: "2"}, {name: 99}, {name: 1.0}, {name: True}, {name: [1]}, {name: [[]]}]
     wrong += [{name: {"a": 1}}, {**good, "another": 1}, {"'; DROP TABLE answers; --": 1}, {name: 10**40}]
@@ -243,12 +243,12 @@ def test_a_server_of_a_network_names_an_address_that_other_computers_can_open(mo
 @pytest.mark.parametrize(("given", "is_asked"), [([], False), (["--token", "auto"], True), (["--host", "0.0.0.0"], True)])
 def test_a_studio_asks_other_users_of_the_machine_for_a_token_too(cli, monkeypatch, given, is_asked):
     pytest.importorskip("websockets", reason="the studio needs websockets (the studio extra)")
-    asked = []
+    tokens = []
     monkeypatch.setattr("cospeech.studio.state.StudioState.start_warm_up", lambda state: None)
     monkeypatch.setattr(
-        "cospeech.studio.server.run_server", lambda app, listening, **more: asked.append(app._token) or listening.close()
+        "cospeech.studio.server.run_server", lambda app, listening, **more: tokens.append(app._token) or listening.close()
     )
     code, out, _ = cli("studio", "--no-browser", "--port", 0, *given)
     assert code == 0
-    assert (asked[0] is not None) is is_asked is ("?token=" in out)
-    assert not is_asked or (len(asked[0]) > 20 and asked[0] in out)
+    assert (tokens[0] is not None) is is_asked is ("?token=" in out)
+    assert not is_asked or (len(tokens[0]) > 20 and tokens[0] in out)

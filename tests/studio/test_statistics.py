@@ -10,7 +10,7 @@ pytest.importorskip("scipy", reason="reports need scipy (the studio extra)")
 from cospeech.studio.study.statistics import alpha, estimate, grid
 
 # Krippendorff 2011, "Computing Krippendorff's Alpha-Reliability", section C: four observers, twelve units
-OBSERVED = """
+RATINGS = """
 1 2 3 3 2 1 4 1 2 . . .
 1 2 3 3 2 2 4 1 2 5 . 3
 . 3 3 3 2 3 4 2 2 5 1 .
@@ -19,7 +19,7 @@ OBSERVED = """
 
 
 def test_alpha_is_that_of_the_paper():
-    cells = np.array([[np.nan if x == "." else float(x) for x in line.split()] for line in OBSERVED.strip().splitlines()])
+    cells = np.array([[np.nan if x == "." else float(x) for x in line.split()] for line in RATINGS.strip().splitlines()])
     assert alpha(cells) == pytest.approx(0.849, abs=5e-4)
     assert alpha(cells, lambda a, b: (a != b).astype(float)) == pytest.approx(0.743, abs=5e-4)
 
@@ -33,7 +33,7 @@ def test_alpha_of_perfect_agreement_and_of_none():
     assert np.isnan(alpha(np.array([[1.0, np.nan], [np.nan, 2.0]])))
 
 
-def crossed(draw: np.random.Generator, effect: float, raters: int = 20, clips: int = 15) -> np.ndarray:
+def draw_ratings(draw: np.random.Generator, effect: float, raters: int = 20, clips: int = 15) -> np.ndarray:
     """Differences to which rater, clip and chance add; a third is missing."""
     cells = effect + draw.normal(0, 0.5, (raters, 1)) + draw.normal(0, 0.5, (1, clips)) + draw.normal(0, 1, (raters, clips))
     cells[draw.random(cells.shape) < 1 / 3] = np.nan
@@ -43,20 +43,20 @@ def crossed(draw: np.random.Generator, effect: float, raters: int = 20, clips: i
 def false_alarms(count: int) -> tuple[float, float]:
     """Share of nulls that are called effects, and share of intervals that hold 0."""
     draw = np.random.default_rng(1)
-    found = [estimate(crossed(draw, 0.0)) for _ in range(count)]
-    return float(np.mean([e.p < 0.05 for e in found])), float(np.mean([e.low <= 0 <= e.high for e in found]))
+    estimates = [estimate(draw_ratings(draw, 0.0)) for _ in range(count)]
+    return float(np.mean([e.p < 0.05 for e in estimates])), float(np.mean([e.low <= 0 <= e.high for e in estimates]))
 
 
 @pytest.mark.slow
 def test_a_null_is_called_an_effect_as_often_as_the_level_says():
-    alarms, held = false_alarms(250)
+    alarms, share_of_intervals = false_alarms(250)
     assert 0.01 < alarms < 0.09
-    assert held > 0.9
+    assert share_of_intervals > 0.9
 
 
 def test_an_effect_is_found():
     draw = np.random.default_rng(2)
-    assert sum(estimate(crossed(draw, 1.0)).p < 0.05 for _ in range(20)) >= 19
+    assert sum(estimate(draw_ratings(draw, 1.0)).p < 0.05 for _ in range(20)) >= 19
 
 
 def test_raters_with_opinions_of_their_own_widen_the_error():

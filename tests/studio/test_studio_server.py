@@ -36,7 +36,7 @@ from cospeech.studio.server import open_socket
 from cospeech.studio.speeches import label_of
 from cospeech.studio.uploads import UPLOAD_BYTES, UploadRefused, Uploads
 from tests.studio.test_server import PAYLOADS, raw_get
-from tests.support.studio_server import ask_json, connected, list_files, studio, wait_for
+from tests.support.studio_server import ask_json, list_files, open_websocket, studio, wait_for
 from tests.support.study_raters import ask
 
 RULES = ModelRow(
@@ -49,40 +49,40 @@ def sound_file(seconds: float = 2.0, rate: int = 16_000) -> bytes:
     """A voice-like hum as WAV."""
     times = np.arange(round(seconds * rate)) / rate
     samples = np.sin(2 * np.pi * 140 * times) * (0.5 + 0.5 * np.sin(2 * np.pi * 4 * times)) * 0.5
-    held = io.BytesIO()
-    with wave.open(held, "wb") as file:
+    buffer = io.BytesIO()
+    with wave.open(buffer, "wb") as file:
         file.setnchannels(1)
         file.setsampwidth(2)
         file.setframerate(rate)
         file.writeframes((samples * 32767).astype("<i2").tobytes())
-    return held.getvalue()
+    return buffer.getvalue()
 
 
 @pytest.fixture(scope="module")
-def served():
+def server():
     with studio() as (port, state):
         yield port, state
 
 
 @pytest.fixture(scope="module")
-def speech(served):
-    port, _ = served
+def speech(server):
+    port, _ = server
     return ask_json(port, "/api/speech?name=hum.wav", sound_file())
 
 
 @pytest.fixture(scope="module")
-def take(served, speech):
-    port, state = served
-    made = ask_json(port, "/api/takes", {"speech": speech["speech"], "model": "rules", "seed": 3})["take"]
-    assert wait_for(state, made).type == "done"
-    return made
+def take(server, speech):
+    port, state = server
+    key = ask_json(port, "/api/takes", {"speech": speech["speech"], "model": "rules", "seed": 3})["take"]
+    assert wait_for(state, key).type == "done"
+    return key
 
 
 # what it makes --------------------------------------------------------------------------------------------------------
 
 
-def test_a_speech_is_told_and_heard(served, speech):
-    port, _ = served
+def test_a_speech_is_told_and_heard(server, speech):
+    port, _ = server
     assert (speech["name"], speech["seconds"], len(speech["peaks"])) == ("hum.wav", 2.0, 100)
     assert 0.4 < max(speech["peaks"]) <= 0.51
     path = f"/api/speech/{speech['speech']}/sound"
@@ -96,8 +96,8 @@ def test_a_speech_is_told_and_heard(served, speech):
 
 
 @pytest.mark.slow
-def test_a_take_is_what_generate_makes_and_downloads_are_read_by_our_readers(served, speech, take, tmp_path):
-    port, state = served
+def test_a_take_is_what_generate_makes_and_downloads_are_read_by_our_readers(server, speech, take, tmp_path):
+    port, state = server
     data = ask(port, f"/api/takes/{take}/motion")[2]
     (length,) = struct.unpack_from("<I", data)
     header = json.loads(data[4 : 4 + length])
@@ -105,9 +105,9 @@ def test_a_take_is_what_generate_makes_and_downloads_are_read_by_our_readers(ser
     assert len(data) == 4 + length + 4 * 60 * (3 + 55 * 4 + 52)
     sound, words = tmp_path / "hum.wav", tmp_path / "words.tsv"
     sound.write_bytes(sound_file())
-    held = state.takes.find(take)
-    words.write_text("".join(f"{start}\t{end}\t{text}\n" for text, start, end, _ in held.job["words"]))
-    transcript = words if held.job["words"] else None
+    result = state.takes.find(take)
+    words.write_text("".join(f"{start}\t{end}\t{text}\n" for text, start, end, _ in result.job["words"]))
+    transcript = words if result.job["words"] else None
     generate_files(sound, [tmp_path / "talk.bvh", tmp_path / "talk.glb"], transcript=transcript, seed=3)
     for suffix in (".bvh", ".glb"):
         status, headers, content = ask(port, f"/api/takes/{take}/file?suffix={suffix}")
@@ -123,7 +123,7 @@ def test_a_take_is_what_generate_makes_and_downloads_are_read_by_our_readers(ser
         path.write_bytes(ask(port, f"/api/takes/{take}/file?suffix={suffix}")[2])
         assert FORMATS[suffix].readable
         assert len(Motion.load(path)) == 60
-    assert len(read_motion(held.motion)) == 60
+    assert len(read_motion(result.motion)) == 60
     assert ask_json(port, f"/api/takes/{take}/report")["frames"] == 60
     plan = ask_json(port, f"/api/takes/{take}/plan")
     again = ask_json(port, "/api/takes", {"speech": speech["speech"], "model": "rules", "plan": plan})["take"]
@@ -132,8 +132,8 @@ def test_a_take_is_what_generate_makes_and_downloads_are_read_by_our_readers(ser
 
 
 @pytest.mark.slow
-def test_a_file_that_holds_nothing_of_what_the_model_makes_is_refused(served, speech):
-    port, state = served
+def test_a_file_that_holds_nothing_of_what_the_model_makes_is_refused(server, speech):
+    port, state = server
     take = ask_json(port, "/api/takes", {"speech": speech["speech"], "model": "speech-to-face"})["take"]
     assert wait_for(state, take).type == "done"
     status, _, body = ask(port, f"/api/takes/{take}/file?suffix=.bvh")
@@ -143,40 +143,40 @@ def test_a_file_that_holds_nothing_of_what_the_model_makes_is_refused(served, sp
 
 
 @pytest.mark.slow
-def test_trained_models_make_takes_by_name_by_mixture_and_by_example(served, speech):
-    port, state = served
+def test_trained_models_make_takes_by_name_by_mixture_and_by_example(server, speech):
+    port, state = server
     longer = ask_json(port, "/api/speech?name=longer.wav", sound_file(8))
-    shown = ask_json(port, "/api/takes", {"speech": longer["speech"], "model": "rules"})["take"]
-    assert wait_for(state, shown).type == "done"
-    clip = ask_json(port, "/api/clips?name=other.bvh", ask(port, f"/api/takes/{shown}/file?suffix=.bvh")[2])
+    first = ask_json(port, "/api/takes", {"speech": longer["speech"], "model": "rules"})["take"]
+    assert wait_for(state, first).type == "done"
+    clip = ask_json(port, "/api/clips?name=other.bvh", ask(port, f"/api/takes/{first}/file?suffix=.bvh")[2])
     assert clip["seconds"] == 8.0
-    made = {}
+    motions = {}
     for row in ask_json(port, "/api/catalogue")["models"]:
         if row["takes_gestures"]:
             continue
-        wanted = {"speech": speech["speech"], "model": row["name"], "parts": row["parts"]}
+        request = {"speech": speech["speech"], "model": row["name"], "parts": row["parts"]}
         styles = [None] if not row["styles"] else [{"name": row["styles"][-1]}, {"mix": dict.fromkeys(row["styles"][:2], 0.5)}]
         styles += [{"clip": clip["clip"]}] if row["takes_example"] else []
         for k, style in enumerate(styles):
-            asked = ask_json(port, "/api/takes", {**wanted, "style": style})["take"]
-            event = wait_for(state, asked)
+            key = ask_json(port, "/api/takes", {**request, "style": style})["take"]
+            event = wait_for(state, key)
             assert event.type == "done", (row["name"], style, event.problem, event.hint)
-            made[row["name"], k] = ask(port, f"/api/takes/{asked}/motion")[2]
-            report = ask_json(port, f"/api/takes/{asked}/report")
+            motions[row["name"], k] = ask(port, f"/api/takes/{key}/motion")[2]
+            report = ask_json(port, f"/api/takes/{key}/report")
             assert (report["model"], report["frames"]) == (row["name"], 60)
             assert (report["style"] == "example") == (style is not None and "clip" in style)
-    assert len({name for name, _ in made}) == 4
-    assert len(set(made.values())) == len(made)
+    assert len({name for name, _ in motions}) == 4
+    assert len(set(motions.values())) == len(motions)
 
 
 @pytest.mark.slow
-def test_the_catalogue_and_the_mannequin(served):
-    port, _ = served
-    told = ask_json(port, "/api/catalogue")
-    assert told["default_model"] == "rules"
-    assert {row["name"] for row in told["models"]} >= {"rules", "mix-stage", "stylised-flow"}
-    assert all(row["styles"] and row["latency"] > 0 for row in told["models"])
-    assert len(told["joints"]) == len(told["parents"]) == len(told["rest"]) == 55
+def test_the_catalogue_and_the_mannequin(server):
+    port, _ = server
+    catalogue = ask_json(port, "/api/catalogue")
+    assert catalogue["default_model"] == "rules"
+    assert {row["name"] for row in catalogue["models"]} >= {"rules", "mix-stage", "stylised-flow"}
+    assert all(row["styles"] and row["latency"] > 0 for row in catalogue["models"])
+    assert len(catalogue["joints"]) == len(catalogue["parents"]) == len(catalogue["rest"]) == 55
     assert ask(port, "/api/mannequin")[2][:4] == b"glTF"
 
 
@@ -202,33 +202,33 @@ EDITS = [
 
 
 @pytest.mark.parametrize(("edit", "same"), EDITS)
-def test_every_edit_is_that_of_the_plan(served, edit, same):
-    port, _ = served
+def test_every_edit_is_that_of_the_plan(server, edit, same):
+    port, _ = server
     plan = Plan.model_validate({"words": [{"text": "there", "start": 1.0, "end": 1.5}]}).add("huge", at=2.0)
-    sent = plan.model_dump(mode="json", by_alias=True)
-    told = ask_json(port, "/api/plans/edit", {"plan": sent, "edit": edit})
-    assert Plan.model_validate(told["plan"]) == same(plan)
+    message = plan.model_dump(mode="json", by_alias=True)
+    answer = ask_json(port, "/api/plans/edit", {"plan": message, "edit": edit})
+    assert Plan.model_validate(answer["plan"]) == same(plan)
 
 
-def test_a_plan_from_a_file_is_one_of_the_speech_and_the_model(served):
-    port, _ = served
+def test_a_plan_from_a_file_is_one_of_the_speech_and_the_model(server):
+    port, _ = server
     speech = ask_json(port, "/api/speech?name=hum.wav", sound_file())["speech"]
     ask_json(port, f"/api/speech/{speech}/transcript?name=a.tsv", b"0.2\t0.9\thuge\n", method="PUT")
     plan = Plan.model_validate({"seconds": 2.0}).add("huge", at=1.0).model_dump(mode="json", by_alias=True)
-    asked = {"plan": plan, "speech": speech, "model": "rules"}
-    opened = ask_json(port, "/api/plans/open", asked)
-    assert Plan.model_validate(opened["plan"]) == Plan.model_validate(plan)
-    assert opened["note"] == ""
+    request = {"plan": plan, "speech": speech, "model": "rules"}
+    answer = ask_json(port, "/api/plans/open", request)
+    assert Plan.model_validate(answer["plan"]) == Plan.model_validate(plan)
+    assert answer["note"] == ""
     words = plan | {"words": [{"text": "tiny", "start": 0.2, "end": 0.9}]}
-    assert "words" in ask_json(port, "/api/plans/open", asked | {"plan": words})["note"]
-    for wrong, told in (
+    assert "words" in ask_json(port, "/api/plans/open", request | {"plan": words})["note"]
+    for wrong, problem in (
         ({"plan": plan | {"seconds": 9.0}}, "a speech of 9 s, and this one has 2 s"),
         ({"plan": plan | {"style": "x"}}, "style: rules has no style"),
         ({"model": "stylised-flow"}, "takes none"),
     ):
-        status, _, content = ask(port, "/api/plans/open", asked | wrong)
+        status, _, content = ask(port, "/api/plans/open", request | wrong)
         assert status == 422
-        assert told in json.loads(content)["problem"]
+        assert problem in json.loads(content)["problem"]
 
 
 WRONG = {"id": "a", "form": "x", "stroke": 1.0}
@@ -247,20 +247,20 @@ WRONG = {"id": "a", "form": "x", "stroke": 1.0}
         ("takes", [], None),
     ],
 )  # fmt: skip
-def test_a_wrong_message_is_told_with_its_entry(served, path, body, entry):
-    status, _, content = ask(served[0], f"/api/{path}", body)
-    told = json.loads(content)
+def test_a_wrong_message_is_told_with_its_entry(server, path, body, entry):
+    status, _, content = ask(server[0], f"/api/{path}", body)
+    answer = json.loads(content)
     assert status == 422
-    assert told["problem"]
-    assert told["entry"] == entry
+    assert answer["problem"]
+    assert answer["entry"] == entry
 
 
 # paths ----------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
-def test_no_path_reaches_the_file_system(served, speech, take):
-    port, state = served
+def test_no_path_reaches_the_file_system(server, speech, take):
+    port, state = server
     before = list_files(state.place)
     for prefix in ("/", "/assets/", "/api/speech/", "/api/takes/", "/api/clips/"):
         for payload in PAYLOADS:
@@ -272,15 +272,15 @@ def test_no_path_reaches_the_file_system(served, speech, take):
                 assert b"root:" not in got
                 assert str(state.place).encode() not in got
     base = {"speech": speech["speech"], "model": "rules"}
-    status, *_, told = ask(port, "/api/takes", base | {"speech": "0" * 16})
+    status, *_, answer = ask(port, "/api/takes", base | {"speech": "0" * 16})
     assert status == 404
-    assert json.loads(told)["problem"] == "this speech is no longer here"
+    assert json.loads(answer)["problem"] == "this speech is no longer here"
     for payload in PAYLOADS:
-        named = payload + ".bvh"
-        bad = [{"style": {"name": named}}, {"style": {"clip": named[:60]}}, {"style": {"mix": {named: 1}}}, {"model": named}]
+        name = payload + ".bvh"
+        bad = [{"style": {"name": name}}, {"style": {"clip": name[:60]}}, {"style": {"mix": {name: 1}}}, {"model": name}]
         bad += [{"speech": payload[:60]}, {"emotion": payload + ".csv"}]
-        bad += [{"plan": {"cospeech_plan": 1, "style": named}}]
-        bad += [{"plan": {"cospeech_plan": 1, "stretches": [{"from": 0.0, "to": 1.0, "style": named}]}}]
+        bad += [{"plan": {"cospeech_plan": 1, "style": name}}]
+        bad += [{"plan": {"cospeech_plan": 1, "stretches": [{"from": 0.0, "to": 1.0, "style": name}]}}]
         for more in bad:
             assert ask(port, "/api/takes", base | more)[0] in (404, 422), more
         for query in (f"suffix={payload}", f"suffix=.bvh/../../{payload}"):
@@ -289,12 +289,12 @@ def test_no_path_reaches_the_file_system(served, speech, take):
     assert list_files(state.place) == before
 
 
-def test_a_name_of_a_file_is_a_label_alone(served):
-    port, state = served
+def test_a_name_of_a_file_is_a_label_alone(server):
+    port, state = server
     for name in ("..%2f..%2f..%2ftmp%2fowned.wav", "%00", "a%0d%0aset-cookie:%20x", "%2e%2e", "%E2%80%AEvaw.exe"):
-        told = ask_json(port, f"/api/speech?name={name}", sound_file(0.2))
-        assert "/" not in told["name"]
-        assert told["name"].isprintable()
+        answer = ask_json(port, f"/api/speech?name={name}", sound_file(0.2))
+        assert "/" not in answer["name"]
+        assert answer["name"].isprintable()
         assert all(path.endswith(("upload", "sound.wav")) for path in list_files(state.place / "speeches"))
     assert label_of("C:\\a\\b.wav", "") == "b.wav"
 
@@ -311,8 +311,8 @@ def test_a_style_is_a_name_of_the_model(style):
 
 @pytest.mark.parametrize("path", ["/api/speech?name=a.wav", "/api/clips?name=a.bvh"])
 @pytest.mark.parametrize("body", [b"", b"no sound", b"RIFF\xff\xff\xff\xffWAVEfmt ", b"HIERARCHY\nROOT x\n{" * 50, bytes(5000)])
-def test_malformed_files_are_refused_and_leave_nothing(served, path, body):
-    port, state = served
+def test_malformed_files_are_refused_and_leave_nothing(server, path, body):
+    port, state = server
     before = list_files(state.place)
     status, _, content = ask(port, path, body)
     assert status == 422
@@ -321,14 +321,14 @@ def test_malformed_files_are_refused_and_leave_nothing(served, path, body):
 
 
 @pytest.mark.parametrize("length", [str(UPLOAD_BYTES + 1), "9" * 30, "minus one"])
-def test_a_large_file_is_refused_before_it_is_read(served, length):
+def test_a_large_file_is_refused_before_it_is_read(server, length):
     began = time.monotonic()
-    assert ask(served[0], "/api/speech", b"", content_length=length)[0] in (400, 413)
+    assert ask(server[0], "/api/speech", b"", content_length=length)[0] in (400, 413)
     assert time.monotonic() - began < 1
 
 
-def test_a_file_that_is_shorter_than_it_says_leaves_nothing(served):
-    port, state = served
+def test_a_file_that_is_shorter_than_it_says_leaves_nothing(server):
+    port, state = server
     before = list_files(state.place)
     with socket.create_connection(("127.0.0.1", port), timeout=30) as line:
         line.sendall(f"POST /api/speech HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Length: 90000\r\n\r\nRIFF".encode())
@@ -342,15 +342,15 @@ def test_a_file_that_is_shorter_than_it_says_leaves_nothing(served):
     assert list_files(state.place) == before
 
 
-def test_a_long_speech_is_refused(served, monkeypatch):
+def test_a_long_speech_is_refused(server, monkeypatch):
     monkeypatch.setattr("cospeech.studio.speeches.MINUTES", 0.02)
-    status, _, content = ask(served[0], "/api/speech", sound_file(2))
+    status, _, content = ask(server[0], "/api/speech", sound_file(2))
     assert status == 422
     assert "minutes" in json.loads(content)["problem"]
 
 
 def receive(pieces, tmp_path, *, length=None, uploads=None):
-    """What comes of an upload: its bytes, or the status of its refusal."""
+    """The result of an upload: its bytes, or the status of its refusal."""
 
     async def send():
         for piece in pieces:
@@ -361,9 +361,9 @@ def receive(pieces, tmp_path, *, length=None, uploads=None):
 
     try:
         return asyncio.run((uploads or Uploads()).receive(send(), length, tmp_path / "file"))
-    except UploadRefused as refused:
+    except UploadRefused as refusal:
         assert not (tmp_path / "file").exists()
-        return refused.status
+        return refusal.status
 
 
 def test_limits_of_uploads(tmp_path, monkeypatch):
@@ -381,13 +381,13 @@ def test_limits_of_uploads(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("path", ["/api/events", "/api/live"])
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", None])
-def test_a_page_from_elsewhere_gets_no_socket(served, path, origin):
-    with pytest.raises(InvalidStatus), connected(served[0], path, origin=origin):
+def test_a_page_from_elsewhere_gets_no_socket(server, path, origin):
+    with pytest.raises(InvalidStatus), open_websocket(server[0], path, origin=origin):
         pass
 
 
-def test_hosts_origins_and_policies(served):
-    port, _ = served
+def test_hosts_origins_and_policies(server):
+    port, _ = server
     assert ask(port, "/api/takes", {}, origin="http://evil.example")[0] == 403
     assert ask(port, "/api/catalogue", host="evil.example")[0] == 421
     headers = ask(port, "/")[1]
@@ -395,20 +395,20 @@ def test_hosts_origins_and_policies(served):
     assert f"connect-src 'self' blob: data: ws://127.0.0.1:{port};" in policy
     assert "unsafe" not in policy
     assert headers["permissions-policy"] == "camera=(), geolocation=(), microphone=(self)"
-    sent = raw_get(port, "/ HTTP/1.1\r\nHost: localhost;evil\r\nX:")
-    assert b"evil" not in sent.partition(b"\r\n\r\n")[0]
+    answer = raw_get(port, "/ HTTP/1.1\r\nHost: localhost;evil\r\nX:")
+    assert b"evil" not in answer.partition(b"\r\n\r\n")[0]
 
 
 def test_without_the_token_nothing_is_served():
     with studio(token="secrettoken") as (port, _):
         assert ask(port, "/api/plans/edit", {})[0] == 401
-        with pytest.raises(InvalidStatus), connected(port, "/api/events"):
+        with pytest.raises(InvalidStatus), open_websocket(port, "/api/events"):
             pass
         status, headers, _ = ask(port, "/?token=secrettoken")
         assert (status, headers["location"]) == (303, "./")
         cookie = headers["set-cookie"].partition(";")[0]
         assert ask(port, "/", cookie=cookie)[0] == 200
-        with connected(port, "/api/events", additional_headers={"cookie": cookie}):
+        with open_websocket(port, "/api/events", additional_headers={"cookie": cookie}):
             pass
 
 
@@ -416,9 +416,9 @@ def test_without_the_token_nothing_is_served():
 
 
 @pytest.mark.parametrize("path", ["/api/events", "/api/live"])
-def test_a_message_over_a_mebibyte_ends_its_connection_alone(served, path):
-    port, _ = served
-    with connected(port, path) as one, connected(port, path) as other:
+def test_a_message_over_a_mebibyte_ends_its_connection_alone(server, path):
+    port, _ = server
+    with open_websocket(port, path) as one, open_websocket(port, path) as other:
         one.send(b"x" * ((1 << 20) + 1))
         with pytest.raises(ConnectionClosed):
             list(one)
@@ -427,12 +427,12 @@ def test_a_message_over_a_mebibyte_ends_its_connection_alone(served, path):
 
 
 @pytest.mark.slow
-def test_a_thousand_connections_come_and_go(served):
-    port, state = served
+def test_a_thousand_connections_come_and_go(server):
+    port, state = server
     for _ in range(900):
         socket.create_connection(("127.0.0.1", port), timeout=30).close()
     for _ in range(100):
-        with connected(port, "/api/events", close_timeout=5):
+        with open_websocket(port, "/api/events", close_timeout=5):
             pass
     until = time.monotonic() + 30
     while state.hub._listeners and time.monotonic() < until:
@@ -441,8 +441,8 @@ def test_a_thousand_connections_come_and_go(served):
     assert ask(port, "/")[0] == 200
 
 
-def test_fifty_slow_uploads_stop_nobody(served):
-    port, state = served
+def test_fifty_slow_uploads_stop_nobody(server):
+    port, state = server
     head = f"POST /api/speech HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Length: {UPLOAD_BYTES}\r\n\r\nRIFF".encode()
     lines = [socket.create_connection(("127.0.0.1", port), timeout=30) for _ in range(50)]
     try:
@@ -458,8 +458,8 @@ def test_fifty_slow_uploads_stop_nobody(served):
 
 
 @pytest.mark.slow
-def test_a_worker_that_is_killed_costs_its_take_alone(served):
-    port, state = served
+def test_a_worker_that_is_killed_costs_its_take_alone(server):
+    port, state = server
     speech = ask_json(port, "/api/speech?name=hum.wav", sound_file())  # that of the module may have gone for newer ones
     body = {"speech": speech["speech"], "model": "chain-of-generation"}
     long = ask_json(port, "/api/speech?name=long.wav", sound_file(60))["speech"]
@@ -475,19 +475,19 @@ def test_a_worker_that_is_killed_costs_its_take_alone(served):
 
 
 @pytest.mark.slow
-def test_cancelling_is_told_and_ends_the_work(served):
-    port, state = served
+def test_cancelling_is_told_and_ends_the_work(server):
+    port, state = server
     long = ask_json(port, "/api/speech?name=long.wav", sound_file(120))["speech"]
     takes = [ask_json(port, "/api/takes", {"speech": long, "model": "rules"})["take"] for _ in range(2)]
     until = time.monotonic() + 30
     while not state.maker._running and time.monotonic() < until:
         time.sleep(0.01)
-    with connected(port, "/api/events") as events:
+    with open_websocket(port, "/api/events") as events:
         for name in (takes[1], takes[0]):  # one that waits, and the one that is made
             began = time.monotonic()
             assert ask(port, f"/api/takes/{name}", method="DELETE")[0] == 204
             assert ask(port, f"/api/takes/{name}", method="DELETE")[0] in (204, 404)  # a page that leaves cancels once more
-            while (told := json.loads(events.recv(timeout=30)))["type"] != "cancelled" or told["take"] != name:
+            while (event := json.loads(events.recv(timeout=30)))["type"] != "cancelled" or event["take"] != name:
                 pass
     while state.maker._running and time.monotonic() < began + 10:  # 1.5 s at most on an idle machine
         time.sleep(0.01)
@@ -497,18 +497,18 @@ def test_cancelling_is_told_and_ends_the_work(served):
         time.sleep(0.01)
     assert not any((state.place / "takes" / name).exists() for name in takes)
     short = ask_json(port, "/api/speech?name=hum.wav", sound_file())["speech"]
-    made = ask_json(port, "/api/takes", {"speech": short, "model": "rules"})["take"]
-    assert wait_for(state, made).type == "done"  # the queue goes on
+    key = ask_json(port, "/api/takes", {"speech": short, "model": "rules"})["take"]
+    assert wait_for(state, key).type == "done"  # the queue goes on
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("code", [1001, 1006])
-def test_takes_of_a_page_that_has_left_are_cancelled(served, code, monkeypatch):
-    port, state = served
+def test_takes_of_a_page_that_has_left_are_cancelled(server, code, monkeypatch):
+    port, state = server
     monkeypatch.setattr(state.pages, "_grace", 0.5)
     long = ask_json(port, "/api/speech?name=long.wav", sound_file(900, 8000))["speech"]
     body = {"speech": long, "model": "rules"}
-    with connected(port, "/api/events?page=other"), connected(port, "/api/events?page=mine") as mine:
+    with open_websocket(port, "/api/events?page=other"), open_websocket(port, "/api/events?page=mine") as mine:
         takes = [ask_json(port, "/api/takes", body | {"page": "mine"})["take"] for _ in range(2)]
         others = [ask_json(port, "/api/takes", body | {"page": page})["take"] for page in ("other", None)]
         time.sleep(1)  # twice the grace: while the page is there, its takes are made
@@ -531,14 +531,14 @@ def test_takes_of_a_page_that_has_left_are_cancelled(served, code, monkeypatch):
         assert not (state.place / "takes" / late).exists()
 
 
-def test_a_file_is_written_no_longer_than_its_client_waits(served):
-    port, state = served
+def test_a_file_is_written_no_longer_than_its_client_waits(server):
+    port, state = server
     long = ask_json(port, "/api/speech?name=long.wav", sound_file(40))["speech"]
-    made = ask_json(port, "/api/takes", {"speech": long, "model": "rules", "parts": ["face"]})["take"]
-    assert wait_for(state, made).type == "done"
+    key = ask_json(port, "/api/takes", {"speech": long, "model": "rules", "parts": ["face"]})["take"]
+    assert wait_for(state, key).type == "done"
     clients = [http.client.HTTPConnection("127.0.0.1", port) for _ in range(2)]  # one that runs, and one that waits
     for client, suffix in zip(clients, (".mp4", ".gif"), strict=True):
-        client.request("GET", f"/api/takes/{made}/file?suffix={suffix}")
+        client.request("GET", f"/api/takes/{key}/file?suffix={suffix}")
     until = time.monotonic() + 30
     while state.file_jobs < 2 and time.monotonic() < until:
         time.sleep(0.01)
@@ -549,12 +549,12 @@ def test_a_file_is_written_no_longer_than_its_client_waits(served):
     while state.file_jobs and time.monotonic() < began + 8:  # 40 seconds of video take half a minute
         time.sleep(0.01)
     assert state.file_jobs == 0
-    assert list_files(state.place / "takes" / made) == ["motion.bin", "plan.json", "report.json"]
-    assert ask(port, f"/api/takes/{made}/file?suffix=.csv")[0] == 200  # a process that was killed is started again
+    assert list_files(state.place / "takes" / key) == ["motion.bin", "plan.json", "report.json"]
+    assert ask(port, f"/api/takes/{key}/file?suffix=.csv")[0] == 200  # a process that was killed is started again
 
 
-def test_too_many_takes_are_refused(served, monkeypatch):
-    port, state = served
+def test_too_many_takes_are_refused(server, monkeypatch):
+    port, state = server
     speech = ask_json(port, "/api/speech?name=hum.wav", sound_file())
     monkeypatch.setattr("cospeech.studio.takes.MOST_WAITING", 0)
     before = list_files(state.place)
@@ -584,10 +584,10 @@ def test_who_sends_or_takes_too_much_loses_sound_or_frames():
 
 
 @pytest.mark.slow
-def test_a_live_session_sends_frames_and_is_steered(served):
-    port, state = served
+def test_a_live_session_sends_frames_and_is_steered(server):
+    port, state = server
     start = {"type": "start", "model": "rules", "rate": 16_000, "fps": 20, "targets": ["vmc://127.0.0.1:9"]}
-    with connected(port, "/api/live") as line:
+    with open_websocket(port, "/api/live") as line:
         line.send(json.dumps({"type": "change", "intensity": 1}))
         assert "no live session" in json.loads(line.recv(timeout=30))["problem"]
         for wrong in ({"model": "/tmp/x.cospeech"}, {"style": "x.bvh"}, {"emotion": "x.csv"}, {"targets": ["-"]}):
@@ -613,19 +613,19 @@ def test_a_live_session_sends_frames_and_is_steered(served):
 
 
 @pytest.mark.slow
-def test_an_interruption_drops_the_sound_that_was_sent_ahead(served):
+def test_an_interruption_drops_the_sound_that_was_sent_ahead(server):
     jaw, rate = 8 + 4 * (3 + 55 * 4 + ARKIT.index("jawOpen")), 16_000
     loud = np.random.default_rng(0).normal(0, 3000, 8 * rate) * (1 + np.sin(np.arange(8 * rate) / rate * 20))
-    with connected(served[0], "/api/live") as line:
+    with open_websocket(server[0], "/api/live") as line:
         line.send(json.dumps({"type": "start", "model": "rules", "rate": rate, "fps": 20}))
         line.send(np.clip(loud, -32000, 32000).astype("<i2").tobytes())
 
         def mouths(seconds):
-            found = []
-            while len(found) < 20 * seconds:
+            values = []
+            while len(values) < 20 * seconds:
                 got = line.recv(timeout=30)
-                found += [struct.unpack_from("<f", got, jaw)[0]] if isinstance(got, bytes) else []
-            return found
+                values += [struct.unpack_from("<f", got, jaw)[0]] if isinstance(got, bytes) else []
+            return values
 
         assert max(mouths(1)) > 0.05
         line.send(json.dumps({"type": "interrupt"}))
@@ -634,12 +634,12 @@ def test_an_interruption_drops_the_sound_that_was_sent_ahead(served):
 
 
 @pytest.mark.slow
-def test_a_receiver_that_comes_later_is_no_problem_any_more(served):
+def test_a_receiver_that_comes_later_is_no_problem_any_more(server):
     from websockets.sync.client import connect
 
     with open_socket("127.0.0.1", 0) as free:
         target = f"127.0.0.1:{free.getsockname()[1]}"
-    with connected(served[0], "/api/live") as line:
+    with open_websocket(server[0], "/api/live") as line:
         line.send(json.dumps({"type": "start", "model": "rules", "rate": 16_000, "targets": [f"listen://{target}"]}))
 
         def wait_for_target(is_so):
@@ -656,14 +656,14 @@ def test_a_receiver_that_comes_later_is_no_problem_any_more(served):
         with pytest.raises(InvalidStatus), connect(f"ws://{target}", origin="https://elsewhere.example"):
             pass
         with connect(f"ws://{target}") as client:
-            found = wait_for_target(lambda each: each["sent"] > 20 and not each["problem"])
-            assert "elsewhere.example" in found["note"]
+            event = wait_for_target(lambda each: each["sent"] > 20 and not each["problem"])
+            assert "elsewhere.example" in event["note"]
             client.recv(timeout=30)
         assert wait_for_target(lambda each: each["problem"])
 
 
 def test_the_catalogue_holds_every_form():
-    told = make_catalogue([RULES.model_dump()])
-    assert {"beat", "big", "point"} <= {row.name for row in told.forms}
-    assert next(row for row in told.forms if row.name == "big").words
-    assert told.emotions[0] == "auto"
+    catalogue = make_catalogue([RULES.model_dump()])
+    assert {"beat", "big", "point"} <= {row.name for row in catalogue.forms}
+    assert next(row for row in catalogue.forms if row.name == "big").words
+    assert catalogue.emotions[0] == "auto"

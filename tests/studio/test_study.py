@@ -20,23 +20,23 @@ from cospeech.studio.study.session import Trial, answer_keys, describe_study, de
 from cospeech.studio.study.static import export_page, import_answers
 from cospeech.studio.study.tables import write_tables
 from cospeech.studio.study.templates import TEMPLATES
-from tests.support.study_raters import as_sent, ask, make_tiny_study, rate, right_answers, serving, write_video
+from tests.support.study_raters import ask, encode_answers, make_tiny_study, rate, right_answers, serving, write_video
 
 pytest.importorskip("starlette", reason="local pages need starlette (the studio extra)")
 pytest.importorskip("uvicorn", reason="local pages need uvicorn (the studio extra)")
 pytest.importorskip("scipy", reason="reports need scipy (the studio extra)")
 av = pytest.importorskip("av", reason="videos need PyAV (the av extra)")
 
-PLANTED = 1.2  # points of a scale by which a is better than b; c is as b
+EFFECT = 1.2  # points of a scale by which a is better than b; c is as b
 
 
 def rates(draw: Random, trial: Trial, question: str, place: int) -> int:
-    better = PLANTED if trial.systems[place] == "a" else 0.0
+    better = EFFECT if trial.systems[place] == "a" else 0.0
     return min(5, max(1, round(draw.gauss(3 + better, 1))))
 
 
 def prefers(draw: Random, trial: Trial, question: str, place: int) -> int:
-    lean = [PLANTED if system == "a" else 0.0 for system in trial.systems]
+    lean = [EFFECT if system == "a" else 0.0 for system in trial.systems]
     return min(2, max(-2, round(draw.gauss(lean[-1] - lean[0], 1))))
 
 
@@ -65,7 +65,7 @@ def test_raters_find_the_planted_effect_and_no_other(study):
         assert findings.chances[question.name, "a", "c"] < 0.05
         assert findings.chances[question.name, "b", "c"] > 0.05
         assert findings.means[question.name]["a"].mean - findings.means[question.name]["b"].mean == pytest.approx(
-            PLANTED, abs=0.4
+            EFFECT, abs=0.4
         )
     assert "14 raters count; 1 failed attention checks; 1 did not finish" in text
     assert "a is higher" in text
@@ -89,11 +89,11 @@ def test_forty_raters_of_three_systems_on_twenty_speeches(tmp_path):
 def test_a_session_is_counterbalanced():
     plan = tiny_plan("preference")
     sessions = [make_session(plan, number) for number in range(24)]
-    shown = Counter(trial.systems for trials in sessions for trial in trials if not trial.check)
-    assert len(shown) == 6  # each pair in both orders
-    assert max(shown.values()) == min(shown.values())
-    seen = Counter(trial.stimulus for trials in sessions for trial in trials if not trial.check)
-    assert max(seen.values()) == min(seen.values())
+    pairs = Counter(trial.systems for trials in sessions for trial in trials if not trial.check)
+    assert len(pairs) == 6  # each pair in both orders
+    assert max(pairs.values()) == min(pairs.values())
+    stimuli = Counter(trial.stimulus for trials in sessions for trial in trials if not trial.check)
+    assert max(stimuli.values()) == min(stimuli.values())
     for trials in sessions:
         assert sum(trial.check is not None for trial in trials) == 2
         assert all(a.stimulus != b.stimulus for a, b in pairwise(trials) if not (a.check or b.check))
@@ -112,11 +112,11 @@ def tiny_plan(template, **changes):
         for k, s in enumerate(systems)
         for n in range(6)
     ]
-    mismatched = {"b": "a", "c": "d"} if kind.mismatches else {}
+    others = {"b": "a", "c": "d"} if kind.mismatches else {}
     given = {
         "title": "words", "template": template, "consent": "words", "instructions": "words", "thanks": "words",
         "shows": kind.shows, "questions": list(kind.questions), "systems": systems, "stimuli_each": 3, "clips": clips,
-        "reference": "a" if kind.needs_reference else None, "mismatched": mismatched,
+        "reference": "a" if kind.needs_reference else None, "mismatched": others,
     }  # fmt: skip
     return StudyPlan.model_validate(given | changes)
 
@@ -135,10 +135,10 @@ def test_every_template_goes_from_plan_to_report(tmp_path, template):
                 keys = answer_keys(plan, trial)
                 given = right_answers(plan, trial) if trial.check else {key: draw.choice(v) for key, v in keys.items()}
                 answers.add(rater, k, given, 10)
-        counted = count_raters(plan, answers)
-        votes = read_votes(plan, answers, counted.kept)
-    assert len(counted.kept) == 6
-    findings = study_findings(plan, votes, counted)
+        raters = count_raters(plan, answers)
+        votes = read_votes(plan, answers, raters.kept)
+    assert len(raters.kept) == 6
+    findings = study_findings(plan, votes, raters)
     text = report_text(plan, findings)
     assert all(f"## {question.name}" in text for question in plan.questions)
     assert all(findings.means[question.name] for question in plan.questions)
@@ -157,8 +157,8 @@ def test_the_style_of_a_system_that_transfers_should_differ(tmp_path):
 
 def test_the_page_is_told_no_name():
     plan = tiny_plan("mix-stage")
-    told = json.dumps([describe_study(plan), [describe_trial(plan, trial) for trial in make_session(plan, 0)]])
-    assert not any(f'"{word}"' in told for word in [*plan.systems, *plan.stimuli])
+    text = json.dumps([describe_study(plan), [describe_trial(plan, trial) for trial in make_session(plan, 0)]])
+    assert not any(f'"{word}"' in text for word in [*plan.systems, *plan.stimuli])
 
 
 def fill(folder, plan, raters, choose, *, code="", pages=None, number=None):
@@ -201,15 +201,15 @@ def test_tables_have_all_that_was_answered(tmp_path):
     text, findings = report_study(tmp_path)
     assert "The video on the left won 100 % of the comparisons (p = – against 50 %)" in text
     assert findings.coverage[0] > 0
-    won = findings.wins["motion_realism"]
-    assert sum(map(sum, won.values())) == len(votes)
-    assert all(tied == 0 for _, tied, _ in won.values())
+    wins = findings.wins["motion_realism"]
+    assert sum(map(sum, wins.values())) == len(votes)
+    assert all(ties == 0 for _, ties, _ in wins.values())
 
 
 def test_no_spreadsheet_takes_a_cell_for_a_formula(tmp_path):
     plan = tiny_plan("preference")
-    renamed = {f"s{n}": f"=s{n}" for n in range(6)}
-    clips = [clip.model_copy(update={"stimulus": renamed[clip.stimulus]}) for clip in plan.clips]
+    new_names = {f"s{n}": f"=s{n}" for n in range(6)}
+    clips = [clip.model_copy(update={"stimulus": new_names[clip.stimulus]}) for clip in plan.clips]
     plan = plan.model_copy(update={"clips": clips})
     save_plan(plan, tmp_path)
     fill(tmp_path, plan, 1, lambda trial, values: 0)
@@ -290,14 +290,14 @@ def test_sessions_that_were_left_or_spoilt_are_given_out_again(tmp_path, monkeyp
 def test_a_participant_is_taken_once(study, tmp_path):
     plan = load_plan(study)
     rows = [
-        {"trial": k, "answers": as_sent(plan, right_answers(plan, t)), "seconds": 4}
+        {"trial": k, "answers": encode_answers(plan, right_answers(plan, t)), "seconds": 4}
         for k, t in enumerate(make_session(plan, 0))
     ]
     files = []
     for k, code in enumerate(("one", "one", "", "")):
         files.append(tmp_path / f"{k}.json")
-        told = {"study": plan.digest, "session": 0, "rater": f"{k:032x}", "participant": code, "answers": rows}
-        files[-1].write_text(json.dumps(told))
+        content = {"study": plan.digest, "session": 0, "rater": f"{k:032x}", "participant": code, "answers": rows}
+        files[-1].write_text(json.dumps(content))
     assert import_answers(study, files) == (3, 0, 1)
     assert import_answers(study, files) == (0, 3, 1)
 
@@ -311,20 +311,20 @@ def test_means_are_tested_against_chance_and_ratings_are_not(tmp_path):
     fill(tmp_path, plan, 30, lambda trial, values: draw.choice(values))
     _, findings = report_study(tmp_path)
     for name in ("naturalness", "style"):
-        for system, found in findings.means[name].items():
-            assert found.p > 0.01, (name, system)
+        for system, mean in findings.means[name].items():
+            assert mean.p > 0.01, (name, system)
     ratings = tiny_plan("chain-of-generation")
     (tmp_path / "b").mkdir()
     save_plan(ratings, tmp_path / "b")
     fill(tmp_path / "b", ratings, 6, lambda trial, values: draw.choice(values))
-    told = findings_json(report_study(tmp_path / "b")[1])
-    assert {one["p"] for means in told["means"].values() for one in means.values()} == {None}
+    report = findings_json(report_study(tmp_path / "b")[1])
+    assert {one["p"] for means in report["means"].values() for one in means.values()} == {None}
 
 
 def test_a_rater_goes_on_after_a_pause(study):
     with serving(study) as port:
         first = json.loads(ask(port, "/api/raters", {"consent": True, "participant": "abc123"})[2])
-        answers = as_sent(plan := load_plan(study), right_answers(plan, make_session(plan, 0)[0]))
+        answers = encode_answers(plan := load_plan(study), right_answers(plan, make_session(plan, 0)[0]))
         status, _, content = ask(port, "/api/answers", {"trial": 0, "answers": answers, "seconds": 3}, x_rater=first["rater"])
         assert status == 200
         assert json.loads(content) == {"done": 1, "of": len(first["trials"]), "completion": ""}
@@ -354,17 +354,17 @@ def test_an_exported_page_and_its_answers(study, tmp_path):
     files = {path.name for path in (tmp_path / "page").iterdir()}
     assert files == {"index.html", "study.js", "study.css", "study.json", "clips"}
     assert 'data-mode="static"' in (tmp_path / "page" / "index.html").read_text()
-    held = json.loads((tmp_path / "page" / "study.json").read_text())
-    assert len(held["sessions"]) == 3
+    content = json.loads((tmp_path / "page" / "study.json").read_text())
+    assert len(content["sessions"]) == 3
     trials = make_session(plan, 2)
-    rows = [{"trial": k, "answers": as_sent(plan, right_answers(plan, t)), "seconds": 4} for k, t in enumerate(trials)]
-    sent = {"study": held["study"]["study"], "session": 2, "rater": "0f" * 16, "participant": "", "answers": rows}
+    rows = [{"trial": k, "answers": encode_answers(plan, right_answers(plan, t)), "seconds": 4} for k, t in enumerate(trials)]
+    result = {"study": content["study"]["study"], "session": 2, "rater": "0f" * 16, "participant": "", "answers": rows}
     good, bad = tmp_path / "good.json", tmp_path / "bad.json"
-    good.write_text(json.dumps(sent))
+    good.write_text(json.dumps(result))
     wrong = [
-        sent | {"study": "another"}, sent | {"session": -1}, sent | {"session": True}, sent | {"rater": "../x"}, [],
-        sent | {"answers": [{"trial": 999, "answers": {}, "seconds": 1}]}, sent | {"participant": "x" * 65},
-        sent | {"answers": [rows[0] | {"answers": {"naturalness": [9]}}]}, sent | {"answers": [7]},
+        result | {"study": "another"}, result | {"session": -1}, result | {"session": True}, result | {"rater": "../x"}, [],
+        result | {"answers": [{"trial": 999, "answers": {}, "seconds": 1}]}, result | {"participant": "x" * 65},
+        result | {"answers": [rows[0] | {"answers": {"naturalness": [9]}}]}, result | {"answers": [7]},
     ]  # fmt: skip
     for given in wrong:
         bad.write_text(json.dumps(given))
@@ -461,9 +461,9 @@ def test_the_commands(tmp_path):
         )
 
     make_tiny_study(tmp_path, 2, 2)
-    made = run("make", "a", "b", "-o", "s2", "--variant", "mute", "--seed", "4")
-    assert (made.returncode, made.stderr) == (0, ""), made
-    assert "2 systems, 2 speeches, 4 pages a rater" in made.stdout
+    result = run("make", "a", "b", "-o", "s2", "--variant", "mute", "--seed", "4")
+    assert (result.returncode, result.stderr) == (0, ""), result
+    assert "2 systems, 2 speeches, 4 pages a rater" in result.stdout
     assert run("export", "s2", "page").returncode == 0
     assert "There is nothing to report yet." in run("report", "s2").stdout
 
@@ -475,9 +475,9 @@ def test_the_way_back_is_told_at_the_end_alone(tmp_path):
         assert b"example.org" not in ask(port, "/api/study")[2]
         session = json.loads(ask(port, "/api/raters", {"consent": True})[2])
         assert session["completion"] == ""
-        answers = as_sent(plan, {key: values[0] for key, values in answer_keys(plan, make_session(plan, 0)[0]).items()})
-        sent = {"trial": 0, "answers": answers, "seconds": 3}
-        assert json.loads(ask(port, "/api/answers", sent, x_rater=session["rater"])[2])["completion"] == plan.completion
+        answers = encode_answers(plan, {key: values[0] for key, values in answer_keys(plan, make_session(plan, 0)[0]).items()})
+        answer = {"trial": 0, "answers": answers, "seconds": 3}
+        assert json.loads(ask(port, "/api/answers", answer, x_rater=session["rater"])[2])["completion"] == plan.completion
         assert json.loads(ask(port, "/api/session", x_rater=session["rater"])[2])["completion"] == plan.completion
 
 

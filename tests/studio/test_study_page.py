@@ -11,7 +11,7 @@ from cospeech.studio.study.session import make_session
 from cospeech.studio.study.static import export_page
 from tests.support.browser import find_violations, open_chromium, wait_until
 from tests.support.study_page import WATCH, answer, open_trial, take_part, write_webm
-from tests.support.study_raters import as_sent, right_answers, serving
+from tests.support.study_raters import encode_answers, right_answers, serving
 
 pytest.importorskip("starlette", reason="local pages need starlette (the studio extra)")
 pytest.importorskip("uvicorn", reason="local pages need uvicorn (the studio extra)")
@@ -66,8 +66,8 @@ def test_a_rater_takes_part_in_the_page(study, scheme):
     with Answers(study, plan) as answers:
         (session,) = answers.sessions()
     assert session.trials == list(trials)
-    assert [as_sent(plan, session.answers[k]) for k in range(len(trials))] == [
-        as_sent(plan, right_answers(plan, t)) for t in trials
+    assert [encode_answers(plan, session.answers[k]) for k in range(len(trials))] == [
+        encode_answers(plan, right_answers(plan, t)) for t in trials
     ]
     assert all(value > 0 for value in session.seconds.values())
 

@@ -24,14 +24,14 @@ av = pytest.importorskip("av", reason="videos need PyAV (the av extra)")
 pytest.importorskip("pydantic", reason="studies need pydantic (the studio extra)")
 
 
-def write_motion(path, seconds, fps=30.0, raised=0.0, *, face=False):
-    """Somebody who stands with the upper arms turned up by ``raised`` radians."""
+def write_motion(path, seconds, fps=30.0, angle=0.0, *, face=False):
+    """Somebody who stands with the upper arms turned up by ``angle`` radians."""
     body, frames = humanoid(), round(seconds * fps)
     rotations = np.zeros((frames, len(body), 4))
     rotations[..., 3] = 1
     for side, sign in (("left", 1), ("right", -1)):
         joint = body.index[f"{side}UpperArm"]
-        rotations[:, joint] = quat_multiply(rotations[:, joint], axis_angle_to_quat((0, 0, 1), sign * raised))
+        rotations[:, joint] = quat_multiply(rotations[:, joint], axis_angle_to_quat((0, 0, 1), sign * angle))
     root = np.repeat(body.offsets[:1], frames, 0)
     path.parent.mkdir(exist_ok=True)
     Motion(fps, rotations, root, np.full((frames, 52), 0.2) if face else None).save(path)
@@ -51,87 +51,87 @@ def write_sound(path, seconds, gain=1.0):
 
 
 @pytest.fixture
-def saved(monkeypatch):
+def videos(monkeypatch):
     """What was saved instead of videos: (motion, target, options, sound)."""
-    found, usual = [], Motion.save
+    videos, usual = [], Motion.save
 
     def save(motion, target, **options):
         if target.suffix != ".mp4":
             return usual(motion, target, **options)
         sound = Speech.load(options["audio"]) if "audio" in options else None
-        found.append((motion, target, options, sound))
+        videos.append((motion, target, options, sound))
         target.write_bytes(b"")
         return None
 
     monkeypatch.setattr(Motion, "save", save)
-    return found
+    return videos
 
 
 @pytest.fixture
 def clips(tmp_path):
-    """Two systems on two speeches, which differ in all that should not be seen."""
+    """Two systems on two speeches; they differ in everything that the study must hide."""
     for k, seconds in enumerate((1.0, 1.4)):
-        write_motion(tmp_path / "people" / f"s{k}.bvh", 2.0, fps=60.0, raised=1.2)
+        write_motion(tmp_path / "people" / f"s{k}.bvh", 2.0, fps=60.0, angle=1.2)
         write_motion(tmp_path / "ours" / f"s{k}.glb", seconds, face=True)
         write_sound(tmp_path / "talks" / f"s{k}.wav", seconds, gain=1.0 if k else 0.1)
     return [tmp_path / "people", tmp_path / "ours"]
 
 
-def test_clips_of_a_speech_have_one_length_rate_face_and_loudness(clips, saved, tmp_path):
+def test_clips_of_a_speech_have_one_length_rate_face_and_loudness(clips, videos, tmp_path):
     with pytest.warns(CospeechWarning, match="faces are hidden in all clips, because .*people/s0.bvh' has none"):
         plan = make_study(clips, tmp_path / "study", speech=tmp_path / "talks")
     by_file = {clip.file: clip for clip in plan.clips}
-    lengths = {(by_file[target.name].stimulus, len(motion), motion.fps) for motion, target, _, _ in saved}
+    lengths = {(by_file[target.name].stimulus, len(motion), motion.fps) for motion, target, _, _ in videos}
     assert lengths == {("s0", 30, 30.0), ("s1", 42, 30.0)}
-    assert all(motion.face is None for motion, *_ in saved)
-    for _, target, _, sound in saved:
+    assert all(motion.face is None for motion, *_ in videos)
+    for _, target, _, sound in videos:
         assert sound.duration == pytest.approx(1.0 if by_file[target.name].stimulus == "s0" else 1.4, abs=0.01)
-    levels = [loudest_level(sound) for *_, sound in saved]
+    levels = [loudest_level(sound) for *_, sound in videos]
     assert max(levels) - min(levels) < 0.5
     assert -17 < max(levels) < -15
 
 
-def test_the_camera_is_the_same_and_stands_still(clips, saved, tmp_path):
+def test_the_camera_is_the_same_and_stands_still(clips, videos, tmp_path):
     make_study(clips, tmp_path / "study", speech=tmp_path / "talks", faces="hide")
-    views = {options["camera"] for _, _, options, _ in saved}
+    views = {options["camera"] for _, _, options, _ in videos}
     assert len(views) == 1
     view = views.pop()
-    for motion, *_ in saved:
+    for motion, *_ in videos:
         poses = map(FramedPose, *PoseStage(motion.skeleton, motion.fps).place(motion))
         framing = Framing(view, motion.skeleton, motion.fps)
-        shown = [box for pose in poses for _, box in framing.push(pose)] + [box for _, box in framing.flush()]
-        np.testing.assert_allclose(shown, [[*view.low, *view.high]] * len(motion), atol=1e-9)
+        boxes = [box for pose in poses for _, box in framing.push(pose)] + [box for _, box in framing.flush()]
+        np.testing.assert_allclose(boxes, [[*view.low, *view.high]] * len(motion), atol=1e-9)
 
 
-def test_faces_are_kept_where_all_have_one_or_it_is_asked_for(clips, saved, tmp_path):
+def test_faces_are_kept_where_all_have_one_or_it_is_asked_for(clips, videos, tmp_path):
     make_study(clips[1:], tmp_path / "one", speech=tmp_path / "talks", template="chain-of-generation")
-    assert all(motion.face is not None for motion, *_ in saved)
+    assert all(motion.face is not None for motion, *_ in videos)
     make_study(clips, tmp_path / "two", speech=tmp_path / "talks", faces="show")
-    assert [motion.face is None for motion, *_ in saved[2:]] == [True, True, False, False]
+    assert [motion.face is None for motion, *_ in videos[2:]] == [True, True, False, False]
 
 
-def test_a_motion_that_ends_before_its_speech_is_told(clips, saved, tmp_path):
+def test_a_motion_that_ends_before_its_speech_is_told(clips, videos, tmp_path):
     write_motion(tmp_path / "ours" / "s1.glb", 0.8, face=True)
     with pytest.warns(CospeechWarning, match=r"clips of 's1' end at 0.8 s, with .*ours/s1.glb'; its speech has 1.4 s"):
         make_study(clips, tmp_path / "study", speech=tmp_path / "talks", faces="hide")
-    assert sorted(len(motion) for motion, *_ in saved) == [24, 24, 30, 30]
+    assert sorted(len(motion) for motion, *_ in videos) == [24, 24, 30, 30]
 
 
 @pytest.mark.parametrize("count", [2, 3])
-def test_appropriateness_compares_a_system_with_its_motion_for_another_speech(saved, tmp_path, count):
+def test_appropriateness_compares_a_system_with_its_motion_for_another_speech(videos, tmp_path, count):
     for k in range(count):
         write_motion(tmp_path / "ours" / f"s{k}.bvh", 1 + k / 10)
-        write_motion(tmp_path / "theirs" / f"s{k}.bvh", 2.0, raised=0.3)
+        write_motion(tmp_path / "theirs" / f"s{k}.bvh", 2.0, angle=0.3)
         write_sound(tmp_path / "talks" / f"s{k}.wav", 1 + k / 10)
     folders = [tmp_path / "ours", tmp_path / "theirs"]
     plan = make_study(folders, tmp_path / "study", speech=tmp_path / "talks", template="appropriateness", seed=1)
     assert plan.mismatched == {f"{name}{OTHER_SPEECH}": name for name in ("ours", "theirs")}
     by_file = {clip.file: clip for clip in plan.clips}
     length = {name: set() for name in plan.stimuli}
-    for motion, target, _, sound in saved:
+    for motion, target, _, sound in videos:
         clip = by_file[target.name]
         length[clip.stimulus].add((len(motion), round(float(sound.duration), 2)))
-    assert all(len(found) == 1 for found in length.values())  # the length does not tell
+    assert all(len(lengths) == 1 for lengths in length.values())  # the length does not tell
     pairs = {frozenset(trial.systems) for trial in make_session(plan, 0) if not trial.check}
     assert pairs == {frozenset((name, f"{name}{OTHER_SPEECH}")) for name in ("ours", "theirs")}
 
@@ -143,9 +143,9 @@ def test_speeches_are_exchanged_with_others_of_nearly_the_same_length(tmp_path, 
     voices = {f"s{k}": tmp_path / "talks" / f"s{k}.wav" for k in range(count)}
     for k, path in enumerate(voices.values()):
         write_sound(path, 1 + k / 10)
-    found = _mismatch({"ours": {}}, voices)
-    assert {*found} == {*found.values()} == {*voices}
-    assert all(0 < abs(int(one[1:]) - int(other[1:])) <= 2 for one, other in found.items())
+    exchanges = _mismatch({"ours": {}}, voices)
+    assert {*exchanges} == {*exchanges.values()} == {*voices}
+    assert all(0 < abs(int(one[1:]) - int(other[1:])) <= 2 for one, other in exchanges.items())
 
 
 def write_video(path, *, codec="libx264", size=32, rate=10, frames=10, sound=True):
@@ -170,7 +170,7 @@ def write_video(path, *, codec="libx264", size=32, rate=10, frames=10, sound=Tru
 
 
 @pytest.mark.parametrize(
-    ("other", "said"),
+    ("other", "message"),
     [
         ({"size": 48}, "48 × 48 pixels"),
         ({"rate": 20, "frames": 20}, "20 pictures per second"),
@@ -179,16 +179,16 @@ def write_video(path, *, codec="libx264", size=32, rate=10, frames=10, sound=Tru
         ({"codec": "libvpx-vp9", "kind": ".webm"}, ".webm"),
     ],
 )
-def test_videos_that_differ_are_refused_or_told(tmp_path, other, said):
+def test_videos_that_differ_are_refused_or_told(tmp_path, other, message):
     write_video(tmp_path / "a" / "x.mp4")
     options = dict(other)
     write_video(tmp_path / "b" / f"x{options.pop('kind', '.mp4')}", **options)
     folders = [tmp_path / "a", tmp_path / "b"]
-    with pytest.raises(InputError, match=said) as found:
+    with pytest.raises(InputError, match=message) as error:
         make_study(folders, tmp_path / "study")
-    assert "--allow-differences" in str(found.value)
+    assert "--allow-differences" in str(error.value)
     assert not (tmp_path / "study").exists()
-    with pytest.warns(CospeechWarning, match=said):
+    with pytest.warns(CospeechWarning, match=message):
         make_study(folders, tmp_path / "study", allow_differences=True)
 
 

@@ -39,7 +39,7 @@ def test_requests_may_leave_out_what_has_a_default_and_answers_do_not():
 def test_the_messages_of_the_guide_are_messages():
     text = GUIDE.read_text("utf-8")
     assert TakeRequest.model_validate_json(re.search(r"/api/takes -d '(.*?)'", text, re.S)[1]).seed == 7
-    live = [json.loads(found) for found in re.findall(r'\{"type": [^}]*\}', text)]
+    live = [json.loads(match) for match in re.findall(r'\{"type": [^}]*\}', text)]
     assert [TypeAdapter(LiveMessage).validate_python(each).type for each in live] == ["start", "change", "interrupt", "stop"]
     ends = [8, *(8 + 4 * count for count in (3, 3 + 4 * len(humanoid()), 3 + 4 * len(humanoid()) + len(ARKIT)))]
     assert re.findall(r"^\| (\d+) … (\d+) \|", text, re.M) == [
@@ -48,6 +48,6 @@ def test_the_messages_of_the_guide_are_messages():
 
 
 def test_the_page_gets_the_tables_of_faces():
-    told = make_catalogue([]).face
-    assert (told.arkit, told.vrm0, told.oculus) == (face_names.ARKIT_NAMES, face_names.VRM0_NAMES, face_names.OCULUS_NAMES)
-    assert told.moods == MOODS
+    face = make_catalogue([]).face
+    assert (face.arkit, face.vrm0, face.oculus) == (face_names.ARKIT_NAMES, face_names.VRM0_NAMES, face_names.OCULUS_NAMES)
+    assert face.moods == MOODS

@@ -24,14 +24,14 @@ OPTIONS = [
 
 def find_chromium() -> str:
     """The path of a Chromium; where there is none the test is skipped."""
-    named = os.environ.get("COSPEECH_CHROMIUM")
-    if named and not Path(named).is_file():
-        pytest.fail(f"COSPEECH_CHROMIUM={named} does not exist")
-    unpacked = ROOT / "tests" / "node" / "node_modules" / ".chromium" / "chromium"
-    found = named or next(filter(None, map(shutil.which, NAMES)), None) or (str(unpacked) if unpacked.is_file() else None)
-    if not found:
+    setting = os.environ.get("COSPEECH_CHROMIUM")
+    if setting and not Path(setting).is_file():
+        pytest.fail(f"COSPEECH_CHROMIUM={setting} does not exist")
+    ours = ROOT / "tests" / "node" / "node_modules" / ".chromium" / "chromium"
+    path = setting or next(filter(None, map(shutil.which, NAMES)), None) or (str(ours) if ours.is_file() else None)
+    if not path:
         pytest.skip("needs Chromium: COSPEECH_CHROMIUM is not set, and none is on PATH (`make test` unpacks one)")
-    return found
+    return path
 
 
 @contextmanager
@@ -70,5 +70,5 @@ def find_violations(page: Any) -> list[str]:
     if not AXE.is_file():
         pytest.skip("needs axe-core: tests/node/node_modules is not installed (`make test` does)")
     page.evaluate(AXE.read_text("utf-8"))
-    found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
-    return [f"{each['id']}: {[node['html'][:120] for node in each['nodes'][:3]]}" for each in found["violations"]]
+    report = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
+    return [f"{each['id']}: {[node['html'][:120] for node in each['nodes'][:3]]}" for each in report["violations"]]

@@ -36,14 +36,14 @@ def type_command(line: str, place: Path, code: int = 0) -> tuple[str, str]:
     """
     from cospeech.cli.main import main
 
-    said, told, before = io.StringIO(), io.StringIO(), signal.getsignal(signal.SIGTERM)
+    output, errors, before = io.StringIO(), io.StringIO(), signal.getsignal(signal.SIGTERM)
     arguments = ["cospeech", *shlex.split(line.removeprefix("cospeech "))]
     with contextlib.ExitStack() as stack:
         stack.callback(signal.signal, signal.SIGTERM, before)
-        for context in (contextlib.chdir(place), contextlib.redirect_stdout(said), contextlib.redirect_stderr(told)):
+        for context in (contextlib.chdir(place), contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors)):
             stack.enter_context(context)
         stack.enter_context(mock.patch.object(sys, "argv", arguments))
-        ended = stack.enter_context(pytest.raises(SystemExit))
+        status = stack.enter_context(pytest.raises(SystemExit))
         main()
-    assert int(ended.value.code or 0) == code, f"{line}\n{told.getvalue()}"
-    return said.getvalue(), told.getvalue()
+    assert int(status.value.code or 0) == code, f"{line}\n{errors.getvalue()}"
+    return output.getvalue(), errors.getvalue()

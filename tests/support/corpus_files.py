@@ -1,4 +1,4 @@
-"""What the tests of corpus readers share: a small clip, damage of many kinds, and what may come of it."""
+"""What the tests of corpus readers share: a small clip, damage of many kinds, and the results that are allowed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cospeech.corpora import Clip, Dropped, Semantic
 from cospeech.errors import CospeechWarning
 from tests.support.motions import gesturing
 
-__all__ = ["UNUSABLE", "WORDS", "clip", "damaged", "same_turns", "sort_out", "tone", "unusable"]
+__all__ = ["UNUSABLE", "WORDS", "clip", "damage", "same_turns", "sort_out", "tone", "unusable"]
 
 UNUSABLE = ["gone", "file", "empty", "other"]
 WORDS = (Word("well", 0.1, 0.3), Word("don't", 0.3, 0.55), Word("relax", 0.7, 0.95))
@@ -63,8 +63,8 @@ def same_turns(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.minimum(np.abs(a - b).max(-1), np.abs(a + b).max(-1)).max())
 
 
-def damaged(data: bytes, rng: np.random.Generator) -> bytes:
-    """Cut off, other bytes, nasty words in place of a word, lines gone or doubled, zeros; one or two of these."""
+def damage(data: bytes, rng: np.random.Generator) -> bytes:
+    """Damage data once or twice: cut it off, change bytes, put a bad word for a word, drop or double lines, write zeros."""
     for _ in range(rng.integers(1, 3)):
         kind, at = int(rng.integers(7)), int(rng.integers(max(len(data), 1)))
         if kind == 0:
@@ -94,8 +94,8 @@ def sort_out(items: Iterable[Clip | Dropped], expected: Iterable[str]) -> tuple[
     reasons: dict[str, str] = {}
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", ".* is cut short", CospeechWarning)  # a note, and no reason to drop it
-        found = list(items)
-    for item in found:
+        results = list(items)
+    for item in results:
         assert item.name not in clips
         assert item.name not in reasons
         if isinstance(item, Dropped):

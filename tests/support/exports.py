@@ -37,13 +37,13 @@ def export_graphs(graphs: Mapping[str, ExportGraph]) -> Exported:
             key.update(tensor.contiguous().numpy().tobytes())
     file = Path(os.environ[FOLDER]) / key.hexdigest()
     if file.exists():
-        kept: Exported = pickle.loads(file.read_bytes())
-        return kept
-    made = onnx_export.export_graphs(graphs)
+        export: Exported = pickle.loads(file.read_bytes())
+        return export
+    export = onnx_export.export_graphs(graphs)
     own = file.with_suffix(f".{os.getpid()}")
-    own.write_bytes(pickle.dumps(made))
+    own.write_bytes(pickle.dumps(export))
     own.replace(file)
-    return made
+    return export
 
 
 def _is_plain(value: object) -> bool:
@@ -51,5 +51,5 @@ def _is_plain(value: object) -> bool:
 
 
 def share_exports() -> None:
-    """What bundles a run shares exports too, in this process."""
+    """Let the code that bundles a run share exports too, in this process."""
     exported_model.export_graphs = export_graphs  # type: ignore[attr-defined]

@@ -33,7 +33,7 @@ class FakeNetwork:
         assert self.near >= 0
         audio, pose, styles = s.width("rows"), s.width("poses"), s.width("style")
         self.taps = rng.normal(0, 0.1, (2 * self.near + 1, audio, pose))
-        self.pooled = rng.normal(0, 0.1, (audio, pose))
+        self.pool = rng.normal(0, 0.1, (audio, pose))
         self.style_gain, self.offsets = rng.uniform(0.2, 1.5, styles), rng.normal(0, 0.5, (styles, pose))
         self.modes = rng.normal(0, 0.5, (s.width("noise"), pose))
         self.calls: list[tuple[int, int]] = []
@@ -47,12 +47,12 @@ class FakeNetwork:
         takes = max(1 if x is None else len(x) for x in (style, noise))
         self.calls.append((takes, frames))
         padded = np.pad(rows.astype(float), ((self.near, self.near), (0, 0)))
-        heard = sum(padded[k : k + frames] @ tap for k, tap in enumerate(self.taps))
-        heard = heard + np.repeat(rows.reshape(-1, s.multiple, rows.shape[1]).mean(1), s.multiple, 0) @ self.pooled
-        out = np.repeat(heard[None], takes, 0)
+        poses = sum(padded[k : k + frames] @ tap for k, tap in enumerate(self.taps))
+        poses = poses + np.repeat(rows.reshape(-1, s.multiple, rows.shape[1]).mean(1), s.multiple, 0) @ self.pool
+        out = np.repeat(poses[None], takes, 0)
         if style is not None:
             assert style.shape == (takes, frames, s.width("style"))
-            out = heard * (1 + style @ self.style_gain)[..., None] + style @ self.offsets
+            out = poses * (1 + style @ self.style_gain)[..., None] + style @ self.offsets
         if noise is not None:
             assert noise.shape == (takes, frames, s.width("noise"))
             weights = np.exp(noise - noise.max(-1, keepdims=True))
@@ -71,11 +71,11 @@ class FakeEncoder:
 
     def __init__(self, pose: int, styles: int) -> None:
         self.signature = Signature({"poses": (1, "T", pose)}, {"style": (1, styles)}, window=STYLE_FRAMES)
-        self.seen = np.random.default_rng(1).normal(0, 1, (pose, styles))
+        self.matrix = np.random.default_rng(1).normal(0, 1, (pose, styles))
 
     def run(self, poses):
         assert poses.shape[1] >= STYLE_FRAMES
-        logits = poses[0].mean(0) @ self.seen
+        logits = poses[0].mean(0) @ self.matrix
         return {"style": (np.exp(logits - logits.max()) / np.exp(logits - logits.max()).sum())[None].astype(np.float32)}
 
 
@@ -98,8 +98,8 @@ def fake_statistics(signature: Signature, codes: np.ndarray) -> Statistics:
         "audio_high": np.full(a, 4.0), "speaker_mean": rng.normal(0, 0.3, (len(codes), d)), "style_codes": codes,
         "model_mean": np.zeros((len(codes), d)), "style_gain": rng.uniform(0.6, 1.6, (len(codes), d)),
     }  # fmt: skip
-    found = Statistics(**{name: value.astype(np.float32) for name, value in arrays.items()})
-    return found.complete(one_hot=False)
+    statistics = Statistics(**{name: value.astype(np.float32) for name, value in arrays.items()})
+    return statistics.complete(one_hot=False)
 
 
 def fake_system(

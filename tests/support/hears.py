@@ -79,13 +79,13 @@ def measure_hearing(
     objectives = {name: o._replace(parameters=[*o.parameters]) for name, o in net.objectives().items()}
     optimisers = {name: torch.optim.Adam(o.parameters, lr) for name, o in objectives.items()}
     arrays = follow_speech(make_batch(net, seed=HELD_OUT, rows=2 * rows), follows, HELD_OUT)
-    swapped = arrays | {name: arrays[name].roll(1, 0) for name in swaps if name in arrays}
+    others = arrays | {name: arrays[name].roll(1, 0) for name in swaps if name in arrays}
     which, _, part = term.partition(".")
 
     def look() -> Hearing:
         net.eval()
         with torch.no_grad():
-            pair = [Batch(some, StepRandom(0, 0)) for some in (arrays, swapped)]
+            pair = [Batch(some, StepRandom(0, 0)) for some in (arrays, others)]
             last = first_step + steps
             own, other = [objectives[which].loss(one, last)[part] if part else net.validate(one)[which] for one in pair]
         net.train()

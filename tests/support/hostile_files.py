@@ -51,30 +51,30 @@ def digits(text: str, chance: random.Random) -> str:
 
 
 def far_number(text: str, chance: random.Random) -> str:
-    """One number becomes a far, tiny, endless or impossible one."""
-    found = list(NUMBER.finditer(text))
-    if not found:
+    """Replace one number by a far, tiny, endless or impossible one."""
+    numbers = list(NUMBER.finditer(text))
+    if not numbers:
         return text + chance.choice(FAR)
-    match = chance.choice(found)
+    match = chance.choice(numbers)
     return text[: match.start()] + chance.choice(FAR) + text[match.end() :]
 
 
 def far_tail(text: str, chance: random.Random) -> str:
     """The last number becomes a far one: times and keys ascend."""
-    found = list(NUMBER.finditer(text))
-    match = chance.choice(found[-4:]) if found else None
+    numbers = list(NUMBER.finditer(text))
+    match = chance.choice(numbers[-4:]) if numbers else None
     return text if match is None else text[: match.start()] + chance.choice(FAR) + text[match.end() :]
 
 
 def gap(text: str, chance: random.Random) -> str:
-    """Some lines are not there."""
+    """Remove some lines."""
     lines = text.split("\n")
     first = chance.randrange(len(lines))
     return "\n".join(lines[:first] + lines[first + chance.choice((1, 2, 5, len(lines) // 2)) :])
 
 
-def repeated(text: str, chance: random.Random) -> str:
-    """A token, a line or a piece comes again and again."""
+def repeat_piece(text: str, chance: random.Random) -> str:
+    """Repeat a token, a line or a piece many times."""
     kind = chance.randrange(3)
     pieces = text.split("\n") if kind == 0 else text.split() if kind == 1 else [text[(at := _at(text, chance)) : at + 8]]
     piece = chance.choice(pieces or ["x"])[:400]
@@ -91,18 +91,18 @@ def sign_run(text: str, chance: random.Random) -> str:
     return text[:at] + sign * chance.choice((3, 300, 10_000)) + text[at:]
 
 
-def unclosed(text: str, chance: random.Random) -> str:
-    """A quote, bracket or brace is taken out, or one too many stands there."""
-    found = [k for k, letter in enumerate(text) if letter in "\"'()[]{}<>"]
-    if found and chance.random() < 0.7:
-        at = chance.choice(found)
+def unclose(text: str, chance: random.Random) -> str:
+    """Take out a quote, bracket or brace, or put in one too many."""
+    places = [k for k, letter in enumerate(text) if letter in "\"'()[]{}<>"]
+    if places and chance.random() < 0.7:
+        at = chance.choice(places)
         return text[:at] + text[at + 1 :]
     at = _at(text, chance)
     return text[:at] + chance.choice("\"'([{<") + text[at:]
 
 
-def swapped(text: str, chance: random.Random) -> str:
-    """Two lines change places, or one comes twice: times go backwards or stand still."""
+def swap_lines(text: str, chance: random.Random) -> str:
+    """Swap two lines, or double one: times go backwards or stand still."""
     lines = text.split("\n")
     a, b = chance.randrange(len(lines)), chance.randrange(len(lines))
     lines[a], lines[b] = lines[b], lines[a] if chance.random() < 0.7 else lines[b]
@@ -110,7 +110,7 @@ def swapped(text: str, chance: random.Random) -> str:
 
 
 def long_line(text: str, chance: random.Random) -> str:
-    """All in one line."""
+    """Join all lines to one."""
     return text.replace("\n", chance.choice((" ", "", "\t", ",")))
 
 
@@ -122,12 +122,12 @@ def long_word(text: str, chance: random.Random) -> str:
 
 
 OPERATORS: tuple[Callable[[str, random.Random], str], ...] = (
-    digits, far_number, far_tail, gap, repeated, sign_run, unclosed, swapped, long_line, long_word,
+    digits, far_number, far_tail, gap, repeat_piece, sign_run, unclose, swap_lines, long_line, long_word,
 )  # fmt: skip
 
 
 def hostile_text(text: str, chance: random.Random) -> str:
-    """One or two operators at work."""
+    """The text after one or two operators."""
     for _ in range(chance.choice((1, 1, 2))):
         text = chance.choice(OPERATORS)(text, chance)
     return text
@@ -142,15 +142,15 @@ ODD = (
 
 
 def _gesture_space(tree: object) -> list[tuple[object, object]]:
-    found: list[tuple[object, object]] = []
+    pairs: list[tuple[object, object]] = []
     stack = [tree]
     while stack:
         node = stack.pop()
         keys = list(node) if isinstance(node, dict) else range(len(node)) if isinstance(node, list) else ()
         for key in keys:
-            found.append((node, key))
+            pairs.append((node, key))
             stack.append(node[key])
-    return found
+    return pairs
 
 
 def odd_value(node: object, key: object, chance: random.Random) -> None:
@@ -158,14 +158,14 @@ def odd_value(node: object, key: object, chance: random.Random) -> None:
     node[key] = chance.choice(ODD)  # type: ignore[index]
 
 
-def scaled(node: object, key: object, chance: random.Random) -> None:
-    """The same number, a million times as large or small."""
+def scale(node: object, key: object, chance: random.Random) -> None:
+    """Make a number a million times as large or small."""
     if isinstance(value := node[key], int | float) and not isinstance(value, bool):  # type: ignore[index]
         node[key] = value * chance.choice((10**6, 10**12, 1e-12, -1))  # type: ignore[index]
 
 
-def multiplied(node: object, key: object, chance: random.Random) -> None:
-    """A list many times as long, or an object with many more entries like one of its own."""
+def multiply(node: object, key: object, chance: random.Random) -> None:
+    """Make a list many times as long, or give an object many more entries like one of its own."""
     value, times = node[key], chance.choice((2, 50, 1000))  # type: ignore[index]
     if isinstance(value, list) and len(value) * times < 50_000:
         node[key] = value * times  # type: ignore[index]
@@ -174,15 +174,15 @@ def multiplied(node: object, key: object, chance: random.Random) -> None:
         value |= {f"k{k}": first for k in range(times)}
 
 
-def nested(node: object, key: object, chance: random.Random) -> None:
-    """A value inside many lists."""
+def nest(node: object, key: object, chance: random.Random) -> None:
+    """Put a value inside many lists."""
     value = node[key]  # type: ignore[index]
     for _ in range(chance.choice((1, 30, 600))):
         value = [value]
     node[key] = value  # type: ignore[index]
 
 
-TREE_OPERATORS: tuple[Callable[[object, object, random.Random], None], ...] = (odd_value, scaled, multiplied, nested)
+TREE_OPERATORS: tuple[Callable[[object, object, random.Random], None], ...] = (odd_value, scale, multiply, nest)
 
 
 def bent_tree(tree: object, chance: random.Random) -> object:
@@ -257,12 +257,12 @@ def bounded_memory(room: int = ROOM) -> Iterator[None]:
     try:
         import resource
 
-        held = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0]) * resource.getpagesize()
+        size = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0]) * resource.getpagesize()
     except (ImportError, OSError):
         yield
         return
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    resource.setrlimit(resource.RLIMIT_AS, (held + room, hard))
+    resource.setrlimit(resource.RLIMIT_AS, (size + room, hard))
     try:
         yield
     finally:
@@ -274,15 +274,15 @@ def answer(read: Callable[[], object]) -> str:
     began = time.process_time()
     try:
         read()
-        ended = "read"
+        outcome = "read"
     except InputError as error:
         text = str(error)
         assert "\n" not in text and len(text) < 5000, text  # noqa: PT018
         assert "nested too deeply" not in text or "large" not in text, text  # what a MemoryError is turned into
-        ended = "refused"
+        outcome = "refused"
     took = time.process_time() - began
     assert took < SECONDS, f"{took:.1f} s"
-    return ended
+    return outcome
 
 
 def peak_of(path: Path, call: str = "cospeech.Motion.load(path)") -> tuple[str, float, int]:
@@ -305,5 +305,5 @@ def peak_of(path: Path, call: str = "cospeech.Motion.load(path)") -> tuple[str, 
     )
     run = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, text=True, timeout=120)
     assert run.returncode == 0, run.stderr[-2000:]
-    seconds, peak, said = run.stdout.split("\n", 2)
-    return said.strip(), float(seconds), int(peak)
+    seconds, peak, result = run.stdout.split("\n", 2)
+    return result.strip(), float(seconds), int(peak)

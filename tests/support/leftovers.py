@@ -7,11 +7,11 @@ from pathlib import Path
 
 from cospeech.files import PREFIX
 
-__all__ = ["abandoned"]
+__all__ = ["make_leftover"]
 
 
-def abandoned(parent: Path, *, machine: str | None = None, name: str = "x1y2z3a4") -> Path:
-    """A workplace whose process has ended, of this machine or of another one."""
+def make_leftover(parent: Path, *, machine: str | None = None, name: str = "x1y2z3a4") -> Path:
+    """Make a workplace whose process has ended, of this machine or of another one."""
     place = parent / f"{PREFIX}{name}"
     place.mkdir()
     (place / "lock").write_bytes(b"cospeech " + (machine or platform.node()).encode())

@@ -1,4 +1,4 @@
-"""What to test with: a figure that gestures, looks around and speaks, written down by formula; and a small character."""
+"""Test data: a figure that gestures, looks around and speaks, computed by formulas; and a small character."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ def gesturing(frames: int, fps: float = 30.0) -> Motion:
         k = skeleton.index[name]
         q[:, k] = quat_multiply(q[:, k], axis_angle_to_quat(axis, np.broadcast_to(angle, frames)))
 
-    raised = (1 - np.cos(2 * np.pi * t / 2)) / 2
+    lift = (1 - np.cos(2 * np.pi * t / 2)) / 2
     turn("leftUpperArm", (0, 0, 1), -np.radians(75))
     turn("rightUpperArm", (0, 0, 1), np.radians(75))
     turn("leftLowerArm", (0, 1, 0), -0.25)
-    turn("rightLowerArm", (0, 1, 0), 0.25 + 1.4 * raised)
+    turn("rightLowerArm", (0, 1, 0), 0.25 + 1.4 * lift)
     turn("rightHand", (0, 0, 1), 0.3 * np.sin(2 * t))
     turn("spine", (0, 1, 0), 0.15 * np.sin(1.1 * t))
     turn("neck", (1, 0, 0), 0.1 * np.sin(1.7 * t))
@@ -38,7 +38,7 @@ def gesturing(frames: int, fps: float = 30.0) -> Motion:
     turn("hips", (0, 1, 0), 0.1 * np.sin(0.5 * t))
     for side, sign in (("left", -1), ("right", 1)):
         turn(f"{side}Eye", (0, 1, 0), 0.2 * np.sin(1.3 * t))
-        turn(f"{side}IndexProximal", (0, 0, 1), sign * 0.4 * raised)
+        turn(f"{side}IndexProximal", (0, 0, 1), sign * 0.4 * lift)
     face = np.zeros((frames, 52))
     for k, name in enumerate(ARKIT_INDEX):
         face[:, k] = (1 + np.sin(2 * np.pi * t * (0.3 + k / 40) + k)) / 2 * (0.1 if name.startswith("mouth") else 0.6)

@@ -22,7 +22,7 @@ from cospeech.motion.rotations import (
 )
 from cospeech.motion.skeleton import humanoid
 
-__all__ = ["babble", "broken_laws", "hand_points", "wrist_distance"]
+__all__ = ["babble", "find_broken_laws", "hand_points", "wrist_distance"]
 
 SKELETON = humanoid()
 AT = SKELETON.index
@@ -104,13 +104,13 @@ def _arm_angles(motion: Motion, side: str, sign: float) -> dict[str, tuple[np.nd
 
 
 def _finger_angles(motion: Motion, side: str, sign: float) -> dict[str, tuple[np.ndarray, float, float]]:
-    found = {}
+    angles = {}
     for finger in FINGERS:
         first, middle, last = (
             degrees(mirrored(local(motion, side + finger + part), sign), "YXZ")
             for part in ("Proximal", "Intermediate", "Distal")
         )
-        found |= {
+        angles |= {
             f"{finger} knuckle": (-first[:, 2], -35, 97),
             f"{finger} spread": (first[:, 0], -28, 28),
             f"{finger} middle joint": (-middle[:, 2], -8, 112),
@@ -119,8 +119,8 @@ def _finger_angles(motion: Motion, side: str, sign: float) -> dict[str, tuple[np
         }
     for part, most in (("Metacarpal", 65), ("Proximal", 72), ("Distal", 92)):
         thumb = local(motion, side + "Thumb" + part)
-        found[f"thumb {part}"] = (np.degrees(np.linalg.norm(quat_to_rotvec(thumb), axis=-1)), 0, most)
-    return found
+        angles[f"thumb {part}"] = (np.degrees(np.linalg.norm(quat_to_rotvec(thumb), axis=-1)), 0, most)
+    return angles
 
 
 def _middle_angles(motion: Motion) -> dict[str, tuple[np.ndarray, float, float]]:
@@ -224,9 +224,9 @@ def torso_depth(points: np.ndarray, positions: np.ndarray, world: np.ndarray) ->
 def head_depth(points: np.ndarray, positions: np.ndarray, world: np.ndarray) -> np.ndarray:
     """How deep points lie inside the head's ellipsoid (along the ray from its centre), metres."""
     k = AT["head"]
-    seen = quat_rotate(quat_conjugate(world[:, k])[:, None], points - positions[:, k, None]) - HEAD_CENTRE
-    norm = np.linalg.norm(seen / HEAD_RADII, axis=-1)
-    distance = np.linalg.norm(seen, axis=-1)
+    points_in_head = quat_rotate(quat_conjugate(world[:, k])[:, None], points - positions[:, k, None]) - HEAD_CENTRE
+    norm = np.linalg.norm(points_in_head / HEAD_RADII, axis=-1)
+    distance = np.linalg.norm(points_in_head, axis=-1)
     return np.where(norm < 1, distance * (1 / np.maximum(norm, 1e-6) - 1), 0.0)
 
 
@@ -258,20 +258,20 @@ GROUND = 0.003  # metres: a sole point lower than this stands on the ground
 def feet_faults(motion: Motion, *, stand: bool) -> list[str]:
     """Soles under the ground, feet that slide, a body in the air; a seated body's hips that move."""
     positions, world = SKELETON.forward(motion.rotations, motion.root)
-    faults, grounded = [], []
+    faults, contacts = [], []
     for side, _ in SIDES:
         k = AT[side + "Foot"]
         sole = positions[:, k, None] + quat_rotate(world[:, k, None], SOLE)
         down = sole[..., 1] < GROUND
-        grounded.append(down.any(-1))
+        contacts.append(down.any(-1))
         slide = np.linalg.norm(np.diff(sole[..., [0, 2]], axis=0), axis=-1) * motion.fps * (down[1:] & down[:-1])
         if sole[..., 1].min() < -0.005:
             faults.append(f"{side} sole is {-sole[..., 1].min() * 100:.2f} cm under the ground")
         if len(slide) and slide.max() >= 0.01:
             frame = np.argmax(slide.max(-1))
             faults.append(f"{side} foot slides at {slide.max() * 100:.1f} cm/s at frame {frame}")
-    if stand and not np.logical_or(*grounded).all():
-        faults.append(f"both feet are in the air at frame {np.argmin(np.logical_or(*grounded))}")
+    if stand and not np.logical_or(*contacts).all():
+        faults.append(f"both feet are in the air at frame {np.argmin(np.logical_or(*contacts))}")
     hips = positions[:, AT["hips"]]
     if not stand and len(hips) and np.ptp(hips, axis=0).max() > 0.03:
         faults.append(f"hips of a seated body move by {np.ptp(hips, axis=0).max() * 100:.1f} cm")
@@ -292,7 +292,7 @@ def number_faults(motion: Motion) -> list[str]:
     return faults
 
 
-def broken_laws(motion: Motion, *, stand: bool) -> list[str]:
+def find_broken_laws(motion: Motion, *, stand: bool) -> list[str]:
     """One line for every law that the motion breaks; empty for a good one. ``stand``: on its feet, not seated."""
     return [
         *number_faults(motion),

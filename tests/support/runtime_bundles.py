@@ -49,33 +49,36 @@ def random_arrays(s: FlowSizes, seed: int = 0) -> dict[str, np.ndarray]:
     rng = np.random.default_rng(seed)
     context = s.first_half + s.history * s.pose + s.speech_frames * s.audio + s.feature + s.style
     shapes: dict[str, tuple[int, ...]] = {}
-    fixed: dict[str, np.ndarray] = {}
+    constants: dict[str, np.ndarray] = {}
     for k in range(s.steps):
-        at, moved = f"flow.steps.{k}.", s.pose - s.first_half
+        at, second_half = f"flow.steps.{k}.", s.pose - s.first_half
         for layer in range(s.layers):
             rnn = f"{at}coupling.net.rnn."
             shapes |= {f"{rnn}weight_ih_l{layer}": (s.gates, s.hidden if layer else context)}
             shapes |= {f"{rnn}weight_hh_l{layer}": (s.gates, s.hidden)}
             shapes |= {f"{rnn}bias_{way}_l{layer}": (s.gates,) for way in ("ih", "hh")}
-        shapes |= {f"{at}coupling.net.out.weight": (2 * moved, s.hidden), f"{at}coupling.net.out.bias": (2 * moved,)}
+        shapes |= {
+            f"{at}coupling.net.out.weight": (2 * second_half, s.hidden),
+            f"{at}coupling.net.out.bias": (2 * second_half,),
+        }
         shapes |= {f"{at}mix.{part}": (s.pose, s.pose) for part in ("lower", "upper")}
         shapes |= {f"{at}{part}": (s.pose,) for part in ("mix.log_s", "norm.bias", "norm.logs")}
-        fixed |= {f"{at}mix.permutation": np.eye(s.pose)[rng.permutation(s.pose)], f"{at}mix.sign": np.ones(s.pose)}
+        constants |= {f"{at}mix.permutation": np.eye(s.pose)[rng.permutation(s.pose)], f"{at}mix.sign": np.ones(s.pose)}
     for side, width in (("poses", s.pose), ("speech", s.audio)):
         at = f"encoder.{side}."
         blocks = {f"blocks.{n}.": (s.channels, s.channels, 3) for n in range(s.blocks)}
         for name, shape in {"first": (s.channels, width, 4), "last": (CODE, s.channels, 4), **blocks}.items():
             conv, norm = (f"{name}conv", f"{name}norm") if "." in name else (name, f"{name}_norm")
             shapes |= {f"{at}{conv}.weight": shape, f"{at}{norm}.bias": shape[:1], f"{at}{norm}.running_mean": shape[:1]}
-            fixed |= {f"{at}{norm}.weight": np.ones(shape[0]), f"{at}{norm}.running_var": np.ones(shape[0])}
-    for number, (taken, made) in {0: (2 * CODE, s.channels), 2: (s.channels,) * 2, 4: (s.channels, s.feature)}.items():
-        shapes |= {f"encoder.full.{number}.weight": (made, taken), f"encoder.full.{number}.bias": (made,)}
+            constants |= {f"{at}{norm}.weight": np.ones(shape[0]), f"{at}{norm}.running_var": np.ones(shape[0])}
+    for number, (inputs, outputs) in {0: (2 * CODE, s.channels), 2: (s.channels,) * 2, 4: (s.channels, s.feature)}.items():
+        shapes |= {f"encoder.full.{number}.weight": (outputs, inputs), f"encoder.full.{number}.bias": (outputs,)}
     for n in range(3):
         shapes |= {f"stylist.convolutions.{2 * n}.weight": (s.channels, s.channels if n else s.pose, 4)}
         shapes |= {f"stylist.convolutions.{2 * n}.bias": (s.channels,)}
     shapes |= {"stylist.full.weight": (s.style, 2 * s.channels), "stylist.full.bias": (s.style,)}
-    drawn = {name: rng.normal(0, 0.3 if "mix" not in name else 0.1, shape) for name, shape in shapes.items()}
-    return {name: value.astype(np.float32) for name, value in (drawn | fixed).items()}
+    weights = {name: rng.normal(0, 0.3 if "mix" not in name else 0.1, shape) for name, shape in shapes.items()}
+    return {name: value.astype(np.float32) for name, value in (weights | constants).items()}
 
 
 def small_statistics(signature: tuple[int, int], speakers: int = 2, seed: int = 1, **more: tuple[int, ...]) -> Statistics:
@@ -104,11 +107,11 @@ def small_statistics(signature: tuple[int, int], speakers: int = 2, seed: int = 
 
 
 def flow_statistics(sizes: FlowSizes, controls: int = 0) -> Statistics:
-    found = small_statistics(
+    statistics = small_statistics(
         (sizes.pose, sizes.audio - controls), histories=(6, sizes.history, sizes.pose), style_codes=(2, sizes.style)
     )
     quantiles = np.sort(np.random.default_rng(2).normal(size=(QUANTILES, controls)), 0).astype(np.float32)
-    return replace(found, style_codes=10 * found.style_codes, control_quantiles=quantiles)
+    return replace(statistics, style_codes=10 * statistics.style_codes, control_quantiles=quantiles)
 
 
 def write_small(
@@ -159,9 +162,9 @@ class Graph(GraphBuilder):
     def wave(self, name: str) -> str:
         return self.node("Transpose", name, perm=[0, 2, 1])
 
-    def conv(self, x: str, taken: int, made: int, frames: int = 3, pad: int = 1, **options) -> str:
-        weight = self.random(made, taken // options.get("group", 1), frames)
-        x = self.node("Conv", x, weight, self.random(made, size=0.1), pads=[pad, pad], **options)
+    def conv(self, x: str, inputs: int, outputs: int, frames: int = 3, pad: int = 1, **options) -> str:
+        weight = self.random(outputs, inputs // options.get("group", 1), frames)
+        x = self.node("Conv", x, weight, self.random(outputs, size=0.1), pads=[pad, pad], **options)
         return self.node("LeakyRelu", x, alpha=0.2)
 
     def poses(self, x: str, name: str = "poses") -> None:
@@ -183,18 +186,18 @@ def small_windows(pose: int, audio: int) -> Networks:
     )
     x = b.node("Add", low, x)
     z = b.node("Add", b.conv(x, c, MODES * c), b.conv(b.wave("style"), styles, MODES * c))
-    made = b.conv(b.conv(z, MODES * c, MODES * c, group=MODES), MODES * c, MODES * pose, 1, 0, group=MODES)
+    modes = b.conv(b.conv(z, MODES * c, MODES * c, group=MODES), MODES * c, MODES * pose, 1, 0, group=MODES)
     share = b.node("Softmax", b.node("Add", b.conv(x, c, MODES, 1, 0), b.wave("noise")), axis=1)
     apart = b.const([0, MODES, 1, -1], np.int64)
-    mixed = b.node("Mul", b.node("Reshape", made, b.const([0, MODES, pose, -1], np.int64)), b.node("Reshape", share, apart))
-    total = b.node("ReduceMean", mixed, b.const([1], np.int64), keepdims=0)
+    products = b.node("Mul", b.node("Reshape", modes, b.const([0, MODES, pose, -1], np.int64)), b.node("Reshape", share, apart))
+    total = b.node("ReduceMean", products, b.const([1], np.int64), keepdims=0)
     b.poses(b.node("Mul", total, b.const(3 * MODES)))
     ports = {"rows": (1, "T", audio), "style": ("N", "T", styles), "noise": ("N", "T", MODES)}
     make = Signature(ports, {"poses": ("N", "T", pose)}, window=64, multiple=MULTIPLE, reach=REACH)
     graphs = {"make": b.model(make)}
     b = Graph("style", weights)
-    seen = b.conv(b.conv(b.wave("poses"), pose, c, 4, strides=[2]), c, styles)
-    b.node("Softmax", b.node("ReduceMean", seen, b.const([2], np.int64), keepdims=0), outputs=("style",), axis=1)
+    logits = b.conv(b.conv(b.wave("poses"), pose, c, 4, strides=[2]), c, styles)
+    b.node("Softmax", b.node("ReduceMean", logits, b.const([2], np.int64), keepdims=0), outputs=("style",), axis=1)
     style = Signature({"poses": (1, "T", pose)}, {"style": (1, styles)}, window=STYLE_FRAMES)
     return {"make": make, "style": style}, weights, graphs | {"style": b.model(style)}
 
@@ -218,8 +221,12 @@ def small_chain(
     for name in [*ports][1:]:
         x = b.node("Add", x, b.conv(b.wave(name), widths[name], wide))
     wave = b.node("Transpose", x, perm=[2, 0, 1])
-    held = b.random(2, 4 * HIDDEN, wide, size=0.4), b.random(2, 4 * HIDDEN, HIDDEN, size=0.4), b.random(2, 8 * HIDDEN, size=0.3)
-    out = b.node("LSTM", wave, *held, hidden_size=HIDDEN, direction="bidirectional")
+    parameters = (
+        b.random(2, 4 * HIDDEN, wide, size=0.4),
+        b.random(2, 4 * HIDDEN, HIDDEN, size=0.4),
+        b.random(2, 8 * HIDDEN, size=0.3),
+    )
+    out = b.node("LSTM", wave, *parameters, hidden_size=HIDDEN, direction="bidirectional")
     out = b.node("Reshape", b.node("Transpose", out, perm=[2, 1, 3, 0]), b.const([0, 2 * HIDDEN, -1], np.int64))
     b.poses(b.conv(out, 2 * HIDDEN, pose, 1, 0))
     signatures["make"] = Signature(
@@ -244,15 +251,15 @@ def small_frames(weights: dict[str, np.ndarray], pose: int, widths: dict[str, in
     b = Graph("live", weights)
     ports = {name: (1 if name == "rows" else "N", widths[name]) for name in ("rows", "style", "noise") if widths[name]}
     state = {"state0": (1, 2 * widths["rows"]), "state1": ("N", CHANNELS)}
-    seen = b.node("Concat", "state0", "rows", axis=1)
-    rest = b.split(seen, widths["rows"], 2 * widths["rows"])[1]
+    frames = b.node("Concat", "state0", "rows", axis=1)
+    rest = b.split(frames, widths["rows"], 2 * widths["rows"])[1]
     b.node("Add", rest, b.const(0.0), outputs=("next.state0",))
-    x = b.node("Gemm", seen, b.random(3 * widths["rows"], CHANNELS, size=0.2), b.random(CHANNELS, size=0.1))
+    x = b.node("Gemm", frames, b.random(3 * widths["rows"], CHANNELS, size=0.2), b.random(CHANNELS, size=0.1))
     for name in [*ports][1:]:
         x = b.node("Add", x, b.node("Gemm", name, b.random(widths[name], CHANNELS, size=0.7), b.random(CHANNELS, size=0.1)))
-    kept = b.node("Tanh", b.node("Add", x, b.node("Mul", "state1", b.const(0.9))))
-    b.node("Add", kept, b.const(0.0), outputs=("next.state1",))
-    b.node("Gemm", kept, b.random(CHANNELS, pose, size=0.5), b.random(pose, size=0.1), outputs=("poses",))
+    memory = b.node("Tanh", b.node("Add", x, b.node("Mul", "state1", b.const(0.9))))
+    b.node("Add", memory, b.const(0.0), outputs=("next.state1",))
+    b.node("Gemm", memory, b.random(CHANNELS, pose, size=0.5), b.random(pose, size=0.1), outputs=("poses",))
     signature = Signature(ports, {"poses": ("N", pose)}, state, look_ahead=LOOK_AHEAD)
     return signature, b.model(signature)
 
@@ -261,8 +268,8 @@ def chain_statistics(signatures: dict[str, Signature], words: int = WORDS, vocab
     make = signatures["make"]
     d, by_speaker = make.width("poses"), (len(NAMES), make.width("poses"))
     more = dict.fromkeys(("model_mean", "style_gain", "live_model_mean", "live_style_gain"), by_speaker)
-    found = small_statistics((d, make.width("rows") - words), **more, words=(vocabulary + 1, words))
-    return replace(found, noise_gain=np.array([1.5, 2.0], np.float32))
+    statistics = small_statistics((d, make.width("rows") - words), **more, words=(vocabulary + 1, words))
+    return replace(statistics, noise_gain=np.array([1.5, 2.0], np.float32))
 
 
 def window_statistics(signatures: dict[str, Signature]) -> Statistics:
@@ -301,7 +308,7 @@ def write_small_chain(
 
 
 def talk(seconds: float = 3.2, rate: int = 16_000, seed: int = 0) -> Speech:
-    """Noise in bursts, such as syllables are."""
+    """Noise in bursts that are like syllables."""
     rng = np.random.default_rng(seed)
     t = np.arange(round(seconds * rate)) / rate
     sound = np.sin(2 * np.pi * 140 * t) * np.maximum(np.sin(2 * np.pi * 2.5 * t), 0) * (t % 1.7 < 1.2)
@@ -318,15 +325,17 @@ def cut(speech: Speech, edges: Sequence[int]) -> list[Speech]:
     return [Speech(speech.samples[a:b], speech.rate) for a, b in pairwise(bounds)]
 
 
-def changed(player: TrainedModel, speech: Speech, edges: Sequence[int], changes: dict[int, object], **options) -> Motion:
-    """A performance of speech in these pieces, the style changed after these samples."""
-    session, made, at = player.session(**options), [], 0
+def perform_changes(
+    player: TrainedModel, speech: Speech, edges: Sequence[int], changes: dict[int, object], **options
+) -> Motion:
+    """Perform speech in these pieces, and change the style after these samples."""
+    session, pieces, at = player.session(**options), [], 0
     for chunk in cut(speech, sorted({*edges, *changes})):
-        made += session.push(chunk)
+        pieces += session.push(chunk)
         at += len(chunk)
         if at in changes:
             session.restyle(changes[at])
-    return Motion.concatenate([*made, *session.finish()])
+    return Motion.concatenate([*pieces, *session.finish()])
 
 
 # damage -------------------------------------------------------------------------------------------------------------------
@@ -343,14 +352,14 @@ def mutations(data: bytes, rng: np.random.Generator) -> list[tuple[str, bytes]]:
     """Damage of every kind, at random places."""
     out = [(f"cut at {n}", data[:n]) for n in rng.integers(0, len(data), 60)]
     for _ in range(160):  # bits and stretches anywhere
-        broken, at, size = bytearray(data), int(rng.integers(len(data))), int(rng.choice([1, 1, 1, 8, 200]))
-        broken[at : at + size] = rng.bytes(len(broken[at : at + size]))
-        out.append((f"{size} bytes at {at}", bytes(broken)))
+        copy, at, size = bytearray(data), int(rng.integers(len(data))), int(rng.choice([1, 1, 1, 8, 200]))
+        copy[at : at + size] = rng.bytes(len(copy[at : at + size]))
+        out.append((f"{size} bytes at {at}", bytes(copy)))
     tail = data.rfind(b"PK\x01\x02", 0, data.find(b"PK\x05\x06")) - 400
     for _ in range(80):  # the directory of the zip, where lengths and names are
-        broken, at = bytearray(data), int(rng.integers(max(0, tail), len(data)))
-        broken[at] = int(rng.integers(256))
-        out.append((f"directory at {at}", bytes(broken)))
+        copy, at = bytearray(data), int(rng.integers(max(0, tail), len(data)))
+        copy[at] = int(rng.integers(256))
+        out.append((f"directory at {at}", bytes(copy)))
     for _ in range(30):  # pieces moved
         a, b = sorted(int(v) for v in rng.integers(0, len(data), 2))
         out.append((f"{a} … {b} gone", data[:a] + data[b:]))
@@ -358,46 +367,46 @@ def mutations(data: bytes, rng: np.random.Generator) -> list[tuple[str, bytes]]:
     return out
 
 
-def check_damage(opened: Callable[[bytes], BundleSpec], data: bytes) -> float:
-    """Damages a bundle 360 times: what opens nevertheless (bytes that a zip does not use) is what was written.
+def check_damage(open_bundle: Callable[[bytes], BundleSpec], data: bytes) -> float:
+    """Damage a bundle 360 times. One that still opens (the zip does not use these bytes) has the weights of the whole.
 
     Returns:
         the share that was refused, in one line.
     """
-    whole, refused = opened(data), 0
+    whole, refusals = open_bundle(data), 0
     cases = mutations(data, np.random.default_rng(0))
-    for what, broken in cases:
+    for what, copy in cases:
         try:
-            system = opened(broken)
+            system = open_bundle(copy)
         except InputError as error:
-            refused += "\n" not in str(error)
+            refusals += "\n" not in str(error)
         else:
             for name, value in system.weights.items():
                 assert np.array_equal(value, whole.weights[name]), what
-    return refused / len(cases)
+    return refusals / len(cases)
 
 
 def check_repaired_damage(
-    rewritten: Callable[[dict, dict[str, bytes]], BundleSpec], data: bytes, perform: Callable[[BundleSpec], object], times: int
+    rewrite: Callable[[dict, dict[str, bytes]], BundleSpec], data: bytes, perform: Callable[[BundleSpec], object], times: int
 ) -> int:
-    """Changes members as somebody would who knows the format: errors, or a system of finite weights that performs.
+    """Change members and repair the hashes: the result is an error, or a system of finite weights that performs.
 
     Returns:
         how often it was refused, in one line.
     """
-    rng, refused = np.random.default_rng(1), 0
+    rng, refusals = np.random.default_rng(1), 0
     for turn in range(times):
         manifest, members = contents_of(data)
         name = sorted(members)[turn % len(members)]
-        broken = bytearray(members[name])
+        copy = bytearray(members[name])
         for _ in range(int(rng.integers(1, 4))):
-            broken[int(rng.integers(min(len(broken), 3000)))] = int(rng.integers(256))
+            copy[int(rng.integers(min(len(copy), 3000)))] = int(rng.integers(256))
         try:
-            system = rewritten(manifest, {**members, name: bytes(broken)})
+            system = rewrite(manifest, {**members, name: bytes(copy)})
         except InputError as error:
-            refused += "\n" not in str(error)
+            refusals += "\n" not in str(error)
             continue
         assert all(np.isfinite(value).all() for value in system.weights.values())
         with suppress(InputError):
             perform(system)
-    return refused
+    return refusals

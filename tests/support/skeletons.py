@@ -8,17 +8,17 @@ import numpy as np
 
 from cospeech.motion.skeleton import Skeleton
 
-__all__ = ["renamed", "without"]
+__all__ = ["rename_joints", "without"]
 
 
 def without(skeleton: Skeleton, pattern: str) -> Skeleton:
-    """Joints taken out, their children hung on what is above."""
-    gone = [bool(re.fullmatch(pattern, n)) for n in skeleton.names]
-    keep = [k for k, out in enumerate(gone) if not out]
+    """Take joints out; their children become children of the joint above."""
+    is_out = [bool(re.fullmatch(pattern, n)) for n in skeleton.names]
+    keep = [k for k, out in enumerate(is_out) if not out]
 
     def above(k: int) -> int:
         k = skeleton.parents[k]
-        while k >= 0 and gone[k]:
+        while k >= 0 and is_out[k]:
             k = skeleton.parents[k]
         return k
 
@@ -27,6 +27,6 @@ def without(skeleton: Skeleton, pattern: str) -> Skeleton:
     return Skeleton(tuple(skeleton.names[k] for k in keep), parents, np.array(offsets), ends=skeleton.ends)
 
 
-def renamed(skeleton: Skeleton, names: dict[str, str]) -> Skeleton:
+def rename_joints(skeleton: Skeleton, names: dict[str, str]) -> Skeleton:
     return Skeleton(tuple(names.get(n, n) for n in skeleton.names), skeleton.parents, skeleton.offsets, ends={
         names.get(n, n): e for n, e in skeleton.ends.items()})  # fmt: skip

@@ -23,7 +23,7 @@ def studio(**options: Any) -> Iterator[tuple[int, StudioState]]:
 
 
 @contextmanager
-def connected(port: int, path: str, **options: Any) -> Iterator[Any]:
+def open_websocket(port: int, path: str, **options: Any) -> Iterator[Any]:
     """A WebSocket of a page of this server."""
     from websockets.sync.client import connect
 

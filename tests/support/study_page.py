@@ -48,7 +48,7 @@ def answer(page: Any, answers: dict[tuple[str, int], int]) -> None:
 
 
 def take_part(page: Any, trials: tuple[Trial, ...], answers: list[dict[tuple[str, int], int]]) -> None:
-    """All of a session, from the consent to the thanks."""
+    """Take part in a whole session, from the consent to the thanks."""
     agree(page)
     for number in range(len(trials)):
         open_trial(page, number, len(trials))

@@ -86,8 +86,8 @@ def ask(
     connection = HTTPConnection("127.0.0.1", port, timeout=30)
     try:
         content = body if body is None or isinstance(body, bytes) else json.dumps(body).encode()
-        named = {name.replace("_", "-"): value for name, value in headers.items()}
-        connection.request(method or ("GET" if body is None else "POST"), path, content, named)
+        fields = {name.replace("_", "-"): value for name, value in headers.items()}
+        connection.request(method or ("GET" if body is None else "POST"), path, content, fields)
         response = connection.getresponse()
         return response.status, {k.lower(): v for k, v in response.getheaders()}, response.read()
     finally:
@@ -107,7 +107,7 @@ def right_answers(plan: StudyPlan, trial: Trial) -> dict[tuple[str, int], int]:
     return {key: values[0 if trial.check == "first" else -1] for key, values in keys.items()}
 
 
-def as_sent(plan: StudyPlan, answers: dict[tuple[str, int], int]) -> dict[str, Any]:
+def encode_answers(plan: StudyPlan, answers: dict[tuple[str, int], int]) -> dict[str, Any]:
     """Answers as the page sends them."""
     each = {question.name: question.kind == "scale" for question in plan.questions}
     return {
@@ -116,10 +116,10 @@ def as_sent(plan: StudyPlan, answers: dict[tuple[str, int], int]) -> dict[str, A
     }
 
 
-def find_session(plan: StudyPlan, told: list[dict[str, Any]], most: int) -> list[Trial]:
-    """The session, of numbers up to ``most``, of which the page is told this."""
+def find_session(plan: StudyPlan, descriptions: list[dict[str, Any]], most: int) -> list[Trial]:
+    """The session with a number up to ``most`` that has these ``descriptions`` of trials."""
     sessions = (make_session(plan, k) for k in range(most + 1))
-    return next(trials for trials in sessions if [describe_trial(plan, trial) for trial in trials] == told)
+    return next(trials for trials in sessions if [describe_trial(plan, trial) for trial in trials] == descriptions)
 
 
 def rate(port: int, plan: StudyPlan, number: int, opinion: Opinion, *, careless: bool = False, pages: int | None = None) -> str:
@@ -140,6 +140,6 @@ def rate(port: int, plan: StudyPlan, number: int, opinion: Opinion, *, careless:
             answers = right_answers(plan, trial)
         else:
             answers = {key: opinion(draw, trial, *key) for key in answer_keys(plan, trial)}
-        post("/api/answers", {"trial": k, "answers": as_sent(plan, answers), "seconds": 12.5}, rater)
+        post("/api/answers", {"trial": k, "answers": encode_answers(plan, answers), "seconds": 12.5}, rater)
     connection.close()
     return rater

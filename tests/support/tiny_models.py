@@ -35,7 +35,7 @@ SLOW = {"matrices": 0}
 
 
 def slowly(terms: dict[str, Tensor], parameter: Tensor) -> dict[str, Tensor]:
-    """The same terms, and the same gradients, later."""
+    """The same terms and gradients, after products that only take time."""
     if not SLOW["matrices"]:
         return terms
     large = (torch.eye(700) + 0 * parameter.sum()).requires_grad_()
@@ -86,26 +86,26 @@ class TinyGan(Tiny):
         return self.decode(self.encode(audio.mT) + self.style(speaker)[..., None]).mT
 
     def objectives(self) -> dict[str, Objective]:
-        made = [p for name, p in self.named_parameters() if not name.startswith("discriminator")]
+        generator = [p for name, p in self.named_parameters() if not name.startswith("discriminator")]
         return {
-            "discriminator": Objective(self.discriminator.parameters(), self.judged),
-            "made": Objective(made, self.made, every=2),
+            "discriminator": Objective(self.discriminator.parameters(), self.discriminator_loss),
+            "made": Objective(generator, self.generator_loss, every=2),
         }
 
-    def judged(self, batch: Batch, step: int) -> dict[str, Tensor]:
+    def discriminator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         with torch.no_grad():
-            made = self(batch["audio"], batch["speaker"])
+            poses = self(batch["audio"], batch["speaker"])
         terms = {
             "real": (self.discriminator(batch["pose"].mT) - 1).square().mean(),
-            "made": self.discriminator(made.mT).square().mean(),
+            "made": self.discriminator(poses.mT).square().mean(),
         }
         return slowly(terms, self.discriminator[0].weight)
 
-    def made(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        made = self(batch["audio"], batch["speaker"])
+    def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        poses = self(batch["audio"], batch["speaker"])
         terms = {
-            "near": (made - batch["pose"]).abs().mean(),
-            "generator_loss": 0.1 * (self.discriminator(made.mT) - 1).square().mean(),
+            "near": (poses - batch["pose"]).abs().mean(),
+            "generator_loss": 0.1 * (self.discriminator(poses.mT) - 1).square().mean(),
         }
         return slowly(terms, self.decode.weight)
 

@@ -30,29 +30,29 @@ from tests.support import tiny_models
 
 
 def do(job: dict) -> None:
-    marks, sent, said = [time.monotonic()], [], []
+    marks, interrupts, notices = [time.monotonic()], [], []
 
     def interrupt() -> None:
-        sent.append(time.monotonic())
+        interrupts.append(time.monotonic())
         os.kill(os.getpid(), signal.SIGINT)
 
-    def progress(done: float, total: float | None, word: str) -> None:
+    def progress(step: float, total: float | None, word: str) -> None:
         marks.append(time.monotonic())
-        if done == job.get("slow_after"):
+        if step == job.get("slow_after"):
             threading.Timer(job["share"] * (marks[-1] - marks[-2]), interrupt).start()
-        if done == job.get("die"):
+        if step == job.get("die"):
             os.kill(os.getpid(), signal.SIGKILL)
-        if done == job.get("interrupt"):
+        if step == job.get("interrupt"):
             os.kill(os.getpid(), signal.SIGINT)
 
     tiny_models.SLOW["matrices"] = job.get("slow", 0)
     resume = job.get("resume", False)
     try:
-        train(read_recipe(job["recipe"]), job["store"], job["out"], resume=resume, progress=progress, notice=said.append)
+        train(read_recipe(job["recipe"]), job["store"], job["out"], resume=resume, progress=progress, notice=notices.append)
     finally:
         if "told" in job:
             Path(job["told"]).write_text(
-                json.dumps([marks[-1] - marks[-2], time.monotonic() - sent[0], said]), encoding="utf-8"
+                json.dumps([marks[-1] - marks[-2], time.monotonic() - interrupts[0], notices]), encoding="utf-8"
             )
 
 

@@ -59,7 +59,7 @@ def given(net: Any, takes: int, frames: int, seed: int = 0) -> list[np.ndarray]:
 
 @torch.no_grad()
 def run_network(net: Any, rows: np.ndarray, style: np.ndarray, mode_noise: np.ndarray) -> np.ndarray:
-    """What PyTorch makes of it: (N, T, D)."""
-    heard = torch.from_numpy(rows)[None].expand(len(style), -1, -1)
-    made: Tensor = net.make(heard, torch.from_numpy(style), torch.from_numpy(mode_noise))
-    return made.numpy()
+    """The poses that PyTorch gives for these inputs: (N, T, D)."""
+    speech = torch.from_numpy(rows)[None].expand(len(style), -1, -1)
+    poses: Tensor = net.make(speech, torch.from_numpy(style), torch.from_numpy(mode_noise))
+    return poses.numpy()

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-__all__ = ["SAMPLED", "SampledBundle"]
+__all__ = ["SAMPLERS", "SampledBundle"]
 
-SAMPLED: dict[str, dict[str, Any]] = {
+SAMPLERS: dict[str, dict[str, Any]] = {
     "talkshow": {
         "frames": 24, "codes": 12, "code": 6, "hidden": 16, "heard": 16, "width": 8, "layers": 2, "latent": 8, "prior_from": 2,
     },
@@ -30,22 +30,22 @@ class SampledBundle(NamedTuple):
 
 
 @pytest.fixture(scope="session")
-def sampled_bundle(tmp_path_factory) -> Callable[[str], SampledBundle]:
-    """Makes each once: the export takes seconds."""
-    folder, made = tmp_path_factory.mktemp("sampled"), dict[str, SampledBundle]()
+def sampler_bundle(tmp_path_factory) -> Callable[[str], SampledBundle]:
+    """Make each bundle once: an export takes seconds."""
+    folder, bundles = tmp_path_factory.mktemp("sampled"), dict[str, SampledBundle]()
 
     def make(name: str) -> SampledBundle:
-        if name not in made:
+        if name not in bundles:
             from cospeech.training.export.bundles import bundle_run
             from cospeech.training.recipe import read_recipe
             from cospeech.training.train import train
 
             settings = {"steps": 6, "batch": 4, "lr": 1e-2, "threads": 1, "device": "cpu", "validate_every": 0, "save_every": 6}
-            sections = {"model": {"name": name, **SAMPLED[name]}, "data": {"audio": "mel20-prosody"}, "train": settings}
+            sections = {"model": {"name": name, **SAMPLERS[name]}, "data": {"audio": "mel20-prosody"}, "train": settings}
             train(read_recipe(sections), _store(folder), folder / name)
             bundle_run(folder / name, folder / f"{name}.cospeech", small=False)
-            made[name] = SampledBundle(folder / name, folder / f"{name}.cospeech")
-        return made[name]
+            bundles[name] = SampledBundle(folder / name, folder / f"{name}.cospeech")
+        return bundles[name]
 
     return make
 

@@ -62,7 +62,7 @@ def store(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def run(store, tmp_path_factory):
-    """A short one."""
+    """A short run."""
     recipe = {
         "model": {"name": "stylised-flow-extended", **MODEL},
         "data": {"audio": "mel20-prosody", "per_clip_normalisation": True},
@@ -94,16 +94,16 @@ def test_by_clip_every_clip_has_mean_0_and_deviation_1_or_less(store):
     feed = BatchLoader(Windows(store, 90), {"pose": pose}, None, moments)
     plain = BatchLoader(Windows(store, 90), {"pose": pose}, None)
     for step in range(3):
-        fed, raw = feed.at(4, 0, step), plain.at(4, 0, step)
-        number = fed["clip"][0]
-        back = fed["pose"][0] * moments.spread[number] + moments.centre[number]
+        batch, raw = feed.at(4, 0, step), plain.at(4, 0, step)
+        number = batch["clip"][0]
+        back = batch["pose"][0] * moments.spread[number] + moments.centre[number]
         np.testing.assert_allclose(back, raw["pose"][0], atol=1e-5)
     for number, clip in enumerate(store.clips):
         whole = moments(pose(store.clip(clip)["pose"])[None], np.array([number]))[0]
         assert np.abs(whole.mean(0)).max() < 1e-4
-        held = moments.spread[number] <= SPREAD_FLOOR
-        np.testing.assert_allclose(whole.std(0)[~held], 1, atol=1e-3)
-        assert (whole.std(0)[held] <= 1 + 1e-4).all()
+        is_still = moments.spread[number] <= SPREAD_FLOOR
+        np.testing.assert_allclose(whole.std(0)[~is_still], 1, atol=1e-3)
+        assert (whole.std(0)[is_still] <= 1 + 1e-4).all()
 
 
 def test_what_a_run_keeps_of_its_data(store):
@@ -143,10 +143,10 @@ def test_what_is_made_has_mean_and_deviation_of_the_style(bundle):
     for seed in range(6):
         motion = player.generate(speech, style="big", seed=seed, fps=FPS, parts=("body", "hands"))
         rows.append(pose.encode(motion)[24:])
-    made = (np.concatenate(rows) - s.pose_mean) / s.pose_std
+    poses = (np.concatenate(rows) - s.pose_mean) / s.pose_std
     arms = [k for k, name in enumerate(pose.names) if "Arm" in name]
-    off = np.abs(made.mean(0) - s.speaker_mean[0])[arms] / s.speaker_std[0][arms]
-    ratio = made.std(0)[arms] / s.speaker_std[0][arms]
+    off = np.abs(poses.mean(0) - s.speaker_mean[0])[arms] / s.speaker_std[0][arms]
+    ratio = poses.std(0)[arms] / s.speaker_std[0][arms]
     assert off.mean() < 0.4
     assert 0.7 < np.median(ratio) < 1.3
 
@@ -156,11 +156,11 @@ def test_no_intensity_is_the_mean_pose_of_the_style(bundle):
     speech = Speech.load(example()[0]).window(0, 2)
     still = player.generate(speech, style="small", intensity=0, fps=FPS, parts=("body",))
     statistics = player.system.statistics
-    wanted = find_pose("expmap-humanoid").decode(
+    expected = find_pose("expmap-humanoid").decode(
         (statistics.speaker_mean[1] * statistics.pose_std + statistics.pose_mean)[None], FPS
     )
     body = [k for k in range(len(still.skeleton)) if k not in (*still.skeleton.left_hand, *still.skeleton.right_hand)]
-    np.testing.assert_allclose(np.abs((still.rotations[:, body] * wanted.rotations[0, body]).sum(-1)), 1, atol=1e-5)
+    np.testing.assert_allclose(np.abs((still.rotations[:, body] * expected.rotations[0, body]).sum(-1)), 1, atol=1e-5)
 
 
 def test_a_run_folder_and_its_bundle_play_the_same(run, bundle):
@@ -176,12 +176,12 @@ def card(path):
         return archive.read("card.md").decode()
 
 
-def check_progress(told, *words):
-    """Every step of the work is told, and each that has an end reaches it."""
-    assert tuple(dict.fromkeys(word for *_, word in told)) == words
+def check_progress(reports, *words):
+    """Every step of the work is reported, and each that has an end reaches it."""
+    assert tuple(dict.fromkeys(word for *_, word in reports)) == words
     for word in words[1:]:
-        rows = [(done, total) for done, total, what in told if what == word]
-        assert rows == [(done, rows[0][1]) for done in range(1, len(rows) + 1)]
+        rows = [(step, total) for step, total, what in reports if what == word]
+        assert rows == [(step, rows[0][1]) for step in range(1, len(rows) + 1)]
         assert len(rows) == rows[0][1]
 
 
@@ -192,9 +192,9 @@ def test_a_run_without_a_validation_yet_can_be_bundled_and_says_so(run, tmp_path
     with pytest.warns(CospeechWarning, match="its last parameters are taken, of step"):
         bundle_run(early, tmp_path / "early.cospeech")
     assert "The last parameters, not the best" in card(tmp_path / "early.cospeech")
-    told = []
-    bundle_run(run, tmp_path / "last.cospeech", which="last", progress=lambda *row: told.append(row))
-    check_progress(told, "exporting the networks", "measuring how it moves by itself")
+    reports = []
+    bundle_run(run, tmp_path / "last.cospeech", which="last", progress=lambda *row: reports.append(row))
+    check_progress(reports, "exporting the networks", "measuring how it moves by itself")
     assert "not the best" not in card(tmp_path / "last.cospeech")
     with pytest.warns(CospeechWarning, match="its last parameters are taken, of step"):
         cospeech.load(str(early))
@@ -206,24 +206,24 @@ MUNIT = {"name": "munit", "channels": 4, "style": 2, "mlp": 8, "blocks": 1}
 
 
 @pytest.fixture(scope="module")
-def windowed(store, tmp_path_factory):
+def window_run(store, tmp_path_factory):
     """Makes runs of a few steps of networks by windows, each once."""
-    folder, made = tmp_path_factory.mktemp("windowed"), set()
+    folder, paths = tmp_path_factory.mktemp("windowed"), set()
 
     def run_of(model, **data):
-        if (path := folder / "-".join([model["name"], *data])) not in made:
+        if (path := folder / "-".join([model["name"], *data])) not in paths:
             settings = {"steps": 4, "batch": 4, "threads": 1, "device": "cpu", "validate_every": 4, "save_every": 4}
             recipe = {"model": model, "data": {"audio": "mel20-prosody", **data}, "train": settings}
             train(read_recipe(recipe), store, path)
-            made.add(path)
+            paths.add(path)
         return path
 
     return run_of
 
 
 @pytest.mark.parametrize("model", [MIX, S2G, MUNIT], ids=lambda model: model["name"])
-def test_a_network_by_windows_plays_without_torch_what_it_makes_with_it(windowed, model, tmp_path):
-    folder, path = windowed(model), tmp_path / "it.cospeech"
+def test_a_network_by_windows_plays_without_torch_what_it_makes_with_it(window_run, model, tmp_path):
+    folder, path = window_run(model), tmp_path / "it.cospeech"
     bundle_run(folder, path, small=False, style="small")
     system, (net, _) = open_bundle(path), load_run(folder)
     assert (system.styles, system.style, system.fps, system.pose) == (("big", "small"), "small", FPS, "expmap-humanoid")
@@ -233,48 +233,48 @@ def test_a_network_by_windows_plays_without_torch_what_it_makes_with_it(windowed
     if model is MIX:
         np.testing.assert_array_equal(codes, np.eye(2))
     for code, speech in zip(codes, examples["speech"][:, 0, :96], strict=True):
-        wanted = net.generate(speech[None], code[None, None])[0].numpy()
+        expected = net.generate(speech[None], code[None, None])[0].numpy()
         style = {"style": np.broadcast_to(code.numpy(), (1, 96, net.styles))} if net.styles else {}
         rows = system.main_network.run(rows=speech.numpy()[None], **style)["poses"][0]
-        wanted = wanted.clip(*system.statistics.bounds)
-        np.testing.assert_allclose(rows, wanted, atol=1e-4)
+        expected = expected.clip(*system.statistics.bounds)
+        np.testing.assert_allclose(rows, expected, atol=1e-4)
     for which, value in vars(system.statistics).items():
         if which in examples:
             np.testing.assert_array_equal(value, examples[which])
 
 
-def test_half_precision_is_smaller_and_says_what_it_costs(windowed, tmp_path):
-    sizes, told = [], []
-    for small, progress in ((True, lambda *row: told.append(row)), (False, None)):
+def test_half_precision_is_smaller_and_says_what_it_costs(window_run, tmp_path):
+    sizes, reports = [], []
+    for small, progress in ((True, lambda *row: reports.append(row)), (False, None)):
         path = tmp_path / f"{small}.cospeech"
-        bundle_run(windowed(MIX), path, small=small, progress=progress)
+        bundle_run(window_run(MIX), path, small=small, progress=progress)
         sizes.append(path.stat().st_size)
-    check_progress(told, "exporting the networks", "measuring how it moves", "rounding the weights")
+    check_progress(reports, "exporting the networks", "measuring how it moves", "rounding the weights")
     assert sizes[0] < 0.8 * sizes[1]
-    said = read_bundle(tmp_path / "True.cospeech").manifest["rounding"]
-    assert 0 < said < 0.01
+    rounding = read_bundle(tmp_path / "True.cospeech").manifest["rounding"]
+    assert 0 < rounding < 0.01
     systems = [open_bundle(tmp_path / f"{small}.cospeech") for small in (True, False)]
-    examples, _ = read_tensors(windowed(MIX) / EXAMPLES)
+    examples, _ = read_tensors(window_run(MIX) / EXAMPLES)
     rows = examples["speech"][0].flatten(0, 1).numpy()
     style = np.eye(2, dtype=np.float32)[None, [0] * len(rows)]
     small, exact = (system.main_network.run(rows=rows[None], style=style)["poses"] for system in systems)
-    assert np.linalg.norm(small - exact) / np.linalg.norm(exact) == pytest.approx(said, rel=0.5)
+    assert np.linalg.norm(small - exact) / np.linalg.norm(exact) == pytest.approx(rounding, rel=0.5)
     assert "rounding" not in read_bundle(tmp_path / "False.cospeech").manifest
     assert "half precision" in systems[0].card
 
 
-def test_a_run_by_windows_is_on_stage(windowed):
+def test_a_run_by_windows_is_on_stage(window_run):
     speech = Speech.load(example()[0]).window(0, 3)
-    player = cospeech.load(str(windowed(MIX)))
+    player = cospeech.load(str(window_run(MIX)))
     first, again, other = (player.generate(speech, style=name, seed=1, fps=FPS) for name in ("big", "big", "small"))
     assert first.rotations.tobytes() == again.rotations.tobytes()
     assert len(first) == 36
     assert np.abs(first.rotations - other.rotations).max() > 0
 
 
-def test_poses_by_clip_are_not_for_networks_by_windows(windowed, tmp_path):
+def test_poses_by_clip_are_not_for_networks_by_windows(window_run, tmp_path):
     with pytest.raises(InputError, match="per_clip_normalisation"):
-        bundle_run(windowed(S2G, per_clip_normalisation=True), tmp_path / "it.cospeech")
+        bundle_run(window_run(S2G, per_clip_normalisation=True), tmp_path / "it.cospeech")
 
 
 def test_runs_that_play_nothing_and_names_that_are_none(run, tmp_path):
@@ -285,8 +285,8 @@ def test_runs_that_play_nothing_and_names_that_are_none(run, tmp_path):
     with pytest.raises(InputError, match="no weights of 'moglow' ship"):
         cospeech.load("moglow")
     early = shutil.copytree(run, tmp_path / "early")  # before the speech was kept
-    kept, _ = read_tensors(run / EXAMPLES)
-    write_tensors(early / EXAMPLES, {name: tensor for name, tensor in kept.items() if name != "speech"}, {})
+    tensors, _ = read_tensors(run / EXAMPLES)
+    write_tensors(early / EXAMPLES, {name: tensor for name, tensor in tensors.items() if name != "speech"}, {})
     with pytest.raises(InputError, match="of another version"):
         bundle_run(early, tmp_path / "it.cospeech")
     assert not list(tmp_path.glob("*.cospeech"))
@@ -311,13 +311,15 @@ def test_what_ships_is_small_says_what_it_is_and_moves(path):
         assert word in card, word
     player = cospeech.load(path.stem)
     speech = Speech.load(example()[0])
-    made = {style: player.generate(speech, style=style, seed=0, parts=("body", "hands")) for style in player.system.styles[:3]}
-    for motion in made.values():
+    motions = {
+        style: player.generate(speech, style=style, seed=0, parts=("body", "hands")) for style in player.system.styles[:3]
+    }
+    for motion in motions.values():
         track = Track.of(motion)
         speed = np.linalg.norm(np.diff(track.wrists, axis=0), axis=-1) * track.fps
         assert 0.05 < speed.mean() < 1.0  # metres per second: people who talk
         assert speed.max() < 6
-    first, second, _ = made.values()
+    first, second, _ = motions.values()
     assert np.abs(first.rotations - second.rotations).max() > 0.1
 
 
@@ -332,11 +334,11 @@ def test_the_face_that_ships_names_whom_it_learnt_from_and_talks():
     assert "| channels whose deviation is .6 to 1.3 of the tracked | 11 of 11 | 13 of 15 |" in card
     assert "| of those about the mean of each clip | 11 of 11 | 15 of 15 |" in card
     player, speech = cospeech.load("speech-to-face"), Speech.load(example()[0])
-    made = player.generate(speech, fps=60)
-    jaw = made.face[:, ARKIT_INDEX["jawOpen"]]
+    motion = player.generate(speech, fps=60)
+    jaw = motion.face[:, ARKIT_INDEX["jawOpen"]]
     assert 0.03 < jaw.std() < 0.3
     assert jaw.max() < 0.9
     silence = player.generate(Speech(np.zeros(16_000, np.float32)), fps=60)
     assert not silence.face[:, ARKIT_INDEX["jawOpen"]].any()
-    still = [k for k, name in enumerate(made.skeleton.names) if name not in ("neck", "head", "leftEye", "rightEye")]
-    assert np.ptp(made.rotations[:, still], 0).max() == 0
+    still = [k for k, name in enumerate(motion.skeleton.names) if name not in ("neck", "head", "leftEye", "rightEye")]
+    assert np.ptp(motion.rotations[:, still], 0).max() == 0

@@ -78,29 +78,29 @@ def trained(store, folder, name, data=None, config=None, **needs):
 
 @pytest.fixture(scope="module")
 def run_of(store, tmp_path_factory):
-    """Makes a run of each model, once."""
-    folder, made = tmp_path_factory.mktemp("runs"), {}
+    """Make a run of each model, once."""
+    folder, runs = tmp_path_factory.mktemp("runs"), {}
 
     def run(name):
-        if name not in made:
+        if name not in runs:
             needs = {"teacher": str(run("chain-of-generation-extended"))} if name.endswith("live") else {}
-            made[name] = trained(store, folder / name, name, **needs)
-        return made[name]
+            runs[name] = trained(store, folder / name, name, **needs)
+        return runs[name]
 
     return run
 
 
 @pytest.fixture(scope="module")
 def player_of(run_of):
-    """Makes a bundle of each run, once, and opens it."""
-    made = {}
+    """Make a bundle of each run, once, and open it."""
+    players = {}
 
     def player(name):
-        if name not in made:
+        if name not in players:
             path = run_of(name).parent / f"{name}.cospeech"
             bundle_run(run_of(name), path)
-            made[name] = TrainedModel.open(path)
-        return made[name]
+            players[name] = TrainedModel.open(path)
+        return players[name]
 
     return player
 
@@ -126,7 +126,7 @@ def test_a_run_becomes_a_bundle_that_plays_as_speech_comes_what_it_plays_at_once
 
 @pytest.mark.parametrize("name", [name for name in MODELS if name not in ("gesticulator", "audio2gestures")])
 def test_a_bundle_makes_what_its_network_makes(run_of, name, tmp_path):
-    """Exactly, where weights are kept exactly; in half precision nearly, which the manifest tells."""
+    """They are equal where weights are exact; in half precision they differ by the rounding that the manifest gives."""
     bundle_run(run_of(name), tmp_path / "it.cospeech", small=False, style="small")
     player, net = TrainedModel.open(tmp_path / "it.cospeech"), load_run(run_of(name))[0]
     system, whole = player.system, getattr(net, "teacher", net)
@@ -139,11 +139,11 @@ def test_a_bundle_makes_what_its_network_makes(run_of, name, tmp_path):
     style, noise = (
         rng.uniform(size=(2, 40, width)).astype(np.float32) for width in map(who.signature.width, ("style", "noise"))
     )
-    heard, *others = (torch.from_numpy(np.broadcast_to(x, (2, *x.shape[-2:])).copy()) for x in (rows, style, noise))
+    speech, *others = (torch.from_numpy(np.broadcast_to(x, (2, *x.shape[-2:])).copy()) for x in (rows, style, noise))
     with torch.no_grad():
-        wanted = whole.make(heard, *others).numpy().clip(*system.statistics.bounds)
+        expected = whole.make(speech, *others).numpy().clip(*system.statistics.bounds)
     ports = {"style": style} | ({"noise": noise} if noise.size else {})
-    np.testing.assert_allclose(who.run(rows=rows[None], **ports)["poses"], wanted, atol=1e-4)
+    np.testing.assert_allclose(who.run(rows=rows[None], **ports)["poses"], expected, atol=1e-4)
     assert not system.statistics.words[0].any()
     np.testing.assert_allclose(system.word_rows(["yes", None])[1], 0)
 
@@ -157,13 +157,13 @@ def test_a_bundle_of_gesticulator_makes_what_its_network_makes(run_of, player_of
     rows[:, net.audio :] = rows[torch.arange(20) // 4 * 4, net.audio :]  # a word for four frames
     before = torch.zeros(net.length - 1, net.rows)
     with torch.no_grad():
-        wanted = net(torch.cat([before, rows])[None], torch.zeros(1, net.config.poses * net.pose))[0].numpy()
-    state, made = who.begin(1), []
+        expected = net(torch.cat([before, rows])[None], torch.zeros(1, net.config.poses * net.pose))[0].numpy()
+    state, poses = who.begin(1), []
     for row in rows.numpy():
-        found = who.run(rows=row[None], **state)
-        state = {name: found[f"next.{name}"] for name in state}
-        made.append(found["poses"][0])
-    np.testing.assert_allclose(made, wanted, atol=2e-3)  # weights are of 16 bits
+        output = who.run(rows=row[None], **state)
+        state = {name: output[f"next.{name}"] for name in state}
+        poses.append(output["poses"][0])
+    np.testing.assert_allclose(poses, expected, atol=2e-3)  # weights are of 16 bits
 
 
 def test_by_how_much_noise_is_multiplied_is_measured(player_of):

@@ -40,8 +40,8 @@ def live(**changes: Any) -> ChainLive:
     return ChainLive(config, teacher=teacher, pose=POSE, audio=AUDIO, speakers=SPEAKERS, hands=HANDS, text=0)
 
 
-def asked(**changes: Any) -> ChainOfGenerationExtended:
-    """That was trained to be given faces and seed poses, and to do without."""
+def chain_with_inputs(**changes: Any) -> ChainOfGenerationExtended:
+    """A network that was trained with and without faces and seed poses."""
     return chain(face_teacher_forcing=0.3, seed_dropout=0.7, **changes)
 
 
@@ -53,7 +53,7 @@ def many(kind: type, config: type, **changes: Any) -> Any:
 CASES = {
     "chain": lambda: chain(),
     "chain of vectors, without seeds": lambda: chain(text=300, seeds=0, noise=2),
-    "chain that is given": lambda: asked(layers=1, latent=8),
+    "chain that is given": lambda: chain_with_inputs(layers=1, latent=8),
     "live with noise": lambda: live(noise=4),
     "live of one that is given, far ahead": lambda: live(
         noise=1, look_ahead=9, pooling_window=3, face_teacher_forcing=0.3, seed_dropout=0.7
@@ -109,16 +109,16 @@ def material(who: Network, takes: int, frames: int) -> list[np.ndarray]:
 
 
 def ports(rows, style, noise) -> dict[str, np.ndarray]:
-    """As a network takes them: of no width, they are left out."""
+    """The inputs by name; those of no width are left out."""
     return {"rows": rows[None], "style": style} | ({"noise": noise} if noise.shape[-1] else {})
 
 
 @torch.no_grad()
-def run_exported(net: Any, rows: np.ndarray, style: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """(N, T, D) of PyTorch."""
-    heard = torch.from_numpy(rows).expand(len(style), -1, -1)
-    made: np.ndarray = net.make(heard, torch.from_numpy(style), torch.from_numpy(noise)).numpy()
-    return made
+def run_torch(net: Any, rows: np.ndarray, style: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """(N, T, D) poses that PyTorch gives."""
+    speech = torch.from_numpy(rows).expand(len(style), -1, -1)
+    poses: np.ndarray = net.make(speech, torch.from_numpy(style), torch.from_numpy(noise)).numpy()
+    return poses
 
 
 @pytest.mark.parametrize("frames", [1, 2, 34, 75])
@@ -126,12 +126,12 @@ def run_exported(net: Any, rows: np.ndarray, style: np.ndarray, noise: np.ndarra
 def test_windows(name, frames):
     net, who = network(name), networks(name)["make"]
     given = material(who, 3, frames)
-    wanted = run_exported(getattr(net, "teacher", net), *given)
-    made = who.run(**ports(*given))["poses"]
-    assert wanted.std() > 0.01
-    np.testing.assert_allclose(made, wanted, atol=TOLERANCE)
+    expected = run_torch(getattr(net, "teacher", net), *given)
+    poses = who.run(**ports(*given))["poses"]
+    assert expected.std() > 0.01
+    np.testing.assert_allclose(poses, expected, atol=TOLERANCE)
     alone = [who.run(**ports(given[0], given[1][k : k + 1], given[2][k : k + 1]))["poses"] for k in range(3)]
-    assert np.concatenate(alone).tobytes() == made.tobytes()
+    assert np.concatenate(alone).tobytes() == poses.tobytes()
 
 
 @torch.no_grad()
@@ -144,22 +144,22 @@ def test_faces_and_seed_poses(name):
     rng = np.random.default_rng(1)
     face, poses = rng.uniform(0, 9, (frames, 52)), rng.normal(size=(frames, POSE))
     face, poses = face.astype(np.float32), poses.astype(np.float32)
-    known = (np.arange(frames) < 25)[:, None]
-    begun = (np.arange(frames) < 4)[:, None]
-    given = {"face": np.concatenate([face * known, known], 1), "seed": np.concatenate([poses * begun, begun], 1)}
-    heard, how, drawn = (torch.from_numpy(np.broadcast_to(x, (2, *x.shape[-2:])).copy()) for x in (rows, style, noise))
+    has_face = (np.arange(frames) < 25)[:, None]
+    has_seed = (np.arange(frames) < 4)[:, None]
+    given = {"face": np.concatenate([face * has_face, has_face], 1), "seed": np.concatenate([poses * has_seed, has_seed], 1)}
+    speech, how, modes = (torch.from_numpy(np.broadcast_to(x, (2, *x.shape[-2:])).copy()) for x in (rows, style, noise))
     seeds = net.mask_seeds(torch.from_numpy(poses).mT[None].expand(2, -1, -1), torch.ones(1, 1, 1, dtype=torch.bool))
-    seen = torch.from_numpy(np.where(known, face, np.nan).astype(np.float32)).mT[None].expand(2, -1, -1)
+    face_or_nan = torch.from_numpy(np.where(has_face, face, np.nan).astype(np.float32)).mT[None].expand(2, -1, -1)
     plain = who.run(**ports(rows, style, noise))["poses"]
     for names in (("face",), ("seed",), ("face", "seed")):
         own = seeds if "seed" in names else torch.zeros_like(seeds)
-        wanted = net.poses(heard.mT, how.mT, drawn.mT, own, seen if "face" in names else None).pose.mT.numpy()
+        expected = net.poses(speech.mT, how.mT, modes.mT, own, face_or_nan if "face" in names else None).pose.mT.numpy()
         more = {key: given[key][None] for key in names}
-        made = who.run(**ports(rows, style, noise), **more)["poses"]
-        np.testing.assert_allclose(made, wanted, atol=TOLERANCE)
-        assert np.abs(made - plain).max() > 1e-3
+        result = who.run(**ports(rows, style, noise), **more)["poses"]
+        np.testing.assert_allclose(result, expected, atol=TOLERANCE)
+        assert np.abs(result - plain).max() > 1e-3
         alone = who.run(**ports(rows, style[1:], noise[1:]), **more)["poses"]
-        assert alone[0].tobytes() == made[1].tobytes()
+        assert alone[0].tobytes() == result[1].tobytes()
     for more in ({"face": face}, {"mood": face}, {"seed": given["seed"][1:]}):
         with pytest.raises(InputError):
             who.run(**ports(rows, style, noise), **{key: x[None] for key, x in more.items()})
@@ -180,19 +180,19 @@ def test_frame_by_frame(name):
     net, who = network(name), networks(name)["live"]
     frames, delay = 60, who.signature.look_ahead
     rows, style, noise = material(who, 3, frames)
-    wanted, made, state = run_exported(net, rows, style, noise), [], who.begin(3)
+    expected, poses, state = run_torch(net, rows, style, noise), [], who.begin(3)
     alone, own = [], who.begin(1)
     for k in range(frames + delay):
         k = min(k, frames - 1)
-        found = who.run(**ports(rows[k], style[:, k], noise[:, k]), **state)
-        state = {key: found[f"next.{key}"] for key in state}
-        made.append(found["poses"])
-        found = who.run(**ports(rows[k], style[1:2, k], noise[1:2, k]), **own)
-        own = {key: found[f"next.{key}"] for key in own}
-        alone.append(found["poses"][0])
-    assert wanted.std() > 0.01
-    np.testing.assert_allclose(np.stack(made[delay:], 1), wanted, atol=TOLERANCE)
-    assert np.stack(alone).tobytes() == np.stack(made)[:, 1].tobytes()
+        output = who.run(**ports(rows[k], style[:, k], noise[:, k]), **state)
+        state = {key: output[f"next.{key}"] for key in state}
+        poses.append(output["poses"])
+        output = who.run(**ports(rows[k], style[1:2, k], noise[1:2, k]), **own)
+        own = {key: output[f"next.{key}"] for key in own}
+        alone.append(output["poses"][0])
+    assert expected.std() > 0.01
+    np.testing.assert_allclose(np.stack(poses[delay:], 1), expected, atol=TOLERANCE)
+    assert np.stack(alone).tobytes() == np.stack(poses)[:, 1].tobytes()
 
 
 @pytest.mark.parametrize("name", [*select("chain"), *select("live")])
@@ -201,8 +201,8 @@ def test_who_speaks_and_how(name):
     whole, reach = getattr(net, "teacher", net), who.signature.reach
     rows = np.random.default_rng(0).normal(size=(1, 30, AUDIO)).astype(np.float32)
     with torch.no_grad():
-        wanted = whole.classify(torch.from_numpy(rows))[0].numpy()
-    np.testing.assert_allclose(who.run(rows=rows)["logits"][0, reach:-reach], wanted[reach:-reach], atol=TOLERANCE)
+        expected = whole.classify(torch.from_numpy(rows))[0].numpy()
+    np.testing.assert_allclose(who.run(rows=rows)["logits"][0, reach:-reach], expected[reach:-reach], atol=TOLERANCE)
 
 
 @pytest.mark.slow

@@ -72,7 +72,7 @@ def together(place, store):
 
 
 @pytest.fixture(autouse=True)
-def _registered(monkeypatch):
+def _register_models(monkeypatch):
     for name, entry in tiny_models.MODELS.items():
         monkeypatch.setitem(ENTRIES.ours, name, entry)
 
@@ -86,14 +86,14 @@ def test_two_processes_train_as_one(together, store, tmp_path, name):
     train(read_recipe(recipe(name)), store, tmp_path / "alone")
     one, _ = read_tensors(tmp_path / "alone" / "last.safetensors")
     two, _ = read_tensors(together / name / "last.safetensors")
-    begun = train(read_recipe(recipe(name, steps=1, lr=0.0)), store, tmp_path / "begun").folder
-    new = load_run(begun, "last")[0].state_dict()
+    start = train(read_recipe(recipe(name, steps=1, lr=0.0)), store, tmp_path / "begun").folder
+    new = load_run(start, "last")[0].state_dict()
     assert set(one) == set(two)
     weights = [key for key in one if key.startswith(("model.", "ema."))]
     differences = {key: (one[key].double() - two[key].double()).abs().max().item() for key in weights}
     assert max(differences.values()) <= 1e-5, max(differences, key=differences.get)
-    moved = max((one[f"model.{key}"].double() - value.double()).abs().max().item() for key, value in new.items())
-    assert moved > 1e-3  # else there was nothing to agree upon
+    distance = max((one[f"model.{key}"].double() - value.double()).abs().max().item() for key, value in new.items())
+    assert distance > 1e-3  # else there was nothing to agree upon
     for first, second in zip(log(tmp_path / "alone"), log(together / name), strict=True):
         assert first["step"] == second["step"]
         for kind in ("loss", "gradient", "rate", "validation"):
@@ -168,14 +168,14 @@ def test_moments_are_those_of_the_whole_batch():
 def test_gradients_are_sent_in_buckets_and_put_back(monkeypatch):
     from cospeech.training import processes
 
-    sent = []
+    sizes = []
     monkeypatch.setattr(processes, "BUCKET", 10)
-    monkeypatch.setattr(processes.dist, "all_reduce", lambda flat: sent.append(flat.numel()) or flat.mul_(4))
+    monkeypatch.setattr(processes.dist, "all_reduce", lambda flat: sizes.append(flat.numel()) or flat.mul_(4))
     tensors = [torch.full((n,), float(n)) for n in (4, 5, 3, 20, 1)] + [torch.ones(2, 2, dtype=torch.float64)]
     expected = [tensor * 2 for tensor in tensors]
     team = Team(0, 2, torch.device("cpu"))
     average(tensors, team)
-    assert sent == [9, 3, 20, 1, 4]
+    assert sizes == [9, 3, 20, 1, 4]
     assert all(torch.equal(a, b) for a, b in zip(tensors, expected, strict=True))
     assert mean_values([torch.tensor(1.5), 2], team) == [3.0, 4.0]
 
@@ -198,7 +198,7 @@ def test_torchrun_trains(store, tmp_path):
         "train",
     ]
     command += [str(tmp_path / "x.toml"), "--store", str(store), "--out", str(tmp_path / "run")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=200, env=os.environ | {"OMP_NUM_THREADS": "1"})
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.count("4 steps") == 1  # one of them speaks
+    result = subprocess.run(command, capture_output=True, text=True, timeout=200, env=os.environ | {"OMP_NUM_THREADS": "1"})
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.count("4 steps") == 1  # one of them speaks
     assert read_tensors(tmp_path / "run" / "last.safetensors")[1]["step"] == 4

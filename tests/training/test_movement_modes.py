@@ -62,8 +62,8 @@ def test_groups_that_lie_apart_are_found_again_and_again():
     true = draw.integers(3, size=300)
     points = 10 * np.eye(4)[true] + draw.normal(0, 0.1, (300, 4))
     centres = find_centres(points, 3)
-    found = nearest_centre(points, centres)
-    assert len({*zip(true.tolist(), found.tolist(), strict=True)}) == 3
+    modes = nearest_centre(points, centres)
+    assert len({*zip(true.tolist(), modes.tolist(), strict=True)}) == 3
     assert np.array_equal(centres, find_centres(points, 3))
     with pytest.raises(InputError, match="2 frames for 3 modes"):
         find_centres(points[:2], 3)
@@ -81,8 +81,8 @@ def test_a_store_has_the_modes_of_its_frames(tmp_path):
         own = nearest_centre(mode_features(to_points(more.clip(clip)["pose"].astype(float))), centres)
         assert np.array_equal(more.clip(clip)["cluster"], own)
         assert len({*own.tolist()}) == 1, k
-    first, second, held = (int(more.clip(clip)["cluster"][0]) for clip in more.clips)
-    assert first != second == held
+    first, second, third = (int(more.clip(clip)["cluster"][0]) for clip in more.clips)
+    assert first != second == third
     # the held-out clip moves no centre
     other, _ = with_modes(store(tmp_path / "other", clips | {"held a": vectors(20, 2, -900.0)}), 2)
     assert np.array_equal(other.clip(0)["cluster"], more.clip(0)["cluster"])

@@ -1,4 +1,4 @@
-"""What plays without PyTorch makes what the networks make: their graphs against themselves."""
+"""The graphs of networks, played without PyTorch, give what the networks give in PyTorch."""
 
 from __future__ import annotations
 
@@ -38,15 +38,15 @@ def engine_of(low: Exported, name: str = "make") -> Network:
     return Network(low.signatures[name], low.graphs[name], low.weights)
 
 
-def played(who: Network, rows, style, noise) -> np.ndarray:
-    """(N, T, D) of so many takes."""
+def play(who: Network, rows, style, noise) -> np.ndarray:
+    """(N, T, D) poses of N takes."""
     ports = {"rows": rows[None], "style": style, "noise": noise}
-    made = who.run(**{name: x for name, x in ports.items() if name in who.signature.inputs})["poses"]
-    return np.broadcast_to(made, (len(style), *made.shape[1:]))
+    poses = who.run(**{name: x for name, x in ports.items() if name in who.signature.inputs})["poses"]
+    return np.broadcast_to(poses, (len(style), *poses.shape[1:]))
 
 
-def off(made: np.ndarray, wanted: np.ndarray) -> float:
-    return float(np.abs(made - wanted).max())
+def off(poses: np.ndarray, expected: np.ndarray) -> float:
+    return float(np.abs(poses - expected).max())
 
 
 WIDTHS = [pytest.param("speech2gesture", audio, marks=pytest.mark.slow) for audio in (27, 130)]
@@ -59,9 +59,9 @@ def test_a_graph_makes_what_its_network_makes(name, audio):
     engine = engine_of(low)
     for takes, frames in ((1, 64), (3, 96), (2, 32)):
         inputs = given(net, takes, frames, seed=frames)
-        wanted = run_network(net, *inputs)
-        assert wanted.std() > 0.05
-        assert off(played(engine, *inputs), wanted) <= 1e-5 * max(1, np.abs(wanted).max())
+        expected = run_network(net, *inputs)
+        assert expected.std() > 0.05
+        assert off(play(engine, *inputs), expected) <= 1e-5 * max(1, np.abs(expected).max())
 
 
 class Cell(torch.nn.Module):
@@ -72,8 +72,8 @@ class Cell(torch.nn.Module):
         self.cell = torch.nn.GRUCell(7, 5)
 
     def forward(self, rows, style, memory):
-        heard = torch.cat([rows.expand(style.shape[0], -1), style], -1)
-        memory = self.cell(heard, memory)
+        inputs = torch.cat([rows.expand(style.shape[0], -1), style], -1)
+        memory = self.cell(inputs, memory)
         return memory, memory
 
 
@@ -86,9 +86,9 @@ def test_a_frame_of_speech_and_a_style_lie_side_by_side():
     memory = torch.zeros(2, 5)
     for row in rows:
         memory = net(row, style, memory)[0].detach()
-        found = engine.run(rows=row.numpy(), style=style.numpy(), **state)
-        state = {name: found[f"next.{name}"] for name in state}
-        assert off(found["poses"], memory.numpy()) < 1e-5
+        output = engine.run(rows=row.numpy(), style=style.numpy(), **state)
+        state = {name: output[f"next.{name}"] for name in state}
+        assert off(output["poses"], memory.numpy()) < 1e-5
 
 
 @pytest.mark.filterwarnings("ignore:LSTM with projections is not supported with oneDNN")
@@ -105,10 +105,10 @@ def test_shapes_of_recurrent_layers_are_told_as_pytorch_makes_them(batch_first, 
          torch_shortcuts._shape_lstm),
         (torch.nn.GRU(4, 5, **options), torch.zeros(two, takes, 5), torch_shortcuts._shape_gru),
     ):  # fmt: skip
-        made, after = net(rows, state)
-        wanted = [made, *(after if isinstance(after, tuple) else [after])]
-        told = shape(rows, state, [], True, 2, 0.0, False, both, batch_first)
-        assert [(x.shape, x.dtype) for x in told] == [(x.shape, x.dtype) for x in wanted]
+        output, after = net(rows, state)
+        expected = [output, *(after if isinstance(after, tuple) else [after])]
+        shapes = shape(rows, state, [], True, 2, 0.0, False, both, batch_first)
+        assert [(x.shape, x.dtype) for x in shapes] == [(x.shape, x.dtype) for x in expected]
 
 
 def test_a_version_of_pytorch_without_what_is_shortened_takes_its_time(monkeypatch):
@@ -126,9 +126,9 @@ def test_takes_do_not_depend_on_each_other(name):
     net, low = export(name)
     engine = engine_of(low)
     rows, style, mode_noise = given(net, 4, 64)
-    together = played(engine, rows, style, mode_noise)
+    together = play(engine, rows, style, mode_noise)
     for n in range(4):
-        assert off(played(engine, rows, style[n : n + 1], mode_noise[n : n + 1])[0], together[n]) < 1e-5
+        assert off(play(engine, rows, style[n : n + 1], mode_noise[n : n + 1])[0], together[n]) < 1e-5
     assert (off(together[0], together[1]) > 0.01) == bool(net.styles or net.modes)
 
 
@@ -139,9 +139,9 @@ def test_styles_are_recognised_as_by_the_network(name):
     rng = np.random.default_rng(0)
     for frames in (64, 77, 130):
         poses = rng.normal(size=(frames, net.pose)).astype(np.float32)
-        wanted = net.style_of(torch.from_numpy(poses)[None])[0].numpy()
-        assert off(engine.run(poses=poses[None])["style"][0], wanted) <= 1e-5
-        assert wanted.std() > 1e-3
+        expected = net.style_of(torch.from_numpy(poses)[None])[0].numpy()
+        assert off(engine.run(poses=poses[None])["style"][0], expected) <= 1e-5
+        assert expected.std() > 1e-3
 
 
 @pytest.mark.parametrize("name", ["cmix-gan", "speech2gesture"])
@@ -195,13 +195,13 @@ def test_speech_matters_as_far_as_the_network_reaches_and_no_further(name, audio
     frames = 2 * (-(-reach // step) + 1) * step
     rows, style, mode_noise = (torch.from_numpy(x).double() for x in given(net, 1, frames))
     rows = rows[None].requires_grad_()
-    heard = []
+    offsets = []
     for frame in range(frames // 2, frames // 2 + step):
-        made = net.make(rows, style, mode_noise)[0, frame]
-        (gradient,) = torch.autograd.grad(made.square().sum(), rows)
+        pose = net.make(rows, style, mode_noise)[0, frame]
+        (gradient,) = torch.autograd.grad(pose.square().sum(), rows)
         at = gradient[0].abs().sum(-1).nonzero().ravel() - frame
-        heard += [-int(at.min()), int(at.max())]
-    assert max(heard) == reach
+        offsets += [-int(at.min()), int(at.max())]
+    assert max(offsets) == reach
 
 
 def test_a_network_that_normalises_over_time_hears_all_of_a_window():
@@ -210,12 +210,12 @@ def test_a_network_that_normalises_over_time_hears_all_of_a_window():
 
 def test_every_operator_that_may_be_in_a_file_is_in_one_of_ours():
     """The list of what runs is as short as it can be."""
-    flow, used = small_sizes("expmap-humanoid", "mel20-prosody"), set()
+    flow, operators = small_sizes("expmap-humanoid", "mel20-prosody"), set()
     graphs = [graph for name in KINDS for graph in export(name)[1].graphs.values()]
     for sizes in (flow, replace(flow, int8=False), replace(flow, oldest=True)):
         graphs += build_graphs(pack_weights(random_arrays(sizes), sizes), sizes).values()
     for name in QUICK:
         graphs += export_network(name).graphs.values()
     for graph in graphs:
-        used |= {node.op_type for node in onnx.load_from_string(graph).graph.node}
-    assert used | {"ConvTranspose", "MatMul"} == OPERATORS  # these two: tests/training/test_sampled_bundles.py
+        operators |= {node.op_type for node in onnx.load_from_string(graph).graph.node}
+    assert operators | {"ConvTranspose", "MatMul"} == OPERATORS  # these two: tests/training/test_sampled_bundles.py

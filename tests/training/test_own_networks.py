@@ -23,7 +23,7 @@ from cospeech.training.recipe import Optimiser, check_types  # noqa: E402
 
 
 class Bare(Trainable):
-    """It says nothing of itself."""
+    """A network that defines nothing."""
 
 
 def test_what_a_network_must_say():
@@ -41,13 +41,13 @@ def test_what_a_network_must_say():
 
 
 @pytest.mark.parametrize(
-    ("found", "said"),
+    ("found", "message"),
     [([], "gives list"), ({}, "gives {}"), ({"pose": (1, 2)}, r"gives {'pose': \(1, 2\)}"), (None, "NoneType")],
 )
-def test_objectives_are_named(found, said):
+def test_objectives_are_named(found, message):
     net = Bare()
     net.objectives = lambda: found
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         list_objectives(net)
 
 
@@ -60,7 +60,7 @@ def test_a_loss_that_depends_on_nothing_is_told():
 
 
 @pytest.mark.parametrize(
-    ("graphs", "said"),
+    ("graphs", "message"),
     [
         (None, "something else than ExportGraph by name"),
         (nn.Linear(1, 1), "something else than ExportGraph by name"),
@@ -68,17 +68,17 @@ def test_a_loss_that_depends_on_nothing_is_told():
         ({"mkae": ExportGraph(nn.Linear(1, 1), {}, {})}, "gives 'mkae' .*did you mean 'make'"),
     ],
 )
-def test_what_is_exported_has_known_names(graphs, said):
-    with pytest.raises(InputError, match=said):
+def test_what_is_exported_has_known_names(graphs, message):
+    with pytest.raises(InputError, match=message):
         export_graphs(graphs)
 
 
 @pytest.mark.parametrize(
-    ("kind", "said"),
+    ("kind", "message"),
     [(tuple, "C.x is of the type tuple"), (list[int], r"list\[int\]"), (Literal["a"], "Literal"), (dict[str, int], "dict")],
 )
-def test_a_recipe_cannot_hold_every_type(kind, said):
-    with pytest.raises(InputError, match=said):
+def test_a_recipe_cannot_hold_every_type(kind, message):
+    with pytest.raises(InputError, match=message):
         check_types(make_dataclass("C", [("x", kind, None)]))
 
 

@@ -43,9 +43,9 @@ def waving(frames: int, seed: int) -> Points:
     """Key points that wander by some pixels around the T-pose's (synthetic)."""
     body = cospeech.motion.skeleton.humanoid()
     rest = Motion(15.0, np.tile([1.0, 0, 0, 0], (1, len(body), 1)), body.offsets[:1].copy())
-    moved = np.cumsum(np.random.default_rng(seed).normal(0, 3, (frames, 52, 2)), 0)
-    moved[:, 0] = 0
-    values = pats.points_of(rest).values + moved
+    way = np.cumsum(np.random.default_rng(seed).normal(0, 3, (frames, 52, 2)), 0)
+    way[:, 0] = 0
+    values = pats.points_of(rest).values + way
     values[:, 1] = values[:, 0] + [-166, 1]
     return Points(15.0, values, "pats")
 
@@ -67,7 +67,7 @@ def runs(store, tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("runs")
 
 
-def begun(store: Store, folder: Path, name: str, **data: object) -> Path:
+def start_run(store: Store, folder: Path, name: str, **data: object) -> Path:
     speakers = {"speakers": ["noah"]} if name in ("cmix-gan", "speech2gesture") else {}
     settings = {"steps": 3, "batch": 4, "threads": 1, "device": "cpu", "validate_every": 0, "save_every": 3}
     recipe = {"model": {"name": name, **KINDS[name]}, "data": {"audio": "log-mel-400", **speakers, **data}, "train": settings}
@@ -79,7 +79,7 @@ def begun(store: Store, folder: Path, name: str, **data: object) -> Path:
 def test_a_network_by_windows_plays_speech(store, runs, name):
     """The others are bundled with rotations: test_bundle_export.py, test_chain_bundle_export.py."""
     path = runs / f"{name}.cospeech"
-    bundle_run(begun(store, runs / name, name), path, which="last")
+    bundle_run(start_run(store, runs / name, name), path, which="last")
     system = open_bundle(path)
     assert (system.audio, system.pose, system.fps, system.main_network.signature.width("rows")) == (
         "log-mel-400",
@@ -110,13 +110,13 @@ def test_a_store_has_to_have_the_columns_that_audio_names(store, tmp_path):
     with pytest.raises(
         InputError, match=r"'mel64' is made of 84 columns 'mel0' …, the store has 64, 'log_mel_400\.0'.*log-mel-400"
     ):
-        begun(store, tmp_path / "run", "stage", audio="mel64")
+        start_run(store, tmp_path / "run", "stage", audio="mel64")
 
 
 def test_a_bundle_whose_audio_is_of_another_width_is_refused(store, runs, tmp_path):
     path = runs / "stage.cospeech"
     if not path.exists():
-        bundle_run(begun(store, runs / "stage", "stage"), path, which="last")
+        bundle_run(start_run(store, runs / "stage", "stage"), path, which="last")
     bundle = read_bundle(path)
     bundle.manifest["audio"] = "mel29"
     with pytest.raises(InputError, match="'mel29'"):
@@ -131,6 +131,6 @@ def test_points_are_of_systems_of_points(tmp_path):
 
 def test_recipes_for_pats_say_what_they_hear():
     recipes = {path.stem: load_recipe(path) for path in SHIPPED.glob("*_pats*.toml")}
-    heard = {name: recipe.data.audio for name, recipe in recipes.items() if recipe.model in KINDS}
-    assert set(heard.values()) == {"log-mel-400"}
-    assert len(heard) >= 6
+    features = {name: recipe.data.audio for name, recipe in recipes.items() if recipe.model in KINDS}
+    assert set(features.values()) == {"log-mel-400"}
+    assert len(features) >= 6

@@ -112,10 +112,10 @@ def test_overrides_take_the_place_of_what_the_file_says(path):
     ],
 )
 def test_what_is_wrong_is_told(path, change, says):
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError) as error:
         load_recipe(path, [change])
-    assert says in str(caught.value)
-    assert "\n" not in str(caught.value)
+    assert says in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("data", [b"[model", b"\xff\xfe", b"a = 1", b"[model]\nname = 3", b"", b"x" * (1 << 21)])

@@ -24,7 +24,7 @@ from cospeech.runtime.system import open_bundle  # noqa: E402
 from cospeech.training.checkpoint import load_run  # noqa: E402
 from cospeech.training.export.bundles import _rounding  # noqa: E402
 from tests.support.runtime_bundles import cut, same  # noqa: E402
-from tests.training.conftest import SAMPLED  # noqa: E402
+from tests.training.conftest import SAMPLERS  # noqa: E402
 
 pytestmark = pytest.mark.slow
 torch.set_num_threads(1)
@@ -36,9 +36,9 @@ def speech() -> Speech:
     return Speech.load(example()[0]).window(0, 3)
 
 
-@pytest.mark.parametrize("name", SAMPLED)
-def test_what_comes_in_pieces_is_what_comes_at_once_and_takes_differ(sampled_bundle, speech, name):
-    player = TrainedModel.open(sampled_bundle(name).path)
+@pytest.mark.parametrize("name", SAMPLERS)
+def test_what_comes_in_pieces_is_what_comes_at_once_and_takes_differ(sampler_bundle, speech, name):
+    player = TrainedModel.open(sampler_bundle(name).path)
     one, other = player.generate_takes(speech, takes=2, seed=2, **BODY)
     assert len(one) == speech.frames(30.0)
     assert np.isfinite(one.rotations).all()
@@ -52,67 +52,67 @@ def test_what_comes_in_pieces_is_what_comes_at_once_and_takes_differ(sampled_bun
     assert not same(still[0], one)
 
 
-@pytest.mark.parametrize("name", SAMPLED)
-def test_graphs_and_sampler_draw_what_the_network_draws(sampled_bundle, name):
-    """Of the same noise, with some steps known; PyTorch's own loop beside the runtime's."""
-    bundle = sampled_bundle(name)
+@pytest.mark.parametrize("name", SAMPLERS)
+def test_graphs_and_sampler_draw_what_the_network_draws(sampler_bundle, name):
+    """The noise is the same, and some steps are known; PyTorch's own loop is compared with the runtime's."""
+    bundle = sampler_bundle(name)
     net, networks = load_run(bundle.run)[0].eval(), open_bundle(bundle.path).networks
     rng, steps, takes = np.random.default_rng(0), 5, 3
     rows = rng.normal(size=(1, 4 * steps, net.audio)).astype(np.float32)
     style = rng.random((takes, 1, net.styles)).astype(np.float32).repeat(steps, 1)
     sampler = open_sampler(networks)
-    heard = networks["hear"].run(rows=rows)["heard"]
+    condition = networks["hear"].run(rows=rows)["heard"]
     noise = sampler.draw_noise(range(takes), np.arange(steps))
     assert noise.shape == (takes, steps, net.modes)
     assert np.array_equal(sampler.draw_noise([2], np.arange(3, 5)), noise[2:, 3:])
-    speech, who, drawn = (torch.from_numpy(x) for x in (rows, style, noise))
+    speech, who, draws = (torch.from_numpy(x) for x in (rows, style, noise))
     speech = speech.expand(takes, -1, -1)
     with torch.no_grad():
-        wanted = net.make(speech, who.repeat_interleave(4, 1), drawn.repeat_interleave(4, 1)).numpy()
-        whole = sampler.draw(heard, style, noise, None, 1.0)
-        np.testing.assert_allclose(networks["make"].run(latent=whole)["poses"], wanted, atol=1e-3)
-        known = whole[:, :2][::-1].copy()
-        held = sampler.draw(heard, style, noise, known, 1.0)
-        told = torch.from_numpy(known)
+        expected = net.make(speech, who.repeat_interleave(4, 1), draws.repeat_interleave(4, 1)).numpy()
+        whole = sampler.draw(condition, style, noise, None, 1.0)
+        np.testing.assert_allclose(networks["make"].run(latent=whole)["poses"], expected, atol=1e-3)
+        first = whole[:, :2][::-1].copy()
+        latents = sampler.draw(condition, style, noise, first, 1.0)
+        codes = torch.from_numpy(first)
         if name == "talkshow":
-            told = told.unflatten(2, (2, -1)).argmax(-1)
-            again = net.draw(net.hear(speech.mT), who.mT, drawn, told)
+            codes = codes.unflatten(2, (2, -1)).argmax(-1)
+            again = net.draw(net.hear(speech.mT), who.mT, draws, codes)
             again = torch.nn.functional.one_hot(again, net.config.codes).flatten(2)
-            assert (held.sum(2) == 2).all()
+            assert (latents.sum(2) == 2).all()
         else:
-            again = net.draw(net.hear(speech.mT), who[:, 0], drawn, told)
-    np.testing.assert_allclose(held, again.numpy(), atol=1e-3)
-    np.testing.assert_allclose(held[:, :2], known, atol=1e-6)
+            again = net.draw(net.hear(speech.mT), who[:, 0], draws, codes)
+    np.testing.assert_allclose(latents, again.numpy(), atol=1e-3)
+    np.testing.assert_allclose(latents[:, :2], first, atol=1e-6)
 
 
-def test_styles_are_labels_and_examples(sampled_bundle, speech):
-    player = TrainedModel.open(sampled_bundle("gesturediffuclip").path)
+def test_styles_are_labels_and_examples(sampler_bundle, speech):
+    player = TrainedModel.open(sampler_bundle("gesturediffuclip").path)
     system = player.system
     assert system.styles == ("big", "small", *EMOTIONS)
     assert system.style_space == "code"
-    made = {name: player.generate(speech, style=name, seed=1, **BODY) for name in ("big", "small", "anger")}
-    assert not same(made["big"], made["small"])
-    assert not same(made["big"], made["anger"])
+    motions = {name: player.generate(speech, style=name, seed=1, **BODY) for name in ("big", "small", "anger")}
+    assert not same(motions["big"], motions["small"])
+    assert not same(motions["big"], motions["anger"])
     long = player.generate(Speech.load(example()[0]).window(0, 6), style="small", seed=1, **BODY)  # an example is 64 frames
-    shown = player.generate(speech, style=long, seed=1, **BODY)
-    assert np.isfinite(shown.rotations).all()
-    assert not same(shown, made["big"])
-    mixed = player.generate(speech, style="anger:0.5,small:0.5", seed=1, **BODY)
-    assert not same(mixed, made["small"])
+    by_example = player.generate(speech, style=long, seed=1, **BODY)
+    assert np.isfinite(by_example.rotations).all()
+    assert not same(by_example, motions["big"])
+    mixture = player.generate(speech, style="anger:0.5,small:0.5", seed=1, **BODY)
+    assert not same(mixture, motions["small"])
 
 
-def test_a_talkshow_plays_its_speakers_and_no_examples(sampled_bundle, speech):
-    player = TrainedModel.open(sampled_bundle("talkshow").path)
+def test_a_talkshow_plays_its_speakers_and_no_examples(sampler_bundle, speech):
+    player = TrainedModel.open(sampler_bundle("talkshow").path)
     assert player.system.styles == ("big", "small")
     assert player.system.style_space == "one-hot"
     with pytest.raises(InputError, match="example"):
         player.generate(speech, style=player.generate(speech, **BODY), **BODY)
 
 
-@pytest.mark.parametrize("name", SAMPLED)
-def test_rounded_weights_move_the_poses_by_what_is_told(sampled_bundle, name):
-    spec = read_spec(read_bundle(sampled_bundle(name).path))
-    exact, rounded = (
+@pytest.mark.parametrize("name", SAMPLERS)
+def test_rounded_weights_move_the_poses_by_what_is_told(sampler_bundle, name):
+    spec = read_spec(read_bundle(sampler_bundle(name).path))
+    exact, in_half_precision = (
         {key: Network(signature, spec.graphs[key], weights) for key, signature in spec.signatures.items() if key != "style"}
         for weights in (spec.weights, unpack_half(half(spec.weights)))
     )
@@ -120,12 +120,12 @@ def test_rounded_weights_move_the_poses_by_what_is_told(sampled_bundle, name):
     rows = np.random.default_rng(0).normal(size=(2, 40, width)).astype(np.float32)
     styles = spec.statistics.style_codes
     assert _rounding(exact, exact, rows, styles) == 0
-    assert 0 < _rounding(exact, rounded, rows, styles) < 0.01
+    assert 0 < _rounding(exact, in_half_precision, rows, styles) < 0.01
 
 
-@pytest.mark.parametrize("name", SAMPLED)
-def test_networks_that_do_not_fit_are_refused(sampled_bundle, name):
-    bundle = read_bundle(sampled_bundle(name).path)
+@pytest.mark.parametrize("name", SAMPLERS)
+def test_networks_that_do_not_fit_are_refused(sampler_bundle, name):
+    bundle = read_bundle(sampler_bundle(name).path)
     sampler = "prior" if name == "talkshow" else "denoise"
     networks = bundle.manifest["networks"]
     wide = {key: [*shape[:-1], shape[-1] + 2] for key, shape in networks["hear"]["outputs"].items()}
@@ -136,12 +136,12 @@ def test_networks_that_do_not_fit_are_refused(sampled_bundle, name):
         networks | {sampler: networks[sampler] | ({"groups": 5} if name == "talkshow" else {"steps": 0})},
         networks | {"make": networks["make"] | {"hop": 6}},
     ]
-    for damaged in damages:
+    for wrong in damages:
         with pytest.raises(InputError, match=r"draw|prior|denoise|hear"):
-            read_spec(replace(bundle, manifest={**bundle.manifest, "networks": damaged}))
+            read_spec(replace(bundle, manifest={**bundle.manifest, "networks": wrong}))
 
 
-def test_the_operators_that_only_these_need_are_in_their_graphs(sampled_bundle):
-    graphs = [graph for name in SAMPLED for graph in read_spec(read_bundle(sampled_bundle(name).path)).graphs.values()]
-    used = {node.op_type for graph in graphs for node in onnx.load_from_string(graph).graph.node}
-    assert {"ConvTranspose", "MatMul"} <= used <= OPERATORS
+def test_the_operators_that_only_these_need_are_in_their_graphs(sampler_bundle):
+    graphs = [graph for name in SAMPLERS for graph in read_spec(read_bundle(sampler_bundle(name).path)).graphs.values()]
+    operators = {node.op_type for graph in graphs for node in onnx.load_from_string(graph).graph.node}
+    assert {"ConvTranspose", "MatMul"} <= operators <= OPERATORS

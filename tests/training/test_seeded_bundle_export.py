@@ -92,12 +92,12 @@ def check_window(network, net):
     rows[1] = rows[0]
     seed[:, :4, -1], seed[:, 4:] = 1, 0
     with torch.no_grad():
-        wanted = net.make(*map(torch.from_numpy, (rows, style, noise, seed))).numpy()
+        expected = net.make(*map(torch.from_numpy, (rows, style, noise, seed))).numpy()
     ports = {"rows": rows[:1], "style": style, "noise": noise, "seed": seed}
-    made = network.run(**{port: x for port, x in ports.items() if port in network.signature.inputs})["poses"]
-    inside = (wanted > network._bounds["poses"][0]) & (wanted < network._bounds["poses"][1])
+    poses = network.run(**{port: x for port, x in ports.items() if port in network.signature.inputs})["poses"]
+    inside = (expected > network._bounds["poses"][0]) & (expected < network._bounds["poses"][1])
     assert inside.mean() > 0.3
-    np.testing.assert_allclose(made[inside], wanted[inside], atol=1e-4)
+    np.testing.assert_allclose(poses[inside], expected[inside], atol=1e-4)
 
 
 def test_samples_are_standardised_as_one(store):

@@ -22,8 +22,8 @@ def store(tmp_path):
     return Store(make_store(tmp_path / "store", mirrored=True))
 
 
-def written_of(store: Store, names, folder) -> Store:
-    """The same clips in a store of their own."""
+def write_clips_of(store: Store, names, folder) -> Store:
+    """Write the same clips into a store of their own."""
     pieces = [
         Piece(clip, (), lambda clip=clip: {k: np.array(v) for k, v in store.clip(clip).items()})
         for clip in store.clips
@@ -35,7 +35,7 @@ def written_of(store: Store, names, folder) -> Store:
 
 @pytest.mark.parametrize("names", [("bob",), ("ann", "cleo"), ("cleo", "ann"), ALL])
 def test_it_is_the_store_of_these_clips_alone(store, tmp_path, names):
-    some, alone = of_speakers(store, names), written_of(store, names, tmp_path / "alone")
+    some, alone = of_speakers(store, names), write_clips_of(store, names, tmp_path / "alone")
     assert some.speakers == names
     assert len(some) == len(alone)
     assert [clip.name for clip in some.clips] == [clip.name for clip in alone.clips]
@@ -93,7 +93,7 @@ def test_modes_and_controls_are_of_these_speakers_alone(tmp_path):
     name = DIRECTION_VECTORS
     write_store(tmp_path / "s", pieces, corpus="ted", pose=name.name, fps=15.0, names={"pose": name.names})
     store = Store(tmp_path / "s")
-    some, alone = of_speakers(store, ["ann", "cleo"]), written_of(store, ("ann", "cleo"), tmp_path / "alone")
+    some, alone = of_speakers(store, ["ann", "cleo"]), write_clips_of(store, ("ann", "cleo"), tmp_path / "alone")
     (modes, centres), (expected, theirs) = with_modes(some, 3), with_modes(alone, 3)
     assert np.array_equal(centres, theirs)
     controls, others = with_controls(some), with_controls(alone)

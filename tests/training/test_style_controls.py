@@ -21,8 +21,8 @@ from cospeech.training.style_controls import control_quantiles, with_controls
 FPS = 20.0
 
 
-def raised(pose_name: str, angle: float, frames: int = 200, yaw: float = 0.0) -> Motion:
-    """Both arms turned down from the T-pose by an angle about the front, the whole body turned about Y."""
+def raise_arms(pose_name: str, angle: float, frames: int = 200, yaw: float = 0.0) -> Motion:
+    """A motion with both arms turned down from the T-pose by an angle about the front, and the whole body turned about Y."""
     skeleton = find_skeleton(find_pose(pose_name).skeleton)
     names = {"trinity": ("LeftArm", "RightArm"), "humanoid": ("leftUpperArm", "rightUpperArm")}[skeleton.kind]
     rotations = np.broadcast_to(skeleton.rest, (frames, len(skeleton), 4)).copy()
@@ -46,7 +46,7 @@ def store(folder, clips: dict[str, np.ndarray], pose: str = "direction-vectors",
 @pytest.mark.parametrize("name", ["expmap-upper", "expmap-full", "expmap-humanoid", "rot6d-humanoid"])
 def test_height_and_radius_of_arms_at_an_angle(name):
     pose = find_pose(name)
-    motion = raised(name, np.radians(40))
+    motion = raise_arms(name, np.radians(40))
     got = style_controls(pose.encode(motion), pose, FPS)
     skeleton = motion.skeleton
     arm, hand = ("LeftArm", "LeftHand") if skeleton.kind == "trinity" else ("leftUpperArm", "leftHand")
@@ -61,17 +61,19 @@ def test_height_and_radius_of_arms_at_an_angle(name):
 
 def test_turning_and_walking_change_nothing():
     pose = find_pose("expmap-full")
-    straight, turned = raised("expmap-full", 0.5), raised("expmap-full", 0.5, yaw=1.2)
-    turned = Motion(FPS, turned.rotations, turned.root + np.linspace(0, 3, 200)[:, None], skeleton=turned.skeleton)
+    straight, another_way = raise_arms("expmap-full", 0.5), raise_arms("expmap-full", 0.5, yaw=1.2)
+    another_way = Motion(
+        FPS, another_way.rotations, another_way.root + np.linspace(0, 3, 200)[:, None], skeleton=another_way.skeleton
+    )
     assert np.allclose(
-        style_controls(pose.encode(straight), pose, FPS), style_controls(pose.encode(turned), pose, FPS), atol=1e-3
+        style_controls(pose.encode(straight), pose, FPS), style_controls(pose.encode(another_way), pose, FPS), atol=1e-3
     )
 
 
 def test_speed_is_metres_per_second_and_the_mean_is_over_four_seconds():
     pose = find_pose("expmap-upper")
-    still, moved = raised("expmap-upper", 0.0, 400), raised("expmap-upper", 0.8, 400)
-    rotations = np.where((np.arange(400) < 200)[:, None, None], still.rotations, moved.rotations)
+    still, second_pose = raise_arms("expmap-upper", 0.0, 400), raise_arms("expmap-upper", 0.8, 400)
+    rotations = np.where((np.arange(400) < 200)[:, None, None], still.rotations, second_pose.rotations)
     got = style_controls(pose.encode(Motion(FPS, rotations, still.root, skeleton=still.skeleton)), pose, FPS)
     reach = np.flatnonzero(np.abs(np.diff(got[:, 0])) > 1e-6)
     assert reach.min() == 200 - 41

@@ -49,12 +49,12 @@ def test_long_words_keep_the_grams_with_the_smallest_hashes():
 
 
 def test_like_words_share_rows():
-    def shared(a: str, b: str) -> int:
+    def count_shared_rows(a: str, b: str) -> int:
         return len({*subwords(a)} & {*subwords(b)} - {0})
 
-    assert shared("gesture", "gestures") >= 6
-    assert shared("remember", "remembered") >= 6
-    assert shared("gesture", "wonderful") <= 2
+    assert count_shared_rows("gesture", "gestures") >= 6
+    assert count_shared_rows("remember", "remembered") >= 6
+    assert count_shared_rows("gesture", "wonderful") <= 2
 
 
 @pytest.mark.slow
@@ -99,13 +99,13 @@ WORDS = tuple(Word(*row) for row in ROWS)
 
 
 def test_the_word_of_each_frame():
-    found = word_ids(WORDS, 45, 15)
-    for frame, text in enumerate(found):
+    words = word_ids(WORDS, 45, 15)
+    for frame, text in enumerate(words):
         near = [w.text for w in WORDS if round(w.start * 15) <= frame < max(round(w.end * 15), round(w.start * 15) + 1)]
         assert text == (near[-1] if near else None)
-    assert found[5] == "two", "a short word has a frame"
-    assert found[16:25] == ["three", "three", "four", "four", *["three"] * 4, None]
-    assert word_ids(WORDS, 3, 15) == found[:3]
+    assert words[5] == "two", "a short word has a frame"
+    assert words[16:25] == ["three", "three", "four", "four", *["three"] * 4, None]
+    assert word_ids(WORDS, 3, 15) == words[:3]
     assert word_ids((), 4, 15) == [None] * 4
 
 
@@ -113,13 +113,13 @@ def test_the_word_of_each_frame():
 @pytest.mark.parametrize("fps", [15, 20, 30000 / 1001, 60])
 def test_pieces_give_the_same_words(seconds, fps):
     speech = Speech(np.zeros(48_000, np.float32), 16_000, WORDS)
-    stream, found = WordStream(fps), []
+    stream, ids = WordStream(fps), []
     for chunk in speech.chunks(seconds):
-        found += stream.push(chunk)
+        ids += stream.push(chunk)
         certain = float(stream.duration) - stream.delay
-        assert len(found) >= certain * fps - 1e-3, "a frame is told as soon as its word is certain"
-    found += stream.finish()
-    assert found == word_ids(WORDS, speech.frames(fps), fps)
+        assert len(ids) >= certain * fps - 1e-3, "a frame is told as soon as its word is certain"
+    ids += stream.finish()
+    assert ids == word_ids(WORDS, speech.frames(fps), fps)
     assert stream.finish() == []
 
 
@@ -131,14 +131,14 @@ def test_pieces_give_the_same_words(seconds, fps):
 )
 def test_any_cut_gives_the_same_words(words, cuts, fps):
     spoken = sorted((Word(str(k), at / 1000, (at + long) / 1000) for k, (at, long) in enumerate(words)), key=lambda w: w.start)
-    stream, found, at = WordStream(fps), [], 0
+    stream, ids, at = WordStream(fps), [], 0
     for cut in cuts:
         mine = tuple(w for w in spoken if at / 1000 <= w.start < (at + cut) / 1000)
-        found += stream.push(Speech(np.zeros(cut, np.float32), 1000, mine, start=at / 1000))
+        ids += stream.push(Speech(np.zeros(cut, np.float32), 1000, mine, start=at / 1000))
         at += cut
-    heard = [w for w in spoken if w.start < at / 1000]
-    found += stream.finish()
-    assert found == word_ids(heard, -(-at * Fraction(fps) // 1000), fps)
+    past = [w for w in spoken if w.start < at / 1000]
+    ids += stream.finish()
+    assert ids == word_ids(past, -(-at * Fraction(fps) // 1000), fps)
 
 
 def test_waiting_words_are_forgotten():
@@ -155,11 +155,11 @@ def test_files_in_blocks_give_the_same_words(tmp_path):
     soundfile.write(tmp_path / "a.wav", np.zeros(44_100 * 4), 44_100)
     with open_speech(tmp_path / "a.wav") as source:
         source.words = WORDS
-        stream, found = WordStream(15), []
+        stream, ids = WordStream(15), []
         for chunk in speech_chunks(source):
-            found += stream.push(chunk)
-        found += stream.finish()
-        assert found == word_ids(WORDS, source.frames(15), 15)
+            ids += stream.push(chunk)
+        ids += stream.finish()
+        assert ids == word_ids(WORDS, source.frames(15), 15)
 
 
 def test_speech_without_words_is_silence():

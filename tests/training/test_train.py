@@ -25,7 +25,7 @@ from cospeech.training.schedule import SCHEDULES  # noqa: E402
 from cospeech.training.train import train  # noqa: E402
 from cospeech.training.windows import Windows  # noqa: E402
 from tests.support import tiny_models  # noqa: E402
-from tests.support.leftovers import abandoned  # noqa: E402
+from tests.support.leftovers import make_leftover  # noqa: E402
 from tests.support.tiny_store import POSE, make_store  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -34,7 +34,7 @@ TINY = sorted(tiny_models.MODELS)
 
 
 @pytest.fixture(autouse=True)
-def _registered(monkeypatch):
+def _register_models(monkeypatch):
     for name, entry in tiny_models.MODELS.items():
         monkeypatch.setitem(ENTRIES.ours, name, entry)
 
@@ -55,16 +55,16 @@ def run(sections, store, out, **options):
 
 
 @pytest.fixture(scope="module")
-def ended(store, tmp_path_factory):
-    """Runs that were ended from outside: name → exit code and folder."""
+def runs_with_an_end(store, tmp_path_factory):
+    """Runs that a signal ended: name → exit code and folder."""
     place = tmp_path_factory.mktemp("ended")
     jobs = {name: {"recipe": killable(name), "die": 13} for name in TINY}
     jobs["interrupted"] = {"recipe": plan(save_every=100), "interrupt": 7}
     work = [job | {"store": str(store), "out": str(place / name)} for name, job in jobs.items()]
     command = [*WORKER, json.dumps({"jobs": work})]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200)
-    assert done.returncode == 0, done.stderr
-    return {name: (code, place / name) for name, code in zip(jobs, json.loads(done.stdout), strict=True)}
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200)
+    assert result.returncode == 0, result.stderr
+    return {name: (code, place / name) for name, code in zip(jobs, json.loads(result.stdout), strict=True)}
 
 
 def killable(model):
@@ -72,7 +72,7 @@ def killable(model):
 
 
 def log(folder):
-    """Rows of a log, but for what the clock says."""
+    """Rows of a log, without times."""
     rows = [json.loads(line) for line in (folder / "log.jsonl").read_text().splitlines()]
     return [{key: value for key, value in row.items() if key not in ("seconds", "windows_per_second")} for row in rows]
 
@@ -99,11 +99,11 @@ def test_only_the_parameters_of_an_objective_move(store, tmp_path):
     run(plan("tiny-cascade", steps=15), store, tmp_path / "run", resume=True)
     second, _ = load_run(tmp_path / "run", "last")
     run(plan("tiny-cascade", steps=1, lr=0.0), store, tmp_path / "none")
-    begun, _ = load_run(tmp_path / "none", "last")
+    start, _ = load_run(tmp_path / "none", "last")
     for name, before in first.named_parameters():
         is_second = name.startswith("heard")
         assert torch.equal(before, second.get_parameter(name)) != is_second, name
-        assert torch.equal(before, begun.get_parameter(name)) == is_second, name
+        assert torch.equal(before, start.get_parameter(name)) == is_second, name
 
 
 def test_best_begins_anew_with_the_next_stage(store, tmp_path):
@@ -159,15 +159,15 @@ def test_an_objective_has_its_own_rate(store, tmp_path):
 def test_clipping_is_by_value_then_by_norm(store, tmp_path):
     """Adam cannot tell the scale of a gradient; with betas of nearly 0 and a large eps a step is lr · g / eps."""
     step = {"steps": 1, "lr": 1e6, "betas": [0.0, 0.0], "eps": 1e6}
-    moved = {}
+    steps = {}
     for name, clipping in {"no": {}, "value": {"clip_value": 0.01}, "both": {"clip_value": 0.01, "clip_norm": 0.02}}.items():
         run(plan("tiny-cascade", **step, **clipping), store, tmp_path / name)
         run(plan("tiny-cascade", **{**step, "lr": 0.0}), store, tmp_path / f"{name}-still")
         a, b = load_run(tmp_path / name, "last")[0], load_run(tmp_path / f"{name}-still", "last")[0]
-        moved[name] = torch.cat([(p - q).flatten() for p, q in zip(a.parameters(), b.parameters(), strict=True)])
-    assert moved["no"].abs().max() > 0.02
-    torch.testing.assert_close(moved["value"], moved["no"].clamp(-0.01, 0.01), atol=1e-5, rtol=1e-3)
-    torch.testing.assert_close(moved["both"], moved["value"] * 0.02 / moved["value"].norm(), atol=1e-5, rtol=1e-2)
+        steps[name] = torch.cat([(p - q).flatten() for p, q in zip(a.parameters(), b.parameters(), strict=True)])
+    assert steps["no"].abs().max() > 0.02
+    torch.testing.assert_close(steps["value"], steps["no"].clamp(-0.01, 0.01), atol=1e-5, rtol=1e-3)
+    torch.testing.assert_close(steps["both"], steps["value"] * 0.02 / steps["value"].norm(), atol=1e-5, rtol=1e-2)
 
 
 def test_schedules():
@@ -227,26 +227,26 @@ def test_nobody_outside_notices(store, tmp_path):
 
 
 @pytest.mark.parametrize("model", TINY)
-def test_killed_and_resumed_it_is_the_run_that_was_not(ended, store, tmp_path, model):
-    code, killed = ended[model]
+def test_killed_and_resumed_it_is_the_run_that_was_not(runs_with_an_end, store, tmp_path, model):
+    code, folder = runs_with_an_end[model]
     assert code == -9
-    assert read_tensors(killed / "last.safetensors")[1]["step"] == 10
-    assert max(row["step"] for row in log(killed)) == 13  # what the log says of steps that are lost will be taken back
-    left = abandoned(killed)
+    assert read_tensors(folder / "last.safetensors")[1]["step"] == 10
+    assert max(row["step"] for row in log(folder)) == 13  # what the log says of steps that are lost will be taken back
+    left = make_leftover(folder)
     (left / "0.safetensors").write_bytes(b"half a file")
-    with (killed / "log.jsonl").open("a") as file:
+    with (folder / "log.jsonl").open("a") as file:
         file.write('{"step": 14, "lo')
     straight = run(killable(model), store, tmp_path / "straight")
-    report = run(killable(model), store, killed, resume=True)
+    report = run(killable(model), store, folder, resume=True)
     assert (report.resumed, report.best) == (10, straight.best)
     for name in ("last.safetensors", "best.safetensors"):
-        assert (tmp_path / "straight" / name).read_bytes() == (killed / name).read_bytes(), name
-    assert log(tmp_path / "straight") == log(killed)
+        assert (tmp_path / "straight" / name).read_bytes() == (folder / name).read_bytes(), name
+    assert log(tmp_path / "straight") == log(folder)
     assert not left.exists()
 
 
-def test_interrupted_it_saves_first(ended, store, tmp_path):
-    code, folder = ended["interrupted"]
+def test_interrupted_it_saves_first(runs_with_an_end, store, tmp_path):
+    code, folder = runs_with_an_end["interrupted"]
     assert code == 130
     assert read_tensors(folder / "last.safetensors")[1]["step"] == 7
     run(plan(save_every=100), store, tmp_path / "straight")
@@ -267,20 +267,20 @@ def slow_runs(store, tmp_path_factory):
         job | {"out": str(place / "run"), "share": share, "told": str(place / "told.json")} for share, place in places.items()
     ]
     command = [*WORKER, json.dumps({"jobs": jobs})]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200)
-    assert done.returncode == 0, done.stderr
-    codes = zip(places.items(), json.loads(done.stdout), strict=True)
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200)
+    assert result.returncode == 0, result.stderr
+    codes = zip(places.items(), json.loads(result.stdout), strict=True)
     return recipe, {share: (code, at / "run", json.loads((at / "told.json").read_text())) for (share, at), code in codes}
 
 
 @pytest.mark.parametrize("share", SHARES)
 def test_interrupted_within_a_slow_step_it_ends_at_once_and_goes_on_as_if_nothing_had_been(slow_runs, store, tmp_path, share):
     """In the forward or the backward pass of either objective of a GAN, one of which moves its parameters before the other."""
-    recipe, (code, folder, (step, until, said)) = slow_runs[0], slow_runs[1][share]
+    recipe, (code, folder, (step, until, notices)) = slow_runs[0], slow_runs[1][share]
     assert code == 130
     assert until < 0.5 * step
-    assert said[0].startswith("stopping; ")
-    assert said[1:] == ["saved at step 2: --resume goes on"]
+    assert notices[0].startswith("stopping; ")
+    assert notices[1:] == ["saved at step 2: --resume goes on"]
     assert read_tensors(folder / "last.safetensors")[1]["step"] == 2
     straight = run(recipe, store, tmp_path / "straight")
     report = run(recipe, store, folder, resume=True)
@@ -292,13 +292,13 @@ def test_interrupted_within_a_slow_step_it_ends_at_once_and_goes_on_as_if_nothin
 
 @pytest.mark.parametrize("where", ["setup", "first step", "second step", "validation", "save"])
 def test_wherever_it_is_interrupted_it_goes_on(store, tmp_path, monkeypatch, where):
-    """What Ctrl-C sends comes in the midst of it; the run that went on is the one that was not stopped."""
+    """The signal of Ctrl-C comes in the middle; the run that goes on ends like the run that was not stopped."""
     recipe, calls = plan("tiny-gan", steps=6, validate_every=3, save_every=100, ema=0.9, best="made"), []
     place = {"setup": "build_model", "save": "write_tensors"}.get(where)
     target = (
         f"cospeech.training.train.{place}"
         if place
-        else f"tests.support.tiny_models.TinyGan.{'made' if where == 'validation' else 'judged'}"
+        else f"tests.support.tiny_models.TinyGan.{'generator_loss' if where == 'validation' else 'discriminator_loss'}"
     )
     plain = (
         getattr(import_module("cospeech.training.train"), place)
@@ -322,26 +322,26 @@ def test_wherever_it_is_interrupted_it_goes_on(store, tmp_path, monkeypatch, whe
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before)
-    done = {"second step": 2, "validation": 2, "save": 2}.get(where, 0)  # quick steps are ended first
-    last = f"saved at step {done}: --resume goes on" if done else "no step was done yet: there is nothing to save"
+    steps = {"second step": 2, "validation": 2, "save": 2}.get(where, 0)  # quick steps are ended first
+    last = f"saved at step {steps}: --resume goes on" if steps else "no step was done yet: there is nothing to save"
     assert calls[-1] == last
-    straight, resumed = run(recipe, store, tmp_path / "straight"), run(recipe, store, tmp_path / "run", resume=True)
-    assert (resumed.resumed, resumed.best) == (done, straight.best)
+    straight, second = run(recipe, store, tmp_path / "straight"), run(recipe, store, tmp_path / "run", resume=True)
+    assert (second.resumed, second.best) == (steps, straight.best)
     for name in ("last.safetensors", "best.safetensors"):
         assert (tmp_path / "straight" / name).read_bytes() == (tmp_path / "run" / name).read_bytes(), name
     assert log(tmp_path / "straight") == log(tmp_path / "run")
 
 
-@pytest.mark.parametrize("opened", ["load", "needs", "features"])
-def test_a_run_without_a_validation_yet_has_its_last_parameters(store, tmp_path, opened):
+@pytest.mark.parametrize("way", ["load", "needs", "features"])
+def test_a_run_without_a_validation_yet_has_its_last_parameters(store, tmp_path, way):
     run(plan("tiny-cascade", steps=4, validate_every=100), store, tmp_path / "run")
     (tmp_path / "run" / "best.safetensors").unlink()  # as a run that is stopped in step 5 has it
-    found = []
+    states = []
 
     def open_it():
-        if opened == "load":
-            found.append(load_run(tmp_path / "run")[0].state_dict())
-        elif opened == "features":
+        if way == "load":
+            states.append(load_run(tmp_path / "run")[0].state_dict())
+        elif way == "features":
             with pytest.raises(InputError, match="no feature network"):  # it was opened
                 load_features(tmp_path / "run")
         else:
@@ -351,7 +351,7 @@ def test_a_run_without_a_validation_yet_has_its_last_parameters(store, tmp_path,
     with pytest.warns(CospeechWarning, match=r"was not validated yet: its last parameters are taken, of step 4"):
         open_it()
     last = load_run(tmp_path / "run", "last")[0].state_dict()
-    assert all(torch.equal(value, last[name]) for state in found for name, value in state.items())
+    assert all(torch.equal(value, last[name]) for state in states for name, value in state.items())
     (tmp_path / "run" / "last.safetensors").unlink()
     with pytest.raises(InputError, match="has saved nothing yet"):
         load_run(tmp_path / "run")
@@ -365,10 +365,10 @@ def test_a_run_may_grow(store, tmp_path):
     assert all(torch.equal(first[name], second[name]) for name in first)
     again = run(plan(steps=30), store, tmp_path / "grown", resume=True)
     assert (again.resumed, again.step) == (30, 30)
-    kept = (tmp_path / "grown" / "config.json").read_bytes()
+    before = (tmp_path / "grown" / "config.json").read_bytes()
     with pytest.raises(InputError, match=r"grown' has 30 steps already \(set more train\.steps\)"):
         run(plan(steps=20), store, tmp_path / "grown", resume=True)
-    assert (tmp_path / "grown" / "config.json").read_bytes() == kept
+    assert (tmp_path / "grown" / "config.json").read_bytes() == before
 
 
 def test_a_store_of_which_nothing_is_left_to_train_on_is_told(tmp_path):
@@ -428,9 +428,9 @@ def test_tensors_of_a_checkpoint_do_not_keep_it_mapped(tmp_path):
 def test_a_loss_that_is_no_number_ends_the_run(store, tmp_path):
     with pytest.raises(CospeechError, match=r"'nll' of the objective 'flow' is nan in step 13"):
         run(plan(config={"break_at": 12}), store, tmp_path / "run")
-    kept, state = read_tensors(tmp_path / "run" / "last.safetensors")
+    parameters, state = read_tensors(tmp_path / "run" / "last.safetensors")
     assert state["step"] == 10
-    assert all(torch.isfinite(value).all() for value in kept.values())
+    assert all(torch.isfinite(value).all() for value in parameters.values())
 
 
 @pytest.mark.parametrize(
@@ -452,9 +452,9 @@ def test_a_loss_that_is_no_number_ends_the_run(store, tmp_path):
     ],
 )
 def test_what_does_not_fit_is_told(store, tmp_path, sections, says):
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError) as error:
         run(sections, store, tmp_path / "run")
-    assert says in str(caught.value)
+    assert says in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -469,15 +469,15 @@ def test_what_does_not_fit_is_told(store, tmp_path, sections, says):
 )
 def test_a_loss_that_breaks_the_contract_is_told(store, tmp_path, monkeypatch, loss, says):
     monkeypatch.setattr(tiny_models.TinyFlow, "loss", loss)
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError) as error:
         run(plan(), store, tmp_path / "run")
-    assert says in str(caught.value)
+    assert says in str(error.value)
 
 
 def test_a_figure_of_a_later_stage_says_what_is_best_from_then_on(store, tmp_path):
-    done = run(plan("tiny-cascade", best="heard", steps=20, validate_every=5), store, tmp_path / "run")
-    assert done.best["name"] == "heard"
-    assert done.best["step"] > 10
+    report = run(plan("tiny-cascade", best="heard", steps=20, validate_every=5), store, tmp_path / "run")
+    assert report.best["name"] == "heard"
+    assert report.best["step"] > 10
     early = run(plan("tiny-cascade", best="codes", steps=20, validate_every=5), store, tmp_path / "early")
     assert early.best["step"] <= 10
 
@@ -502,17 +502,17 @@ def test_without_a_validation_split(tmp_path):
 
 
 def test_windows_are_a_function_of_seed_and_step(store):
-    opened = Store(store)
-    first, second = (Windows(opened, 10).at(64, 3, 7) for _ in range(2))
+    contents = Store(store)
+    first, second = (Windows(contents, 10).at(64, 3, 7) for _ in range(2))
     np.testing.assert_array_equal(first["pose"], second["pose"])
-    assert not np.array_equal(first["start"], Windows(opened, 10).at(64, 3, 8)["start"])
-    assert not np.array_equal(first["start"], Windows(opened, 10).at(64, 4, 7)["start"])
+    assert not np.array_equal(first["start"], Windows(contents, 10).at(64, 3, 8)["start"])
+    assert not np.array_equal(first["start"], Windows(contents, 10).at(64, 4, 7)["start"])
     for row, start in enumerate(first["start"]):
-        clip = opened.clips[first["clip"][row]]
+        clip = contents.clips[first["clip"][row]]
         assert clip.split == "train"
         assert clip.offset <= start <= clip.offset + clip.frames - 10
-        assert opened.speakers[first["speaker"][row]] == clip.speaker
-        np.testing.assert_array_equal(first["audio"][row], opened.arrays["audio"][start : start + 10])
+        assert contents.speakers[first["speaker"][row]] == clip.speaker
+        np.testing.assert_array_equal(first["audio"][row], contents.arrays["audio"][start : start + 10])
 
 
 @pytest.mark.parametrize("balanced", [False, True])
@@ -526,8 +526,8 @@ def test_the_rows_of_processes_are_those_of_one(store, balanced):
 
 def test_balanced_batches_have_as_many_of_each_speaker(store):
     windows = Windows(Store(store), 10, balanced=True)
-    seen = [windows.at(12, 0, step)["speaker"] for step in range(200)]
-    assert all((np.bincount(row) == 4).all() for row in seen)
+    batches = [windows.at(12, 0, step)["speaker"] for step in range(200)]
+    assert all((np.bincount(row) == 4).all() for row in batches)
     odd = [np.bincount(windows.at(7, 0, step)["speaker"], minlength=3) for step in range(50)]
     assert all(row.max() - row.min() == 1 for row in odd)
     starts = {int(start) for step in range(900) for start in windows.at(12, 0, step)["start"]}
@@ -539,25 +539,25 @@ def test_balanced_batches_have_as_many_of_each_speaker(store):
 def test_held_out_clips_are_in_one_split_only(tmp_path):
     store = Store(make_store(tmp_path / "store", mirrored=True, validation=False))
     train_clips = {*Windows(store, 10, held_out=0.3).clips.tolist()}
-    held = {*Windows(store, 10, split="validation", held_out=0.3).clips.tolist()}
-    assert held
+    held_out_clips = {*Windows(store, 10, split="validation", held_out=0.3).clips.tolist()}
+    assert held_out_clips
     assert train_clips
-    assert not train_clips & held
-    assert len(train_clips | held) == 7
-    names = {store.clips[k].name for k in held}
+    assert not train_clips & held_out_clips
+    assert len(train_clips | held_out_clips) == 7
+    names = {store.clips[k].name for k in held_out_clips}
     assert ("ann-1" in names) == ("ann-1|mirror" in names)
     plain = {store.clips[k].name for k in Windows(store, 10, mirror=False).clips}
     assert plain == {f"{name}-{k}" for name in ("ann", "bob", "cleo") for k in (1, 2)}
 
 
 def test_statistics_of_reduced_audio_are_those_of_the_training_split(store):
-    opened = Store(store)
-    reduced = standard_audio(opened, lambda columns: columns[:, :2] * 3 + 100)
-    mean, std = opened.statistics("audio")
-    np.testing.assert_allclose(reduced.mean, mean[:2] * 3 + 100, rtol=1e-5)
-    np.testing.assert_allclose(reduced.std, std[:2] * 3, rtol=1e-4)
-    assert standard_audio(opened, lambda columns: columns[:, :1] * 0 + 5).std == 1
-    assert standard_pose(opened).std.min() >= POSE_FLOOR
+    contents = Store(store)
+    statistics = standard_audio(contents, lambda columns: columns[:, :2] * 3 + 100)
+    mean, std = contents.statistics("audio")
+    np.testing.assert_allclose(statistics.mean, mean[:2] * 3 + 100, rtol=1e-5)
+    np.testing.assert_allclose(statistics.std, std[:2] * 3, rtol=1e-4)
+    assert standard_audio(contents, lambda columns: columns[:, :1] * 0 + 5).std == 1
+    assert standard_pose(contents).std.min() >= POSE_FLOOR
 
 
 def test_a_run_says_what_it_was_trained_on(store, tmp_path):

@@ -27,8 +27,8 @@ async function ask(path: string, options: RequestInit = {}): Promise<Response> {
     throw new Problem("the studio does not answer", "is `cospeech studio` still running?");
   }
   if (answer.ok) return answer;
-  const said = (await answer.json().catch(() => ({}))) as Partial<StudioProblem>;
-  throw new Problem(said.problem ?? `the studio answered ${answer.status}`, said.hint ?? "", answer.status);
+  const message = (await answer.json().catch(() => ({}))) as Partial<StudioProblem>;
+  throw new Problem(message.problem ?? `the studio answered ${answer.status}`, message.hint ?? "", answer.status);
 }
 
 async function askJson<T>(path: string, method = "GET", body?: unknown): Promise<T> {
@@ -80,14 +80,14 @@ export function socketOf(path: string): WebSocket {
 const PAGE = Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, "0")).join("");
 const AGAIN = 1000; // milliseconds until a lost connection is opened again [ours]
 
-/** Call `tell` with every event of a take. The connection is opened again whenever it is lost; `renewed`: the studio knows this page no more. */
-export function followEvents(tell: (event: TakeEvent) => void, state: (connected: boolean) => void, renewed: () => void): void {
+/** Call `tell` with every event of a take. The connection is opened again whenever it is lost; `onRenewal`: the studio knows this page no more. */
+export function followEvents(tell: (event: TakeEvent) => void, state: (isConnected: boolean) => void, onRenewal: () => void): void {
   const socket = socketOf(`/api/events?page=${PAGE}`);
   socket.onopen = () => state(true);
   socket.onmessage = (message) => tell(JSON.parse(message.data as string) as TakeEvent);
   socket.onclose = () => {
     state(false);
-    void readCatalogue().catch((error: unknown) => error instanceof Problem && error.status === 401 && renewed());
-    window.setTimeout(() => followEvents(tell, state, renewed), AGAIN);
+    void readCatalogue().catch((error: unknown) => error instanceof Problem && error.status === 401 && onRenewal());
+    window.setTimeout(() => followEvents(tell, state, onRenewal), AGAIN);
   };
 }

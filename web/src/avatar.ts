@@ -30,8 +30,8 @@ function checkPacking(data: ArrayBuffer, name: string, packed: string[]): void {
   }
   const has = (list: unknown, name: string): boolean => Array.isArray(list) && list.includes(name);
   const { extensionsUsed, extensionsRequired } = document;
-  const found = packed.find((each) => has(extensionsRequired, each) || (/draco/.test(each) && has(extensionsUsed, each)));
-  if (found) throw new Problem(`${name} is packed by ${found}`, "export it without compression");
+  const packing = packed.find((each) => has(extensionsRequired, each) || (/draco/.test(each) && has(extensionsUsed, each)));
+  if (packing) throw new Problem(`${name} is packed by ${packing}`, "export it without compression");
 }
 
 /** Read somebody's character; what cannot be used is a Problem. */
@@ -120,7 +120,7 @@ interface Driven {
 /** A GLB: bones take our world rotations on top of their own rest. */
 class GlbFigure implements Figure {
   readonly root = new Object3D();
-  private readonly driven: Driven[] = [];
+  private readonly mapping: Driven[] = [];
   private readonly byJoint = new Map<string, Object3D>();
   readonly face: FaceRig;
   private readonly scene: Object3D;
@@ -138,16 +138,16 @@ class GlbFigure implements Figure {
     scene.traverse((node) => {
       if (node instanceof Bone) bones.push(node);
     });
-    const found = findBones(humanoid.joints, bones.map((bone) => bone.userData.name ?? bone.name));
-    this.face = new FaceRig(file, humanoid.weights, humanoid.face, found.has("leftEye"));
-    if (found.size < LEAST_BONES && !this.face.alphabet) {
+    const indices = findBones(humanoid.joints, bones.map((bone) => bone.userData.name ?? bone.name));
+    this.face = new FaceRig(file, humanoid.weights, humanoid.face, indices.has("leftEye"));
+    if (indices.size < LEAST_BONES && !this.face.alphabet) {
       throw new Problem(`${name} has no humanoid that is recognised`, "a VRM says which bone is which");
     }
-    for (const [joint, index] of found) this.byJoint.set(joint, bones[index]);
+    for (const [joint, index] of indices) this.byJoint.set(joint, bones[index]);
     this.world = humanoid.joints.map(() => new Quaternion());
     this.collect();
     const box = new Box3().setFromObject(scene);
-    if (!found.size) {  // a face alone: its file may have any unit
+    if (!indices.size) {  // a face alone: its file may have any unit
       scene.scale.multiplyScalar(HEAD / Math.max(box.max.y - box.min.y, 1e-6));
       box.setFromObject(scene);
     }
@@ -179,7 +179,7 @@ class GlbFigure implements Figure {
       if (bone === undefined || resting.includes(joint)) return;
       const rest = bone.getWorldQuaternion(new Quaternion());
       const turn = this.turnOf(column, bone);
-      this.driven.push({ bone, column, rest: turn.multiply(rest) });
+      this.mapping.push({ bone, column, rest: turn.multiply(rest) });
     });
   }
 
@@ -188,11 +188,11 @@ class GlbFigure implements Figure {
     const { joints, parents, rest } = this.humanoid;
     const turn = new Quaternion();
     if (!/Arm|Hand|Leg|Thumb|Index|Middle|Ring|Little/.test(joints[column])) return turn;
-    const wanted = joints[column].endsWith("Hand") ? joints[column].replace("Hand", "MiddleProximal") : "";
-    const child = wanted ? joints.indexOf(wanted) : parents.indexOf(column);
+    const below = joints[column].endsWith("Hand") ? joints[column].replace("Hand", "MiddleProximal") : "";
+    const child = below ? joints.indexOf(below) : parents.indexOf(column);
     const next = child < 0 ? undefined : this.byJoint.get(joints[child]);
     if (next === undefined) {
-      const above = this.driven.find((each) => each.column === parents[column]);
+      const above = this.mapping.find((each) => each.column === parents[column]);
       if (above) turn.copy(above.rest).multiply(above.bone.getWorldQuaternion(new Quaternion()).invert());
       return turn;
     }
@@ -208,7 +208,7 @@ class GlbFigure implements Figure {
     });
     const lean = new Vector3().fromArray(pose.root).sub(new Vector3(...this.humanoid.rest[0])).multiplyScalar(this.scale);
     const base = this.root.getWorldQuaternion(new Quaternion()).invert();
-    for (const { bone, column, rest } of this.driven) {
+    for (const { bone, column, rest } of this.mapping) {
       const above = bone.parent;
       const inverse = above ? above.getWorldQuaternion(new Quaternion()).premultiply(base).invert() : new Quaternion();
       bone.quaternion.copy(inverse).multiply(this.world[column]).multiply(rest);

@@ -43,31 +43,31 @@ function candidatesOf(joint: string): string[] {
     ];
   }
   const short = side ? side[0] : "";
-  const found = (NAMES[side ? `L${stem}` : joint] ?? []).flatMap((name) => {
+  const synonyms = (NAMES[side ? `L${stem}` : joint] ?? []).flatMap((name) => {
     if (!side) return [name];
     return name.startsWith("L") ? [side + name.slice(1), short + name.slice(1), name.slice(1) + side] : [name.slice(0, -1) + short];
   });
-  return [joint.toLowerCase(), ...found];
+  return [joint.toLowerCase(), ...synonyms];
 }
 
 /** Find bones: joint of ours → index into `names`; joints that the character lacks are left out. */
 export function findBones(joints: string[], names: string[]): Map<string, number> {
-  const known = new Map<string, number>();
+  const indices = new Map<string, number>();
   names.forEach((name, k) => {
-    if (!known.has(plain(name))) known.set(plain(name), k);
+    if (!indices.has(plain(name))) indices.set(plain(name), k);
   });
-  const found = new Map<string, number>();
+  const bones = new Map<string, number>();
   const table = BONE_TABLES.find((one) => Object.values(one).every((name) => names.includes(name)));
   if (table) {  // as Python does: a skeleton that is known as a whole needs no guess
-    for (const joint of joints) if (table[joint]) found.set(joint, names.indexOf(table[joint]));
-    return found;
+    for (const joint of joints) if (table[joint]) bones.set(joint, names.indexOf(table[joint]));
+    return bones;
   }
-  const used = new Set<number>();
+  const previous = new Set<number>();
   for (const joint of joints) {
-    const index = candidatesOf(joint).map((name) => known.get(name)).find((k) => k !== undefined && !used.has(k));
+    const index = candidatesOf(joint).map((name) => indices.get(name)).find((k) => k !== undefined && !previous.has(k));
     if (index === undefined) continue;
-    found.set(joint, index);
-    used.add(index);
+    bones.set(joint, index);
+    previous.add(index);
   }
-  return found;
+  return bones;
 }

@@ -12,7 +12,7 @@ const SHAPES = { ARKit: "shapes of ARKit", VRM: "expressions of VRM", Oculus: "v
 export class Crowd {
   private figures: Figure[] = [];
   private readonly pose: Pose;
-  private wanted = 1;
+  private target = 1;
   private filling: Promise<void> | null = null;
   /** Of the character's own, its file's name. */
   name = "";
@@ -31,20 +31,20 @@ export class Crowd {
 
   /** Have as many characters as takes. */
   async setCount(count: number): Promise<void> {
-    this.wanted = count;
+    this.target = count;
     this.filling ??= this.fill().finally(() => (this.filling = null));
     await this.filling;
   }
 
   private async fill(): Promise<void> {
-    if (this.figures.length === this.wanted) return;
-    while (this.figures.length < this.wanted) {
+    if (this.figures.length === this.target) return;
+    while (this.figures.length < this.target) {
       const { first } = this;
       const figure = await first.copy();
       if (first === this.first) this.figures.push(figure);
       else figure.dispose();
     }
-    for (const gone of this.figures.splice(this.wanted)) gone.dispose();
+    for (const figure of this.figures.splice(this.target)) figure.dispose();
     this.stage.setPeople(this.figures.map((figure) => figure.root));
   }
 
@@ -69,7 +69,7 @@ export class Crowd {
     this.stage.setPeople([first.root]);
     for (const figure of old) if (figure !== this.mannequin) figure.dispose();
     await this.filling;
-    await this.setCount(this.wanted);
+    await this.setCount(this.target);
     this.stage.frame();
   }
 

@@ -43,9 +43,9 @@ export function followPointer(
 }
 
 /** A select element's options; the chosen one stays where it is still among them. */
-export function fillSelect(select: HTMLSelectElement, rows: [value: string, text: string][], chosen: string): void {
+export function fillSelect(select: HTMLSelectElement, rows: [value: string, text: string][], choice: string): void {
   select.replaceChildren(...rows.map(([value, text]) => make("option", { value }, text)));
-  select.value = rows.some(([value]) => value === chosen) ? chosen : (rows[0]?.[0] ?? "");
+  select.value = rows.some(([value]) => value === choice) ? choice : (rows[0]?.[0] ?? "");
 }
 
 /** Give the user a file to keep. */

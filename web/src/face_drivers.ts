@@ -6,7 +6,7 @@ import type { FaceTables } from "./messages";
 /** Name of what drives a shape → its weight. */
 export type Drivers = Record<string, number>;
 
-const held = (value: number): number => Math.min(Math.max(value, 0), 1);
+const clamp = (value: number): number => Math.min(Math.max(value, 0), 1);
 
 /** The mean of the left and the right of some shapes. */
 function meanOf(arkit: Drivers, ...stems: string[]): number {
@@ -15,21 +15,21 @@ function meanOf(arkit: Drivers, ...stems: string[]): number {
 
 /** VRM 1.0's presets of mouth, lids, looks and moods. */
 export function presetsOf(arkit: Drivers, { scales, moods }: FaceTables): Drivers {
-  const opened = held((arkit.jawOpen - arkit.mouthClose) / scales.open);
-  const rounded = held(Math.max(arkit.mouthPucker, arkit.mouthFunnel) / scales.round);
+  const opening = clamp((arkit.jawOpen - arkit.mouthClose) / scales.open);
+  const rounding = clamp(Math.max(arkit.mouthPucker, arkit.mouthFunnel) / scales.round);
   const smile = Math.max(meanOf(arkit, "mouthSmile") - scales.at_ease, 0) / scales.smiled;
-  const wide = held(meanOf(arkit, "mouthStretch") / scales.stretched + smile - rounded);
-  const parted = held(Math.max(opened, meanOf(arkit, "mouthLowerDown", "mouthUpperUp") / scales.parted));
+  const wide = clamp(meanOf(arkit, "mouthStretch") / scales.stretched + smile - rounding);
+  const parting = clamp(Math.max(opening, meanOf(arkit, "mouthLowerDown", "mouthUpperUp") / scales.parted));
   const both = Math.min(arkit.eyeBlinkLeft, arkit.eyeBlinkRight);
-  const felt = Object.entries(moods).map(([mood, [base, shares]]): [string, number] =>
-    [mood, held(Object.entries(shares).reduce((total, [name, share]) => total + share * arkit[name], base))]);
+  const emotions = Object.entries(moods).map(([mood, [base, shares]]): [string, number] =>
+    [mood, clamp(Object.entries(shares).reduce((total, [name, share]) => total + share * arkit[name], base))]);
   return {
-    ...Object.fromEntries(felt),
-    aa: (1 - rounded) * opened * (1 - wide),
-    ih: (1 - rounded) * (1 - opened) * wide * parted,
-    ou: rounded * (1 - opened),
-    ee: (1 - rounded) * opened * wide,
-    oh: rounded * opened,
+    ...Object.fromEntries(emotions),
+    aa: (1 - rounding) * opening * (1 - wide),
+    ih: (1 - rounding) * (1 - opening) * wide * parting,
+    ou: rounding * (1 - opening),
+    ee: (1 - rounding) * opening * wide,
+    oh: rounding * opening,
     blink: both,
     blinkLeft: arkit.eyeBlinkLeft - both,
     blinkRight: arkit.eyeBlinkRight - both,
@@ -43,12 +43,12 @@ export function presetsOf(arkit: Drivers, { scales, moods }: FaceTables): Driver
 /** The visemes of Oculus that lips alone tell apart. */
 export function visemesOf(arkit: Drivers, tables: FaceTables): Drivers {
   const presets = presetsOf(arkit, tables);
-  const shut = 1 - held((arkit.jawOpen - arkit.mouthClose) / tables.scales.open);
+  const shut = 1 - clamp((arkit.jawOpen - arkit.mouthClose) / tables.scales.open);
   const [upper, lower] = [arkit.mouthRollUpper, arkit.mouthRollLower];
-  const named = Object.entries(tables.vowels).map(([viseme, preset]): [string, number] => [viseme, presets[preset]]);
-  named.push(["FF", shut * held(lower - upper)]);
-  named.push(["PP", shut * Math.max(meanOf(arkit, "mouthPress"), Math.min(upper, lower))]);
-  const sum = named.reduce((total, [, weight]) => total + weight, 0);
+  const vowels = Object.entries(tables.vowels).map(([viseme, preset]): [string, number] => [viseme, presets[preset]]);
+  vowels.push(["FF", shut * clamp(lower - upper)]);
+  vowels.push(["PP", shut * Math.max(meanOf(arkit, "mouthPress"), Math.min(upper, lower))]);
+  const sum = vowels.reduce((total, [, weight]) => total + weight, 0);
   const room = Math.max(sum, 1);
-  return { ...Object.fromEntries(named.map(([viseme, weight]) => [viseme, weight / room])), sil: Math.max(1 - sum / room, 0) };
+  return { ...Object.fromEntries(vowels.map(([viseme, weight]) => [viseme, weight / room])), sil: Math.max(1 - sum / room, 0) };
 }

@@ -53,18 +53,18 @@ export class FaceRig {
   /** The best alphabet that the character knows, and its shapes. */
   private choose(document: FaceDocument, eyesAreBones: boolean): [FaceRig["alphabet"], Bind[]] {
     const { tables } = this;
-    const named = nameTargets(document);
+    const targets = nameTargets(document);
     const expressions = [...listExpressions(document, tables)];
-    let arkit = named.flatMap(([name, bind]) => rename(bind, findArkit(name, tables)));
+    let arkit = targets.flatMap(([name, bind]) => rename(bind, findArkit(name, tables)));
     if (countDrivers(arkit) < tables.enough) {
       const clips = expressions.flatMap((bind) => rename({ ...bind, binary: false }, lookUp(tables.arkit, bind.driver.toLowerCase())));
       if (countDrivers(clips) > countDrivers(arkit)) arkit = clips;
     }
     if (countDrivers(arkit) >= tables.enough) return ["ARKit", arkit];
-    const known = presetsOf(Object.fromEntries(this.weights.map((name) => [name, 0])), tables);
-    const presets = expressions.filter(({ driver }) => Object.hasOwn(known, driver) && !(eyesAreBones && driver.startsWith("look")));
+    const drivers = presetsOf(Object.fromEntries(this.weights.map((name) => [name, 0])), tables);
+    const presets = expressions.filter(({ driver }) => Object.hasOwn(drivers, driver) && !(eyesAreBones && driver.startsWith("look")));
     if (presets.length) return ["VRM", presets];
-    const oculus = named.flatMap(([name, bind]) => rename(bind, findViseme(name, tables)));
+    const oculus = targets.flatMap(([name, bind]) => rename(bind, findViseme(name, tables)));
     if (oculus.length) return ["Oculus", [...oculus, ...arkit.filter(({ driver }) => /^(eye|brow)/.test(driver))]];
     return ["ARKit", arkit];
   }
@@ -114,29 +114,29 @@ export class FaceRig {
 
   /** How far the mouth is open, as its shapes stand: 0 to 1. */
   opening(): number {
-    const opened = this.faces.flatMap(({ meshes, binds }) =>
+    const openings = this.faces.flatMap(({ meshes, binds }) =>
       binds.filter(({ driver }) => OPENERS.includes(driver)).map(({ target }) => meshes[0].morphTargetInfluences?.[target] ?? 0));
-    return Math.max(0, ...opened);
+    return Math.max(0, ...openings);
   }
 
   /** Node of the file → the weights of its shapes, as they stand. */
-  shown(): Record<number, number[]> {
+  listWeights(): Record<number, number[]> {
     return Object.fromEntries(this.faces.map(({ node, meshes }) => [node, [...(meshes[0].morphTargetInfluences ?? [])]]));
   }
 }
 
 /** Node of the file → its meshes with shapes: one for each surface. */
 function listMeshes({ scene, parser }: GLTF): Map<number, Mesh[]> {
-  const found = new Map<number, Mesh[]>();
+  const byNode = new Map<number, Mesh[]>();
   const nodeOf = (object: Object3D): number | undefined => parser.associations.get(object)?.nodes;
   scene.traverse((object) => {
     const node = nodeOf(object);
     if (node === undefined) return;
     const parts = [object, ...object.children.filter((child) => nodeOf(child) === undefined)];
-    const shaped = parts.filter((part): part is Mesh => part instanceof Mesh && part.morphTargetInfluences !== undefined);
-    if (shaped.length) found.set(node, shaped);
+    const meshes = parts.filter((part): part is Mesh => part instanceof Mesh && part.morphTargetInfluences !== undefined);
+    if (meshes.length) byNode.set(node, meshes);
   });
-  return found;
+  return byNode;
 }
 
 /** Every shape of every node with its name. */
@@ -176,12 +176,12 @@ const rename = (bind: Omit<Bind, "driver">, driver: string): Bind[] => (driver ?
 /** "Face.M_eyeBlink_L" → "eyeBlinkLeft": without what stands before ARKit's name, and without signs. */
 function findArkit(name: string, { arkit, longest }: FaceTables): string {
   const pieces = name.slice(-longest).split(/[.:|_\s-]+/).filter(Boolean);
-  const found = pieces.map((_, first) => lookUp(arkit, pieces.slice(first).join("").toLowerCase()));
-  return found.find(Boolean) ?? "";
+  const names = pieces.map((_, first) => lookUp(arkit, pieces.slice(first).join("").toLowerCase()));
+  return names.find(Boolean) ?? "";
 }
 
 function findViseme(name: string, { oculus, longest }: FaceTables): string {
-  const found = /viseme[._\s-]*([a-z]+)$/i.exec(name.slice(-longest));
-  const viseme = found ? lookUp(oculus, found[1].toLowerCase()) : "";
+  const match = /viseme[._\s-]*([a-z]+)$/i.exec(name.slice(-longest));
+  const viseme = match ? lookUp(oculus, match[1].toLowerCase()) : "";
   return viseme && `viseme_${viseme}`;
 }

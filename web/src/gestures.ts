@@ -62,7 +62,7 @@ export async function removeGesture(store: Store, takes: Takes, gesture: Planned
 }
 
 export class GestureTrack {
-  private shown: Plan | null = null;
+  private plan: Plan | null = null;
   private width = 0;
   private seconds = 0;
   private dragging = false;
@@ -75,21 +75,21 @@ export class GestureTrack {
     this.seconds = seconds;
     const width = this.track.clientWidth;
     if (this.dragging) return;
-    if (plan !== this.shown || width !== this.width) {
-      const focused = this.track.contains(document.activeElement) ? (document.activeElement as HTMLElement).dataset.id : null;
-      const place = [...this.track.children].findIndex((each) => (each as HTMLElement).dataset.id === focused);
+    if (plan !== this.plan || width !== this.width) {
+      const focus = this.track.contains(document.activeElement) ? (document.activeElement as HTMLElement).dataset.id : null;
+      const place = [...this.track.children].findIndex((each) => (each as HTMLElement).dataset.id === focus);
       this.track.replaceChildren(...(plan?.gestures ?? []).map((gesture) => this.button(plan as Plan, gesture)));
-      if (focused) {
-        const same = this.track.querySelector<HTMLElement>(`[data-id="${CSS.escape(focused)}"]`);
+      if (focus) {
+        const same = this.track.querySelector<HTMLElement>(`[data-id="${CSS.escape(focus)}"]`);
         const next = this.track.children[Math.min(place, this.track.children.length - 1)] as HTMLElement | undefined;
         (same ?? next ?? find("add-gesture")).focus();
       }
-      this.shown = plan;
+      this.plan = plan;
       this.width = width;
     }
     for (const button of this.track.children) {
-      const chosen = (button as HTMLElement).dataset.id === this.store.state.gesture;
-      button.setAttribute("aria-pressed", String(chosen));
+      const isChosen = (button as HTMLElement).dataset.id === this.store.state.gesture;
+      button.setAttribute("aria-pressed", String(isChosen));
     }
   }
 
@@ -127,9 +127,9 @@ export class GestureTrack {
   /** Move a gesture by so many seconds from where it then is: keys come faster than the server answers. */
   private move({ id }: PlannedGesture, by: number): Promise<void> {
     return this.takes.edit((plan) => {
-      const found = plan.gestures?.find((each) => each.id === id);
-      if (found === undefined) return null;
-      const time = Math.min(Math.max(found.stroke + by, 0), this.seconds);
+      const gesture = plan.gestures?.find((each) => each.id === id);
+      if (gesture === undefined) return null;
+      const time = Math.min(Math.max(gesture.stroke + by, 0), this.seconds);
       return { kind: "move", gesture: id, to: Math.round(time * 1000) / 1000 };
     });
   }
@@ -143,17 +143,17 @@ export class GestureTrack {
   private drag(down: PointerEvent, gesture: PlannedGesture, button: HTMLElement): void {
     if (down.button !== 0) return;
     const perSecond = this.track.clientWidth / this.seconds;
-    let moved = 0;
+    let way = 0;
     const onMove = (event: PointerEvent): void => {
-      moved = event.clientX - down.clientX;
-      this.dragging = Math.abs(moved) > 3 || this.dragging;
-      if (this.dragging) button.style.transform = `translateX(${moved}px)`;
+      way = event.clientX - down.clientX;
+      this.dragging = Math.abs(way) > 3 || this.dragging;
+      if (this.dragging) button.style.transform = `translateX(${way}px)`;
     };
     const onUp = (event: PointerEvent): void => {
       const move = this.dragging && event.type === "pointerup";
       this.dragging = false;
       const settle = (): void => void button.style.removeProperty("transform");
-      if (move) void this.move(gesture, moved / perSecond).then(settle);
+      if (move) void this.move(gesture, way / perSecond).then(settle);
       else settle();
     };
     followPointer(button, down, onMove, onUp);

@@ -32,8 +32,8 @@ function describe(settings: Settings, seeds: number[]): Record<string, string> {
 /** Settings and seeds of takes as text: what is not as usual, and always the model and the seeds. */
 export function writeLink(settings: Settings, seeds: number[]): string {
   const usual = describe(USUAL, []);
-  const said = Object.entries(describe(settings, seeds)).filter(([key, value]) => key === "model" || key === "seeds" || value !== usual[key]);
-  return `#${new URLSearchParams(said).toString().replace(/%2C/g, ",").replace(/%3A/g, ":")}`;
+  const fields = Object.entries(describe(settings, seeds)).filter(([key, value]) => key === "model" || key === "seeds" || value !== usual[key]);
+  return `#${new URLSearchParams(fields).toString().replace(/%2C/g, ",").replace(/%3A/g, ":")}`;
 }
 
 /** Settings and seeds out of such a text; what cannot be read has its usual value. */
@@ -57,11 +57,11 @@ export function readLink(text: string, catalogue: Catalogue): { settings: Settin
 
 /** What such a text says that was not taken over, as KEY=VALUE; an address without settings says nothing. */
 export function listIgnored(text: string, settings: Settings, seeds: number[]): string[] {
-  const said = new URLSearchParams(text.replace(/^#/, ""));
+  const fields = new URLSearchParams(text.replace(/^#/, ""));
   const differs = (a: string, b: string) => a !== b && !(a.trim() !== "" && Number(a) === Number(b));
   return Object.entries(describe(settings, seeds))
-    .filter(([key, kept]) => said.has(key) && differs(said.get(key) ?? "", kept))
-    .map(([key]) => `${key}=${said.get(key)}`);
+    .filter(([key, value]) => fields.has(key) && differs(fields.get(key) ?? "", value))
+    .map(([key]) => `${key}=${fields.get(key)}`);
 }
 
 function readNumber(text: string | null, least: number, most: number, usual: number): number {

@@ -33,9 +33,9 @@ export class Live {
     find("live-style").addEventListener("change", () => this.change({ style: valueOf("live-style") || null }));
     find("live-emotion").addEventListener("change", () => this.change({ emotion: valueOf("live-emotion") }));
     const intensity = find<HTMLInputElement>("live-intensity");
-    const shown = find<HTMLOutputElement>("live-intensity-value");
-    shown.value = intensity.valueAsNumber.toFixed(2);
-    intensity.addEventListener("input", () => (shown.value = intensity.valueAsNumber.toFixed(2)));
+    const output = find<HTMLOutputElement>("live-intensity-value");
+    output.value = intensity.valueAsNumber.toFixed(2);
+    intensity.addEventListener("input", () => (output.value = intensity.valueAsNumber.toFixed(2)));
     intensity.addEventListener("change", () => this.change({ intensity: intensity.valueAsNumber }));
   }
 

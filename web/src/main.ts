@@ -22,10 +22,10 @@ import { Transport } from "./transport";
 async function openStudio(): Promise<void> {
   const catalogue = await readCatalogue();
   const { settings, seeds } = readLink(location.hash, catalogue);
-  const ignored = listIgnored(location.hash, settings, seeds);
+  const leftOut = listIgnored(location.hash, settings, seeds);
   const store = new Store({
     catalogue, settings, takes: seeds.map(makeTake), chosen: 0, speech: null, selection: null, gesture: null, problem: "",
-    notice: ignored.length ? `the link has settings that do not exist here, so these were left out: ${ignored.join(", ")}` : "",
+    notice: leftOut.length ? `the link has settings that do not exist here, so these were left out: ${leftOut.join(", ")}` : "",
   });
   const player = new Player();
   const takes = new Takes(store);
@@ -33,13 +33,13 @@ async function openStudio(): Promise<void> {
   const transport = new Transport(store, player);
   const edits = new EditPanel(store, takes, player);
   const timeLine = new TimeLine(store, player, takes, (time, gesture) => edits.openDialog(time, gesture));
-  const shown = { time: -1, motions: "", tab: "make" };
+  const display = { time: -1, motions: "", tab: "make" };
   let crowd: Crowd | null = null;
 
   /** Called for every frame of the display: whether the characters have moved. */
   function move(): boolean {
     if (crowd === null) return false;
-    if (shown.tab === "live") {
+    if (display.tab === "live") {
       const { fresh } = live;
       live.fresh = false;
       if (fresh) crowd.showPose(live.pose);
@@ -48,8 +48,8 @@ async function openStudio(): Promise<void> {
     player.follow();
     const { time } = player;
     const motions = `${crowd.count} ${crowd.name} ${store.state.takes.map((take) => `${take.key} ${take.id}`).join()}`;
-    if (time === shown.time && motions === shown.motions) return false;
-    Object.assign(shown, { time, motions });
+    if (time === display.time && motions === display.motions) return false;
+    Object.assign(display, { time, motions });
     crowd.show(store.state.takes, time);
     transport.follow(time);
     timeLine.follow(time);
@@ -81,12 +81,12 @@ async function openStudio(): Promise<void> {
   bindAvatar(wear);
   bindHeader(store, takes);
   bindTabs((tab) => {
-    shown.tab = tab;
+    display.tab = tab;
     player.pause();
     if (tab === "live") void crowd?.setCount(1);
     else {
       live.stop();
-      shown.motions = "";
+      display.motions = "";
       void crowd?.setCount(store.state.takes.length);
     }
   });
@@ -95,10 +95,10 @@ async function openStudio(): Promise<void> {
   });
   find("problem").addEventListener("click", () => store.update({ problem: "" }));
   listenToKeys({ store, takes, player, play: () => transport.toggle(), removeGesture: () => void edits.removeChosen() });
-  publishReadOuts({ store, player, live, stage, crowd: () => crowd, shownTime: () => shown.time });
+  publishReadOuts({ store, player, live, stage, crowd: () => crowd, shownTime: () => display.time });
   store.onChange((state) => drawState(state, takes));
   crowd = await Crowd.open(stage, catalogue);
-  store.onChange((state) => void (shown.tab === "make" && crowd?.setCount(state.takes.length)));
+  store.onChange((state) => void (display.tab === "make" && crowd?.setCount(state.takes.length)));
   document.documentElement.dataset.ready = "true";
 }
 
@@ -132,8 +132,8 @@ function bindHeader(store: Store, takes: Takes): void {
   find("let-go").addEventListener("click", () => takes.letGo());
   find("open-help").addEventListener("click", () => find<HTMLDialogElement>("help").showModal());
   find("copy-link").addEventListener("click", () => {
-    const { settings, takes: shown } = store.state;
-    const link = location.href.replace(/#.*$/, "") + writeLink(settings, shown.map((take) => take.seed));
+    const { settings, takes: all } = store.state;
+    const link = location.href.replace(/#.*$/, "") + writeLink(settings, all.map((take) => take.seed));
     history.replaceState(null, "", link);
     const { clipboard } = navigator as { clipboard?: Clipboard }; // browsers give it to pages of https or localhost alone
     (clipboard?.writeText(link) ?? Promise.reject(new Error("no clipboard"))).then(

@@ -55,7 +55,7 @@ export function publishReadOuts({ store, player, live, stage, crowd, shownTime }
     shapes: (face?: number[], k = store.state.chosen) => {
       const rig = crowd()?.figure(k).face;
       if (rig && face) rig.apply(rig.driversOf(face));
-      return rig?.shown() ?? null;
+      return rig?.listWeights() ?? null;
     },
     /** Where a joint is in the picture: 0 to 1 from the left and from the top. */
     onScreen: (name: string, k = store.state.chosen) => {

@@ -44,18 +44,18 @@ async function openShare(): Promise<void> {
   const fps = Number(find("character").dataset.fps);
   const sound = document.getElementById("sound");
   const blob = sound ? new Blob([await readBytes("sound")], { type: sound.dataset.kind ?? "" }) : makeSilence(clip.duration + 1 / fps);
-  const known = new Promise((resolve) => player.sound.addEventListener("loadedmetadata", resolve, { once: true }));
+  const metadata = new Promise((resolve) => player.sound.addEventListener("loadedmetadata", resolve, { once: true }));
   player.open(URL.createObjectURL(blob));
-  await known;
+  await metadata;
 
-  let shown = -1;
+  let lastTime = -1;
   const scrub = find<HTMLInputElement>("scrub");
   const clock = find("clock");
   const stage = new Stage(find<HTMLCanvasElement>("view"), () => {
     player.follow();
     const { time } = player;
-    if (time === shown) return false;
-    shown = time;
+    if (time === lastTime) return false;
+    lastTime = time;
     mixer.setTime(Math.min(time, clip.duration));
     scrub.valueAsNumber = time;
     const text = `${formatTime(time)} / ${formatTime(player.seconds)}`;

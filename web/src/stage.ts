@@ -24,7 +24,7 @@ export class Stage {
   private readonly sun = new DirectionalLight(0xfff4e6, 2.1);
   private people: Object3D[] = [];
   private stale = true;
-  private framed = false;
+  private isFramed = false;
   /** Frames that were drawn; tests read it. */
   drawn = 0;
 
@@ -44,7 +44,7 @@ export class Stage {
     this.controls.minDistance = 0.4;
     this.controls.maxDistance = 25;
     this.controls.addEventListener("change", () => (this.stale = true));
-    this.controls.addEventListener("start", () => (this.framed = false));
+    this.controls.addEventListener("start", () => (this.isFramed = false));
     new ResizeObserver(() => this.resize()).observe(canvas);
     this.resize();
     this.frame();
@@ -68,7 +68,7 @@ export class Stage {
     if (nearer !== undefined) away.setLength(Math.min(Math.max(away.length() * STEP ** -nearer, this.controls.minDistance), this.controls.maxDistance));
     if (turn !== undefined) away.applyAxisAngle(this.camera.up, turn * TURN);
     this.camera.position.copy(target).add(away);
-    this.framed = false;
+    this.isFramed = false;
     this.controls.update();
     this.stale = true;
   }
@@ -102,7 +102,7 @@ export class Stage {
     const shadow = this.sun.shadow.camera;
     Object.assign(shadow, { left: -half, right: half, top: 2.6, bottom: -1.6, near: 0.5, far: 12 });
     shadow.updateProjectionMatrix();
-    if (!same || this.framed) this.frame();
+    if (!same || this.isFramed) this.frame();
     this.stale = true;
   }
 
@@ -121,7 +121,7 @@ export class Stage {
     this.controls.target.set(0, low + height / 2 - 0.03 * height, 0);
     this.camera.position.copy(this.controls.target).add(new Vector3(away * 0.1, away * 0.045, away));
     this.controls.update();
-    this.framed = true;
+    this.isFramed = true;
     this.stale = true;
   }
 
@@ -136,7 +136,7 @@ export class Stage {
     this.renderer.setSize(clientWidth, clientHeight, false);
     this.camera.aspect = clientWidth / clientHeight;
     this.camera.updateProjectionMatrix();
-    if (this.framed) this.frame();
+    if (this.isFramed) this.frame();
     this.stale = true;
   }
 }

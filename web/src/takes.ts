@@ -7,27 +7,27 @@ import type { Motion } from "./motion";
 import { makeTake, type Settings, type Store, type Take } from "./state";
 
 const MOST_TAKES = 8;
-const KEPT = 24; // results that undo and redo find again without asking [ours: three rounds of eight takes]
+const MOST_RESULTS = 24; // results that undo and redo find again without asking [ours: three rounds of eight takes]
 const NUMBERS = ["intensity", "temperature"] as const; // of a plan: its gestures stay where one of them changes
 const OUTSIDE = ["fps", "parts"]; // settings that no plan holds: an edited plan is played with others
 const PATIENCE = 250; // milliseconds from the last change of a setting to the request [ours: a slider sends one request]
 const TOGETHER = 800; // milliseconds within which changes of one setting are one step of undo [ours: keys that are held repeat faster]
-const LOST = "the connection to the studio is lost: it is tried again";
-const RENEWED = "the studio was started anew: open the address that it has printed";
+const NO_CONNECTION = "the connection to the studio is lost: it is tried again";
+const NEW_STUDIO = "the studio was started anew: open the address that it has printed";
 
-interface Made { id: string; motion: Motion; plan: Plan | null; factor: number | null }
+interface Result { id: string; motion: Motion; plan: Plan | null; factor: number | null }
 type Edit = api.PlanEdit | ((plan: Plan) => api.PlanEdit | null);
 interface Step { settings: Settings; takes: { seed: number; edited: Plan | null }[]; chosen: number }
 
 export class Takes {
-  private readonly made = new Map<string, Made>();
+  private readonly results = new Map<string, Result>();
   private readonly events = new Map<string, TakeEvent>();
   private past: Step[] = [];
   private future: Step[] = [];
   /** The last step that has the edits which gave way to a setting, until the user has answered. */
-  private lost: Step | null = null;
-  private readonly saved = new WeakSet<Plan>();
-  private connected = true;
+  private stepWithEdits: Step | null = null;
+  private readonly plansInFiles = new WeakSet<Plan>();
+  private isConnected = true;
   private timer = 0;
   private setting = { names: "", at: 0 }; // that was changed last, and when
   private edits: Promise<void> = Promise.resolve();
@@ -35,7 +35,7 @@ export class Takes {
   private readonly unmade = new Map<Take, { edited: Plan; before: Pick<Take, "edited" | "plan"> }>();
 
   constructor(private readonly store: Store) {
-    api.followEvents((event) => this.hear(event), (connected) => this.onConnection(connected), () => this.store.update({ problem: RENEWED }));
+    api.followEvents((event) => this.hear(event), (isConnected) => this.onConnection(isConnected), () => this.store.update({ problem: NEW_STUDIO }));
   }
 
   // ------------------------------------------------------------------------------------------ asking
@@ -51,7 +51,7 @@ export class Takes {
     const forget = (step: Step): Step => ({ ...step, takes: step.takes.map((take) => ({ ...take, edited: null })) });
     this.past = this.past.map(forget);
     this.future = this.future.map(forget);
-    this.lost = null;
+    this.stepWithEdits = null;
     for (const take of this.store.state.takes) Object.assign(take, { plan: null, edited: null, motion: null, id: null, madeFrom: "" });
     this.store.update({ speech, selection: null, gesture: null, notice: "" });
     this.makeAll();
@@ -59,7 +59,7 @@ export class Takes {
 
   /** What was made is not right any more, since the words changed. */
   renew(): void {
-    this.made.clear();
+    this.results.clear();
     for (const take of this.store.state.takes) take.madeFrom = "";
     this.makeAll();
   }
@@ -77,8 +77,8 @@ export class Takes {
     if (take.madeFrom === key) return;
     if (take.making !== null) api.forgetTake(take.making);
     Object.assign(take, { madeFrom: key, making: null, progress: 0, problem: "" });
-    const known = this.made.get(key);
-    if (known !== undefined) return this.show(take, known);
+    const result = this.results.get(key);
+    if (result !== undefined) return this.show(take, result);
     this.store.update();
     try {
       const { take: id } = await api.createTake(request);
@@ -121,16 +121,16 @@ export class Takes {
     try {
       const plan = api.readPlan(event.take).catch(() => null); // some ways of asking leave no plan
       const motion = await api.readMotion(event.take);
-      const made = { id: event.take, motion, plan: await plan, factor: event.realtime_factor };
-      this.made.set(key, made);
-      if (this.made.size > KEPT) this.made.delete(this.made.keys().next().value as string);
-      if (take.madeFrom === key) this.show(take, made);
+      const result = { id: event.take, motion, plan: await plan, factor: event.realtime_factor };
+      this.results.set(key, result);
+      if (this.results.size > MOST_RESULTS) this.results.delete(this.results.keys().next().value as string);
+      if (take.madeFrom === key) this.show(take, result);
     } catch (error) {
       if (take.madeFrom === key) this.fail(take, error);
     }
   }
 
-  private show(take: Take, { id, motion, plan, factor }: Made): void {
+  private show(take: Take, { id, motion, plan, factor }: Result): void {
     Object.assign(take, { id, motion, plan, factor, played: take.edited, making: null, progress: null, problem: "" });
     this.unmade.delete(take);
     this.store.update({ notice: `take ${this.store.state.takes.indexOf(take) + 1} is ready` });
@@ -144,20 +144,20 @@ export class Takes {
 
   /** Make a take again that the server has dropped. */
   remake(take: Take): void {
-    for (const [key, { id }] of this.made) if (id === take.id) this.made.delete(key);
+    for (const [key, { id }] of this.results) if (id === take.id) this.results.delete(key);
     Object.assign(take, { id: null, madeFrom: "" });
     void this.make(take);
   }
 
-  private onConnection(connected: boolean): void {
-    const wasLost = !this.connected;
-    this.connected = connected;
-    if (!connected) {
-      if (this.store.state.problem !== RENEWED) this.store.update({ problem: LOST });
+  private onConnection(isConnected: boolean): void {
+    const wasLost = !this.isConnected;
+    this.isConnected = isConnected;
+    if (!isConnected) {
+      if (this.store.state.problem !== NEW_STUDIO) this.store.update({ problem: NO_CONNECTION });
     }
     else if (wasLost) {
       for (const take of this.store.state.takes) if (take.making !== null) take.madeFrom = "";
-      if ([LOST, RENEWED].includes(this.store.state.problem)) this.store.update({ problem: "" });
+      if ([NO_CONNECTION, NEW_STUDIO].includes(this.store.state.problem)) this.store.update({ problem: "" });
       this.makeAll();
     }
   }
@@ -208,12 +208,12 @@ export class Takes {
 
   /** What was told is over, unless it still holds. */
   private silence(): { notice: string; problem: string } {
-    return { notice: "", problem: [LOST, RENEWED].includes(this.store.state.problem) ? this.store.state.problem : "" };
+    return { notice: "", problem: [NO_CONNECTION, NEW_STUDIO].includes(this.store.state.problem) ? this.store.state.problem : "" };
   }
 
   private dropEdits(take: Take, step: Step): void {
     take.edited = null;
-    this.lost ??= step;
+    this.stepWithEdits ??= step;
   }
 
   get mayAdd(): boolean {
@@ -233,8 +233,8 @@ export class Takes {
     const { takes, chosen } = this.store.state;
     if (takes.length < 2) return;
     this.remember();
-    const [gone] = takes.splice(index, 1);
-    if (gone.making !== null) api.forgetTake(gone.making);
+    const [take] = takes.splice(index, 1);
+    if (take.making !== null) api.forgetTake(take.making);
     this.store.update({ chosen: Math.min(chosen > index ? chosen - 1 : chosen, takes.length - 1), gesture: null });
   }
 
@@ -261,9 +261,9 @@ export class Takes {
       if (plan === take.plan) return;
       if (take.edited !== before.edited || this.store.state.speech !== speech) return; // something else was played meanwhile
       this.remember();
-      this.lost = null;
-      const known = this.unmade.get(take);
-      this.unmade.set(take, { edited: plan, before: known !== undefined && known.edited === take.edited ? known.before : before });
+      this.stepWithEdits = null;
+      const entry = this.unmade.get(take);
+      this.unmade.set(take, { edited: plan, before: entry !== undefined && entry.edited === take.edited ? entry.before : before });
       Object.assign(take, { edited: plan, plan });
       this.store.update({ problem: "", notice: "" });
       await this.make(take);
@@ -280,20 +280,20 @@ export class Takes {
 
   /** Whether a take has edits that are in no file. */
   get hasUnsaved(): boolean {
-    return this.store.state.takes.some(({ edited }) => edited !== null && !this.saved.has(edited));
+    return this.store.state.takes.some(({ edited }) => edited !== null && !this.plansInFiles.has(edited));
   }
 
   /** The plan is in a file. */
   markSaved(plan: Plan | null): void {
-    if (plan !== null) this.saved.add(plan);
+    if (plan !== null) this.plansInFiles.add(plan);
     this.store.update();
   }
 
   /** Play a plan from a file as the chosen take; the settings become those of the plan. */
   openPlan(plan: Plan): void {
     this.remember();
-    this.lost = null;
-    this.saved.add(plan);
+    this.stepWithEdits = null;
+    this.plansInFiles.add(plan);
     const { settings } = this.store.state;
     const mix = readMix(plan.style?.includes(":") ? plan.style : "", this.store.model.styles);
     const emotion = typeof plan.emotion === "string" ? plan.emotion : settings.emotion;
@@ -324,26 +324,26 @@ export class Takes {
     this.setting = { names: "", at: 0 };
     const step = this.step();
     this.past.push(step);
-    if (this.past.length > 100 && this.past.shift() === this.lost) this.lost = null;
+    if (this.past.length > 100 && this.past.shift() === this.stepWithEdits) this.stepWithEdits = null;
     this.future = [];
     return step;
   }
 
   /** Whether edits gave way to a setting, and the user has neither brought them back nor let them go. */
   get hasLost(): boolean {
-    return this.lost !== null;
+    return this.stepWithEdits !== null;
   }
 
   /** Undo up to the edits that gave way. */
   bringBack(): void {
-    if (this.lost === null) return;
-    const later = this.past.splice(this.past.indexOf(this.lost) + 1);
+    if (this.stepWithEdits === null) return;
+    const later = this.past.splice(this.past.indexOf(this.stepWithEdits) + 1);
     this.future.push(this.step(), ...later.reverse());
     this.restore(this.past.pop() as Step);
   }
 
   letGo(): void {
-    this.lost = null;
+    this.stepWithEdits = null;
     this.store.update();
   }
 
@@ -380,12 +380,12 @@ export class Takes {
   }
 
   private restore(step: Step, notice = ""): void {
-    if (step === this.lost) this.lost = null;
+    if (step === this.stepWithEdits) this.stepWithEdits = null;
     const { takes } = this.store.state;
-    for (const gone of takes.splice(step.takes.length)) if (gone.making !== null) api.forgetTake(gone.making);
-    step.takes.forEach((wanted, k) => {
-      takes[k] ??= makeTake(wanted.seed);
-      Object.assign(takes[k], wanted);
+    for (const take of takes.splice(step.takes.length)) if (take.making !== null) api.forgetTake(take.making);
+    step.takes.forEach((old, k) => {
+      takes[k] ??= makeTake(old.seed);
+      Object.assign(takes[k], old);
     });
     this.store.update({ settings: step.settings, chosen: step.chosen, gesture: null, notice });
     this.makeAll();

@@ -24,7 +24,7 @@ export class TimeLine {
   private shownWords: HeardWord[] | null = null;
   private shownWave = "";
   private shownPlan: Plan | null | undefined;
-  private moved = -1;
+  private lastTime = -1;
 
   constructor(
     private readonly store: Store, private readonly player: Player, private readonly takes: Takes,
@@ -150,8 +150,8 @@ export class TimeLine {
 
   /** Move the playhead; called for every frame. */
   follow(time: number): void {
-    if (time === this.moved) return;
-    this.moved = time;
+    if (time === this.lastTime) return;
+    this.lastTime = time;
     const x = (time / this.seconds) * this.lanes.clientWidth;
     this.head.style.transform = `translateX(${x}px)`;
     const { scrollLeft, clientWidth } = this.scroller;

@@ -15,20 +15,20 @@ interface Segment { from: number; to: number; text: string }
 
 /** The stretches of a plan in which a value differs from the rest, neighbours with the same value as one. */
 export function segmentsOf(plan: Plan | null, name: Value): Segment[] {
-  const found: Segment[] = [];
+  const segments: Segment[] = [];
   for (const stretch of [...(plan?.stretches ?? [])].sort((a, b) => a.from - b.from)) {
     const value = stretch[name];
     if (value == null) continue;
-    const last = found[found.length - 1];
+    const last = segments[segments.length - 1];
     if (last && last.text === String(value) && stretch.from - last.to < 1e-3) last.to = stretch.to;
-    else found.push({ from: stretch.from, to: stretch.to, text: String(value) });
+    else segments.push({ from: stretch.from, to: stretch.to, text: String(value) });
   }
-  return found;
+  return segments;
 }
 
 export class ValueTracks {
   private readonly rows: Record<Value, HTMLElement>;
-  private shown: Plan | null = null;
+  private plan: Plan | null = null;
   private base = "";
   private seconds = 1;
   private dragging = false;
@@ -49,17 +49,17 @@ export class ValueTracks {
     const { plan } = this.store.take;
     const base = VALUES.map((name) => this.tellBase(name)).join("|");
     find("tracks").hidden = plan === null;
-    if (this.dragging || (plan === this.shown && base === this.base && seconds === this.seconds)) return;
-    this.shown = plan;
+    if (this.dragging || (plan === this.plan && base === this.base && seconds === this.seconds)) return;
+    this.plan = plan;
     this.base = base;
     this.seconds = seconds;
     for (const name of VALUES) {
       const row = this.rows[name];
-      const focused = row.contains(document.activeElement) ? (document.activeElement as HTMLElement).dataset.order : null;
+      const focus = row.contains(document.activeElement) ? (document.activeElement as HTMLElement).dataset.order : null;
       row.setAttribute("aria-label", `${readName(name)}: ${this.tellBase(name)}`);
       const label = make("span", { class: "base" }, `${readName(name)}: ${this.tellBase(name)}`);
       row.replaceChildren(label, ...segmentsOf(plan, name).map((segment, k) => this.button(name, segment, k)));
-      if (focused) row.querySelector<HTMLElement>(`[data-order="${focused}"]`)?.focus();
+      if (focus) row.querySelector<HTMLElement>(`[data-order="${focus}"]`)?.focus();
     }
   }
 
@@ -103,8 +103,8 @@ export class ValueTracks {
 
   private shift(segment: Segment, by: number): Segment {
     const most = this.seconds - segment.to;
-    const moved = Math.min(Math.max(by, -segment.from), Math.max(most, 0));
-    return { ...segment, from: segment.from + moved, to: segment.to + moved };
+    const way = Math.min(Math.max(by, -segment.from), Math.max(most, 0));
+    return { ...segment, from: segment.from + way, to: segment.to + way };
   }
 
   /** The segment with its first or last border elsewhere. */
@@ -114,9 +114,9 @@ export class ValueTracks {
     return byFrom ? { ...segment, from } : { ...segment, to };
   }
 
-  private async move(name: Value, old: Segment, moved: Segment): Promise<void> {
+  private async move(name: Value, old: Segment, next: Segment): Promise<void> {
     const value = name === "intensity" ? Number(old.text) : old.text;
-    const { from, to } = { from: round(moved.from), to: round(moved.to) };
+    const { from, to } = { from: round(next.from), to: round(next.to) };
     if (from === round(old.from) && to === round(old.to)) return;
     await this.takes.edit(clear(name, old), { kind: "set", start: from, end: to, [name]: value });
     if (this.store.state.selection !== null) this.store.update({ selection: [from, to] });
@@ -129,19 +129,19 @@ export class ValueTracks {
     const first = down.clientX - box.left < edge;
     const last = box.right - down.clientX < edge;
     const perSecond = this.rows[name].clientWidth / this.seconds;
-    let moved = segment;
+    let result = segment;
     const onMove = (event: PointerEvent): void => {
       const pixels = event.clientX - down.clientX;
       this.dragging = Math.abs(pixels) > 3 || this.dragging;
       if (!this.dragging) return;
       const by = pixels / perSecond;
-      moved = first ? this.stretch(segment, by, 0) : last ? this.stretch(segment, 0, by) : this.shift(segment, by);
-      this.place(button, moved.from, moved.to);
+      result = first ? this.stretch(segment, by, 0) : last ? this.stretch(segment, 0, by) : this.shift(segment, by);
+      this.place(button, result.from, result.to);
     };
     const onUp = (event: PointerEvent): void => {
-      const dropped = this.dragging && event.type === "pointerup";
+      const isDrop = this.dragging && event.type === "pointerup";
       this.dragging = false;
-      if (dropped) void this.move(name, segment, moved);
+      if (isDrop) void this.move(name, segment, result);
       else this.place(button, segment.from, segment.to);
     };
     followPointer(button, down, onMove, onUp);

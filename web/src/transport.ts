@@ -8,7 +8,7 @@ export class Transport {
   private readonly scrub = find<HTMLInputElement>("scrub");
   private readonly button = find<HTMLButtonElement>("play");
   private readonly clock = find("clock");
-  private shown = "";
+  private text = "";
 
   constructor(private readonly store: Store, private readonly player: Player) {
     const speed = find<HTMLSelectElement>("speed");
@@ -49,8 +49,8 @@ export class Transport {
   /** Show a time; called for every frame. */
   follow(time: number): void {
     const text = `${formatTime(time)} / ${formatTime(this.player.seconds || this.store.state.speech?.seconds || 0)}`;
-    if (text !== this.shown) {
-      this.shown = text;
+    if (text !== this.text) {
+      this.text = text;
       this.clock.textContent = text;
     }
     this.scrub.setAttribute("aria-valuetext", sayTime(time, this.player.seconds));

@@ -96,8 +96,8 @@ def test_a_robots_arms_point_where_the_persons_do(robot, arm, seed):
         commands = {j.name: j.sign * angles[j.channel] + j.offset for j in find_robot(robot)}
         free = np.cos(angles[f"{side}_shoulder_roll"]) > 0.36
         for k in np.flatnonzero(free):
-            made = arm({name: values[k] for name, values in commands.items()}, side)
-            away.append(max(np.linalg.norm(made[0] - upper[k]), np.linalg.norm(made[1] - fore[k])))
+            bones = arm({name: values[k] for name, values in commands.items()}, side)
+            away.append(max(np.linalg.norm(bones[0] - upper[k]), np.linalg.norm(bones[1] - fore[k])))
     assert np.median(away) < 1e-5  # before pitch has caught up after the side, the arm may be off
     assert np.mean(np.array(away) < 0.05) > 0.85
 
@@ -160,15 +160,15 @@ def test_a_robot_goes_from_where_it_is_to_the_motion():
     joints, motion = find_robot("nao"), random_arms(200, 4)
     beyond = next(joint.upper for joint in joints if joint.name == "LElbowRoll") + 0.03  # as a sensor may say
     here = {"HeadYaw": 1.0, "LShoulderPitch": -1.5, "LElbowRoll": beyond}
-    made = RobotStream(joints, fps=FPS, start=here).push(motion)
+    commands = RobotStream(joints, fps=FPS, start=here).push(motion)
     usual = RobotStream(joints, fps=FPS).push(motion)
     names = [joint.name for joint in joints]
-    assert made[0, names.index("HeadYaw")] == 1
-    assert made[0, names.index("LShoulderPitch")] == -1.5
-    assert made[0, names.index("LElbowRoll")] == joints[names.index("LElbowRoll")].upper
+    assert commands[0, names.index("HeadYaw")] == 1
+    assert commands[0, names.index("LShoulderPitch")] == -1.5
+    assert commands[0, names.index("LElbowRoll")] == joints[names.index("LElbowRoll")].upper
     others = [k for k, name in enumerate(names) if name not in here]
-    np.testing.assert_array_equal(made[:, others], usual[:, others])
-    np.testing.assert_allclose(made[-50:], usual[-50:], atol=1e-6)
+    np.testing.assert_array_equal(commands[:, others], usual[:, others])
+    np.testing.assert_allclose(commands[-50:], usual[-50:], atol=1e-6)
     with pytest.raises(InputError, match="a start of joint 'Head'"):
         RobotStream(joints, fps=FPS, start={"Head": 0.0})
     for wrong in ("a", None, float("nan"), 23.0):  # the last: degrees
@@ -182,9 +182,9 @@ def test_limits_of_position_speed_and_acceleration_hold_whatever_is_wanted(seed,
     lower, upper, velocity, push = (
         np.array([getattr(j, n) for j in joints]) for n in ("lower", "upper", "velocity", "acceleration")
     )
-    wanted = np.repeat(random.normal(0, scale, (12, len(joints))), random.integers(1, 9), axis=0)
+    goals = np.repeat(random.normal(0, scale, (12, len(joints))), random.integers(1, 9), axis=0)
     limiter = JointLimiter(lower, upper, velocity, push, fps=fps, start=random.normal(0, 2, len(joints)))
-    commands = np.concatenate([limiter.push(wanted), limiter.finish()])
+    commands = np.concatenate([limiter.push(goals), limiter.finish()])
     commands = np.concatenate([commands[:1], commands, commands[-1:]])  # at rest before and after
     assert ((commands >= lower) & (commands <= upper)).all()
     speed = np.diff(commands, axis=0) * fps
@@ -194,10 +194,10 @@ def test_limits_of_position_speed_and_acceleration_hold_whatever_is_wanted(seed,
 
 def test_a_goal_is_reached_without_overshoot():
     limiter = JointLimiter(np.array([-2.0]), np.array([2.0]), np.array([3.0]), np.array([24.0]), fps=FPS)
-    made = limiter.push(np.concatenate([[[0.0]], np.full((100, 1), 1.0)]))[:, 0]
-    assert made.max() <= 1 + 1e-6
-    assert made[-1] == pytest.approx(1, abs=1e-3)
-    assert np.argmax(made > 0.95) < 30  # 0.6 s: as fast as the limits allow, nearly
+    angles = limiter.push(np.concatenate([[[0.0]], np.full((100, 1), 1.0)]))[:, 0]
+    assert angles.max() <= 1 + 1e-6
+    assert angles[-1] == pytest.approx(1, abs=1e-3)
+    assert np.argmax(angles > 0.95) < 30  # 0.6 s: as fast as the limits allow, nearly
 
 
 @pytest.mark.parametrize("change", [{"lower": [2.0]}, {"velocity": [0.0]}, {"acceleration": [-1.0]}])
@@ -223,8 +223,8 @@ def urdf(tmp_path):
 
 
 def test_joints_of_a_urdf(urdf):
-    (known,) = read_urdf(urdf)
-    assert (known.name, known.channel, known.lower, known.upper, known.velocity) == (
+    (shoulder,) = read_urdf(urdf)
+    assert (shoulder.name, shoulder.channel, shoulder.lower, shoulder.upper, shoulder.velocity) == (
         "LShoulderPitch",
         "left_shoulder_pitch",
         -1,
@@ -307,12 +307,12 @@ def test_a_joint_whose_axis_points_the_other_way_takes_the_other_sign(tmp_path):
         assert (head.sign, head.offset) == (sign, 0)
         assert (shoulder.sign, shoulder.offset) == (sign, pytest.approx(-sign * np.pi / 2, abs=1e-6))
         assert hand.sign == 1  # 0 … 1 has no direction
-    rest, turned = still(3), still(3)
-    turned.rotations[:, JOINT["head"]] = rotvec_to_quat(np.array([0, 0.3, 0]))
+    rest, with_turn = still(3), still(3)
+    with_turn.rotations[:, JOINT["head"]] = rotvec_to_quat(np.array([0, 0.3, 0]))
     (tmp_path / "r.urdf").write_text(f'<robot><joint name="HeadYaw" type="revolute"><axis xyz="0 0 -1"/>{ends}</robot>')
     joints = read_urdf(tmp_path / "r.urdf")
     assert robot_trajectory(rest, joints)[0, 0] == pytest.approx(0)
-    assert robot_trajectory(turned, joints)[0, 0] == pytest.approx(-0.3)
+    assert robot_trajectory(with_turn, joints)[0, 0] == pytest.approx(-0.3)
 
 
 @pytest.mark.parametrize(

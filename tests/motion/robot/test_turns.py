@@ -23,12 +23,12 @@ def test_a_forearm_that_turns_and_turns_is_followed_where_it_can_be_reached():
     spin = 2.0 * np.minimum(seconds, 6.5)  # radians: two turns, and then it stays at .43 of one
     motion.rotations[:, JOINT["leftHand"]] = rotvec_to_quat(spin[:, None] * [1.0, 0, 0])
     commands = robot_trajectory(motion, NAO)[:600, WRIST]
-    wanted = (spin + np.pi) % (2 * np.pi) - np.pi
+    goals = (spin + np.pi) % (2 * np.pi) - np.pi
     joint = NAO[WRIST]
     assert (np.abs(commands) <= joint.upper).all()
-    left = np.abs((wanted - commands + np.pi) % (2 * np.pi) - np.pi)
-    assert left[-50:].max() < 0.01  # 13 radians are .43 more than two turns
-    assert np.mean(left[np.abs(wanted) < 1.5] < 0.05) > 0.75
+    remainder = np.abs((goals - commands + np.pi) % (2 * np.pi) - np.pi)
+    assert remainder[-50:].max() < 0.01  # 13 radians are .43 more than two turns
+    assert np.mean(remainder[np.abs(goals) < 1.5] < 0.05) > 0.75
 
 
 @given(
@@ -37,34 +37,34 @@ def test_a_forearm_that_turns_and_turns_is_followed_where_it_can_be_reached():
 def test_other_turns_are_the_same_angles_within_the_limits_where_that_is_possible(lower, width, angles, cut):
     ends = np.array([lower]), np.array([lower + width])
     rows = np.array(angles, float)[:, None]
-    chosen = TurnChooser(*ends, np.array([True])).push(rows)
-    turns = (chosen - rows) / (2 * np.pi)
+    choice = TurnChooser(*ends, np.array([True])).push(rows)
+    turns = (choice - rows) / (2 * np.pi)
     np.testing.assert_allclose(turns, np.round(turns), atol=1e-9)
     possible = np.floor((ends[1] - rows) / (2 * np.pi)) >= np.ceil((ends[0] - rows) / (2 * np.pi))
-    beside = np.maximum(np.maximum(ends[0] - chosen, chosen - ends[1]), 0)
+    beside = np.maximum(np.maximum(ends[0] - choice, choice - ends[1]), 0)
     assert beside[possible].max(initial=0) <= 0.5 + 1e-9  # what keeps it from flickering
     assert beside.max() <= np.pi + 0.25  # half a turn, and half of that
     pieces = TurnChooser(*ends, np.array([True]))
-    np.testing.assert_array_equal(np.concatenate([pieces.push(rows[:cut]), pieces.push(rows[cut:])]), chosen)
+    np.testing.assert_array_equal(np.concatenate([pieces.push(rows[:cut]), pieces.push(rows[cut:])]), choice)
 
 
 def test_a_joint_stays_on_its_turn_while_it_can():
-    chosen = TurnChooser(np.array([-2 * np.pi]), np.array([2 * np.pi]), np.array([True]))
+    chooser = TurnChooser(np.array([-2 * np.pi]), np.array([2 * np.pi]), np.array([True]))
     spin = np.arange(0, 12, 0.1)[:, None]
-    made = chosen.push((spin + np.pi) % (2 * np.pi) - np.pi)
-    np.testing.assert_allclose(made[:62], spin[:62], atol=1e-9)  # up to the limit
-    assert made.max() <= 2 * np.pi + 0.5  # what keeps it from flickering
-    assert (np.abs(np.diff(made[:, 0])) > 1).sum() == 1  # there it comes back, once
+    choice = chooser.push((spin + np.pi) % (2 * np.pi) - np.pi)
+    np.testing.assert_allclose(choice[:62], spin[:62], atol=1e-9)  # up to the limit
+    assert choice.max() <= 2 * np.pi + 0.5  # what keeps it from flickering
+    assert (np.abs(np.diff(choice[:, 0])) > 1).sum() == 1  # there it comes back, once
     hand = TurnChooser(np.array([0.0]), np.array([1.0]), np.array([False]))
     np.testing.assert_array_equal(hand.push(np.array([[9.0]])), [[9.0]])
 
 
 def test_a_joint_with_a_range_of_a_turn_does_not_flicker_at_its_limit():
     seconds = np.arange(200) / FPS
-    wanted = np.pi + 0.03 * np.sin(2 * np.pi * seconds)[:, None]
+    angles = np.pi + 0.03 * np.sin(2 * np.pi * seconds)[:, None]
     for end in (np.pi, 3.15, 3.2):
-        chosen = TurnChooser(np.array([-end]), np.array([end]), np.array([True])).push((wanted + np.pi) % (2 * np.pi) - np.pi)
-        assert np.ptp(chosen) < 0.1
+        choice = TurnChooser(np.array([-end]), np.array([end]), np.array([True])).push((angles + np.pi) % (2 * np.pi) - np.pi)
+        assert np.ptp(choice) < 0.1
 
 
 def test_a_pitch_that_goes_round_does_not_jump():
@@ -79,10 +79,10 @@ def test_a_pitch_that_goes_round_does_not_jump():
 def test_commands_that_are_taken_back_leave_no_jump():
     motion, other = random_arms(300, 1), random_arms(200, 2)
     robot = RobotStream(NAO, fps=FPS)
-    kept = robot.push(motion)[:120]
+    start = robot.push(motion)[:120]
     robot.rewind(180)
-    joined = np.concatenate([kept, robot.push(other), robot.finish()])
-    speeds = np.diff(joined, axis=0) * FPS
+    commands = np.concatenate([start, robot.push(other), robot.finish()])
+    speeds = np.diff(commands, axis=0) * FPS
     assert (np.abs(speeds) <= np.array([joint.velocity for joint in NAO]) + 1e-9).all()
     pushes = np.diff(speeds, axis=0) * FPS
     assert (np.abs(pushes) <= np.array([joint.acceleration for joint in NAO]) + 1e-6).all()

@@ -49,8 +49,8 @@ def test_fixed_joints_without_names_turn_frames_too(tmp_path):
 
 
 def test_a_joint_that_turns_about_another_axis_is_not_recognised(tmp_path):
-    found = read_urdf(write(tmp_path, joint("HeadYaw", "0 0 1"), joint("HeadPitch", "1 0 0"), joint("LElbowRoll", "1 1 1")))
-    assert [each.name for each in found] == ["HeadYaw", "LElbowRoll"]  # of an oblique axis nothing is known
+    joints = read_urdf(write(tmp_path, joint("HeadYaw", "0 0 1"), joint("HeadPitch", "1 0 0"), joint("LElbowRoll", "1 1 1")))
+    assert [each.name for each in joints] == ["HeadYaw", "LElbowRoll"]  # of an oblique axis nothing is known
     assert len(read_urdf(tmp_path / "r.urdf", {"HeadPitch": "head_pitch"})) == 3
 
 

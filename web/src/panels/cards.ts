@@ -7,7 +7,7 @@ import type { Takes } from "../takes";
 
 export class Cards {
   private writing: AbortController | null = null;
-  private drawn = "";
+  private drawing = "";
 
   constructor(private readonly store: Store, private readonly takes: Takes) {
     const { formats } = store.state.catalogue;
@@ -37,27 +37,27 @@ export class Cards {
 
   /** Buttons stay where they are while only the progress changes: one that is replaced under a finger loses its click. */
   private drawCards({ speech, takes, chosen }: State): void {
-    const shown = speech === null ? [] : takes;
-    const drawn = JSON.stringify([chosen, shown.map((take) => [
+    const cards = speech === null ? [] : takes;
+    const drawing = JSON.stringify([chosen, cards.map((take) => [
       take.key, take.seed, take.edited !== null, take.problem, take.progress !== null,
     ])]);
-    if (drawn !== this.drawn) {
-      const focused = document.activeElement?.id;
-      find("cards").replaceChildren(...shown.map((take, k) => this.card(take, k)));
-      const key = focused?.split("-")[1]; // a button to cancel is gone with what it cancels: then the take
-      if (focused?.startsWith("card-")) (document.getElementById(focused) ?? document.getElementById(`card-${key}`))?.focus();
-      this.drawn = drawn;
+    if (drawing !== this.drawing) {
+      const focus = document.activeElement?.id;
+      find("cards").replaceChildren(...cards.map((take, k) => this.card(take, k)));
+      const key = focus?.split("-")[1]; // a button to cancel is gone with what it cancels: then the take
+      if (focus?.startsWith("card-")) (document.getElementById(focus) ?? document.getElementById(`card-${key}`))?.focus();
+      this.drawing = drawing;
     }
-    for (const { key, progress } of shown) if (progress !== null) find<HTMLProgressElement>(`card-${key}-progress`).value = progress;
+    for (const { key, progress } of cards) if (progress !== null) find<HTMLProgressElement>(`card-${key}-progress`).value = progress;
   }
 
   private card(take: Take, k: number): HTMLElement {
-    const chosen = this.store.state.chosen === k;
+    const isChosen = this.store.state.chosen === k;
     const name = make("button", {
-      type: "button", class: "name", id: `card-${take.key}`, "aria-pressed": String(chosen),
+      type: "button", class: "name", id: `card-${take.key}`, "aria-pressed": String(isChosen),
       click: () => this.store.update({ chosen: k, gesture: null }),
     }, `Take ${k + 1}`);
-    const card = make("div", { class: `card${chosen ? " chosen" : ""}` }, name);
+    const card = make("div", { class: `card${isChosen ? " chosen" : ""}` }, name);
     if (take.progress !== null) {
       const progress = make("progress", { max: "1", id: `card-${take.key}-progress`, "aria-label": `Making take ${k + 1}` });
       const stop = make("button", { type: "button", class: "quiet", id: `card-${take.key}-stop`, click: () => this.takes.cancel(take) }, "Cancel");

@@ -18,7 +18,7 @@ const LEAST_MOVE = 0.006; // seconds, and of a size: the dialog shows hundredths
 export class EditPanel {
   private shownStyles = "";
   /** The gesture that the dialog changes; null: it adds one. */
-  private changed: string | null = null;
+  private gestureId: string | null = null;
 
   constructor(private readonly store: Store, private readonly takes: Takes, private readonly player: Player) {
     const { catalogue } = store.state;
@@ -65,8 +65,8 @@ export class EditPanel {
 
   async removeChosen(): Promise<void> {
     const { gesture } = this.store.state;
-    const chosen = this.store.take.plan?.gestures?.find((each) => each.id === gesture);
-    if (chosen !== undefined && (await removeGesture(this.store, this.takes, chosen))) this.store.update({ gesture: null });
+    const target = this.store.take.plan?.gestures?.find((each) => each.id === gesture);
+    if (target !== undefined && (await removeGesture(this.store, this.takes, target))) this.store.update({ gesture: null });
   }
 
   /** Ask for a gesture that is added at a time, or for other values of one that is there. */
@@ -75,7 +75,7 @@ export class EditPanel {
     if (!this.store.model.takes_gestures || plan === null) return;
     this.player.pause();
     const old = plan.gestures?.find((each) => each.id === gesture);
-    this.changed = old?.id ?? null;
+    this.gestureId = old?.id ?? null;
     find("title-add").textContent = old ? "Change the gesture" : "Add a gesture";
     find("add-done").textContent = old ? "Change" : "Add";
     const time = old?.stroke ?? at;
@@ -106,7 +106,7 @@ export class EditPanel {
     const form = find<HTMLSelectElement>("add-form").value;
     const size = find<HTMLInputElement>("add-size").valueAsNumber;
     const values = { form, size, ...(hands ? { hands } : {}) };
-    const gesture = this.changed;
+    const gesture = this.gestureId;
     if (gesture === null) void this.takes.edit({ kind: "add", at, ...values });
     else void this.takes.edit((plan) => this.changeOf(plan, gesture, values), (plan) => this.moveOf(plan, gesture, at));
   }
@@ -128,16 +128,16 @@ export class EditPanel {
 
   private draw({ selection, gesture }: State): void {
     const { model, take } = this.store;
-    const chosen = take.plan?.gestures?.find((each) => each.id === gesture);
+    const target = take.plan?.gestures?.find((each) => each.id === gesture);
     const edits = model.takes_gestures && take.plan !== null;
     find("gesture-tools").hidden = !edits;
     find("gestures").hidden = !model.takes_gestures;
     find("edit-hint").hidden = selection !== null || !edits;
     find("select-tools").hidden = take.plan === null;
-    for (const id of ["change-gesture", "remove-gesture"]) enable(id, chosen !== undefined, "add-gesture");
+    for (const id of ["change-gesture", "remove-gesture"]) enable(id, target !== undefined, "add-gesture");
     const lock = find<HTMLButtonElement>("lock");
-    lock.disabled = chosen === undefined;
-    lock.textContent = chosen && take.plan && isLocked(take.plan, chosen) ? "Unlock all" : "Lock";
+    lock.disabled = target === undefined;
+    lock.textContent = target && take.plan && isLocked(take.plan, target) ? "Unlock all" : "Lock";
     const locked = selection !== null && take.plan !== null && touchesLock(take.plan, { from: selection[0], to: selection[1] });
     find("lock-stretch").textContent = locked ? "Unlock all" : "Lock";
     find("stretch-tools").hidden = selection === null || take.plan === null;

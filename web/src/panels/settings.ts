@@ -131,9 +131,9 @@ export class SettingsPanel {
     const key = mix === null ? "" : `${this.store.model.name} ${JSON.stringify(mix)}`;
     if (key === this.shownMix || mix === null) return;
     this.shownMix = key;
-    const focused = document.activeElement?.id;
+    const focus = document.activeElement?.id;
     box.replaceChildren(...this.store.model.styles.map((name) => this.share(name, mix)));
-    if (focused?.startsWith("mix-")) document.getElementById(focused)?.focus();
+    if (focus?.startsWith("mix-")) document.getElementById(focus)?.focus();
   }
 
   private share(name: string, mix: Record<string, number>): HTMLElement {

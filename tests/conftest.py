@@ -87,12 +87,6 @@ def shared_folder() -> Path:
     return folder
 
 
-@pytest.fixture(scope="session")
-def shared(shared_folder: Path) -> Path:
-    """The old name of `shared_folder`."""
-    return shared_folder
-
-
 def program(variable: str, what: str) -> str:
     """The path in an environment variable; where it is unset the test is skipped, where it is wrong the test fails."""
     path = os.environ.get(variable)

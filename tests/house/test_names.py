@@ -18,7 +18,7 @@ from cospeech.training.renamed import RENAMED, suggest_key
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "src" / "cospeech"
-FOLDERS = (PACKAGE, ROOT / "tools", ROOT / "benchmarks", ROOT / "blender")
+FOLDERS = (PACKAGE, *(ROOT / name for name in ("tools", "benchmarks", "blender", "tests")))
 
 IRREGULAR = frozenset({
     "begun", "bent", "born", "bought", "bound", "broken", "brought", "built", "caught", "chosen", "dealt", "done", "drawn",

@@ -52,8 +52,8 @@ def measure_speeds(folder: Path, player: str) -> tuple[np.ndarray, ...]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("player", PLAYERS)
-def test_hands_rest_in_silence(shared, player):
-    folder = shared / "data" / "speech" / "ljspeech"
+def test_hands_rest_in_silence(shared_folder, player):
+    folder = shared_folder / "data" / "speech" / "ljspeech"
     still, talking = list[np.ndarray](), list[np.ndarray]()
     for speech, speed in zip(spoken(folder), measure_speeds(folder, player), strict=True):
         loud = energy_envelope(speech.samples, speech.rate) > 1e-7
@@ -65,8 +65,8 @@ def test_hands_rest_in_silence(shared, player):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("player", PLAYERS)
-def test_own_speech_beats_anothers(shared, player):
-    folder = shared / "data" / "speech" / "ljspeech"
+def test_own_speech_beats_anothers(shared_folder, player):
+    folder = shared_folder / "data" / "speech" / "ljspeech"
     envelopes = [energy_envelope(speech.samples, speech.rate) for speech in spoken(folder)]
     speeds = measure_speeds(folder, player)
     verdicts = [
@@ -77,9 +77,9 @@ def test_own_speech_beats_anothers(shared, player):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("player", ["chain-of-generation", "mix-stage"])
-def test_styles_differ_in_manner(shared, player):
+def test_styles_differ_in_manner(shared_folder, player):
     """A judge that has seen a network's styles on other speech names them, without mean pose, amplitude or share of an arm."""
-    *teaching, test_speech = spoken(shared / "data" / "speech" / "ljspeech")
+    *teaching, test_speech = spoken(shared_folder / "data" / "speech" / "ljspeech")
     model = cospeech.load(player)
     options = BODY | {"look_ahead": model.for_files.get("look_ahead"), "calibrated": False}
     styles = list(enumerate(model.styles))

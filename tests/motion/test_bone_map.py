@@ -39,7 +39,7 @@ def test_a_map_wins_over_the_shape(nameless):
 
 
 @pytest.mark.parametrize(
-    ("chosen", "words"),
+    ("bones", "words"),
     [
         ({"head": "hips", "hips": "hips"}, "head and hips are both 'n00'"),
         ({"head": "hips"}, "head = 'n00' is the joint of hips"),
@@ -52,10 +52,10 @@ def test_a_map_wins_over_the_shape(nameless):
     ],
 )
 @pytest.mark.parametrize("names", [THEIRS, dict(zip(OURS.names, OURS.names, strict=True))], ids=["by shape", "by names"])
-def test_nonsense_is_refused(nameless, chosen, words, names):
+def test_nonsense_is_refused(nameless, bones, words, names):
     skeleton = nameless if names is THEIRS else replace(OURS, kind="custom")
     with pytest.raises(InputError) as error:
-        recognise(skeleton, {ours: names[theirs] for ours, theirs in chosen.items()})
+        recognise(skeleton, {ours: names[theirs] for ours, theirs in bones.items()})
     assert words.replace("n00", names["hips"]).format(**names) in str(error.value)
 
 

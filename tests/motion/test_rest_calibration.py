@@ -133,15 +133,17 @@ def test_soles_are_as_high_on_longer_shins():
     assert np.abs(heights(there) - 0.25).max() < 1e-9
 
 
-def test_heads_of_poser_files_are_heads(shared):
+def test_heads_of_poser_files_are_heads(shared_folder):
     """An eye is no head: files with ``lShldr`` and eyes were read with the head turned by a right angle."""
-    motion = load(shared / "data" / "mocap_cmu" / "14_04.bvh")
+    motion = load(shared_folder / "data" / "mocap_cmu" / "14_04.bvh")
     assert recognise(motion.skeleton)["head"] == "head"
 
 
-def test_other_peoples_files_face_where_they_go(shared):
+def test_other_peoples_files_face_where_they_go(shared_folder):
     """The head faces as the shoulders do on the average, and the chest carries them."""
-    for path in sorted((Path(shared) / "data" / "bvh").glob("*.bvh")) + [shared / "data" / "mocap_cmu" / "13_01.bvh"]:
+    for path in sorted((Path(shared_folder) / "data" / "bvh").glob("*.bvh")) + [
+        shared_folder / "data" / "mocap_cmu" / "13_01.bvh"
+    ]:
         try:
             motion = load(path)
             there = motion.retarget("humanoid")

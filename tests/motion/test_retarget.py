@@ -293,8 +293,8 @@ def test_it_is_fast():
 # --- files of others
 
 
-def test_files_of_others_on_our_body(shared):
-    files = sorted((shared / "data" / "bvh").glob("*.bvh"))
+def test_files_of_others_on_our_body(shared_folder):
+    files = sorted((shared_folder / "data" / "bvh").glob("*.bvh"))
     count = 0
     for path in files:
         motion = Motion.load(path)

@@ -163,10 +163,10 @@ def test_smplx_is_in_the_order_of_the_model():
     assert list(find_skeleton("smplx").parents) == tree
 
 
-def test_beat_is_what_is_published(shared):
+def test_beat_is_what_is_published(shared_folder):
     import json
 
-    table = json.loads((shared / "data" / "beat_speaker2_skeleton.json").read_text())
+    table = json.loads((shared_folder / "data" / "beat_speaker2_skeleton.json").read_text())
     ours = find_skeleton("beat")
     joints = [n for n in table if not n.endswith("_Nub")]
     assert list(ours.names) == joints

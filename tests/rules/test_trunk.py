@@ -63,8 +63,8 @@ def test_the_trunk_turns_to_the_hands_and_does_not_lean_there(style):
     assert -20 < ahead < 11
 
 
-def test_a_recorded_speaker_does_so(shared):
-    take = np.load(shared / "data/reference_motion/003_Neutral_2.npy", allow_pickle=False)[::2, :, :3].astype(float)
+def test_a_recorded_speaker_does_so(shared_folder):
+    take = np.load(shared_folder / "data/reference_motion/003_Neutral_2.npy", allow_pickle=False)[::2, :, :3].astype(float)
     (aside, before), (ahead, _) = measure_trunk(take[:, 0], take[:, [6, 3]], take[:, [8, 5]])
     assert aside == pytest.approx(32, abs=8)
     assert before == pytest.approx(65, abs=10)

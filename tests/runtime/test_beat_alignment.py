@@ -157,11 +157,11 @@ def test_a_stream_waits_as_long_as_it_says_and_has_the_frames_of_the_whole(name)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["mix-stage", "chain-of-generation", "stylised-flow"])
-def test_the_hands_follow_the_accents_of_real_speech_more_closely(shared, name):
+def test_the_hands_follow_the_accents_of_real_speech_more_closely(shared_folder, name):
     pytest.importorskip("scipy", reason="beat lift needs scipy (the eval extra)")
     from cospeech.metrics import beat_lift
 
-    files = sorted((shared / "data" / "speech" / "ljspeech").glob("LJ001-00*.flac"))[:4]
+    files = sorted((shared_folder / "data" / "speech" / "ljspeech").glob("LJ001-00*.flac"))[:4]
     sounds = [Speech.load(file, rate=16_000) for file in files]
     lifts = []
     for aligned in (False, True):

@@ -614,10 +614,10 @@ def test_loop_speed_and_keys(talking):
 
 
 @pytest.mark.parametrize("name", ["Godette_vrm_v4_CC-BY-3.0.vrm", "avatar_mpfb_female_arkit52_viseme15.glb"])
-def test_an_avatar_wears_the_motion_and_stays_in_the_browser(talking, shared, name):
+def test_an_avatar_wears_the_motion_and_stays_in_the_browser(talking, shared_folder, name):
     requests: list[str] = []
     talking.on("request", lambda request: requests.append(request.method) if request.method != "GET" else None)
-    talking.set_input_files("#avatar-file", shared / "data" / "avatars" / name)
+    talking.set_input_files("#avatar-file", shared_folder / "data" / "avatars" / name)
     wait_until(talking, f"document.getElementById('avatar-name').textContent === '{name}'")
     assert "files hold the mannequin" in talking.inner_text("#avatar-note")
     places, mouths = [], []

@@ -111,8 +111,8 @@ def read(path: Path) -> Avatar:
 
 
 @pytest.fixture(scope="module")
-def of_others(shared) -> Path:
-    folder = shared / "data" / "avatars"
+def of_others(shared_folder) -> Path:
+    folder = shared_folder / "data" / "avatars"
     woman = load_avatar(folder / WOMAN)
     BONES["of the woman"] = {name: {"node": woman.rig.nodes[joint]} for name, joint in woman.rig.bones.items()}
     return folder

@@ -144,8 +144,8 @@ def test_a_speech_and_its_transcript_may_be_dropped_together(page, wav, tmp_path
     wait_until(page, f"document.getElementById('words').textContent === 'huge' && {READY}")
 
 
-def test_a_character_that_is_cut_off_is_refused(talking, shared):
-    whole = (shared / "data" / "avatars" / "avatar_mpfb_female_arkit52_viseme15.glb").read_bytes()
+def test_a_character_that_is_cut_off_is_refused(talking, shared_folder):
+    whole = (shared_folder / "data" / "avatars" / "avatar_mpfb_female_arkit52_viseme15.glb").read_bytes()
     talking.set_input_files("#avatar-file", {"name": "half.glb", "mimeType": "model/gltf-binary", "buffer": whole[:400_000]})
     wait_until(talking, "document.getElementById('problem').textContent.includes('half.glb is cut off')")
 

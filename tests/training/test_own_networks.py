@@ -41,12 +41,12 @@ def test_what_a_network_must_say():
 
 
 @pytest.mark.parametrize(
-    ("found", "message"),
+    ("objectives", "message"),
     [([], "gives list"), ({}, "gives {}"), ({"pose": (1, 2)}, r"gives {'pose': \(1, 2\)}"), (None, "NoneType")],
 )
-def test_objectives_are_named(found, message):
+def test_objectives_are_named(objectives, message):
     net = Bare()
-    net.objectives = lambda: found
+    net.objectives = lambda: objectives
     with pytest.raises(InputError, match=message):
         list_objectives(net)
 

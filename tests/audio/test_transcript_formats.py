@@ -18,7 +18,7 @@ from cospeech.audio.speaker_labels import drop_labels
 from cospeech.audio.speech import example, open_speech
 from cospeech.audio.spoken_text import list_tokens
 from cospeech.audio.transcript_formats import FORMATS, SUFFIXES
-from cospeech.audio.transcripts import load_words, settle
+from cospeech.audio.transcripts import TranscriptFile, load_words, settle
 from cospeech.audio.word import LAUGHTER, is_spoken
 from cospeech.cli.several import put_name
 from cospeech.errors import CospeechWarning
@@ -349,9 +349,27 @@ def test_more_words_than_somebody_says_are_told_of(tmp_path, noise):
 @pytest.mark.parametrize("hours", [1, 10])
 def test_the_clock_of_a_broadcast_is_named(tmp_path, noise, hours):
     path = write(tmp_path, f"1\n{hours:02d}:00:01,000 --> {hours:02d}:00:02,000\nHi\n", "my talk.srt")
-    command = rf"ffmpeg -itsoffset -{hours * 3600} -i 'my talk\.srt' -c copy new\.srt"
-    with pytest.raises(InputError, match=rf"its clock begins at {hours:02d}:00:00, .*: {command}"):
+    with pytest.raises(InputError, match=rf"its clock begins at {hours:02d}:00:00, .*: --transcript-offset -{hours * 3600} "):
         load_words(path, speech=noise)
+    assert rows(load_words(TranscriptFile(path, -3600.0 * hours), speech=noise)) == [("Hi", 1.0, 2.0)]
+
+
+def test_an_offset_moves_times_before_what_is_outside_is_left_out(tmp_path, noise):
+    path = write(tmp_path, "0\t1\tgone\n2\t4\tcut\n6\t7\twhole\n12\t13\tlate\n", "a.tsv")
+    with pytest.warns(CospeechWarning, match="1 of 4 words end before the beginning of the speech .* 'gone' at -3 s"):
+        assert rows(load_words(TranscriptFile(path, -3.0), speech=noise)) == [
+            ("cut", 0.0, 1.0), ("whole", 3.0, 4.0), ("late", 9.0, 10.0)
+        ]  # fmt: skip
+    with pytest.warns(CospeechWarning, match="begin after the end"):
+        assert rows(load_words(TranscriptFile(path, 0.5), speech=noise))[0] == ("gone", 0.5, 1.5)
+
+
+def test_an_offset_that_would_change_nothing_or_is_no_time(tmp_path, noise):
+    with pytest.raises(InputError, match=r"an offset for 'a\.txt', which has no times"):
+        load_words(TranscriptFile(write(tmp_path, "Hello", "a.txt"), 2.0), speech=noise)
+    for offset in (float("nan"), float("inf"), 1e8):
+        with pytest.raises(InputError, match="is in seconds"):
+            TranscriptFile("a.srt", offset)
 
 
 def test_subtitles_at_the_same_time_are_told_of(tmp_path, noise):

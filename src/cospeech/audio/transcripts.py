@@ -15,7 +15,6 @@ from dataclasses import replace
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING
 
 from ..errors import CospeechWarning, InputError
@@ -25,6 +24,7 @@ from .forced_alignment import SoundAligner, align, bare, note_haste, spread
 from .speaker_labels import drop_labels
 from .speech import Word
 from .spoken_text import list_tokens
+from .transcript_file import TranscriptFile
 from .transcript_formats import find_format
 from .transcript_formats.text_files import check_prose, decode, refuse_others
 from .word import LAUGHTER
@@ -33,14 +33,13 @@ from .word_entries import Entry
 if TYPE_CHECKING:
     from .speech import Speech, SpeechSource
 
-__all__ = ["align", "cut_overlaps", "load_speech_words", "load_words", "settle"]
+__all__ = ["TranscriptFile", "align", "cut_overlaps", "load_speech_words", "load_words", "settle"]
 
 SHORTEST = 0.01  # seconds; ours: what a word without a length gets
 _LAUGH = 0.9  # seconds of a laugh between words, at most [ours: about as long as a laugh of three or four bursts]
 _CUE = 1.0  # seconds from which on an entry of several words is laid on the sound [ours: below, a spread is off by little]
 _OVERLAP = 0.1  # seconds by which subtitles may overlap without a warning [ours: some programs round so]
 _HOUR = 3600
-_SHIFTED_BY_FFMPEG = (".srt", ".vtt")
 _LEAVE_OUT = "leave the transcript out if nobody speaks"
 
 _TimedTokens = tuple[list[str], float, float]
@@ -57,13 +56,16 @@ def load_words(
     Args:
         path: .TextGrid (long or short, any encoding Praat writes), .tsv or .csv (start, end, word; Audacity's and
             Whisper's too), .srt, .vtt, .sbv, .ttml, .lrc, .json (a list of words with times, or what recognisers and aligners
-            write, or a text-to-speech service says, see `word_json`; also as JSON lines), or plain text.
+            write, or a text-to-speech service says, see `word_json`; also as JSON lines), or plain text. A `TranscriptFile`
+            also says how far its times are off.
         speech: what the words belong to: plain text and subtitles are laid on it, times past its end are cut off.
         speech_seconds: its length, where the speech is not at hand, or does not know it yet; plain text alone is spread evenly.
 
     Raises:
-        InputError: it cannot be read, makes no sense, or lies wholly outside of the speech.
+        InputError: it cannot be read, makes no sense, or lies wholly outside of the speech; or an offset is for a text that has
+            no times.
     """
+    offset = path.offset if isinstance(path, TranscriptFile) else 0.0
     data, name = read_regular(path, "a transcript", TRANSCRIPT_BYTES), Path(os.fsdecode(path)).name
     text = decode(data, name)
     if speech_seconds is None and speech is not None:
@@ -72,13 +74,16 @@ def load_words(
     reader = find_format(Path(name).suffix.lower(), text)
     if reader is None:
         check_prose(text, name)
+        if offset:
+            raise InputError(f"an offset for {name!r}, which has no times", "leave it out: the words are laid on the sound")
         return _read_prose(text, name, speech, speech_seconds)
 
     def note(message: str) -> None:
         warnings.warn(f"{name!r}: {message}", CospeechWarning, stacklevel=2)
 
     try:
-        return settle(reader.read(text, note), speech_seconds, name, speech=speech)
+        entries = ((words, start + offset, end + offset) for words, start, end in reader.read(text, note))
+        return settle(entries, speech_seconds, name, speech=speech)
     except InputError as error:
         problem = error.problem if name in error.problem else f"{name!r}: {error.problem}"
         raise InputError(problem, error.hint) from None
@@ -240,9 +245,8 @@ def _keep_inside(words: Sequence[Word], seconds: float | None, name: str, *, is_
         hours = int(start // _HOUR)
         hint = "does it belong to another recording, or are its times in milliseconds?"
         if hours and start - hours * _HOUR < seconds:
-            hint = f"its clock begins at {hours:02d}:00:00, as broadcasters' do: subtract that from its times"
-            if Path(name).suffix.lower() in _SHIFTED_BY_FFMPEG:
-                hint += f": ffmpeg -itsoffset -{hours * _HOUR} -i {quote(name)} -c copy new{Path(name).suffix}"
+            clock = f"its clock begins at {hours:02d}:00:00, as broadcasters' do"
+            hint = f"{clock}: --transcript-offset -{hours * _HOUR} takes that off its times"
         raise InputError(f"{name!r} begins at {start:g} s, but the speech is {seconds:.2f} s long", hint)
     if is_told:
         late = f"begin after the end of the speech ({seconds:.2f} s)"

@@ -14,8 +14,9 @@ from typer import Argument
 
 from ..errors import InputError, say_count
 from ..models import DEFAULT, PARTS, Model, load
-from .options import NAME, Debug, Fps, Parts, Quiet, ReportFile, Seed, Skeleton, Tail, number, option
+from .options import NAME, Debug, Fps, Parts, Quiet, ReportFile, Seed, Skeleton, Tail, number, option, seconds
 from .progress import show_progress
+from .transcript_options import describe_transcript
 
 if TYPE_CHECKING:
     from ..motion.motion import Motion
@@ -74,6 +75,10 @@ Transcripts = Annotated[
         "for all.",
     ),
 ]
+Offsets = Annotated[
+    list[float] | None,
+    option("--transcript-offset", metavar="SECONDS", parser=seconds, help=f"See `cospeech generate`. {_EACH}"),
+]
 Languages = Annotated[list[str] | None, option("--language", metavar="CODE", help=f"Language of the words. {_EACH}")]
 Avatars = Annotated[
     list[str] | None,
@@ -103,9 +108,9 @@ def register(app: typer.Typer) -> None:
 def dialogue(
     speech: Sounds, output: Outputs = None, speakers: Speakers = None, person: PersonNames = None, model: Models = None,
     style: Styles = None, emotion: Emotions = None, intensity: Intensities = None, transcript: Transcripts = None,
-    language: Languages = None, avatar: Avatars = None, angle: Angle = 0.0, seed: Seed = 0, parts: Parts = _ALL_PARTS,
-    skeleton: Skeleton = "humanoid", fps: Fps = 30.0, tail: Tail = 0.0, report: ReportFile = None, quiet: Quiet = False,
-    debug: Debug = False,
+    offset: Offsets = None, language: Languages = None, avatar: Avatars = None, angle: Angle = 0.0, seed: Seed = 0,
+    parts: Parts = _ALL_PARTS, skeleton: Skeleton = "humanoid", fps: Fps = 30.0, tail: Tail = 0.0, report: ReportFile = None,
+    quiet: Quiet = False, debug: Debug = False,
 ) -> None:  # fmt: skip
     """Generate characters that talk to each other.
 
@@ -134,7 +139,7 @@ def dialogue(
     if angle and len(persons) != 2:
         raise InputError(f"an angle between {len(persons)} persons", "it is for two; turn the characters themselves")
     picks = choose_persons(persons, person or ())
-    words = transcript or _find_words(speakers)
+    words = transcript if transcript or offset else _find_words(speakers)
     own = [
         {
             "model": _pick("--model", model, k, persons, DEFAULT), "style": _pick("--style", style, k, persons, None),
@@ -142,7 +147,7 @@ def dialogue(
             "intensity": _pick("--intensity", intensity, k, persons, 1.0),
             "language": _pick("--language", language, k, persons, ""),
             "avatar": _pick("--avatar", avatar, k, persons, None) or None,
-            "transcript": _pick_words(words, k, persons, is_mixed=is_mixed), "seed": seed + k,
+            "transcript": _pick_words(words, offset, k, persons, is_mixed=is_mixed), "seed": seed + k,
             "parts": [each.strip() for each in parts.split(",") if each.strip()], "skeleton": skeleton, "fps": fps,
             "tail": tail,
         }
@@ -338,24 +343,27 @@ def _pick(flag: str, values: Sequence[Any] | None, k: int, persons: Sequence[Per
     return values[0] if len(values) == 1 else values[k]
 
 
-def _pick_words(values: Sequence[str] | None, k: int, persons: Sequence[Person], *, is_mixed: bool) -> str | None:
+def _pick_words(
+    values: Sequence[str] | None, offsets: Sequence[float] | None, k: int, persons: Sequence[Person], *, is_mixed: bool
+) -> str | os.PathLike[str] | None:
     """The transcript of a person.
 
     Args:
-        values: of the option.
+        values, offsets: of the options.
         k: number of the person.
         persons: all persons.
         is_mixed: whether all are in one recording; then all words are in one file.
 
     Raises:
-        InputError: there is one file for several recordings, or there are several files for one recording.
+        InputError: there is one file for several recordings, or there are several files for one recording; or offsets alone.
     """
     if values and is_mixed and (len(values) > 1 or NAME in values[0]):
         raise InputError(f"--transcript {' '.join(map(repr, values))} with --speakers", "one file with the words of all")
     if values and not is_mixed and len(values) == 1 and NAME not in values[0]:
         raise InputError(f"one transcript {values[0]!r} for {len(persons)} persons", f"one of each, or words/{NAME}.srt")
     path = _pick("--transcript", values, k, persons, None)
-    return path.replace(NAME, persons[k].name) if path else None
+    offset = _pick("--transcript-offset", offsets, k, persons, 0.0)
+    return describe_transcript(path.replace(NAME, persons[k].name) if path else None, offset)
 
 
 def _find_words(speakers: Path | None) -> list[str] | None:

@@ -31,6 +31,7 @@ from .options import (
     whole,
 )
 from .stream_sources import check_partner, check_sources, hear_partner, is_live, open_pieces
+from .transcript_options import Offset, describe_transcript
 
 if TYPE_CHECKING:
     from ..audio.speech import Speech
@@ -172,6 +173,7 @@ def stream(
     avatar: Avatar = None,
     names: AvatarMap = None,
     transcript: Transcript = None,
+    offset: Offset = 0.0,
     language: Language = "",
     words: Words = None,
     control: Control = None,
@@ -200,6 +202,7 @@ def stream(
     from ..export.live.targets import StreamSettings
     from ..generate import open_live_session
 
+    described = describe_transcript(transcript, offset)
     check_sources(source, control, transcript, words, language, rate, samples)
     bones, tell = _read_map(names, avatar), _say_nothing if quiet else _tell
     part_names = tuple(part.strip() for part in parts.split(","))
@@ -218,7 +221,7 @@ def stream(
     delay = session.latency + PIECE + margin
     with ExitStack() as stack:
         pieces, controls = open_pieces(
-            stack, source, transcript, words, control, rate=rate, kind=samples, slack=margin / 2, unpaced=unpaced, tell=tell,
+            stack, source, described, words, control, rate=rate, kind=samples, slack=margin / 2, unpaced=unpaced, tell=tell,
             language=language)  # fmt: skip
         outlets = _open_outlets(stack, to, StreamSettings(fps, delay, part_names, avatar, bones), tell)
         hear_partner(stack, partner, session.listener, rate=rate, kind=samples, tell=tell)

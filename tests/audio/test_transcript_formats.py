@@ -164,6 +164,107 @@ def test_of_two_speakers_the_tier_is_named(tmp_path):
         assert texts(load_words(write(tmp_path, content, "a.TextGrid"))) == ["Ja", "so", "ist"]
 
 
+def test_the_tier_that_the_user_names_counts(tmp_path):
+    bob = [("Ja", 1.0, 2.0), ("so", 2.0, 3.0)]
+    content = textgrid(("Anna - words", GUTEN), ("Bob - words", bob), ("phones", SOUNDS), ("x", GUTEN), ("X", []), ("x ", bob))
+    path = write(tmp_path, content, "a.TextGrid")
+    for tier in ("Bob - words", " bob - WORDS"):  # without a note
+        assert rows(load_words(TranscriptFile(path, tier=tier))) == bob
+    assert rows(load_words(TranscriptFile(path, -1.0, "Bob - words"))) == [("Ja", 0.0, 1.0), ("so", 1.0, 2.0)]
+    names = "Anna - words, Bob - words, phones, x"
+    for tier, told in (
+        ("Bob-words", f"'a.TextGrid': no tier is called 'Bob-words' (did you mean 'Bob - words'? known: {names}, x)"),
+        ("x", f"'a.TextGrid': 2 tiers are called 'x' (rename one; the tiers are {names}, x)"),
+        ("X", f"'a.TextGrid': the tier 'X' has no words (those with labels: {names}, x)"),
+    ):
+        with pytest.raises(InputError) as error:
+            load_words(TranscriptFile(path, tier=tier))
+        assert str(error.value) == told
+
+
+@pytest.mark.parametrize(("name", "content"), [("a.srt", "1\n00:00:01,000 --> 00:00:02,000\nHi\n"), ("a.txt", "Hi")])
+def test_a_tier_of_a_file_without_tiers_is_told(tmp_path, name, content, noise):
+    with pytest.raises(InputError, match=f"a tier of '{name}', which has none"):
+        load_words(TranscriptFile(write(tmp_path, content, name), tier="words"), speech=noise)
+
+
+# ---- ELAN ----
+
+
+def eaf(*tiers: str, slots: dict[str, int | None] | None = None) -> str:
+    times = slots or {"ts1": 0, "ts2": 400, "ts3": 900, "ts4": 1500}
+    order = "".join(
+        f'<TIME_SLOT TIME_SLOT_ID="{key}"' + (f' TIME_VALUE="{time}"/>' if time is not None else "/>")
+        for key, time in times.items()
+    )
+    head = '<?xml version="1.0" encoding="UTF-8"?>\n<ANNOTATION_DOCUMENT FORMAT="3.0"><HEADER TIME_UNITS="milliseconds"/>'
+    return f"{head}<TIME_ORDER>{order}</TIME_ORDER>{''.join(tiers)}</ANNOTATION_DOCUMENT>"
+
+
+def tier(name: str, *annotations: tuple[str, ...]) -> str:
+    """A tier of annotations: (id, first slot, last slot, text), or (id, parent, text)."""
+    body = ""
+    for key, *places, text in annotations:
+        kind, keys = ("ALIGNABLE", ("TIME_SLOT_REF1", "TIME_SLOT_REF2")) if len(places) == 2 else ("REF", ("ANNOTATION_REF",))
+        where = " ".join(f'{name}="{place}"' for name, place in zip(keys, places, strict=True))
+        body += f'<ANNOTATION><{kind}_ANNOTATION ANNOTATION_ID="{key}" {where}><ANNOTATION_VALUE>{text}</ANNOTATION_VALUE>'
+        body += f"</{kind}_ANNOTATION></ANNOTATION>"
+    return f'<TIER LINGUISTIC_TYPE_REF="t" TIER_ID="{name}">{body}</TIER>'
+
+
+WORD_TIER = tier("words", ("a1", "ts1", "ts2", "Guten"), ("a2", "ts2", "ts3", "Abend &amp;"), ("a3", "ts3", "ts4", ""))
+
+
+@pytest.mark.parametrize("name", ["a.eaf", "no_suffix"])
+def test_elan(tmp_path, name):
+    gestures = tier("gesture phase", *((f"g{k}", "ts1", "ts4", "stroke") for k in range(9)))
+    path = write(tmp_path, eaf(gestures, WORD_TIER), name)
+    assert rows(load_words(path)) == GUTEN[:2]
+    with pytest.raises(InputError, match=r"no tier is called 'word' \(did you mean 'words'\? known: gesture phase, words\)"):
+        load_words(TranscriptFile(path, tier="word"))
+
+
+def test_a_slot_of_elan_without_a_time_lies_between_its_neighbours(tmp_path):
+    slots = {"s1": 1000, "s2": None, "s3": None, "s4": 4000, "s5": None}
+    words = tier(
+        "words", ("a", "s1", "s2", "one"), ("b", "s2", "s3", "two"), ("c", "s3", "s4", "three"), ("d", "s4", "s5", "lost")
+    )
+    path = write(tmp_path, eaf(words, slots=slots), "a.eaf")
+    assert rows(load_words(path)) == [("one", 1.0, 2.0), ("two", 2.0, 3.0), ("three", 3.0, 4.0)]
+
+
+def test_annotations_of_elan_have_the_time_of_their_parents(tmp_path):
+    above = tier("Anna", ("u1", "ts1", "ts3", "g a"), ("u2", "ts3", "ts4", "b"))
+    words = tier("Anna words", ("w1", "u1", "Guten"), ("w2", "u1", "Abend"), ("w3", "u2", "Bob"), ("w4", "gone", "lost"))
+    path = write(tmp_path, eaf(above, words, tier("pos", ("p1", "w3", "NOUN"))), "a.eaf")
+    assert rows(load_words(path)) == [("Guten", 0.0, 0.45), ("Abend", 0.45, 0.9), ("Bob", 0.9, 1.5)]
+    assert rows(load_words(TranscriptFile(path, tier="pos"))) == [("NOUN", 0.9, 1.5)]
+
+
+def test_a_tier_of_speech_is_taken_before_one_with_more_labels(tmp_path):
+    moves = tier("left arm", *((f"g{k}", "ts1", "ts4", "preparation") for k in range(9)))
+    path = write(tmp_path, eaf(moves, tier("Speech", ("a1", "ts1", "ts2", "Hello"))), "a.eaf")
+    with pytest.warns(CospeechWarning, match="tier 'Speech', of 'left arm', 'Speech'; --transcript-tier NAME takes another"):
+        assert texts(load_words(path)) == ["Hello"]
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (eaf(WORD_TIER)[:-30], "no XML"),
+        (eaf(WORD_TIER, slots={"ts1": None}), "no annotation has times"),
+        (eaf(), "no annotation has times"),
+        (eaf(WORD_TIER).replace('"400"', '"0.4"'), "'0.4' is not a time"),
+        (eaf(WORD_TIER).replace('"400"', '"-4"'), "'-4' is not a time"),
+        (eaf(WORD_TIER).replace('"400"', '"1000"'), "ends before it starts"),
+        (eaf(WORD_TIER).replace("<ANN", '<!DOCTYPE x [<!ENTITY a "b">]><ANN', 1), "document type"),
+    ],
+)
+def test_elan_that_is_wrong_is_told(tmp_path, content, told):
+    with pytest.raises(InputError, match=rf"'a\.eaf': .*{told}"):
+        load_words(write(tmp_path, content, "a.eaf"))
+
+
 # ---- subtitles ----
 
 YOUTUBE = """WEBVTT

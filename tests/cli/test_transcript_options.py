@@ -61,10 +61,49 @@ def test_words_with_an_offset_give_the_motion_of_words_in_time(cli, place):
     [*COMMANDS[:2], COMMANDS[3], ["dialogue", "talk.wav", "other.wav", "-o", "{name}.json"]],
     ids=lambda line: line[0],
 )
-def test_an_offset_without_a_transcript_is_told(cli, place, line):
-    code, _, err = cli(*line, "--transcript-offset", "2")
+def test_an_offset_or_a_tier_without_a_transcript_is_told(cli, place, line):
+    for flag in ("--transcript-offset", "--transcript-tier"):
+        code, _, err = cli(*line, flag, "2")
+        assert code == 2
+        assert err.splitlines()[-1].startswith(f"error: {flag} without --transcript (")
+
+
+GRID = """File type = "ooTextFile"
+Object class = "TextGrid"
+0 1 <exists> 2
+"IntervalTier" "talk" 0 1 1  .2 .9 "that huge"
+"IntervalTier" "other" 0 1 1  .1 .8 "not me"
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", COMMANDS, ids=lambda line: line[0])
+def test_a_tier_is_named_in_every_command(cli, place, line):
+    Path("all.TextGrid").write_text(GRID, "utf-8", newline="\n")
+    line = [word for word in line if word not in ("--transcript", "late.srt")]
+    code, _, err = cli(*line, "--transcript", "all.TextGrid", "--transcript-tier", "{name}s")
     assert code == 2
-    assert err.splitlines()[-1].startswith("error: --transcript-offset without --transcript (")
+    assert "(did you mean" in err
+    assert err.rstrip().endswith("known: talk, other)")
+    tier = "{name}" if line[0] in ("generate", "dialogue") else "talk"
+    assert cli(*line, "--transcript", "all.TextGrid", "--transcript-tier", tier)[::2] == (0, "")
+
+
+@pytest.mark.slow
+def test_each_person_or_speech_has_a_tier_of_one_file(cli, place):
+    for name, words in (("talk", ".2\t.9\tthat huge\n"), ("other", ".1\t.8\tnot me\n")):
+        Path(f"{name}.tsv").write_text(words, "utf-8", newline="\n")
+    Path("all.TextGrid").write_text(GRID, "utf-8", newline="\n")
+    for command in ("generate", "dialogue"):
+        line = [command, "talk.wav", "other.wav", "-q", "--transcript"]
+        assert cli(*line, "{name}.tsv", "-o", f"a/{command}.{{name}}.json") == (0, "", "")
+        tiers = ["--transcript-tier", "{name}"]
+        assert cli(*line, "all.TextGrid", *tiers, "-o", f"b/{command}.{{name}}.json") == (0, "", "")
+    tiers = ["--transcript-tier", "talk", "--transcript-tier", "other"]
+    assert cli("dialogue", *line[1:], "all.TextGrid", *tiers, "-o", "b/two.{name}.json") == (0, "", "")
+    for file in place.glob("a/*.json"):
+        assert file.read_bytes() == (place / "b" / file.name).read_bytes()
+    assert Path("b/two.other.json").read_bytes() == Path("a/dialogue.other.json").read_bytes()
 
 
 def test_an_offset_that_is_no_time_is_told(cli, place):

@@ -1,4 +1,4 @@
-"""A transcript with what its file does not say: how far its times are off."""
+"""A transcript with what its file does not say: how far its times are off, and which of its tiers counts."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ class TranscriptFile(PathLike[str]):
     Args:
         path: of the file.
         offset: seconds that are added to its times; below 0 where it is late against the sound, above 0 where it is early.
+        tier: the tier whose words count, in a file with several (.TextGrid, .eaf); if empty, that of the words is found.
 
     Raises:
         InputError: the offset is no number of seconds.
@@ -30,6 +31,7 @@ class TranscriptFile(PathLike[str]):
 
     path: str | PathLike[str]
     offset: float = 0.0
+    tier: str = ""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.offset) and abs(self.offset) < PLAUSIBLE_SECONDS):
@@ -39,4 +41,4 @@ class TranscriptFile(PathLike[str]):
         return os.fsdecode(self.path)
 
     def __str__(self) -> str:
-        return os.fsdecode(self.path)
+        return os.fsdecode(self.path) + (f", tier {self.tier}" if self.tier else "")

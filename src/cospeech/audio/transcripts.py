@@ -1,4 +1,4 @@
-"""Read what is said and when from subtitles, TextGrid, tables, JSON, lyrics or plain text.
+"""Read what is said and when from subtitles, TextGrid, ELAN, tables, JSON, lyrics or plain text.
 
 Every reader (`transcript_formats`) gives (text, start, end) in seconds. Then `settle` turns them into words that the rest may
 rely on: sorted, not overlapping, inside the speech, without silences. Entries of several words are laid on the sound where it
@@ -25,10 +25,11 @@ from .speaker_labels import drop_labels
 from .speech import Word
 from .spoken_text import list_tokens
 from .transcript_file import TranscriptFile
-from .transcript_formats import find_format
+from .transcript_formats import TranscriptFormat, find_format
 from .transcript_formats.text_files import check_prose, decode, refuse_others
+from .transcript_formats.tiers import find_tier
 from .word import LAUGHTER
-from .word_entries import Entry
+from .word_entries import Entry, Note
 
 if TYPE_CHECKING:
     from .speech import Speech, SpeechSource
@@ -54,18 +55,18 @@ def load_words(
     """Read a transcript. The suffix picks the reader; where it says nothing, the content does.
 
     Args:
-        path: .TextGrid (long or short, any encoding Praat writes), .tsv or .csv (start, end, word; Audacity's and
+        path: .TextGrid (long or short, any encoding Praat writes), .eaf, .tsv or .csv (start, end, word; Audacity's and
             Whisper's too), .srt, .vtt, .sbv, .ttml, .lrc, .json (a list of words with times, or what recognisers and aligners
             write, or a text-to-speech service says, see `word_json`; also as JSON lines), or plain text. A `TranscriptFile`
-            also says how far its times are off.
+            also says how far its times are off, and which tier of a .TextGrid or .eaf counts.
         speech: what the words belong to: plain text and subtitles are laid on it, times past its end are cut off.
         speech_seconds: its length, where the speech is not at hand, or does not know it yet; plain text alone is spread evenly.
 
     Raises:
-        InputError: it cannot be read, makes no sense, or lies wholly outside of the speech; or an offset is for a text that has
-            no times.
+        InputError: it cannot be read, makes no sense, or lies wholly outside of the speech; or it lacks the times or the tier
+            that a `TranscriptFile` is about.
     """
-    offset = path.offset if isinstance(path, TranscriptFile) else 0.0
+    offset, tier = (path.offset, path.tier) if isinstance(path, TranscriptFile) else (0.0, "")
     data, name = read_regular(path, "a transcript", TRANSCRIPT_BYTES), Path(os.fsdecode(path)).name
     text = decode(data, name)
     if speech_seconds is None and speech is not None:
@@ -74,6 +75,8 @@ def load_words(
     reader = find_format(Path(name).suffix.lower(), text)
     if reader is None:
         check_prose(text, name)
+        if tier:
+            raise _tierless(name)
         if offset:
             raise InputError(f"an offset for {name!r}, which has no times", "leave it out: the words are laid on the sound")
         return _read_prose(text, name, speech, speech_seconds)
@@ -82,7 +85,7 @@ def load_words(
         warnings.warn(f"{name!r}: {message}", CospeechWarning, stacklevel=2)
 
     try:
-        entries = ((words, start + offset, end + offset) for words, start, end in reader.read(text, note))
+        entries = ((words, start + offset, end + offset) for words, start, end in _read(reader, text, tier, name, note))
         return settle(entries, speech_seconds, name, speech=speech)
     except InputError as error:
         problem = error.problem if name in error.problem else f"{name!r}: {error.problem}"
@@ -106,6 +109,19 @@ def load_speech_words(
 
 def _wordless(name: str, hint: str = _LEAVE_OUT) -> InputError:
     return InputError(f"no words in {name!r}", hint)
+
+
+def _tierless(name: str) -> InputError:
+    return InputError(f"a tier of {name!r}, which has none", "tiers are in .TextGrid and .eaf; leave --transcript-tier out")
+
+
+def _read(reader: TranscriptFormat, text: str, tier: str, name: str, note: Note) -> Iterable[Entry]:
+    """The entries of a text; if ``tier`` is not empty, of the tier that is called so."""
+    if not tier:
+        return reader.read(text, note)
+    if reader.read_tiers is None:
+        raise _tierless(name)
+    return find_tier(reader.read_tiers(text), tier)
 
 
 def _read_prose(text: str, name: str, speech: Speech | SpeechSource | None, seconds: float | None) -> tuple[Word, ...]:

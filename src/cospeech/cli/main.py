@@ -65,7 +65,7 @@ from .options import (  # fmt: skip
 from .plan_options import AddGesture, Keep, Lock, MoveGesture, PlanFile, PlanOut, RemoveGesture, Reseed, SetStretch
 from .progress import show_progress
 from .standard_streams import ready_streams
-from .transcript_options import Offset, describe_transcript
+from .transcript_options import Offset, Tier, describe_transcript
 
 if TYPE_CHECKING:
     from ..runtime.report import Report, Reports
@@ -101,8 +101,8 @@ def _start(
 @app.command()
 def generate(
     audio: Audio, output: Output = None, model: Model = DEFAULT, style: Style = None, emotion: Emotion = "auto",
-    speaker: Speaker = None, transcript: Transcript = None, offset: Offset = 0.0, transcribe: Transcribe = False,
-    language: Language = "",
+    speaker: Speaker = None, transcript: Transcript = None, offset: Offset = 0.0, tier: Tier = "",
+    transcribe: Transcribe = False, language: Language = "",
     seed: Seed = 0, takes: Takes = 1, temperature: Temperature = 1.0, intensity: Intensity = 1.0, parts: Parts = ALL_PARTS,
     face_gain: FaceGain = "1",
     face: Face = None, continue_from: Continue = None, skeleton: Skeleton = "humanoid", names: RigMap = None,
@@ -130,7 +130,7 @@ def generate(
         lock=lock or (), remove=remove or (), move=move or (), stretch=stretch or (), reseed=reseed or (), gesture=gesture or ()
     )
     stretches, old = keep or ("", None)
-    words = describe_transcript(transcript, offset)
+    words = describe_transcript(transcript, offset, tier)
 
     with show_progress("generating", quiet) as progress:
         results = generate_speeches(

@@ -144,7 +144,7 @@ Transcript = Annotated[
     option(
         "--transcript",
         metavar="FILE",
-        help="Words of the speech: .srt, .vtt, .sbv, .ttml, .lrc, .TextGrid, .tsv, .csv, .json, or .txt without times. "
+        help="Words of the speech: .srt, .vtt, .sbv, .ttml, .lrc, .TextGrid, .eaf, .tsv, .csv, .json, or .txt without times. "
         "For several speeches, write {name} for the name of the speech: words/{name}.srt.",
     ),
 ]

@@ -173,7 +173,7 @@ def put_name(file: str | PathLike[str], name: str) -> str | PathLike[str]:
     Systems write accents in two ways: as one letter (é), or as a letter and a sign, as macOS once did. Both ways are tried.
     """
     if isinstance(file, TranscriptFile):
-        return replace(file, path=put_name(file.path, name))
+        return replace(file, path=put_name(file.path, name), tier=file.tier.replace(NAME, name))
     text = os.fspath(file)
     ways = (name, unicodedata.normalize("NFC", name), unicodedata.normalize("NFD", name))
     paths = [text.replace(NAME, way) for way in ways]

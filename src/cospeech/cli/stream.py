@@ -31,7 +31,7 @@ from .options import (
     whole,
 )
 from .stream_sources import check_partner, check_sources, hear_partner, is_live, open_pieces
-from .transcript_options import Offset, describe_transcript
+from .transcript_options import Offset, Tier, describe_transcript
 
 if TYPE_CHECKING:
     from ..audio.speech import Speech
@@ -174,6 +174,7 @@ def stream(
     names: AvatarMap = None,
     transcript: Transcript = None,
     offset: Offset = 0.0,
+    tier: Tier = "",
     language: Language = "",
     words: Words = None,
     control: Control = None,
@@ -202,7 +203,7 @@ def stream(
     from ..export.live.targets import StreamSettings
     from ..generate import open_live_session
 
-    described = describe_transcript(transcript, offset)
+    described = describe_transcript(transcript, offset, tier)
     check_sources(source, control, transcript, words, language, rate, samples)
     bones, tell = _read_map(names, avatar), _say_nothing if quiet else _tell
     part_names = tuple(part.strip() for part in parts.split(","))

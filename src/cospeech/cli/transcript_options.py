@@ -9,7 +9,7 @@ from ..audio.transcript_file import TranscriptFile
 from ..errors import InputError
 from .options import option, seconds
 
-__all__ = ["Offset", "describe_transcript"]
+__all__ = ["Offset", "Tier", "describe_transcript"]
 
 
 Offset = Annotated[
@@ -22,18 +22,29 @@ Offset = Annotated[
         "its clock begins at 01:00:00.",
     ),
 ]
+Tier = Annotated[
+    str,
+    option(
+        "--transcript-tier",
+        metavar="NAME",
+        help="Which tier of a .TextGrid or .eaf transcript has the words, if it has several. Without the option, the program "
+        "finds it.",
+    ),
+]
 
 
-def describe_transcript(path: str | None, offset: float) -> str | PathLike[str] | None:
+def describe_transcript(path: str | None, offset: float, tier: str) -> str | PathLike[str] | None:
     """The transcript that the options describe.
 
     Args:
         path: of ``--transcript``.
         offset: of ``--transcript-offset``.
+        tier: of ``--transcript-tier``.
 
     Raises:
         InputError: there is no transcript, and something about it is given.
     """
-    if path is None and offset:
-        raise InputError("--transcript-offset without --transcript", "it would change nothing; leave it out")
-    return TranscriptFile(path, offset) if path is not None and offset else path
+    if path is None and (offset or tier):
+        flag = "--transcript-offset" if offset else "--transcript-tier"
+        raise InputError(f"{flag} without --transcript", "it would change nothing; leave it out")
+    return TranscriptFile(path, offset, tier) if path is not None and (offset or tier) else path

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import unicodedata
+import warnings
 from itertools import pairwise
 from pathlib import Path
 
@@ -310,6 +311,64 @@ def test_lines_that_roll_are_said_once_and_an_answer_twice(tmp_path):
         "Yes",
         "Go",
     ]
+
+
+LINES = ["so today we go", "to see the tree", "behind the house", "which is big", "and very old", "and green"]
+
+
+def captions(*cues: tuple[float, float, str]) -> str:
+    """A .vtt of (start, end, text)."""
+    return "WEBVTT\n\n" + "\n".join(f"00:{start:06.3f} --> 00:{end:06.3f}\n{text}\n" for start, end, text in cues)
+
+
+def rolling(gap: float, between: str = "\n") -> str:
+    """Cues of 2 s that show a line and the one before it, and end ``gap`` s before the next."""
+    shown = [LINES[0], *(f"{above}{between}{line}" for above, line in pairwise(LINES))]
+    return captions(*((2.0 * k, 2.0 * k + 2 - gap, text) for k, text in enumerate(shown)))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        rolling(0.4),
+        rolling(-2.0),
+        rolling(0.0, " "),
+        rolling(0.3, " "),
+        captions(*((2.0 * k, 2.0 * k + 4, line) for k, line in enumerate(LINES))),
+        captions(*((2.0 * k, 2.0 * k + 2, line) for k, line in enumerate(LINES))),
+    ],
+    ids=["gap", "overlap", "one line", "one line, gap", "overlap, shown once", "plain"],
+)
+def test_captions_that_roll_say_each_word_once_and_in_its_time(tmp_path, content, noise):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", CospeechWarning)
+        words = load_words(write(tmp_path, content, "a.vtt"), speech=Speech(np.tile(noise.samples, 2)))
+    assert texts(words) == " ".join(LINES).split()
+    for k, line in enumerate(LINES):
+        own, words = words[: len(line.split())], words[len(line.split()) :]
+        assert 2 * k - 1e-6 <= own[0].start < own[-1].end <= 2 * k + (2 if words else 4) + 1e-6
+
+
+def test_a_line_that_grows_word_by_word_is_said_once(tmp_path):
+    said = " ".join(LINES[:3]).split()
+    shown = [" ".join(said[max(0, k - 5) : k + 1]) for k in range(len(said))]
+    shown = [text.replace("see", "<i>see</i>\n") for text in shown]
+    words = load_words(write(tmp_path, captions(*((k / 2, k / 2 + 0.5, text) for k, text in enumerate(shown))), "a.vtt"))
+    assert rows(words) == [(word, k / 2, k / 2 + 0.5) for k, word in enumerate(said)]
+
+
+def test_what_people_say_twice_is_said_twice(tmp_path):
+    answers = ["No", "No no", "no way", "Really", "Really I am", "sure", "Yes", "Yes"]
+    content = captions(*((k, k + 1.0, text) for k, text in enumerate(answers)))
+    assert texts(load_words(write(tmp_path, content, "a.vtt"))) == " ".join(answers).split()
+    later = captions(*((5.0 * k, 5.0 * k + 2, text) for k, text in enumerate(("a b", "a b\nc d", "c d\ne f", "e f\na b"))))
+    assert " ".join(texts(load_words(write(tmp_path, later, "b.vtt")))) == "a b a b c d c d e f e f a b"
+
+
+def test_two_languages_at_the_same_times_are_no_rolling_captions(tmp_path, noise):
+    both = [(2.0 * k, 2.0 * k + 2, line) for k in range(5) for line in ("one two", "eins zwei")]
+    with pytest.warns(CospeechWarning, match="5 of 10 entries begin before the one before ends"):
+        load_words(write(tmp_path, captions(*both), "a.vtt"), speech=noise)
 
 
 def test_subtitles_whose_times_cannot_be_read_are_told_of(tmp_path):

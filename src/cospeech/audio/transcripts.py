@@ -41,6 +41,8 @@ _LAUGH = 0.9  # seconds of a laugh between words, at most [ours: about as long a
 _CUE = 1.0  # seconds from which on an entry of several words is laid on the sound [ours: below, a spread is off by little]
 _OVERLAP = 0.1  # seconds by which subtitles may overlap without a warning [ours: some programs round so]
 _HOUR = 3600
+_STILL_SHOWN = 1 / 2  # of the subtitles that begin while the one before is shown, from which on lines roll [ours]
+_STILL_SHOWN_LEAST = 4  # such subtitles, below which two people may speak at the same time [ours]
 _LEAVE_OUT = "leave the transcript out if nobody speaks"
 
 _TimedTokens = tuple[list[str], float, float]
@@ -153,7 +155,7 @@ def settle(
     Raises:
         InputError: a time is not a number, an entry ends before it starts, or all lie outside of the speech.
     """
-    timed_tokens = _check_entries(entries)
+    timed_tokens = _end_at_the_next(_check_entries(entries))
     if speech is not None:
         _note_overlaps(timed_tokens, name)
     words = list[Word]()
@@ -194,6 +196,22 @@ def _check_entries(entries: Iterable[Entry]) -> list[_TimedTokens]:
         if tokens:
             timed_tokens.append((tokens, start, end))
     return timed_tokens
+
+
+def _end_at_the_next(timed_tokens: list[_TimedTokens]) -> list[_TimedTokens]:
+    """Entries that end where the next one begins, if most are still shown while the next is said, as those of YouTube are."""
+    order = sorted(timed_tokens, key=lambda each: each[1:])
+    several = [each for each in order if len(each[0]) > 1]
+    over = sum(before[1] < after[1] < before[2] - _OVERLAP for before, after in pairwise(several))
+    if over < max(_STILL_SHOWN_LEAST, _STILL_SHOWN * len(several)):
+        return timed_tokens
+    result, later = list[_TimedTokens](), math.inf
+    for k in range(len(order) - 1, -1, -1):
+        tokens, start, end = order[k]
+        if k + 1 < len(order) and order[k + 1][1] > start:
+            later = order[k + 1][1]
+        result.append((tokens, start, min(end, later)))
+    return result[::-1]
 
 
 def _lay_all(tokens: Sequence[str], start: float, end: float, lay: _Lay, *, alone: bool = False) -> list[Word]:

@@ -50,7 +50,7 @@ def decode(data: bytes, name: str) -> str:
             raise _describe_no_text(name) from None
         byte = f"byte 0x{data[error.start]:02x} at {error.start}"
         command = f"iconv -f CP1252 -t UTF-8 {_quote(name)} > utf8{Path(name).suffix[:12]}"
-        hint = f"of Windows' Western text: {command}; CP1252 is SHIFT-JIS in Japan, GB18030 in China"
+        hint = f"save it as UTF-8; Windows' Western text: {command}; CP1252 is SHIFT-JIS in Japan, GB18030 in China"
         raise InputError(f"{name!r} is not {encoding.removesuffix('-sig').upper()} text: {byte}", hint) from None
     if "\0" in text:
         raise InputError(f"{name!r} holds NUL characters", "is it a transcript? Save it as UTF-8 text")

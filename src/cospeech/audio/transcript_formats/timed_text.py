@@ -12,7 +12,8 @@ from typing import NamedTuple
 from ...errors import InputError
 from ...limits import WORDS
 from ..word_entries import Entry, Note, read_clock
-from .subtitles import Cue, say_cues
+from .cues import Cue
+from .subtitles import say_cues
 from .xml_stream import compile_head, parse_xml
 
 __all__ = ["fits", "read"]

@@ -81,7 +81,7 @@ Object class = "TextGrid"
 def test_a_tier_is_named_in_every_command(cli, place, line):
     Path("all.TextGrid").write_text(GRID, "utf-8", newline="\n")
     line = [word for word in line if word not in ("--transcript", "late.srt")]
-    code, _, err = cli(*line, "--transcript", "all.TextGrid", "--transcript-tier", "{name}s")
+    code, _, err = cli(*line, "--transcript", "all.TextGrid", "--transcript-tier", "talks")
     assert code == 2
     assert "(did you mean" in err
     assert err.rstrip().endswith("known: talk, other)")

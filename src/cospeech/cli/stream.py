@@ -172,11 +172,7 @@ def stream(
     fps: Fps = 60.0,
     avatar: Avatar = None,
     names: AvatarMap = None,
-    transcript: Transcript = None,
-    offset: Offset = 0.0,
-    tier: Tier = "",
-    language: Language = "",
-    words: Words = None,
+    transcript: Transcript = None, offset: Offset = 0.0, tier: Tier = "", language: Language = "", words: Words = None,
     control: Control = None,
     idle_after: IdleAfter = None,
     partner: Partner = None,
@@ -187,7 +183,7 @@ def stream(
     unpaced: Unpaced = False,
     quiet: Quiet = False,
     debug: Debug = False,
-) -> None:
+) -> None:  # fmt: skip
     """Generate motion live, for avatars, games and programs.
 
     Frames leave evenly, some time after their sound. The program prints this time when it starts: delay the sound by it.
@@ -203,7 +199,7 @@ def stream(
     from ..export.live.targets import StreamSettings
     from ..generate import open_live_session
 
-    described = describe_transcript(transcript, offset, tier)
+    words_file = describe_transcript(transcript, offset, tier)
     check_sources(source, control, transcript, words, language, rate, samples)
     bones, tell = _read_map(names, avatar), _say_nothing if quiet else _tell
     part_names = tuple(part.strip() for part in parts.split(","))
@@ -222,7 +218,7 @@ def stream(
     delay = session.latency + PIECE + margin
     with ExitStack() as stack:
         pieces, controls = open_pieces(
-            stack, source, described, words, control, rate=rate, kind=samples, slack=margin / 2, unpaced=unpaced, tell=tell,
+            stack, source, words_file, words, control, rate=rate, kind=samples, slack=margin / 2, unpaced=unpaced, tell=tell,
             language=language)  # fmt: skip
         outlets = _open_outlets(stack, to, StreamSettings(fps, delay, part_names, avatar, bones), tell)
         hear_partner(stack, partner, session.listener, rate=rate, kind=samples, tell=tell)

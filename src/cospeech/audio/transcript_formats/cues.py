@@ -43,12 +43,12 @@ def unroll(cues: Sequence[Cue]) -> list[Cue]:
     of the cue before, as captions of live programmes do, and rolling lines that a converter has put into one.
     """
     cues = [cue._replace(lines=[line for line in cue.lines if line.strip()] or [""]) for cue in cues]
-    by_line = _drop_shown(cues, lambda cue: [plain_text(line).strip() for line in cue.lines], _drop_lines)
+    by_line = _drop_repeats(cues, lambda cue: [plain_text(line).strip() for line in cue.lines], _drop_lines)
     if by_line.repeats > _ROLLING * len(cues):
         return by_line.cues
     if any(INLINE_TIME.search(line) for cue in cues for line in cue.lines):
         return cues
-    by_word = _drop_shown(cues, lambda cue: " ".join(map(plain_text, cue.lines)).split()[-_WORDS_SHOWN:], _drop_words)
+    by_word = _drop_repeats(cues, lambda cue: " ".join(map(plain_text, cue.lines)).split()[-_WORDS_SHOWN:], _drop_words)
     return by_word.cues if by_word.repeats >= max(_GROWING_LEAST, _GROWING * len(cues)) else cues
 
 
@@ -58,7 +58,7 @@ class _Fresh(NamedTuple):
     """Cues that began with something that was shown."""
 
 
-def _drop_shown(cues: Sequence[Cue], list_units: Callable[[Cue], list[str]], drop: Callable[[Cue, int], list[str]]) -> _Fresh:
+def _drop_repeats(cues: Sequence[Cue], list_units: Callable[[Cue], list[str]], drop: Callable[[Cue, int], list[str]]) -> _Fresh:
     """Cues without the units, lines or words, that the cue before showed.
 
     Args:

@@ -130,9 +130,9 @@ def _find_spans(rows: list[_Annotation], slots: Mapping[str, float | None]) -> d
         chains[-1].append(each.last)
     times = dict[str, float]()
     for chain in chains:
-        known = [k for k, slot in enumerate(chain) if slots.get(slot) is not None]
-        times |= {chain[k]: slots[chain[k]] or 0.0 for k in known}
-        for low, high in pairwise(known):
+        places = [k for k, slot in enumerate(chain) if slots.get(slot) is not None]
+        times |= {chain[k]: slots[chain[k]] or 0.0 for k in places}
+        for low, high in pairwise(places):
             start, end = times[chain[low]], times[chain[high]]
             times |= {chain[k]: start + (end - start) * (k - low) / (high - low) for k in range(low + 1, high)}
     return {each.id: (times[each.first], times[each.last]) for each in timed if each.first in times and each.last in times}

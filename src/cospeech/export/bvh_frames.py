@@ -107,13 +107,13 @@ def decode_frames(file: io.TextIOWrapper, header: Header, size: int) -> Frames:
 
 def _join(pieces: list[Array]) -> Array:
     """The pieces in one array; the list is empty then, so that they are not all in memory twice."""
-    joined, first = np.empty((sum(map(len, pieces)), *pieces[0].shape[1:])), 0
+    result, first = np.empty((sum(map(len, pieces)), *pieces[0].shape[1:])), 0
     pieces.reverse()
     while pieces:
         piece = pieces.pop()
-        joined[first : first + len(piece)] = piece
+        result[first : first + len(piece)] = piece
         first += len(piece)
-    return joined
+    return result
 
 
 def _move_offsets(offsets: Array, moving: list[tuple[int, int, int]], means: Array) -> Array:

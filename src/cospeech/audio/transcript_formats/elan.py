@@ -122,9 +122,9 @@ def _read_time(text: str | None) -> float | None:
 
 def _find_spans(rows: list[_Annotation], slots: Mapping[str, float | None]) -> dict[str, _Span]:
     """Id → times of the annotations of one tier that have slots; slots without a time lie evenly between others."""
-    timed = [each for each in rows if each.first and each.last]
+    intervals = [each for each in rows if each.first and each.last]
     chains = list[list[str]]()
-    for each in timed:
+    for each in intervals:
         if not chains or chains[-1][-1] != each.first:
             chains.append([each.first])
         chains[-1].append(each.last)
@@ -135,7 +135,7 @@ def _find_spans(rows: list[_Annotation], slots: Mapping[str, float | None]) -> d
         for low, high in pairwise(places):
             start, end = times[chain[low]], times[chain[high]]
             times |= {chain[k]: start + (end - start) * (k - low) / (high - low) for k in range(low + 1, high)}
-    return {each.id: (times[each.first], times[each.last]) for each in timed if each.first in times and each.last in times}
+    return {each.id: (times[each.first], times[each.last]) for each in intervals if each.first in times and each.last in times}
 
 
 def _join(rows: list[_Annotation], spans: Mapping[str, _Span], parents: Mapping[str, str]) -> list[Entry]:

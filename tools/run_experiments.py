@@ -44,9 +44,14 @@ from cospeech.errors import CospeechError, InputError, nearest
 from cospeech.experiments.tables import Runs, make_table, to_text, write_table
 from cospeech.experiments.tables.making import choose_rows, part_of
 from cospeech.experiments.tables.runs import of_speakers
+from cospeech.training.interrupts import SignalWatch, defer_signals
 from cospeech.training.recipe import SHIPPED
 
 KEYS = {"name", "store", "raw", "oracle", "seeds", "rows", "small", "set", "about", "threads", "recipes"}
+ALONE: dict[str, Any] = (
+    {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP} if sys.platform == "win32" else {"start_new_session": True}
+)
+"""Options of a process that the Ctrl-C of a terminal does not reach: a second signal would end a run before it has saved."""
 POLL = 0.2  # seconds between two looks at processes that train for minutes
 UNITS = {"": 1, "s": 1, "m": 60, "h": 3600}
 KEPT = (".json", ".md", ".jsonl", ".csv", ".toml")  # what --pack keeps: tables, scores, logs and facts, no weights
@@ -182,7 +187,14 @@ def train_here(plan: Plan, remaining: list[Job]) -> None:
 
 
 def train_apart(plan: Plan, remaining: list[Job], jobs: int) -> None:
-    """Several runs at once, each in a process of its own; as soon as one ends, the next one begins."""
+    """Several runs at once, each in a process of its own; as soon as one ends, the next one begins.
+
+    A signal that asks to stop, or a run that fails, stops all others, and they save themselves.
+
+    Raises:
+        CospeechError: a run has failed.
+        KeyboardInterrupt: a signal has come.
+    """
     numbers = {job: number for number, job in enumerate(plan.jobs())}
     waiting = iter(remaining)
     busy: dict[subprocess.Popen[bytes], Job] = {}
@@ -191,32 +203,48 @@ def train_apart(plan: Plan, remaining: list[Job], jobs: int) -> None:
         for job in waiting:
             tables = [word for entry in plan.tables for word in ("--only", entry["name"])]
             command = [sys.executable, __file__, str(plan.path), *tables, "--job", str(numbers[job])]
-            busy[subprocess.Popen(command)] = job
+            busy[subprocess.Popen(command, **ALONE)] = job
             yield
 
     begin = start()
-    for _ in range(jobs):
-        next(begin, None)
-    try:
-        while busy:
-            process = wait_for_any(busy)
-            job = busy.pop(process)
-            if process.returncode:
-                raise CospeechError(f"the run {job} ended with code {process.returncode}", "start again: what is done is kept")
-            next(begin, None)
-    finally:
-        for process in busy:
-            process.terminate()  # a run saves itself; SIGINT is ignored below a shell that put this program in the background
-        for process in busy:
-            process.wait()
+    with defer_signals() as watch:
+        try:
+            for _ in range(jobs):
+                next(begin, None)
+            while busy:
+                process = wait_for_any(busy, watch)
+                job = busy.pop(process)
+                if process.returncode:
+                    problem = f"the run {job} ended with code {process.returncode}"
+                    raise CospeechError(problem, "start again: what is done is kept")
+                next(begin, None)
+        finally:
+            for process in busy:
+                stop(process)
+            for process in busy:
+                process.wait()
 
 
-def wait_for_any(processes: Collection[subprocess.Popen[bytes]]) -> subprocess.Popen[bytes]:
-    """Wait until a process has ended, and return it."""
+def stop(process: subprocess.Popen[bytes]) -> None:
+    """Ask a run to save itself and to end."""
+    if sys.platform == "win32":
+        process.send_signal(signal.CTRL_BREAK_EVENT)  # terminate() would end it at once
+    else:
+        process.terminate()  # SIGINT is ignored below a shell that put this program in the background
+
+
+def wait_for_any(processes: Collection[subprocess.Popen[bytes]], watch: SignalWatch) -> subprocess.Popen[bytes]:
+    """Wait until a process has ended, and return it.
+
+    Raises:
+        KeyboardInterrupt: a signal has come.
+    """
     while True:
         for process in processes:
             if process.poll() is not None:
                 return process
+        if watch.numbers:
+            raise KeyboardInterrupt
         sleep(POLL)
 
 

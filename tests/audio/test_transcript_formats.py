@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import unicodedata
+import warnings
 from itertools import pairwise
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from cospeech.audio.speaker_labels import drop_labels
 from cospeech.audio.speech import example, open_speech
 from cospeech.audio.spoken_text import list_tokens
 from cospeech.audio.transcript_formats import FORMATS, SUFFIXES
-from cospeech.audio.transcripts import load_words, settle
+from cospeech.audio.transcripts import TranscriptFile, load_words, settle
 from cospeech.audio.word import LAUGHTER, is_spoken
 from cospeech.cli.several import put_name
 from cospeech.errors import CospeechWarning
@@ -164,6 +165,107 @@ def test_of_two_speakers_the_tier_is_named(tmp_path):
         assert texts(load_words(write(tmp_path, content, "a.TextGrid"))) == ["Ja", "so", "ist"]
 
 
+def test_the_tier_that_the_user_names_counts(tmp_path):
+    bob = [("Ja", 1.0, 2.0), ("so", 2.0, 3.0)]
+    content = textgrid(("Anna - words", GUTEN), ("Bob - words", bob), ("phones", SOUNDS), ("x", GUTEN), ("X", []), ("x ", bob))
+    path = write(tmp_path, content, "a.TextGrid")
+    for tier in ("Bob - words", " bob - WORDS"):  # without a note
+        assert rows(load_words(TranscriptFile(path, tier=tier))) == bob
+    assert rows(load_words(TranscriptFile(path, -1.0, "Bob - words"))) == [("Ja", 0.0, 1.0), ("so", 1.0, 2.0)]
+    names = "Anna - words, Bob - words, phones, x"
+    for tier, told in (
+        ("Bob-words", f"'a.TextGrid': no tier is called 'Bob-words' (did you mean 'Bob - words'? known: {names}, x)"),
+        ("x", f"'a.TextGrid': 2 tiers are called 'x' (rename one; the tiers are {names}, x)"),
+        ("X", f"'a.TextGrid': the tier 'X' has no words (those with labels: {names}, x)"),
+    ):
+        with pytest.raises(InputError) as error:
+            load_words(TranscriptFile(path, tier=tier))
+        assert str(error.value) == told
+
+
+@pytest.mark.parametrize(("name", "content"), [("a.srt", "1\n00:00:01,000 --> 00:00:02,000\nHi\n"), ("a.txt", "Hi")])
+def test_a_tier_of_a_file_without_tiers_is_told(tmp_path, name, content, noise):
+    with pytest.raises(InputError, match=f"a tier of '{name}', which has none"):
+        load_words(TranscriptFile(write(tmp_path, content, name), tier="words"), speech=noise)
+
+
+# ---- ELAN ----
+
+
+def eaf(*tiers: str, slots: dict[str, int | None] | None = None) -> str:
+    times = slots or {"ts1": 0, "ts2": 400, "ts3": 900, "ts4": 1500}
+    order = "".join(
+        f'<TIME_SLOT TIME_SLOT_ID="{key}"' + (f' TIME_VALUE="{time}"/>' if time is not None else "/>")
+        for key, time in times.items()
+    )
+    head = '<?xml version="1.0" encoding="UTF-8"?>\n<ANNOTATION_DOCUMENT FORMAT="3.0"><HEADER TIME_UNITS="milliseconds"/>'
+    return f"{head}<TIME_ORDER>{order}</TIME_ORDER>{''.join(tiers)}</ANNOTATION_DOCUMENT>"
+
+
+def tier(name: str, *annotations: tuple[str, ...]) -> str:
+    """A tier of annotations: (id, first slot, last slot, text), or (id, parent, text)."""
+    body = ""
+    for key, *places, text in annotations:
+        kind, keys = ("ALIGNABLE", ("TIME_SLOT_REF1", "TIME_SLOT_REF2")) if len(places) == 2 else ("REF", ("ANNOTATION_REF",))
+        where = " ".join(f'{name}="{place}"' for name, place in zip(keys, places, strict=True))
+        body += f'<ANNOTATION><{kind}_ANNOTATION ANNOTATION_ID="{key}" {where}><ANNOTATION_VALUE>{text}</ANNOTATION_VALUE>'
+        body += f"</{kind}_ANNOTATION></ANNOTATION>"
+    return f'<TIER LINGUISTIC_TYPE_REF="t" TIER_ID="{name}">{body}</TIER>'
+
+
+WORD_TIER = tier("words", ("a1", "ts1", "ts2", "Guten"), ("a2", "ts2", "ts3", "Abend &amp;"), ("a3", "ts3", "ts4", ""))
+
+
+@pytest.mark.parametrize("name", ["a.eaf", "no_suffix"])
+def test_elan(tmp_path, name):
+    gestures = tier("gesture phase", *((f"g{k}", "ts1", "ts4", "stroke") for k in range(9)))
+    path = write(tmp_path, eaf(gestures, WORD_TIER), name)
+    assert rows(load_words(path)) == GUTEN[:2]
+    with pytest.raises(InputError, match=r"no tier is called 'word' \(did you mean 'words'\? known: gesture phase, words\)"):
+        load_words(TranscriptFile(path, tier="word"))
+
+
+def test_a_slot_of_elan_without_a_time_lies_between_its_neighbours(tmp_path):
+    slots = {"s1": 1000, "s2": None, "s3": None, "s4": 4000, "s5": None}
+    words = tier(
+        "words", ("a", "s1", "s2", "one"), ("b", "s2", "s3", "two"), ("c", "s3", "s4", "three"), ("d", "s4", "s5", "lost")
+    )
+    path = write(tmp_path, eaf(words, slots=slots), "a.eaf")
+    assert rows(load_words(path)) == [("one", 1.0, 2.0), ("two", 2.0, 3.0), ("three", 3.0, 4.0)]
+
+
+def test_annotations_of_elan_have_the_time_of_their_parents(tmp_path):
+    above = tier("Anna", ("u1", "ts1", "ts3", "g a"), ("u2", "ts3", "ts4", "b"))
+    words = tier("Anna words", ("w1", "u1", "Guten"), ("w2", "u1", "Abend"), ("w3", "u2", "Bob"), ("w4", "gone", "lost"))
+    path = write(tmp_path, eaf(above, words, tier("pos", ("p1", "w3", "NOUN"))), "a.eaf")
+    assert rows(load_words(path)) == [("Guten", 0.0, 0.45), ("Abend", 0.45, 0.9), ("Bob", 0.9, 1.5)]
+    assert rows(load_words(TranscriptFile(path, tier="pos"))) == [("NOUN", 0.9, 1.5)]
+
+
+def test_a_tier_of_speech_is_taken_before_one_with_more_labels(tmp_path):
+    moves = tier("left arm", *((f"g{k}", "ts1", "ts4", "preparation") for k in range(9)))
+    path = write(tmp_path, eaf(moves, tier("Speech", ("a1", "ts1", "ts2", "Hello"))), "a.eaf")
+    with pytest.warns(CospeechWarning, match="tier 'Speech', of 'left arm', 'Speech'; --transcript-tier NAME takes another"):
+        assert texts(load_words(path)) == ["Hello"]
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (eaf(WORD_TIER)[:-30], "no XML"),
+        (eaf(WORD_TIER, slots={"ts1": None}), "no annotation has times"),
+        (eaf(), "no annotation has times"),
+        (eaf(WORD_TIER).replace('"400"', '"0.4"'), "'0.4' is not a time"),
+        (eaf(WORD_TIER).replace('"400"', '"-4"'), "'-4' is not a time"),
+        (eaf(WORD_TIER).replace('"400"', '"1000"'), "ends before it starts"),
+        (eaf(WORD_TIER).replace("<ANN", '<!DOCTYPE x [<!ENTITY a "b">]><ANN', 1), "document type"),
+    ],
+)
+def test_elan_that_is_wrong_is_told(tmp_path, content, told):
+    with pytest.raises(InputError, match=rf"'a\.eaf': .*{told}"):
+        load_words(write(tmp_path, content, "a.eaf"))
+
+
 # ---- subtitles ----
 
 YOUTUBE = """WEBVTT
@@ -209,6 +311,64 @@ def test_lines_that_roll_are_said_once_and_an_answer_twice(tmp_path):
         "Yes",
         "Go",
     ]
+
+
+LINES = ["so today we go", "to see the tree", "behind the house", "which is big", "and very old", "and green"]
+
+
+def captions(*cues: tuple[float, float, str]) -> str:
+    """A .vtt of (start, end, text)."""
+    return "WEBVTT\n\n" + "\n".join(f"00:{start:06.3f} --> 00:{end:06.3f}\n{text}\n" for start, end, text in cues)
+
+
+def rolling(gap: float, between: str = "\n") -> str:
+    """Cues of 2 s that show a line and the one before it, and end ``gap`` s before the next."""
+    shown = [LINES[0], *(f"{above}{between}{line}" for above, line in pairwise(LINES))]
+    return captions(*((2.0 * k, 2.0 * k + 2 - gap, text) for k, text in enumerate(shown)))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        rolling(0.4),
+        rolling(-2.0),
+        rolling(0.0, " "),
+        rolling(0.3, " "),
+        captions(*((2.0 * k, 2.0 * k + 4, line) for k, line in enumerate(LINES))),
+        captions(*((2.0 * k, 2.0 * k + 2, line) for k, line in enumerate(LINES))),
+    ],
+    ids=["gap", "overlap", "one line", "one line, gap", "overlap, shown once", "plain"],
+)
+def test_captions_that_roll_say_each_word_once_and_in_its_time(tmp_path, content, noise):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", CospeechWarning)
+        words = load_words(write(tmp_path, content, "a.vtt"), speech=Speech(np.tile(noise.samples, 2)))
+    assert texts(words) == " ".join(LINES).split()
+    for k, line in enumerate(LINES):
+        own, words = words[: len(line.split())], words[len(line.split()) :]
+        assert 2 * k - 1e-6 <= own[0].start < own[-1].end <= 2 * k + (2 if words else 4) + 1e-6
+
+
+def test_a_line_that_grows_word_by_word_is_said_once(tmp_path):
+    said = " ".join(LINES[:3]).split()
+    shown = [" ".join(said[max(0, k - 5) : k + 1]) for k in range(len(said))]
+    shown = [text.replace("see", "<i>see</i>\n") for text in shown]
+    words = load_words(write(tmp_path, captions(*((k / 2, k / 2 + 0.5, text) for k, text in enumerate(shown))), "a.vtt"))
+    assert rows(words) == [(word, k / 2, k / 2 + 0.5) for k, word in enumerate(said)]
+
+
+def test_what_people_say_twice_is_said_twice(tmp_path):
+    answers = ["No", "No no", "no way", "Really", "Really I am", "sure", "Yes", "Yes"]
+    content = captions(*((k, k + 1.0, text) for k, text in enumerate(answers)))
+    assert texts(load_words(write(tmp_path, content, "a.vtt"))) == " ".join(answers).split()
+    later = captions(*((5.0 * k, 5.0 * k + 2, text) for k, text in enumerate(("a b", "a b\nc d", "c d\ne f", "e f\na b"))))
+    assert " ".join(texts(load_words(write(tmp_path, later, "b.vtt")))) == "a b a b c d c d e f e f a b"
+
+
+def test_two_languages_at_the_same_times_are_no_rolling_captions(tmp_path, noise):
+    both = [(2.0 * k, 2.0 * k + 2, line) for k in range(5) for line in ("one two", "eins zwei")]
+    with pytest.warns(CospeechWarning, match="5 of 10 entries begin before the one before ends"):
+        load_words(write(tmp_path, captions(*both), "a.vtt"), speech=noise)
 
 
 def test_subtitles_whose_times_cannot_be_read_are_told_of(tmp_path):
@@ -349,9 +509,27 @@ def test_more_words_than_somebody_says_are_told_of(tmp_path, noise):
 @pytest.mark.parametrize("hours", [1, 10])
 def test_the_clock_of_a_broadcast_is_named(tmp_path, noise, hours):
     path = write(tmp_path, f"1\n{hours:02d}:00:01,000 --> {hours:02d}:00:02,000\nHi\n", "my talk.srt")
-    command = rf"ffmpeg -itsoffset -{hours * 3600} -i 'my talk\.srt' -c copy new\.srt"
-    with pytest.raises(InputError, match=rf"its clock begins at {hours:02d}:00:00, .*: {command}"):
+    with pytest.raises(InputError, match=rf"its clock begins at {hours:02d}:00:00, .*: --transcript-offset -{hours * 3600} "):
         load_words(path, speech=noise)
+    assert rows(load_words(TranscriptFile(path, -3600.0 * hours), speech=noise)) == [("Hi", 1.0, 2.0)]
+
+
+def test_an_offset_moves_times_before_what_is_outside_is_left_out(tmp_path, noise):
+    path = write(tmp_path, "0\t1\tgone\n2\t4\tcut\n6\t7\twhole\n12\t13\tlate\n", "a.tsv")
+    with pytest.warns(CospeechWarning, match="1 of 4 words end before the beginning of the speech .* 'gone' at -3 s"):
+        assert rows(load_words(TranscriptFile(path, -3.0), speech=noise)) == [
+            ("cut", 0.0, 1.0), ("whole", 3.0, 4.0), ("late", 9.0, 10.0)
+        ]  # fmt: skip
+    with pytest.warns(CospeechWarning, match="begin after the end"):
+        assert rows(load_words(TranscriptFile(path, 0.5), speech=noise))[0] == ("gone", 0.5, 1.5)
+
+
+def test_an_offset_that_would_change_nothing_or_is_no_time(tmp_path, noise):
+    with pytest.raises(InputError, match=r"an offset for 'a\.txt', which has no times"):
+        load_words(TranscriptFile(write(tmp_path, "Hello", "a.txt"), 2.0), speech=noise)
+    for offset in (float("nan"), float("inf"), 1e8):
+        with pytest.raises(InputError, match="is in seconds"):
+            TranscriptFile("a.srt", offset)
 
 
 def test_subtitles_at_the_same_time_are_told_of(tmp_path, noise):

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import shutil
 import signal
+import subprocess
 import sys
 import tarfile
 from dataclasses import replace
 from functools import cache
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -591,7 +594,7 @@ def test_the_next_run_begins_as_soon_as_one_of_several_ends(plan, monkeypatch):
     class Process:
         """A run; the first one ends after all others."""
 
-        def __init__(self, command):
+        def __init__(self, command, **alone):
             self.job, self.returncode = int(command[-1]), None
             events.append(f"begin {self.job}")
 
@@ -614,7 +617,7 @@ def test_runs_end_when_one_of_them_fails(plan, monkeypatch):
     class Process:
         """A run; the second one fails at once."""
 
-        def __init__(self, command):
+        def __init__(self, command, **alone):
             self.job, self.returncode = int(command[-1]), None
 
         def poll(self):
@@ -632,6 +635,48 @@ def test_runs_end_when_one_of_them_fails(plan, monkeypatch):
     with pytest.raises(CospeechError, match="seed 0 ended with code 3"):
         tool.train_apart(whole_plan, whole_plan.jobs(), jobs=2)
     assert ends == [0, 0]
+
+
+SAVING_RUN = """
+import os, pathlib, signal, sys
+stops = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+signal.pthread_sigmask(signal.SIG_BLOCK, stops)
+place = pathlib.Path(sys.argv[1])
+place.with_name("ready").open("w" if sys.argv[-1] == "1" else "r").close()  # a pipe: both are ready
+if sys.argv[-1] == "0":
+    os.kill(os.getppid(), signal.Signals[place.with_name("signal").read_text()])
+came = signal.sigwait(stops)
+place.with_name(f"saved.{sys.argv[-1]}").write_text(f"{came.name} {os.getpgrp() == os.getpid()}")
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_signal_reaches_each_run_once(plan, monkeypatch, name):
+    """Ctrl-C came from the terminal and from the program; the second one ended a run before it had saved itself."""
+    tool = experiments()
+    os.mkfifo(plan.with_name("ready"))
+    plan.with_name("signal").write_text(name)
+    plan.with_name("run.py").write_text(SAVING_RUN)
+    monkeypatch.setattr(tool, "__file__", str(plan.with_name("run.py")))
+    monkeypatch.setattr(tool, "POLL", 0.01)
+    before = signal.signal(signal.Signals[name], signal.default_int_handler)
+    loaded = tool.Plan.load(plan)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            tool.train_apart(loaded, loaded.jobs(), jobs=2)
+    finally:
+        signal.signal(signal.Signals[name], before)
+    assert [plan.with_name(f"saved.{k}").read_text() for k in (0, 1)] == ["SIGTERM True"] * 2
+
+
+def test_windows_gets_a_group_of_its_own_and_a_signal_that_a_run_can_hear(monkeypatch):
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(signal, "CTRL_BREAK_EVENT", 1, raising=False)
+    monkeypatch.setattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0x200, raising=False)
+    tool, signals = experiments(), []
+    tool.stop(SimpleNamespace(send_signal=signals.append))
+    assert (tool.ALONE, signals) == ({"creationflags": 0x200}, [1])
 
 
 @pytest.mark.slow

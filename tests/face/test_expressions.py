@@ -10,6 +10,8 @@ import pytest
 from cospeech import models
 from cospeech.audio.prosodic_events import Accent
 from cospeech.audio.speech import Speech, Word
+from cospeech.audio.spoken_text import list_tokens
+from cospeech.audio.word import LAUGHTER
 from cospeech.cli.demo import EXAMPLE, EXAMPLE_WORDS
 from cospeech.face.expressions import accent_brows, couple
 from cospeech.face.laughter import AFTER, LAUGHS, laughter
@@ -119,6 +121,18 @@ def test_laughter_in_other_languages(language, laughing, plain):
 
     assert [text for text in laughing.split() if not laughs(text)] == []
     assert [text for text in plain.split() if laughs(text)] == []
+
+
+@pytest.mark.parametrize(
+    ("names", "others"),
+    [("laughs|Laughing hard|chuckles|haha|Lachen|kichert|rit|rires|risas|riem|latter|ler|смех|хохочет|笑い|웃음|ㅋㅋ|ضحكات|हँसी",
+      "audience laughter|hohe Berge|sighs|微笑|Wort|behave|publikum lacht")],
+)  # fmt: skip
+def test_a_transcript_and_the_face_know_the_same_names_of_laughter(names, others):
+    for text in (*names.split("|"), *others.split("|")):
+        laughs = text in names.split("|")
+        assert (list_tokens(f"[{text}]") == [LAUGHTER]) is laughs, text
+        assert (laughter(np.array([1.3]), [Word(f"[{text}]", 1.0, 1.6)]).item() > 0) is laughs, text
 
 
 def test_a_laugh_shows_in_the_face():

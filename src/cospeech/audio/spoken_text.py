@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from ..errors import InputError
 from ..limits import WORDS
 from .forced_alignment import tokenise
+from .laughter_words import names_laughter
 from .word import LAUGHTER
 
 __all__ = ["is_silence", "list_tokens"]
@@ -25,18 +26,6 @@ _NOT_SPOKEN = re.compile(
 )
 _FEW = 3  # most words in round brackets of a plain text for a sound; more are an aside, which is read aloud [ours]
 _RELATIVE = re.compile(r"(?:who|that|which|where|when|if|as)\s", re.IGNORECASE)  # begins a clause, which is no sound [ours]
-# Words for laughter, or how they begin [ours: what subtitles of these languages write]
-_LAUGHS = re.compile(
-    r"\b(?:laugh|chuckl|giggl|snicker|cackl|guffaw|lach(?:t|en|end|er)?\b|gelächter|kicher|rires?\b|rient\b|riant\b|rigol"
-    r"|glouss|risas?\b|ríen?\b|ríe|carcajad|risos?\b|rindo\b|risadas?\b|gargalhad|risat[ae]\b|ridono\b|ridacchi|gelach"
-    r"|skratt|śmi(?:ech|ej)|směje|smích|сме[хё]|смеют|смеет|хохо|хихик|смі[хє]|gül(?:me|er|üyor|üş)|kahkaha|γέλι|γελ[άώ]"
-    r"|cười|tertawa|naur|a?(?:h[aeiou]h?){2,}h?\b)"
-    r"|(?<![微苦冷嘲])笑|웃음|웃는|웃으|ㅋㅋ|ضحك|צחוק|צוחק|हँस|हंस|หัวเราะ",
-    re.IGNORECASE,
-)
-_LAUGHS_ALONE = re.compile(r"\W*(?:latter|ride|rit)\W*", re.IGNORECASE)  # which are other words in other languages [ours]
-# Laughter of an audience: no face shows it [ours]
-_OTHERS = re.compile(r"audience|crowd|publi[ckq]|spectat|canned|観客|会場|观众|觀眾|зрител", re.IGNORECASE)
 # What is written between asterisks, and is a sound; any other word there is said louder [ours]
 _SOUNDS = re.compile(
     r"\W*(?:\w+ )?(?:(?:sigh|cough|gasp|sneez|sniff|sob|groan|moan|yawn|clap|whistl|inhal|exhal)"
@@ -91,8 +80,7 @@ def _split_laughs(text: str, prose: bool) -> Iterator[str]:
     for match in _NOT_SPOKEN.finditer(text):
         stars, aside = match["stars"], match["round"]
         inside = match["square"] or aside or stars or ""
-        laughs = (_LAUGHS.search(inside[:200]) or _LAUGHS_ALONE.fullmatch(inside[:200])) is not None
-        laughs = laughs and not _OTHERS.search(inside[:200])
+        laughs = names_laughter(inside)
         if stars is not None and not laughs and not _SOUNDS.fullmatch(stars):
             continue
         if prose and aside is not None and (len(aside.split()) > _FEW or _RELATIVE.match(aside)):

@@ -1,4 +1,4 @@
-"""Read what is said and when from subtitles, TextGrid, tables, JSON, lyrics or plain text.
+"""Read what is said and when from subtitles, TextGrid, ELAN, tables, JSON, lyrics or plain text.
 
 Every reader (`transcript_formats`) gives (text, start, end) in seconds. Then `settle` turns them into words that the rest may
 rely on: sorted, not overlapping, inside the speech, without silences. Entries of several words are laid on the sound where it
@@ -15,7 +15,6 @@ from dataclasses import replace
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING
 
 from ..errors import CospeechWarning, InputError
@@ -25,22 +24,25 @@ from .forced_alignment import SoundAligner, align, bare, note_haste, spread
 from .speaker_labels import drop_labels
 from .speech import Word
 from .spoken_text import list_tokens
-from .transcript_formats import find_format
+from .transcript_file import TranscriptFile
+from .transcript_formats import TranscriptFormat, find_format
 from .transcript_formats.text_files import check_prose, decode, refuse_others
+from .transcript_formats.tiers import find_tier
 from .word import LAUGHTER
-from .word_entries import Entry
+from .word_entries import Entry, Note
 
 if TYPE_CHECKING:
     from .speech import Speech, SpeechSource
 
-__all__ = ["align", "cut_overlaps", "load_speech_words", "load_words", "settle"]
+__all__ = ["TranscriptFile", "align", "cut_overlaps", "load_speech_words", "load_words", "settle"]
 
 SHORTEST = 0.01  # seconds; ours: what a word without a length gets
 _LAUGH = 0.9  # seconds of a laugh between words, at most [ours: about as long as a laugh of three or four bursts]
 _CUE = 1.0  # seconds from which on an entry of several words is laid on the sound [ours: below, a spread is off by little]
 _OVERLAP = 0.1  # seconds by which subtitles may overlap without a warning [ours: some programs round so]
 _HOUR = 3600
-_SHIFTED_BY_FFMPEG = (".srt", ".vtt")
+_STILL_SHOWN = 1 / 2  # of the subtitles that begin while the one before is shown, from which on lines roll [ours]
+_STILL_SHOWN_LEAST = 4  # such subtitles, below which two people may speak at the same time [ours]
 _LEAVE_OUT = "leave the transcript out if nobody speaks"
 
 _TimedTokens = tuple[list[str], float, float]
@@ -55,15 +57,18 @@ def load_words(
     """Read a transcript. The suffix picks the reader; where it says nothing, the content does.
 
     Args:
-        path: .TextGrid (long or short, any encoding Praat writes), .tsv or .csv (start, end, word; Audacity's and
+        path: .TextGrid (long or short, any encoding Praat writes), .eaf, .tsv or .csv (start, end, word; Audacity's and
             Whisper's too), .srt, .vtt, .sbv, .ttml, .lrc, .json (a list of words with times, or what recognisers and aligners
-            write, or a text-to-speech service says, see `word_json`; also as JSON lines), or plain text.
+            write, or a text-to-speech service says, see `word_json`; also as JSON lines), or plain text. A `TranscriptFile`
+            also says how far its times are off, and which tier of a .TextGrid or .eaf counts.
         speech: what the words belong to: plain text and subtitles are laid on it, times past its end are cut off.
         speech_seconds: its length, where the speech is not at hand, or does not know it yet; plain text alone is spread evenly.
 
     Raises:
-        InputError: it cannot be read, makes no sense, or lies wholly outside of the speech.
+        InputError: it cannot be read, makes no sense, or lies wholly outside of the speech; or it lacks the times or the tier
+            that a `TranscriptFile` is about.
     """
+    offset, tier = (path.offset, path.tier) if isinstance(path, TranscriptFile) else (0.0, "")
     data, name = read_regular(path, "a transcript", TRANSCRIPT_BYTES), Path(os.fsdecode(path)).name
     text = decode(data, name)
     if speech_seconds is None and speech is not None:
@@ -72,13 +77,18 @@ def load_words(
     reader = find_format(Path(name).suffix.lower(), text)
     if reader is None:
         check_prose(text, name)
+        if tier:
+            raise _tierless(name)
+        if offset:
+            raise InputError(f"an offset for {name!r}, which has no times", "leave it out: the words are laid on the sound")
         return _read_prose(text, name, speech, speech_seconds)
 
     def note(message: str) -> None:
         warnings.warn(f"{name!r}: {message}", CospeechWarning, stacklevel=2)
 
     try:
-        return settle(reader.read(text, note), speech_seconds, name, speech=speech)
+        entries = ((words, start + offset, end + offset) for words, start, end in _read(reader, text, tier, name, note))
+        return settle(entries, speech_seconds, name, speech=speech)
     except InputError as error:
         problem = error.problem if name in error.problem else f"{name!r}: {error.problem}"
         raise InputError(problem, error.hint) from None
@@ -101,6 +111,19 @@ def load_speech_words(
 
 def _wordless(name: str, hint: str = _LEAVE_OUT) -> InputError:
     return InputError(f"no words in {name!r}", hint)
+
+
+def _tierless(name: str) -> InputError:
+    return InputError(f"a tier of {name!r}, which has none", "tiers are in .TextGrid and .eaf; leave --transcript-tier out")
+
+
+def _read(reader: TranscriptFormat, text: str, tier: str, name: str, note: Note) -> Iterable[Entry]:
+    """The entries of a text; if ``tier`` is not empty, of the tier that is called so."""
+    if not tier:
+        return reader.read(text, note)
+    if reader.read_tiers is None:
+        raise _tierless(name)
+    return find_tier(reader.read_tiers(text), tier)
 
 
 def _read_prose(text: str, name: str, speech: Speech | SpeechSource | None, seconds: float | None) -> tuple[Word, ...]:
@@ -132,7 +155,7 @@ def settle(
     Raises:
         InputError: a time is not a number, an entry ends before it starts, or all lie outside of the speech.
     """
-    timed_tokens = _check_entries(entries)
+    timed_tokens = _end_at_the_next(_check_entries(entries))
     if speech is not None:
         _note_overlaps(timed_tokens, name)
     words = list[Word]()
@@ -173,6 +196,22 @@ def _check_entries(entries: Iterable[Entry]) -> list[_TimedTokens]:
         if tokens:
             timed_tokens.append((tokens, start, end))
     return timed_tokens
+
+
+def _end_at_the_next(timed_tokens: list[_TimedTokens]) -> list[_TimedTokens]:
+    """Entries that end where the next one begins, if most are still shown while the next is said, as those of YouTube are."""
+    order = sorted(timed_tokens, key=lambda each: each[1:])
+    several = [each for each in order if len(each[0]) > 1]
+    over = sum(before[1] < after[1] < before[2] - _OVERLAP for before, after in pairwise(several))
+    if over < max(_STILL_SHOWN_LEAST, _STILL_SHOWN * len(several)):
+        return timed_tokens
+    result, later = list[_TimedTokens](), math.inf
+    for k in range(len(order) - 1, -1, -1):
+        tokens, start, end = order[k]
+        if k + 1 < len(order) and order[k + 1][1] > start:
+            later = order[k + 1][1]
+        result.append((tokens, start, min(end, later)))
+    return result[::-1]
 
 
 def _lay_all(tokens: Sequence[str], start: float, end: float, lay: _Lay, *, alone: bool = False) -> list[Word]:
@@ -240,9 +279,8 @@ def _keep_inside(words: Sequence[Word], seconds: float | None, name: str, *, is_
         hours = int(start // _HOUR)
         hint = "does it belong to another recording, or are its times in milliseconds?"
         if hours and start - hours * _HOUR < seconds:
-            hint = f"its clock begins at {hours:02d}:00:00, as broadcasters' do: subtract that from its times"
-            if Path(name).suffix.lower() in _SHIFTED_BY_FFMPEG:
-                hint += f": ffmpeg -itsoffset -{hours * _HOUR} -i {quote(name)} -c copy new{Path(name).suffix}"
+            clock = f"its clock begins at {hours:02d}:00:00, as broadcasters' do"
+            hint = f"{clock}: --transcript-offset -{hours * _HOUR} takes that off its times"
         raise InputError(f"{name!r} begins at {start:g} s, but the speech is {seconds:.2f} s long", hint)
     if is_told:
         late = f"begin after the end of the speech ({seconds:.2f} s)"

@@ -58,7 +58,7 @@ class _Job(NamedTuple):
     outputs: list[Path]
     folders: set[Path]
     """Folders that are made if they are missing."""
-    own: dict[str, str]
+    own: dict[str, Any]
     """Options of this speech alone."""
 
 
@@ -332,7 +332,7 @@ def _job(
         if several and options.get(key) is not None and NAME not in str(options[key]):
             hint = f"one for each, with {NAME} in it: {_OF_ONE_SPEECH[key]}"
             raise InputError(f"one {key} {str(options[key])!r} for several speeches", hint)
-    own_options = {key: put_name(str(options[key]), name) for key in _WITH_NAME if NAME in str(options.get(key))}
+    own_options = {key: put_name(options[key], name) for key in _WITH_NAME if NAME in str(options.get(key))}
     if "plan_out" in own_options:
         own_options["plan_out"] = str(options["plan_out"]).replace(NAME, name)
         folders.add(Path(own_options["plan_out"]).parent)

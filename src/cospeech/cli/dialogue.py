@@ -14,6 +14,7 @@ from typer import Argument
 
 from ..errors import InputError, say_count
 from ..models import DEFAULT, PARTS, Model, load
+from .dialogue_words import EACH, Offsets, Tiers, Transcripts, find_words, pick, pick_words
 from .options import NAME, Debug, Fps, Parts, Quiet, ReportFile, Seed, Skeleton, Tail, number, option
 from .progress import show_progress
 
@@ -58,26 +59,16 @@ Outputs = Annotated[
         f"without {NAME} in its name shows all persons: both.mp4.",
     ),
 ]
-_EACH = "Give it once for all, or once for each person, in order."
-Models = Annotated[list[str] | None, option("--model", metavar="MODEL", help=f"See `cospeech generate`. {_EACH}")]
-Styles = Annotated[list[str] | None, option("--style", metavar="STYLE", help=f"See `cospeech generate`. {_EACH}")]
-Emotions = Annotated[list[str] | None, option("--emotion", metavar="NAME|FILE", help=f"See `cospeech generate`. {_EACH}")]
+Models = Annotated[list[str] | None, option("--model", metavar="MODEL", help=f"See `cospeech generate`. {EACH}")]
+Styles = Annotated[list[str] | None, option("--style", metavar="STYLE", help=f"See `cospeech generate`. {EACH}")]
+Emotions = Annotated[list[str] | None, option("--emotion", metavar="NAME|FILE", help=f"See `cospeech generate`. {EACH}")]
 Intensities = Annotated[
-    list[float] | None, option("--intensity", metavar="NUMBER", parser=number, help=f"Size of the movements, 0 … 2. {_EACH}")
+    list[float] | None, option("--intensity", metavar="NUMBER", parser=number, help=f"Size of the movements, 0 … 2. {EACH}")
 ]
-Transcripts = Annotated[
-    list[str] | None,
-    option(
-        "--transcript",
-        metavar="FILE",
-        help=f"Words: one file for each person, or one name with {NAME} in it: words/{NAME}.srt. With --speakers, one file "
-        "for all.",
-    ),
-]
-Languages = Annotated[list[str] | None, option("--language", metavar="CODE", help=f"Language of the words. {_EACH}")]
+Languages = Annotated[list[str] | None, option("--language", metavar="CODE", help=f"Language of the words. {EACH}")]
 Avatars = Annotated[
     list[str] | None,
-    option("--avatar", metavar="FILE", help=f"VRM, GLB or FBX character in place of our mannequin. {_EACH}"),
+    option("--avatar", metavar="FILE", help=f"VRM, GLB or FBX character in place of our mannequin. {EACH}"),
 ]
 Angle = Annotated[
     float,
@@ -92,7 +83,6 @@ Angle = Annotated[
 
 _ALL_PARTS = ",".join(PARTS)
 _USUAL = (f"{NAME}.bvh", f"{NAME}.glb")
-_WORDLESS = ".rttm"
 
 
 def register(app: typer.Typer) -> None:
@@ -103,9 +93,9 @@ def register(app: typer.Typer) -> None:
 def dialogue(
     speech: Sounds, output: Outputs = None, speakers: Speakers = None, person: PersonNames = None, model: Models = None,
     style: Styles = None, emotion: Emotions = None, intensity: Intensities = None, transcript: Transcripts = None,
-    language: Languages = None, avatar: Avatars = None, angle: Angle = 0.0, seed: Seed = 0, parts: Parts = _ALL_PARTS,
-    skeleton: Skeleton = "humanoid", fps: Fps = 30.0, tail: Tail = 0.0, report: ReportFile = None, quiet: Quiet = False,
-    debug: Debug = False,
+    offset: Offsets = None, tier: Tiers = None, language: Languages = None, avatar: Avatars = None, angle: Angle = 0.0,
+    seed: Seed = 0, parts: Parts = _ALL_PARTS, skeleton: Skeleton = "humanoid", fps: Fps = 30.0, tail: Tail = 0.0,
+    report: ReportFile = None, quiet: Quiet = False, debug: Debug = False,
 ) -> None:  # fmt: skip
     """Generate characters that talk to each other.
 
@@ -134,15 +124,15 @@ def dialogue(
     if angle and len(persons) != 2:
         raise InputError(f"an angle between {len(persons)} persons", "it is for two; turn the characters themselves")
     picks = choose_persons(persons, person or ())
-    words = transcript or _find_words(speakers)
+    words = transcript if transcript or offset or tier else find_words(speakers)
     own = [
         {
-            "model": _pick("--model", model, k, persons, DEFAULT), "style": _pick("--style", style, k, persons, None),
-            "emotion": _pick("--emotion", emotion, k, persons, "auto"),
-            "intensity": _pick("--intensity", intensity, k, persons, 1.0),
-            "language": _pick("--language", language, k, persons, ""),
-            "avatar": _pick("--avatar", avatar, k, persons, None) or None,
-            "transcript": _pick_words(words, k, persons, is_mixed=is_mixed), "seed": seed + k,
+            "model": pick("--model", model, k, persons, DEFAULT), "style": pick("--style", style, k, persons, None),
+            "emotion": pick("--emotion", emotion, k, persons, "auto"),
+            "intensity": pick("--intensity", intensity, k, persons, 1.0),
+            "language": pick("--language", language, k, persons, ""),
+            "avatar": pick("--avatar", avatar, k, persons, None) or None,
+            "transcript": pick_words(words, offset, tier, k, persons, is_mixed=is_mixed), "seed": seed + k,
             "parts": [each.strip() for each in parts.split(",") if each.strip()], "skeleton": skeleton, "fps": fps,
             "tail": tail,
         }
@@ -323,52 +313,6 @@ def _outputs_of(name: str, output: Sequence[str] | None) -> list[Path]:
             f"{str(existing[0])!r} is there already", f"-o '{_USUAL[0]}' writes over it; -o out/ writes to another folder"
         )
     return paths
-
-
-def _pick(flag: str, values: Sequence[Any] | None, k: int, persons: Sequence[Person], usual: Any) -> Any:
-    """The value of an option for one person.
-
-    Raises:
-        InputError: the option is given neither once nor once for each person.
-    """
-    if not values:
-        return usual
-    if len(values) not in (1, len(persons)):
-        raise InputError(f"{flag} is given {len(values)} times", f"once for all, or {len(persons)} times, once for each person")
-    return values[0] if len(values) == 1 else values[k]
-
-
-def _pick_words(values: Sequence[str] | None, k: int, persons: Sequence[Person], *, is_mixed: bool) -> str | None:
-    """The transcript of a person.
-
-    Args:
-        values: of the option.
-        k: number of the person.
-        persons: all persons.
-        is_mixed: whether all are in one recording; then all words are in one file.
-
-    Raises:
-        InputError: there is one file for several recordings, or there are several files for one recording.
-    """
-    if values and is_mixed and (len(values) > 1 or NAME in values[0]):
-        raise InputError(f"--transcript {' '.join(map(repr, values))} with --speakers", "one file with the words of all")
-    if values and not is_mixed and len(values) == 1 and NAME not in values[0]:
-        raise InputError(f"one transcript {values[0]!r} for {len(persons)} persons", f"one of each, or words/{NAME}.srt")
-    path = _pick("--transcript", values, k, persons, None)
-    return path.replace(NAME, persons[k].name) if path else None
-
-
-def _find_words(speakers: Path | None) -> list[str] | None:
-    """The file of ``--speakers``, if it has words, too."""
-    from ..audio.transcripts import load_speech_words
-
-    if speakers is None or speakers.suffix.lower() == _WORDLESS:
-        return None
-    try:
-        load_speech_words(speakers)
-    except InputError:  # `hear_persons` has read it already, so it only lacks words
-        return None
-    return [str(speakers)]
 
 
 def _check_apart(sources: list[Path], targets: list[Path], own: Sequence[dict[str, Any]], report: Path | None) -> None:

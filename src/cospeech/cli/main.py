@@ -65,6 +65,7 @@ from .options import (  # fmt: skip
 from .plan_options import AddGesture, Keep, Lock, MoveGesture, PlanFile, PlanOut, RemoveGesture, Reseed, SetStretch
 from .progress import show_progress
 from .standard_streams import ready_streams
+from .transcript_options import Offset, Tier, describe_transcript
 
 if TYPE_CHECKING:
     from ..runtime.report import Report, Reports
@@ -100,7 +101,8 @@ def _start(
 @app.command()
 def generate(
     audio: Audio, output: Output = None, model: Model = DEFAULT, style: Style = None, emotion: Emotion = "auto",
-    speaker: Speaker = None, transcript: Transcript = None, transcribe: Transcribe = False, language: Language = "",
+    speaker: Speaker = None, transcript: Transcript = None, offset: Offset = 0.0, tier: Tier = "",
+    transcribe: Transcribe = False, language: Language = "",
     seed: Seed = 0, takes: Takes = 1, temperature: Temperature = 1.0, intensity: Intensity = 1.0, parts: Parts = ALL_PARTS,
     face_gain: FaceGain = "1",
     face: Face = None, continue_from: Continue = None, skeleton: Skeleton = "humanoid", names: RigMap = None,
@@ -128,10 +130,11 @@ def generate(
         lock=lock or (), remove=remove or (), move=move or (), stretch=stretch or (), reseed=reseed or (), gesture=gesture or ()
     )
     stretches, old = keep or ("", None)
+    words = describe_transcript(transcript, offset, tier)
 
     with show_progress("generating", quiet) as progress:
         results = generate_speeches(
-            audio, output or (), model=model, style=style, emotion=emotion, speaker=speaker, transcript=transcript,
+            audio, output or (), model=model, style=style, emotion=emotion, speaker=speaker, transcript=words,
             transcribe=transcribe, language=language, seed=seed, takes=takes, temperature=temperature, intensity=intensity,
             parts=[p.strip() for p in parts.split(",") if p.strip()], face_gain=face_gain, face=face,
             continue_from=continue_from, skeleton=skeleton, bone_map=names, fps=fps, tail=tail, avatar=avatar, report=report,

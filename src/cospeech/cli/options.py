@@ -39,12 +39,14 @@ def number(text: str) -> float:
         raise typer.BadParameter(f"{text!r} is not a number") from None
 
 
-def seconds(text: str) -> float:
-    """A time: 2230, 37:10, 0:37:10.5 or 37m10s."""
+def seconds(text: str | float) -> float:
+    """A time: 2230, 37:10, 0:37:10.5 or 37m10s; with a minus in front, it is below 0. A default value is a number already."""
+    sign, size_text = (-1, str(text).strip()[1:]) if str(text).strip().startswith("-") else (1, str(text))
     try:
-        return read_seconds(text, f"{text!r} is not a number of seconds", "")
+        size = read_seconds(size_text, f"{text!r} is not a number of seconds", "")
     except InputError as error:
         raise typer.BadParameter(f"{error.problem}, such as 2230, or a time, such as 37:10 or 37m10s") from None
+    return sign * size
 
 
 def rate(text: str | float) -> float:
@@ -142,7 +144,7 @@ Transcript = Annotated[
     option(
         "--transcript",
         metavar="FILE",
-        help="Words of the speech: .srt, .vtt, .sbv, .ttml, .lrc, .TextGrid, .tsv, .csv, .json, or .txt without times. "
+        help="Words of the speech: .srt, .vtt, .sbv, .ttml, .lrc, .TextGrid, .eaf, .tsv, .csv, .json, or .txt without times. "
         "For several speeches, write {name} for the name of the speech: words/{name}.srt.",
     ),
 ]

@@ -13,6 +13,7 @@ from ..errors import InputError, say_count
 from ..models import DEFAULT
 from .options import Debug, Emotion, Intensity, Language, Model, Quiet, Seed, Style, Transcript, number, option, rate
 from .progress import show_progress
+from .transcript_options import Offset, Tier, describe_transcript
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -70,7 +71,8 @@ def register(app: typer.Typer) -> None:
 def robot(
     source: Source, target: Trajectory, robot: Robot = "nao", channels: Channels = None, fps: Rate = 50.0, rest: Rest = None,
     model: Model = DEFAULT, style: Style = None, emotion: Emotion = "auto", transcript: Transcript = None,
-    language: Language = "", seed: Seed = 0, intensity: Intensity = 1.0, quiet: Quiet = False, debug: Debug = False,
+    offset: Offset = 0.0, tier: Tier = "", language: Language = "", seed: Seed = 0, intensity: Intensity = 1.0,
+    quiet: Quiet = False, debug: Debug = False,
 ) -> None:  # fmt: skip
     """Turn speech or a motion file into commands for a robot.
 
@@ -101,7 +103,7 @@ def robot(
         "model": model,
         "style": style,
         "emotion": emotion,
-        "transcript": transcript,
+        "transcript": describe_transcript(transcript, offset, tier),
         "language": language,
         "seed": seed,
         "intensity": intensity,

@@ -6,10 +6,13 @@ import os
 import unicodedata
 import warnings
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from glob import glob
+from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
+from ..audio.transcript_file import TranscriptFile
 from ..errors import CospeechError, CospeechWarning, InputError, InternalError, say_count
 from ..export import FORMATS, format_of
 from ..export.checks import check_apart
@@ -164,11 +167,14 @@ def _suggest_folder(paths: Sequence[Path]) -> str:
     return f"name the folder above them, {str(folder)!r}: names then begin with the folders below it; or rename them"
 
 
-def put_name(text: str, name: str) -> str:
-    """The file to read for a name: ``text`` with the name in place of `NAME`.
+def put_name(file: str | PathLike[str], name: str) -> str | PathLike[str]:
+    """The file to read for a name: ``file`` with the name in place of `NAME`.
 
     Systems write accents in two ways: as one letter (é), or as a letter and a sign, as macOS once did. Both ways are tried.
     """
+    if isinstance(file, TranscriptFile):
+        return replace(file, path=put_name(file.path, name), tier=file.tier.replace(NAME, name))
+    text = os.fspath(file)
     ways = (name, unicodedata.normalize("NFC", name), unicodedata.normalize("NFD", name))
     paths = [text.replace(NAME, way) for way in ways]
     return next((path for path in paths if os.path.lexists(path)), paths[0])

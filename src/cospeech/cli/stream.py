@@ -31,6 +31,7 @@ from .options import (
     whole,
 )
 from .stream_sources import check_partner, check_sources, hear_partner, is_live, open_pieces
+from .transcript_options import Offset, Tier, describe_transcript
 
 if TYPE_CHECKING:
     from ..audio.speech import Speech
@@ -171,9 +172,7 @@ def stream(
     fps: Fps = 60.0,
     avatar: Avatar = None,
     names: AvatarMap = None,
-    transcript: Transcript = None,
-    language: Language = "",
-    words: Words = None,
+    transcript: Transcript = None, offset: Offset = 0.0, tier: Tier = "", language: Language = "", words: Words = None,
     control: Control = None,
     idle_after: IdleAfter = None,
     partner: Partner = None,
@@ -184,7 +183,7 @@ def stream(
     unpaced: Unpaced = False,
     quiet: Quiet = False,
     debug: Debug = False,
-) -> None:
+) -> None:  # fmt: skip
     """Generate motion live, for avatars, games and programs.
 
     Frames leave evenly, some time after their sound. The program prints this time when it starts: delay the sound by it.
@@ -200,6 +199,7 @@ def stream(
     from ..export.live.targets import StreamSettings
     from ..generate import open_live_session
 
+    words_file = describe_transcript(transcript, offset, tier)
     check_sources(source, control, transcript, words, language, rate, samples)
     bones, tell = _read_map(names, avatar), _say_nothing if quiet else _tell
     part_names = tuple(part.strip() for part in parts.split(","))
@@ -218,7 +218,7 @@ def stream(
     delay = session.latency + PIECE + margin
     with ExitStack() as stack:
         pieces, controls = open_pieces(
-            stack, source, transcript, words, control, rate=rate, kind=samples, slack=margin / 2, unpaced=unpaced, tell=tell,
+            stack, source, words_file, words, control, rate=rate, kind=samples, slack=margin / 2, unpaced=unpaced, tell=tell,
             language=language)  # fmt: skip
         outlets = _open_outlets(stack, to, StreamSettings(fps, delay, part_names, avatar, bones), tell)
         hear_partner(stack, partner, session.listener, rate=rate, kind=samples, tell=tell)

@@ -16,7 +16,7 @@ from ..limits import TRANSCRIPT_JSON_VALUES
 from ..runtime.live_controls import LiveControls
 
 if TYPE_CHECKING:
-    from ..audio.speech import Speech
+    from ..audio.speech import File, Speech
     from ..audio.waiting_sound import WaitingSound
     from ..audio.waiting_words import WaitingWords
     from ..runtime.live_listener import LiveListener
@@ -113,7 +113,7 @@ def is_live(source: str) -> bool:
 
 
 def open_pieces(
-    stack: ExitStack, source: str, transcript: str | None, words: str | None, control: str | None, *, rate: int, kind: str,
+    stack: ExitStack, source: str, transcript: File | None, words: str | None, control: str | None, *, rate: int, kind: str,
     slack: float, unpaced: bool, tell: Callable[[str], None], language: str = "",
 ) -> tuple[Iterator[Speech], LiveControls]:  # fmt: skip
     """Open a source. Returns its speech, piece by piece, and the messages that steer; ``stack`` closes what is opened.
@@ -150,7 +150,7 @@ def open_pieces(
 
 
 def _open_words(
-    transcript: str | None, language: str, path: str | None, words: WaitingWords, tell: Callable[[str], None]
+    transcript: File | None, language: str, path: str | None, words: WaitingWords, tell: Callable[[str], None]
 ) -> None:
     """Put the words of a transcript into ``words``, and start a thread that puts the words that come beside the sound."""
     from ..audio.languages import with_language
@@ -226,7 +226,7 @@ def _read_stdin(rate: int, kind: str, note: Callable[[str], None]) -> Iterator[A
         yield from read_pcm(file, rate, kind, note=note)
 
 
-def _pieces_of_file(stack: ExitStack, path: str, transcript: str | None, language: str, unpaced: bool) -> Iterator[Speech]:
+def _pieces_of_file(stack: ExitStack, path: str, transcript: File | None, language: str, unpaced: bool) -> Iterator[Speech]:
     from ..audio.live_sources import PIECE, wait_for_each
     from ..audio.speech import open_speech
     from ..audio.speech_chunks import speech_chunks

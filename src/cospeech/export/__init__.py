@@ -1,7 +1,7 @@
 """Motion files: one module per format, each with a ``Writer`` and, where the format can be read, a ``load``.
 
 The suffix picks the module; `cospeech.export.registry` has the table. A `Writer` takes motion in pieces, so that hours of it
-never have to be in memory at once; ``save`` gives a writer one piece.
+never have to be in memory at once; ``save`` cuts what it writes, too, as a writer needs several times the memory of a piece.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ if TYPE_CHECKING:  # the table of formats is read where nothing heavy is importe
     from ..motion.skeleton import Skeleton
 
 __all__ = ["FORMATS", "Format", "Writer", "check_parts", "format_of", "load", "open_writer", "read", "save"]
+
+_PIECE = 4096  # frames that `save` gives to a writer at once [ours: two minutes, 10 MB]
 
 
 class Writer(AbstractContextManager["Writer"], ABC):
@@ -128,7 +130,8 @@ def save(motion: Motion, path: str | PathLike[str], **options: object) -> None:
     with as_sound_file(audio) as sound:
         options |= {"audio": sound} if "audio" in options else {}
         with open_writer(path, skeleton=motion.skeleton, fps=motion.fps, **options) as writer:
-            writer.write(motion)
+            for first in range(0, len(motion), _PIECE):
+                writer.write(motion[first : first + _PIECE])
 
 
 def load(path: str | PathLike[str], **options: object) -> Motion:

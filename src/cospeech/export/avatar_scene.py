@@ -90,7 +90,7 @@ def _copy_without_animations(file: GltfFile) -> GltfBuilder:
     """A document like that of ``file``; its data lies first in the new binary chunk, so that all its views stay valid."""
     document: dict[str, Any] = copy.deepcopy(file.json)
     document.pop("animations", None)
-    data = file.buffer(0) if file.list("buffers") else b""
+    data = bytes(file.buffer(0)) if file.list("buffers") else b""
     if document.get("buffers"):
         document["buffers"][0].pop("uri", None)
     return GltfBuilder(document, data)

@@ -102,7 +102,18 @@ def decode_frames(file: io.TextIOWrapper, header: Header, size: int) -> Frames:
     if not frames:
         raise InputError("no frame of motion", "is it cut short?")
     means = sums / frames
-    return Frames(np.concatenate(pieces), np.concatenate(roots), _move_offsets(offsets, columns.moving, means), means)
+    return Frames(_join(pieces), np.concatenate(roots), _move_offsets(offsets, columns.moving, means), means)
+
+
+def _join(pieces: list[Array]) -> Array:
+    """The pieces in one array; the list is empty then, so that they are not all in memory twice."""
+    result, first = np.empty((sum(map(len, pieces)), *pieces[0].shape[1:])), 0
+    pieces.reverse()
+    while pieces:
+        piece = pieces.pop()
+        result[first : first + len(piece)] = piece
+        first += len(piece)
+    return result
 
 
 def _move_offsets(offsets: Array, moving: list[tuple[int, int, int]], means: Array) -> Array:

@@ -30,8 +30,8 @@ from ..motion.motion import Motion
 from ..motion.rest_calibration import calibrate_rest, on_motions_floor
 from ..motion.rotations import (
     Array,
+    make_continuous,
     quat_conjugate,
-    quat_continuous,
     quat_multiply,
     quat_rotate,
 )
@@ -53,6 +53,7 @@ UNITS = {"m": 1.0, "dm": 0.1, "cmu": 0.0254 / 0.45, "inch": 0.0254, "cm": 0.01, 
 
 _HEIGHTS = ((4.5, "m"), (25.0, "dm"), (48.0, "cmu"), (80.0, "inch"), (500.0, "cm"), (np.inf, "mm"))  # ours, see above
 _NAMES = 1 << 18  # bytes at the beginning of a file that show its encoding: a thousand joints; ours
+_BLOCK = 1024  # frames at once; ours
 _SAMPLE = 64  # ours: frames from which the up axis is found
 
 
@@ -98,7 +99,8 @@ def load(
     joints = _find_joints(skeleton, bone_map, repr(str(Path(path).name)))
     if skeleton.kind == "custom" or (bone_map and joints):
         skeleton = replace(skeleton, bone_map=joints)
-    return _as_motion(skeleton, joints, frames.rotations[:, order], frames.root, rate, units, up)
+    _reorder(frames.rotations, order)
+    return _as_motion(skeleton, joints, frames.rotations, frames.root, rate, units, up)
 
 
 def _find_encoding(file: BinaryIO) -> str:
@@ -121,6 +123,13 @@ def _in_table_order(skeleton: Skeleton) -> tuple[Skeleton, list[int]]:
             order = [skeleton.index[name] for name in table.names]
             return replace(table, offsets=skeleton.offsets[order], ends=skeleton.ends), order
     return skeleton, list(range(len(skeleton)))
+
+
+def _reorder(rotations: Array, order: list[int]) -> None:
+    """Put the joints of rotations (T, J, 4) into an order, in place."""
+    if order != list(range(len(order))):
+        for first in range(0, len(rotations), _BLOCK):
+            rotations[first : first + _BLOCK] = rotations[first : first + _BLOCK][:, order]
 
 
 def _find_joints(skeleton: Skeleton, bone_map: Mapping[str, str] | None, file: str) -> dict[str, str]:
@@ -154,7 +163,7 @@ def _as_motion(
     skeleton = replace(skeleton, offsets=skeleton.offsets * scale, ends=ends, layout=layout)
     if names and skeleton.kind == "custom":
         skeleton = on_motions_floor(skeleton, names, rotations, root * scale)
-    return Motion(fps=rate, rotations=quat_continuous(rotations), root=root * scale, skeleton=skeleton)
+    return Motion(fps=rate, rotations=make_continuous(rotations), root=root * scale, skeleton=skeleton)
 
 
 def _up(skeleton: Skeleton, names: dict[str, str], points: Array) -> str:

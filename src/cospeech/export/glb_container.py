@@ -15,8 +15,8 @@ MAGIC, JSON, BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
 """``glTF``, ``JSON`` and ``BIN\\0`` as little-endian numbers."""
 
 
-def split_glb(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
-    """The JSON document and the binary chunk of a GLB (4.4)."""
+def split_glb(data: bytes, name: str) -> tuple[dict[str, Any], bytes | memoryview]:
+    """The JSON document and the binary chunk of a GLB (4.4); the chunk is no copy."""
     if data[:1] in (b"{", b" ", b"\n"):
         return _parse_json(data, name), b""
     if len(data) < 20 or struct.unpack_from("<I", data)[0] != MAGIC:
@@ -35,7 +35,7 @@ def split_glb(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
         return document, b""
     if at + 8 + size > length:
         raise InputError(f"{name} is cut off inside its binary chunk", "copy or export it again")
-    return document, data[at + 8 : at + 8 + size]
+    return document, memoryview(data)[at + 8 : at + 8 + size]
 
 
 def _parse_json(text: bytes, name: str) -> dict[str, Any]:

@@ -51,7 +51,7 @@ class GltfFile:
         size: bytes of the file; those of the binary chunk where not given.
     """
 
-    def __init__(self, document: dict[str, Any], binary: bytes, name: str, size: int | None = None) -> None:
+    def __init__(self, document: dict[str, Any], binary: bytes | memoryview, name: str, size: int | None = None) -> None:
         self.json, self.name, self.size = document, name, len(binary) if size is None else size
         self._binary, self._remaining = binary, _FREE + _PER_BYTE * self.size
         for key in ("nodes", "meshes", "accessors", "bufferViews", "buffers", "animations", "skins", "scenes"):
@@ -59,7 +59,7 @@ class GltfFile:
             if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
                 raise InputError(f"{name} is damaged: {key!r} is not a list of objects", "export it again")
         self.parents = self._tree()
-        self._buffers: dict[int, bytes] = {}
+        self._buffers: dict[int, bytes | memoryview] = {}
 
     def _tree(self) -> list[int]:
         """Parent of every node (−1 for roots); a node with two parents or a loop is refused (5.25)."""
@@ -91,7 +91,7 @@ class GltfFile:
         """A top-level list, empty where absent."""
         return self.json.get(key, [])
 
-    def buffer(self, index: int) -> bytes:
+    def buffer(self, index: int) -> bytes | memoryview:
         """The bytes of a buffer: the binary chunk, or data embedded in the document."""
         if index not in self._buffers:
             uri = self.list("buffers")[index].get("uri")

@@ -17,9 +17,9 @@ from ..errors import InputError
 from ..limits import GLTF_NODES
 from ..motion.rotations import (  # fmt: skip
     Array,
+    make_continuous,
     matrix_to_quat,
     quat_conjugate,
-    quat_continuous,
     quat_multiply,
     quat_normalize,
     quat_rotate,
@@ -127,7 +127,7 @@ class Rig:
         for node in reversed(path):
             world = world @ _animate(self.file.list("nodes")[node], node, rest[node], curves, times)
         rotations[:, 0] = quat_multiply(self.facing, rotation_of(world))
-        return quat_continuous(rotations), quat_rotate(self.facing, world[:, :3, 3]) + self.shift
+        return make_continuous(rotations), quat_rotate(self.facing, world[:, :3, 3]) + self.shift
 
 
 def rotation_of(matrices: Array) -> Array:

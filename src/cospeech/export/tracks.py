@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from ..motion.rotations import Array, quat_continuous, quat_normalize, quat_slerp
+from ..motion.rotations import Array, quat_continuous, quat_normalize
+from .curve import Curve
 from .frame_buffer import FrameBuffer
 from .gltf import GltfFile, report_damage
 from .gltf_build import GltfBuilder
@@ -96,38 +97,6 @@ def _clock(frames: int, fps: float) -> Iterator[bytes]:
         yield (np.arange(first, min(first + _BLOCK, frames)) / fps).astype("<f4").tobytes()
 
 
-class Curve(NamedTuple):
-    """A sampler as read: ``times (K,)`` seconds, ``values (K, width)``, and tangents where it is cubic."""
-
-    times: Array
-    values: Array
-    interpolation: str
-    rotation: bool
-
-    def at(self, times: Array) -> Array:
-        """Sample at ``times (T,)`` → (T, width); held before the first and after the last key (glTF appendix C)."""
-        keys, values = self.times, self.values
-        cubic = self.interpolation == "CUBICSPLINE"
-        points = values[1::3] if cubic else values
-        if len(keys) == 1:
-            return np.repeat(points, len(times), 0)
-        times = np.clip(times, keys[0], keys[-1])
-        low = np.clip(np.searchsorted(keys, times, side="right") - 1, 0, len(keys) - 2)
-        span = keys[low + 1] - keys[low]
-        t = (times - keys[low]) / np.where(span > 0, span, 1)
-        blur = 1e-6 + 2.4e-7 * np.abs(times) / np.where(span > 0, span, 1)  # keys are float32: a frame is met by its own key
-        t = np.where(t < blur, 0.0, np.where(t > 1 - blur, 1.0, t))[:, None]
-        a, b = points[low], points[low + 1]
-        if self.interpolation == "STEP":
-            return np.where(t < 1, a, b)
-        if cubic:
-            out, into = values[2::3][low] * span[:, None], values[0::3][low + 1] * span[:, None]
-            h = (2 * t**3 - 3 * t**2 + 1, t**3 - 2 * t**2 + t, -2 * t**3 + 3 * t**2, t**3 - t**2)
-            blend = h[0] * a + h[1] * out + h[2] * b + h[3] * into
-            return quat_normalize(blend) if self.rotation else blend
-        return quat_slerp(a, b, t[:, 0]) if self.rotation else a + (b - a) * t
-
-
 def read_animation(file: GltfFile, index: int = 0) -> dict[tuple[int, str], Curve]:
     """The curves of an animation: (node, path) → curve; ``weights`` have one column per morph target.
 
@@ -143,6 +112,7 @@ def read_animation(file: GltfFile, index: int = 0) -> dict[tuple[int, str], Curv
             return ready
         curves: dict[tuple[int, str], Curve] = {}
         cache: dict[tuple[int, str], Curve] = {}
+        clocks: dict[int, Array] = {}
         for channel in animation["channels"]:
             node, path = channel["target"].get("node"), channel["target"]["path"]
             if not isinstance(node, int) or path not in (*_KINDS, "weights"):
@@ -151,15 +121,19 @@ def read_animation(file: GltfFile, index: int = 0) -> dict[tuple[int, str], Curv
                 raise InputError(f"{file.name} is damaged: animation of node {node}", "export it again")
             k = channel["sampler"]
             if (k, path) not in cache:
-                cache[k, path] = _curve(file, animation["samplers"][k], path)
+                cache[k, path] = _curve(file, animation["samplers"][k], path, clocks)
             curves[node, path] = cache[k, path]
         return curves
 
 
-def _curve(file: GltfFile, sampler: dict[str, Any], path: str) -> Curve:
-    times = file.accessor(sampler["input"], 1)[:, 0].astype(np.float64)
-    kind = sampler.get("interpolation", "LINEAR")
-    values = file.accessor(sampler["output"], _KINDS.get(path, ("", 1))[1]).astype(np.float64)
+def _curve(file: GltfFile, sampler: dict[str, Any], path: str, clocks: dict[int, Array]) -> Curve:
+    """A curve. ``clocks``: accessor → times; most curves share them."""
+    clock = sampler["input"]
+    if clock not in clocks:
+        clocks[clock] = file.accessor(clock, 1)[:, 0].astype(np.float64)
+    times, kind = clocks[clock], sampler.get("interpolation", "LINEAR")
+    values = file.accessor(sampler["output"], _KINDS.get(path, ("", 1))[1])
+    values = values if values.dtype == np.float32 else values.astype(np.float64)
     rows = len(times) * (3 if kind == "CUBICSPLINE" else 1)
     if not len(times) or np.any(np.diff(times) < 0) or kind not in ("LINEAR", "STEP", "CUBICSPLINE") or abs(times).max() > 1e6:
         raise InputError(f"{file.name} is damaged: an animation has {len(times)} keys, {str(kind)[:20]}", "export it again")
@@ -167,7 +141,7 @@ def _curve(file: GltfFile, sampler: dict[str, Any], path: str) -> Curve:
         values = values.reshape(rows, -1)
     if len(values) != rows:
         raise InputError(f"{file.name} is damaged: {len(times)} keys for {len(values)} values", "export it again")
-    if path == "rotation" and kind != "CUBICSPLINE":
+    if path == "rotation" and kind != "CUBICSPLINE" and values.dtype == np.float64:
         values = quat_normalize(values)
     return Curve(times, values, kind, path == "rotation")
 

@@ -15,6 +15,7 @@ __all__ = [
     "axis_angle_to_quat",
     "cross",
     "euler_to_quat",
+    "make_continuous",
     "matrix_to_quat",
     "matrix_to_rot6d",
     "quat_angle",
@@ -40,6 +41,7 @@ Array = NDArray[Any]
 """An array of any dtype: NumPy's own stubs do not follow dtypes through arithmetic."""
 _AXIS = {"X": 0, "Y": 1, "Z": 2}
 _SMALL = 1e-12  # ours: below this an angle or a norm counts as zero in float64
+_BLOCK = 1024  # frames at once, in place [ours]
 _FEW = 256  # numbers up to which one product of gathered copies is faster than sixteen products of views [ours, measured]
 _OF_A = np.array([3, 0, 1, 2])
 _OF_B = np.array([[0, 3, 2, 1], [1, 2, 3, 0], [2, 1, 0, 3], [3, 0, 1, 2]])
@@ -130,6 +132,18 @@ def quat_continuous(q: Array, axis: int = 0) -> Array:
     dots = np.einsum("t...i,t...i->t...", q[1:], q[:-1])
     signs = np.concatenate([np.ones_like(dots[:1]), np.cumprod(np.where(dots < 0, -1.0, 1.0), axis=0)])
     return np.moveaxis((q * signs[..., None]).astype(q.dtype, copy=False), 0, axis)
+
+
+def make_continuous(q: Array) -> Array:
+    """`quat_continuous` along the first axis, in place: a copy of hours of motion would need as much memory again.
+
+    >>> make_continuous(np.array([[0.0, 0, 0, 1], [0, 0, 0, -1]]))[:, 3].tolist()
+    [1.0, 1.0]
+    """
+    stream = QuatStream()
+    for first in range(0, len(q), _BLOCK):
+        q[first : first + _BLOCK] = stream.push(q[first : first + _BLOCK])
+    return q
 
 
 class QuatStream:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 from ..word_entries import Entry, Note
-from . import json_words, lyrics, subtitles, tables, textgrid, timed_text
+from . import elan, json_words, lyrics, subtitles, tables, textgrid, timed_text
+from .tiers import Tier
 
 __all__ = ["FORMATS", "SUFFIXES", "TranscriptFormat", "find_format"]
 
@@ -19,10 +20,13 @@ class TranscriptFormat(NamedTuple):
     """Whether a text whose suffix says nothing is of this format."""
     read: Callable[[str, Note], Iterable[Entry]]
     """Its entries, in any order; InputError says what is wrong, and a note what is left out or guessed."""
+    read_tiers: Callable[[str], Sequence[Tier]] | None = None
+    """All its tiers, where the format has some; then the user may name the one that counts."""
 
 
 FORMATS: dict[str, TranscriptFormat] = {
-    "TextGrid": TranscriptFormat((".textgrid",), textgrid.fits, textgrid.read),
+    "TextGrid": TranscriptFormat((".textgrid",), textgrid.fits, textgrid.read, textgrid.read_tiers),
+    "ELAN": TranscriptFormat((".eaf",), elan.fits, elan.read, elan.read_tiers),
     "JSON": TranscriptFormat((".json", ".jsonl", ".marks"), json_words.fits, json_words.read),
     "TTML": TranscriptFormat((".ttml", ".dfxp"), timed_text.fits, timed_text.read),
     "SubRip, WebVTT": TranscriptFormat((".srt", ".vtt"), subtitles.fits, subtitles.read),

@@ -10,36 +10,22 @@ import html
 import re
 from collections.abc import Iterator, Sequence
 from itertools import chain, islice, pairwise
-from typing import NamedTuple
 
 from ...errors import InputError, say_count
 from ...limits import WORDS
 from ..speaker_labels import drop_labels, split_labels
 from ..word_entries import Entry, Note, read_clock
+from .cues import INLINE_TIME, Cue, plain_text, unroll
 
-__all__ = ["Cue", "fits", "fits_sbv", "name_speakers", "read", "read_sbv", "say_cues"]
+__all__ = ["fits", "fits_sbv", "name_speakers", "read", "read_sbv", "say_cues"]
 
 # Possessive ("++"): what was taken is not given back, so that each character is looked at once
 _TIMES = re.compile(r"^[ \t]*+([\d:;.,]++)[ \t]*+(?:--?>|[→⟶])[ \t]*+([\d:;.,]++)(?![^ \t\n]).*$", re.MULTILINE)
 _SBV_TIMES = re.compile(r"^[ \t]*+([\d:]++\.\d++)[ \t]*+,[ \t]*+([\d:]++\.\d++)[ \t]*+$", re.MULTILINE)
-_NO_CHARACTER = re.compile(r"&#\d{8,};?")  # beyond all of Unicode
 _NEXT_NUMBER = re.compile(r"\n[ \t]*\d{1,9}[ \t]*\n\Z")  # that of the next cue, right above its times
-_INLINE = re.compile(r"<((?:\d{1,4}:)?\d{1,2}:\d{1,2}\.\d{1,9})>")
 _VOICE = re.compile(r"<v(?:\.[^\s<>]*)?[ \t]+([^<>\n]{1,80})>")  # of WebVTT: who says the cue
-_TAG = re.compile(r"<[^<>\n]*>")
-_BREAK = re.compile(r"\\[Nnh]|\[br\]")  # of SubStation Alpha and of SubViewer
-_AT_ONCE = 0.1  # s: a cue that is shorter shows nothing new, and one that begins so soon follows at once [ours; YouTube: 0.01]
-_ROLLING = 1 / 3  # of the cues that begin with a line that was shown, from which on the lines roll [ours]
 _HINT = "'00:00:01,000 --> 00:00:02,000' belongs above each"
 _FRAMES = re.compile(r"\d+:\d+:\d+[:;]\d+")
-
-
-class Cue(NamedTuple):
-    """Lines that are shown from ``start`` to ``end``, seconds."""
-
-    lines: list[str]
-    start: float
-    end: float
 
 
 def fits(text: str) -> bool:
@@ -58,7 +44,7 @@ def read(text: str, note: Note) -> Iterator[Entry]:
     Raises:
         InputError: no cue has times.
     """
-    return say_cues(_time_words(_unroll(_read_cues(text, _TIMES, note))))
+    return say_cues(_time_words(unroll(_read_cues(text, _TIMES, note))))
 
 
 def read_sbv(text: str, note: Note) -> Iterator[Entry]:
@@ -67,12 +53,12 @@ def read_sbv(text: str, note: Note) -> Iterator[Entry]:
     Raises:
         InputError: no cue has times.
     """
-    return say_cues(_read_cues(text, _SBV_TIMES, note))
+    return say_cues(unroll(_read_cues(text, _SBV_TIMES, note)))
 
 
 def say_cues(cues: Sequence[Cue]) -> Iterator[Entry]:
     """Entries of cues: their lines without tags, references to characters, and names of speakers."""
-    lines = iter(drop_labels([_plain(line) for cue in cues for line in cue.lines]))
+    lines = iter(drop_labels([plain_text(line) for cue in cues for line in cue.lines]))
     for cue in cues:
         yield " ".join(islice(lines, len(cue.lines))), cue.start, cue.end
 
@@ -84,7 +70,7 @@ def name_speakers(text: str, note: Note) -> Iterator[tuple[str, float, float]]:
         InputError: no cue has times.
     """
     cues = _read_cues(text, _TIMES, note)
-    labels = iter(split_labels([_plain(line) for cue in cues for line in cue.lines]))
+    labels = iter(split_labels([plain_text(line) for cue in cues for line in cue.lines]))
     name = ""
     for cue in cues:
         voice = _VOICE.search("\n".join(cue.lines))
@@ -92,11 +78,6 @@ def name_speakers(text: str, note: Note) -> Iterator[tuple[str, float, float]]:
         name = html.unescape(voice[1]).strip() if voice else names[0] if names else name
         if name:
             yield name, cue.start, cue.end
-
-
-def _plain(line: str) -> str:
-    text = _BREAK.sub(" ", _TAG.sub("", line))
-    return html.unescape(_NO_CHARACTER.sub("\ufffd", text)).replace("\n", " ")
 
 
 def _read_cues(text: str, times: re.Pattern[str], note: Note) -> list[Cue]:
@@ -123,34 +104,11 @@ def _read_cues(text: str, times: re.Pattern[str], note: Note) -> list[Cue]:
     return cues
 
 
-def _unroll(cues: Sequence[Cue]) -> list[Cue]:
-    """Cues without the lines that the cue right before showed, where lines roll."""
-    cues = [cue._replace(lines=[line for line in cue.lines if line.strip()] or [""]) for cue in cues]
-    fresh, count = list[Cue](), 0
-    before, until = list[str](), -1.0
-    for cue in cues:
-        lines = [_plain(line).strip() for line in cue.lines]
-        again = _count_again(before, lines) if abs(cue.start - until) <= _AT_ONCE else 0
-        before, until = lines, cue.end
-        if again and (again < len(lines) or cue.end - cue.start <= _AT_ONCE):
-            fresh.append(cue._replace(lines=cue.lines[again:] or [""]))
-            count += 1
-        else:
-            fresh.append(cue)
-    return fresh if count > _ROLLING * len(cues) else cues
-
-
-def _count_again(before: Sequence[str], lines: Sequence[str]) -> int:
-    """How many of the first lines repeat the last lines of the cue before."""
-    most = min(len(before), len(lines), 4)  # a cue has two or three lines
-    return next((n for n in range(most, 0, -1) if before[-n:] == lines[:n] and any(lines[:n])), 0)
-
-
 def _time_words(cues: Sequence[Cue]) -> list[Cue]:
     """Split cues that have times between their words: into a cue for each part."""
     pieces: list[Cue] = []
     for cue in cues:
-        parts = _INLINE.split("\n".join(cue.lines))
+        parts = INLINE_TIME.split("\n".join(cue.lines))
         times = [cue.start, *(read_clock(time) or 0.0 for time in parts[1::2]), cue.end]
         if len(parts) == 1 or any(after < before for before, after in pairwise(times)):
             pieces.append(cue)

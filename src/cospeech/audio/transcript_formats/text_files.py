@@ -50,7 +50,7 @@ def decode(data: bytes, name: str) -> str:
             raise _describe_no_text(name) from None
         byte = f"byte 0x{data[error.start]:02x} at {error.start}"
         command = f"iconv -f CP1252 -t UTF-8 {_quote(name)} > utf8{Path(name).suffix[:12]}"
-        hint = f"of Windows' Western text: {command}; CP1252 is SHIFT-JIS in Japan, GB18030 in China"
+        hint = f"save it as UTF-8; Windows' Western text: {command}; CP1252 is SHIFT-JIS in Japan, GB18030 in China"
         raise InputError(f"{name!r} is not {encoding.removesuffix('-sig').upper()} text: {byte}", hint) from None
     if "\0" in text:
         raise InputError(f"{name!r} holds NUL characters", "is it a transcript? Save it as UTF-8 text")
@@ -58,7 +58,7 @@ def decode(data: bytes, name: str) -> str:
 
 
 def _describe_no_text(name: str) -> InputError:
-    hint = "TextGrid, .tsv, .srt, .vtt, .ttml, .lrc, .json, or plain text in UTF-8"
+    hint = "TextGrid, .eaf, .tsv, .srt, .vtt, .ttml, .lrc, .json, or plain text in UTF-8"
     return InputError(f"{name!r} is no transcript: it is not text", hint)
 
 
@@ -86,7 +86,7 @@ def check_prose(text: str, name: str) -> None:
         InputError: it is XML, or a third of its lines begin with a time code.
     """
     if _XML.match(text[:_HEAD]):
-        raise InputError(f"{name!r} holds XML", "of XML, TTML is read; save what is said as plain text")
+        raise InputError(f"{name!r} holds XML", "of XML, TTML and ELAN are read; save what is said as plain text")
     lines = [line for line in StringIO(text) if not line.isspace()]
     codes = [line.strip()[:60] for line in lines if _TIME_CODE.match(line)]
     if len(codes) > 1 and len(codes) >= _SHARE * len(lines):

@@ -1,7 +1,6 @@
 """TTML (.ttml, .dfxp), the subtitles of broadcasters and streaming services: https://www.w3.org/TR/ttml1/.
 
-Paragraphs have times; those of spans in them are read, too, as lyrics have them for each word. The document is read as it
-streams by: no tree is built, and a document type, which could hold entities, is refused.
+Paragraphs have times; those of spans in them are read, too, as lyrics have them for each word.
 """
 
 from __future__ import annotations
@@ -9,16 +8,17 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
-from xml.parsers import expat
 
 from ...errors import InputError
 from ...limits import WORDS
 from ..word_entries import Entry, Note, read_clock
-from .subtitles import Cue, say_cues
+from .cues import Cue
+from .subtitles import say_cues
+from .xml_stream import compile_head, parse_xml
 
 __all__ = ["fits", "read"]
 
-_HEAD = re.compile(r"\s*+(?:<\?xml[^<>]*+>)?+\s*+(?:<!--(?:[^-]|-(?!->))*+-->\s*+)*+<(?:\w++:)?+tt[\s>]")
+_HEAD = compile_head("tt")
 _OFFSET = re.compile(r"(\d{1,12}(?:\.\d{1,12})?)(h|m|s|ms|f|t)")
 _FRAMES = re.compile(r"(\d{1,4}:\d\d:\d\d)[:;](\d{1,4})(?:\.\d+)?")
 _SECONDS = {"h": 3600.0, "m": 60.0, "s": 1.0, "ms": 0.001}
@@ -41,24 +41,12 @@ def read(text: str, note: Note) -> Iterator[Entry]:
         InputError: it is no XML, has a document type or elements nested too deeply, or no paragraph has times.
     """
     document = _Document()
-    parser = expat.ParserCreate()
-    parser.buffer_text = True
-    parser.StartDoctypeDeclHandler = _refuse_doctype
-    parser.StartElementHandler, parser.EndElementHandler = document.open, document.close
-    parser.CharacterDataHandler = document.hear
-    try:
-        parser.Parse(re.sub(r"^\s*<\?xml[^<>]*\?>", "", text, count=1).encode(), True)
-    except expat.ExpatError as error:
-        raise InputError(f"it is no XML: {error}", "is it cut off?") from None
+    parse_xml(text, document, "TTML")
     if not document.cues:
         raise InputError("no paragraph has times", _HINT)
     if document.loss_count:
         note(f"{document.loss_count} of {document.loss_count + document.paragraphs} paragraphs left out, they have no times")
     return say_cues(document.cues)
-
-
-def _refuse_doctype(*arguments: object) -> None:
-    raise InputError("it has a document type", "remove <!DOCTYPE …>; TTML needs none")
 
 
 class _Element(NamedTuple):

@@ -144,6 +144,28 @@ def test_a_speech_and_its_transcript_may_be_dropped_together(page, wav, tmp_path
     wait_until(page, f"document.getElementById('words').textContent === 'huge' && {DONE}")
 
 
+def test_the_language_of_the_words_is_chosen(talking, wav):
+    assert talking.locator("#language").is_disabled()
+    assert talking.locator("#language-note").is_visible()
+    drop_all(talking, {"talk.tsv": b"0.5\t1.0\twill\n1.0\t1.6\tvier\n"})
+    wait_until(talking, f"cospeechStudio.speech.words.length === 2 && {DONE}")
+    chosen = "document.getElementById('language').selectedOptions[0].textContent"
+    assert talking.evaluate(chosen) == "auto: not known, read as English"
+    mine = talking.evaluate("cospeechStudio.takes[0].id")
+    talking.select_option("#language", "de")
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{mine}' && {DONE}")
+    assert talking.evaluate(f"[cospeechStudio.speech.language, {chosen}]") == ["de", "German"]
+    assert {word["language"] for word in talking.evaluate(f"{PLAN}.words")} == {"de"}
+    talking.route("**/language", lambda route: route.fulfill(status=422, json={"problem": "no such language", "hint": ""}))
+    talking.select_option("#language", "fr")
+    wait_until(talking, "document.getElementById('problem').textContent === 'no such language'")
+    assert talking.evaluate(chosen) == "German"  # what holds
+    talking.unroute("**/language")
+    drop_all(talking, {"other.wav": wav.read_bytes()})
+    wait_until(talking, "cospeechStudio.speech.name === 'other.wav'")
+    assert talking.evaluate(chosen) == "auto"
+
+
 def test_a_character_that_is_cut_off_is_refused(talking, shared):
     whole = (shared / "data" / "avatars" / "avatar_mpfb_female_arkit52_viseme15.glb").read_bytes()
     talking.set_input_files("#avatar-file", {"name": "half.glb", "mimeType": "model/gltf-binary", "buffer": whole[:400_000]})

@@ -1,4 +1,4 @@
-// The gestures on the time line: one button each, moved by the pointer or the keys.
+// The gestures on the time line: one option each of its list, moved by the pointer or the keys.
 
 import type { PlanEdit } from "./api";
 import { find, followPointer, make, readName } from "./dom";
@@ -89,7 +89,7 @@ export class GestureTrack {
     }
     for (const button of this.track.children) {
       const chosen = (button as HTMLElement).dataset.id === this.store.state.gesture;
-      button.setAttribute("aria-pressed", String(chosen));
+      button.setAttribute("aria-selected", String(chosen));
     }
   }
 
@@ -98,8 +98,9 @@ export class GestureTrack {
     const locked = isLocked(plan, gesture);
     const beat = gesture.form === BEAT;
     const button = make("button", {
-      type: "button", class: `gesture ${gesture.hands ?? "both"}${beat ? " beat" : ""}${locked ? " locked" : ""}`,
-      "data-id": gesture.id, "aria-label": describe(gesture, locked), "aria-pressed": "false", title: describe(gesture, locked),
+      type: "button", role: "option", tabindex: "-1", "data-item": `gesture ${gesture.id}`,
+      class: `gesture ${gesture.hands ?? "both"}${beat ? " beat" : ""}${locked ? " locked" : ""}`,
+      "data-id": gesture.id, "aria-label": describe(gesture, locked), "aria-selected": "false", title: describe(gesture, locked),
       click: () => this.store.update({ gesture: gesture.id }),
       keydown: (event: KeyboardEvent) => this.press(event, gesture),
       pointerdown: (event: PointerEvent) => this.drag(event, gesture, button),

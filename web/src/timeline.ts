@@ -4,6 +4,7 @@ import { find, followPointer, formatTime, make } from "./dom";
 import { GestureTrack } from "./gestures";
 import type { HeardWord, Plan, Stretch } from "./messages";
 import type { Player } from "./player";
+import { RovingFocus } from "./roving";
 import { LEAST_STRETCH, type Store } from "./state";
 import type { Takes } from "./takes";
 import { ValueTracks } from "./tracks";
@@ -19,6 +20,11 @@ export class TimeLine {
   private readonly band = find("selection");
   private readonly words = find("words");
   private readonly stretches = find("stretches");
+  private readonly options = find("options");
+  private readonly roving = new RovingFocus(this.options, (option) => {
+    const { id } = option.dataset;
+    if (id !== undefined) this.store.update({ gesture: id });
+  });
   private readonly track: GestureTrack;
   private readonly values: ValueTracks;
   private shownWords: HeardWord[] | null = null;
@@ -73,8 +79,18 @@ export class TimeLine {
     this.drawStretches();
     this.track.draw(this.seconds);
     this.values.draw(this.seconds);
+    this.settleOptions();
     this.band.hidden = selection === null;
     if (selection !== null) this.place(this.band, selection[0], selection[1]);
+  }
+
+  /** The stretch that is selected, and the one option at which Tab stops; without options it stops at the scroller. */
+  private settleOptions(): void {
+    const span = this.store.state.selection?.join(" ");
+    for (const each of this.options.querySelectorAll<HTMLElement>("[data-span]")) {
+      each.setAttribute("aria-selected", String(each.dataset.span === span));
+    }
+    this.scroller.tabIndex = this.roving.settle() ? -1 : 0;
   }
 
   private place(element: HTMLElement, from: number, to: number): void {
@@ -108,7 +124,8 @@ export class TimeLine {
   private stretch(stretch: Stretch, text: string, kind: string): HTMLElement {
     const from = formatTime(stretch.from);
     const button = make("button", {
-      type: "button", class: kind, "aria-label": `${text}, from ${from} to ${formatTime(stretch.to)}: select this stretch`,
+      type: "button", role: "option", tabindex: "-1", class: kind, "data-item": `${kind} ${stretch.from}`,
+      "data-span": `${stretch.from} ${stretch.to}`, "aria-selected": "false", "aria-label": `${text}, from ${from} to ${formatTime(stretch.to)}: select this stretch`,
       click: () => this.store.update({ selection: [stretch.from, stretch.to] }),
     }, text);
     this.place(button, stretch.from, stretch.to);

@@ -96,6 +96,11 @@ def test_a_speech_is_told_and_heard(served, speech):
     assert words == {"words": [{"text": "huge", "start": 0.2, "end": 0.9, "language": None}], "language": ""}
 
 
+def test_the_waveform_of_minutes_is_as_fine_as_that_of_seconds(served):
+    port, _ = served
+    assert len(ask_json(port, "/api/speech?name=long.wav", sound_file(125, 8000))["peaks"]) == 50 * 125
+
+
 def set_language(port: int, speech: str, code: str) -> tuple[int, dict]:
     """Set the language of the words of a speech: status, answer."""
     status, _, body = ask(port, f"/api/speech/{speech}/language", {"language": code}, method="PUT")

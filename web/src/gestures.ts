@@ -63,7 +63,6 @@ export async function removeGesture(store: Store, takes: Takes, gesture: Planned
 
 export class GestureTrack {
   private shown: Plan | null = null;
-  private width = 0;
   private seconds = 0;
   private dragging = false;
 
@@ -72,10 +71,9 @@ export class GestureTrack {
   /** Draw the gestures of the chosen take over `seconds`. */
   draw(seconds: number): void {
     const plan = this.store.take.plan;
-    this.seconds = seconds;
-    const width = this.track.clientWidth;
     if (this.dragging) return;
-    if (plan !== this.shown || width !== this.width) {
+    if (plan !== this.shown || seconds !== this.seconds) {
+      this.seconds = seconds;
       const focused = this.track.contains(document.activeElement) ? (document.activeElement as HTMLElement).dataset.id : null;
       const place = [...this.track.children].findIndex((each) => (each as HTMLElement).dataset.id === focused);
       this.track.replaceChildren(...(plan?.gestures ?? []).map((gesture) => this.button(plan as Plan, gesture)));
@@ -85,7 +83,6 @@ export class GestureTrack {
         (same ?? next ?? find("add-gesture")).focus();
       }
       this.shown = plan;
-      this.width = width;
     }
     for (const button of this.track.children) {
       const chosen = (button as HTMLElement).dataset.id === this.store.state.gesture;

@@ -150,7 +150,7 @@ class UploadedSpeech(StudioMessage):
     name: str
     seconds: float
     peaks: list[float]
-    """Largest sample of each piece, 0 … 1: 50 pieces a second, and 6,000 pieces at most."""
+    """Largest sample of each piece, 0 … 1: 50 pieces a second, and 30,000 pieces at most."""
     words: list[HeardWord]
     language: str
     """Code of the language of the words; empty if there are none, or if it is not known."""

@@ -207,3 +207,20 @@ def test_zoomed_it_fits_a_phone_in_the_dark(talking):
     boxes = [talking.locator(f"#{name}").bounding_box() for name in ("zoom-out", "zoom-in", "zoom-fit")]
     assert all(box["x"] >= 0 and box["x"] + box["width"] <= 390 and box["height"] >= 24 for box in boxes)
     assert not find_violations(talking)
+
+
+def test_names_of_tracks_and_gestures_stay_in_view_and_are_left_out_where_they_do_not_fit(talking):
+    label = talking.locator("#gestures .label").first
+    assert label.is_visible()
+    for _ in range(3):
+        talking.click("#zoom-in")
+    view = talking.locator("#scroller").bounding_box()
+    gesture = label.locator("xpath=..").bounding_box()
+    talking.evaluate(
+        "x => { document.getElementById('scroller').scrollLeft += x }", gesture["x"] + 0.3 * gesture["width"] - view["x"]
+    )
+    for shown in (label, *talking.locator(".track .base").all()):
+        box = shown.bounding_box()
+        assert box["x"] >= view["x"]
+    label.evaluate("label => { label.parentElement.style.width = '30px' }")
+    assert not label.is_visible()

@@ -101,7 +101,7 @@ export class GestureTrack {
       click: () => this.store.update({ gesture: gesture.id }),
       keydown: (event: KeyboardEvent) => this.press(event, gesture),
       pointerdown: (event: PointerEvent) => this.drag(event, gesture, button),
-    }, beat ? "" : readName(gesture.form));
+    }, beat ? null : make("span", { class: "label" }, readName(gesture.form)));
     const stroke = make("span", { class: "stroke" });
     button.append(stroke);
     const start = beat ? gesture.stroke - 0.04 : from;

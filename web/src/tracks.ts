@@ -83,7 +83,7 @@ export class ValueTracks {
       click: () => this.store.update({ selection: [segment.from, segment.to] }),
       keydown: (event: KeyboardEvent) => this.press(event, name, segment),
       pointerdown: (event: PointerEvent) => this.drag(event, name, segment, button),
-    }, readName(segment.text));
+    }, make("span", { class: "label" }, readName(segment.text)));
     this.place(button, segment.from, segment.to);
     return button;
   }

@@ -231,6 +231,8 @@ def test_a_transcript_under_edits_is_told(talking, tmp_path):
     wait_until(talking, f"cospeechStudio.takes[0].edited && {DONE}")
     drop_all(talking, {"words.srt": b"1\n00:00:00,500 --> 00:00:01,000\nhuge\n"})
     wait_until(talking, "document.getElementById('notice').textContent.startsWith('takes with edits keep their gestures')")
+    note = "takes with edits keep their gestures: the new words plan none there; take 1 is ready"  # and not the end alone
+    wait_until(talking, f"document.getElementById('notice').textContent === '{note}'")
 
 
 def test_a_link_in_the_address_bar_of_an_open_page_is_followed(page):

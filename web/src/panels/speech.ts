@@ -131,8 +131,9 @@ export class SpeechPanel {
       const words = await ask();
       if (this.store.state.speech?.speech !== speech.speech) return false; // another one was opened meanwhile
       this.store.update({ speech: { ...speech, ...words }, problem: "" });
-      this.takes.renew();
-      if (this.takes.hasEdits) this.store.update({ notice: noteOfEdits });
+      const note = this.takes.hasEdits ? noteOfEdits : "";
+      this.takes.renew(note);
+      if (note) this.store.update({ notice: note });
       return true;
     } catch (error) {
       this.store.update({ problem: error instanceof Error ? error.message : String(error) });

@@ -80,13 +80,13 @@ Object class = "TextGrid"
 @pytest.mark.parametrize("line", COMMANDS, ids=lambda line: line[0])
 def test_a_tier_is_named_in_every_command(cli, place, line):
     Path("all.TextGrid").write_text(GRID, "utf-8", newline="\n")
-    line = [word for word in line if word not in ("--transcript", "late.srt")]
-    code, _, err = cli(*line, "--transcript", "all.TextGrid", "--transcript-tier", "talks")
+    line = [word if word != "late.srt" else "all.TextGrid" for word in line] + ["--transcript", "all.TextGrid"]
+    code, _, err = cli(*line, "--transcript-tier", "talks")
     assert code == 2
     assert "(did you mean" in err
     assert err.rstrip().endswith("known: talk, other)")
     tier = "{name}" if line[0] in ("generate", "dialogue") else "talk"
-    assert cli(*line, "--transcript", "all.TextGrid", "--transcript-tier", tier)[::2] == (0, "")
+    assert cli(*line, "--transcript-tier", tier)[::2] == (0, "")
 
 
 @pytest.mark.slow

@@ -144,6 +144,28 @@ def test_a_speech_and_its_transcript_may_be_dropped_together(page, wav, tmp_path
     wait_until(page, f"document.getElementById('words').textContent === 'huge' && {READY}")
 
 
+def test_the_language_of_the_words_is_chosen(talking, wav):
+    assert talking.locator("#language").is_disabled()
+    assert talking.locator("#language-note").is_visible()
+    drop_all(talking, {"talk.tsv": b"0.5\t1.0\twill\n1.0\t1.6\tvier\n"})
+    wait_until(talking, f"cospeechStudio.speech.words.length === 2 && {READY}")
+    label = "document.getElementById('language').selectedOptions[0].textContent"
+    assert talking.evaluate(label) == "auto: not known, read as English"
+    mine = talking.evaluate("cospeechStudio.takes[0].id")
+    talking.select_option("#language", "de")
+    wait_until(talking, f"cospeechStudio.takes[0].id !== '{mine}' && {READY}")
+    assert talking.evaluate(f"[cospeechStudio.speech.language, {label}]") == ["de", "German"]
+    assert {word["language"] for word in talking.evaluate(f"{PLAN}.words")} == {"de"}
+    talking.route("**/language", lambda route: route.fulfill(status=422, json={"problem": "no such language", "hint": ""}))
+    talking.select_option("#language", "fr")
+    wait_until(talking, "document.getElementById('problem').textContent === 'no such language'")
+    assert talking.evaluate(label) == "German"  # what holds
+    talking.unroute("**/language")
+    drop_all(talking, {"other.wav": wav.read_bytes()})
+    wait_until(talking, "cospeechStudio.speech.name === 'other.wav'")
+    assert talking.evaluate(label) == "auto"
+
+
 def test_a_character_that_is_cut_off_is_refused(talking, shared_folder):
     whole = (shared_folder / "data" / "avatars" / "avatar_mpfb_female_arkit52_viseme15.glb").read_bytes()
     talking.set_input_files("#avatar-file", {"name": "half.glb", "mimeType": "model/gltf-binary", "buffer": whole[:400_000]})
@@ -209,6 +231,8 @@ def test_a_transcript_under_edits_is_told(talking, tmp_path):
     wait_until(talking, f"cospeechStudio.takes[0].edited && {READY}")
     drop_all(talking, {"words.srt": b"1\n00:00:00,500 --> 00:00:01,000\nhuge\n"})
     wait_until(talking, "document.getElementById('notice').textContent.startsWith('takes with edits keep their gestures')")
+    note = "takes with edits keep their gestures: the new words plan none there; take 1 is ready"  # and not the end alone
+    wait_until(talking, f"document.getElementById('notice').textContent === '{note}'")
 
 
 def test_a_link_in_the_address_bar_of_an_open_page_is_followed(page):

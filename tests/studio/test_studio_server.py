@@ -23,6 +23,7 @@ pytest.importorskip("websockets", reason="the studio needs websockets (the studi
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from cospeech import Motion, Plan
+from cospeech.audio.languages import LANGUAGES, check_language
 from cospeech.audio.waiting_sound import WaitingSound
 from cospeech.errors import InputError
 from cospeech.export import FORMATS
@@ -92,7 +93,57 @@ def test_a_speech_is_told_and_heard(server, speech):
         assert file.getnframes() / file.getframerate() == 2.0
     assert ask(port, path, range="bytes=4-7")[::2] == (206, sound[4:8])
     words = ask_json(port, f"/api/speech/{speech['speech']}/transcript?name=a.tsv", b"0.2\t0.9\thuge\n", method="PUT")
-    assert words == {"words": [{"text": "huge", "start": 0.2, "end": 0.9, "language": None}]}
+    assert words == {"words": [{"text": "huge", "start": 0.2, "end": 0.9, "language": None}], "language": ""}
+
+
+def test_the_waveform_of_minutes_is_as_fine_as_that_of_seconds(server):
+    port, _ = server
+    assert len(ask_json(port, "/api/speech?name=long.wav", sound_file(125, 8000))["peaks"]) == 50 * 125
+
+
+def set_language(port: int, speech: str, code: str) -> tuple[int, dict]:
+    """Set the language of the words of a speech: status, answer."""
+    status, _, body = ask(port, f"/api/speech/{speech}/language", {"language": code}, method="PUT")
+    return status, json.loads(body)
+
+
+def test_the_language_of_the_words_is_found_or_set_with_the_errors_of_the_command(server):
+    port, _ = server
+    name = ask_json(port, "/api/speech?name=hum.wav", sound_file())["speech"]
+    transcript = f"/api/speech/{name}/transcript?name=a.tsv"
+    for code, has_words in (("de", False), ("xx", True), ("german", True)):
+        if has_words:
+            ask_json(port, transcript, b"0.2\t0.5\tja\n", method="PUT")
+        with pytest.raises(InputError) as of_command:
+            check_language(code, has_words=has_words)
+        status, answer = set_language(port, name, code)
+        assert (status, answer["problem"], answer["hint"]) == (422, of_command.value.problem, of_command.value.hint)
+    assert set_language(port, name, "de-AT")[1]["language"] == "de"
+    french = "0.1\t0.4\tle\n0.4\t0.6\tchat\n0.6\t0.8\test\n0.8\t1.0\tdans\n1.0\t1.2\tla\n1.2\t1.5\tmaison\n"
+    later = ask_json(port, transcript, french.encode(), method="PUT")
+    assert (later["language"], {word["language"] for word in later["words"]}) == ("de", {"de"})
+    status, detected = set_language(port, name, "")
+    assert (status, detected["language"], {word["language"] for word in detected["words"]}) == (200, "fr", {"fr"})
+
+
+@pytest.mark.slow
+def test_a_take_in_a_language_has_the_face_that_generate_makes(server, tmp_path):
+    port, state = server
+    name = ask_json(port, "/api/speech?name=hum.wav", sound_file())["speech"]
+    words = tmp_path / "words.tsv"
+    words.write_text("0.2\t0.6\twill\n0.6\t1.2\tvier\n")
+    ask_json(port, f"/api/speech/{name}/transcript?name=words.tsv", words.read_bytes(), method="PUT")
+    assert set_language(port, name, "de")[0] == 200
+    take = ask_json(port, "/api/takes", {"speech": name, "model": "rules"})["take"]
+    assert wait_for(state, take).type == "done"
+    report = ask_json(port, f"/api/takes/{take}/report")
+    assert (report["language"], report["language_source"]) == ("de", "given")
+    (tmp_path / "hum.wav").write_bytes(sound_file())
+    for code in ("de", "en"):
+        generate_files(tmp_path / "hum.wav", [tmp_path / f"{code}.csv"], transcript=words, language=code)
+    face = ask(port, f"/api/takes/{take}/file?suffix=.csv")[2]
+    assert face == (tmp_path / "de.csv").read_bytes()
+    assert face != (tmp_path / "en.csv").read_bytes()
 
 
 @pytest.mark.slow
@@ -174,6 +225,7 @@ def test_the_catalogue_and_the_mannequin(server):
     port, _ = server
     catalogue = ask_json(port, "/api/catalogue")
     assert catalogue["default_model"] == "rules"
+    assert catalogue["languages"] == LANGUAGES
     assert {row["name"] for row in catalogue["models"]} >= {"rules", "mix-stage", "stylised-flow"}
     assert all(row["styles"] and row["latency"] > 0 for row in catalogue["models"])
     assert len(catalogue["joints"]) == len(catalogue["parents"]) == len(catalogue["rest"]) == 55

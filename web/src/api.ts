@@ -1,7 +1,7 @@
 // What the page asks of the server. Every failure becomes a Problem: what is wrong, and how to mend it.
 
 import type {
-  Catalogue, ChangedPlan, CreatedTake, MessageWords, OpenedPlan, Plan, PlanEditRequest, PlanOpenRequest, StudioProblem, TakeEvent, TakeRequest, UploadedClip,
+  Catalogue, ChangedPlan, CreatedTake, LanguageChoice, MessageWords, OpenedPlan, Plan, PlanEditRequest, PlanOpenRequest, StudioProblem, TakeEvent, TakeRequest, UploadedClip,
   UploadedSpeech,
 } from "./messages";
 import { Motion } from "./motion";
@@ -51,6 +51,8 @@ export const openExample = (): Promise<UploadedSpeech> => askJson("/api/speech/e
 export const sendClip = (file: File): Promise<UploadedClip> => upload("/api/clips", "POST", file, file.name);
 export const sendTranscript = (speech: string, file: File): Promise<MessageWords> =>
   upload(`/api/speech/${speech}/transcript`, "PUT", file, file.name);
+export const setLanguage = (speech: string, language: string): Promise<MessageWords> =>
+  askJson(`/api/speech/${speech}/language`, "PUT", { language } satisfies LanguageChoice);
 export const soundOf = (speech: string): string => `/api/speech/${speech}/sound`;
 export const createTake = (request: TakeRequest): Promise<CreatedTake> => askJson("/api/takes", "POST", { ...request, page: PAGE });
 export const readPlan = (take: string): Promise<Plan> => askJson(`/api/takes/${take}/plan`);

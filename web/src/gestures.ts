@@ -1,4 +1,4 @@
-// The gestures on the time line: one button each, moved by the pointer or the keys.
+// The gestures on the time line: one option each of its list, moved by the pointer or the keys.
 
 import type { PlanEdit } from "./api";
 import { find, followPointer, make, readName } from "./dom";
@@ -63,7 +63,6 @@ export async function removeGesture(store: Store, takes: Takes, gesture: Planned
 
 export class GestureTrack {
   private plan: Plan | null = null;
-  private width = 0;
   private seconds = 0;
   private dragging = false;
 
@@ -72,10 +71,9 @@ export class GestureTrack {
   /** Draw the gestures of the chosen take over `seconds`. */
   draw(seconds: number): void {
     const plan = this.store.take.plan;
-    this.seconds = seconds;
-    const width = this.track.clientWidth;
     if (this.dragging) return;
-    if (plan !== this.plan || width !== this.width) {
+    if (plan !== this.plan || seconds !== this.seconds) {
+      this.seconds = seconds;
       const focus = this.track.contains(document.activeElement) ? (document.activeElement as HTMLElement).dataset.id : null;
       const place = [...this.track.children].findIndex((each) => (each as HTMLElement).dataset.id === focus);
       this.track.replaceChildren(...(plan?.gestures ?? []).map((gesture) => this.button(plan as Plan, gesture)));
@@ -85,11 +83,10 @@ export class GestureTrack {
         (same ?? next ?? find("add-gesture")).focus();
       }
       this.plan = plan;
-      this.width = width;
     }
     for (const button of this.track.children) {
       const isChosen = (button as HTMLElement).dataset.id === this.store.state.gesture;
-      button.setAttribute("aria-pressed", String(isChosen));
+      button.setAttribute("aria-selected", String(isChosen));
     }
   }
 
@@ -98,12 +95,13 @@ export class GestureTrack {
     const locked = isLocked(plan, gesture);
     const beat = gesture.form === BEAT;
     const button = make("button", {
-      type: "button", class: `gesture ${gesture.hands ?? "both"}${beat ? " beat" : ""}${locked ? " locked" : ""}`,
-      "data-id": gesture.id, "aria-label": describe(gesture, locked), "aria-pressed": "false", title: describe(gesture, locked),
+      type: "button", role: "option", tabindex: "-1", "data-item": `gesture ${gesture.id}`,
+      class: `gesture ${gesture.hands ?? "both"}${beat ? " beat" : ""}${locked ? " locked" : ""}`,
+      "data-id": gesture.id, "aria-label": describe(gesture, locked), "aria-selected": "false", title: describe(gesture, locked),
       click: () => this.store.update({ gesture: gesture.id }),
       keydown: (event: KeyboardEvent) => this.press(event, gesture),
       pointerdown: (event: PointerEvent) => this.drag(event, gesture, button),
-    }, beat ? "" : readName(gesture.form));
+    }, beat ? null : make("span", { class: "label" }, readName(gesture.form)));
     const stroke = make("span", { class: "stroke" });
     button.append(stroke);
     const start = beat ? gesture.stroke - 0.04 : from;

@@ -63,6 +63,16 @@ function isOfGestures(element: HTMLElement): boolean {
   return element === document.body || element.closest("#timeline, #view") !== null;
 }
 
+/** Whether a key writes a letter, a digit or a sign, which programs that listen to speech press by mistake (WCAG 2.1.4). */
+function isSign(key: string): boolean {
+  return key.length === 1 && key !== " ";
+}
+
+/** Whether a key zooms the time line and was pressed there. */
+function isZoom({ key, target }: KeyboardEvent): boolean {
+  return "+=-0".includes(key) && (target as HTMLElement).closest("#timeline") !== null;
+}
+
 function answer(event: KeyboardEvent, { store, takes, player, play, removeGesture }: KeyActions): boolean {
   const { state } = store;
   const step = event.shiftKey ? 1 : 1 / (store.take.motion?.fps ?? 30);
@@ -81,6 +91,10 @@ function answer(event: KeyboardEvent, { store, takes, player, play, removeGestur
     },
     k: () => find("lock").click(),
     f: () => find("frame").click(),
+    "+": () => find("zoom-in").click(),
+    "=": () => find("zoom-in").click(), // the same key of many keyboards, without Shift
+    "-": () => find("zoom-out").click(),
+    "0": () => find("zoom-fit").click(),
     n: () => {
       takes.changeSeed(store.take.seed + 1);
       store.update({ notice: `seed ${store.take.seed}` });
@@ -88,7 +102,7 @@ function answer(event: KeyboardEvent, { store, takes, player, play, removeGestur
     "?": () => find<HTMLDialogElement>("help").showModal(),
     Escape: () => store.update({ selection: null, gesture: null, problem: "" }),
   };
-  if (/^[a-z]$/i.test(event.key) && !find<HTMLInputElement>("letters").checked) return false;
+  if (isSign(event.key) && !find<HTMLInputElement>("letters").checked && !isZoom(event)) return false;
   const action = actions[event.key] ?? actions[event.key.toLowerCase()];
   if (action !== undefined) action();
   else if (/^[1-8]$/.test(event.key) && Number(event.key) <= state.takes.length) {

@@ -22,6 +22,7 @@ export interface Catalogue {
   default_model: string;
   models: ModelRow[];
   emotions: string[];
+  languages: Record<string, string>;
   forms: FormRow[];
   formats: FormatRow[];
   joints: string[];
@@ -151,6 +152,11 @@ export interface InterruptLive {
   type: "interrupt";
 }
 
+/** The language that the user gives for the words of a speech. */
+export interface LanguageChoice {
+  language: string;
+}
+
 /** How a live session goes; sent when it starts, once a second, when something goes wrong, and when it ends. */
 export interface LiveStatus {
   type: "status";
@@ -174,6 +180,7 @@ export interface LockStretch {
 /** Words of a transcript. */
 export interface MessageWords {
   words: HeardWord[];
+  language: string;
 }
 
 /** A mixture of styles: name → weight. */
@@ -390,4 +397,5 @@ export interface UploadedSpeech {
   seconds: number;
   peaks: number[];
   words: HeardWord[];
+  language: string;
 }

@@ -29,6 +29,7 @@ export class Takes {
   private readonly plansInFiles = new WeakSet<Plan>();
   private isConnected = true;
   private timer = 0;
+  private note = ""; // of `renew`
   private setting = { names: "", at: 0 }; // that was changed last, and when
   private edits: Promise<void> = Promise.resolve();
   /** Of a take whose edits have no motion yet: the plan with them, and what there was before. */
@@ -52,13 +53,15 @@ export class Takes {
     this.past = this.past.map(forget);
     this.future = this.future.map(forget);
     this.stepWithEdits = null;
+    this.note = "";
     for (const take of this.store.state.takes) Object.assign(take, { plan: null, edited: null, motion: null, id: null, madeFrom: "" });
     this.store.update({ speech, selection: null, gesture: null, notice: "" });
     this.makeAll();
   }
 
-  /** What was made is not right any more, since the words changed. */
-  renew(): void {
+  /** What was made is not right any more, since the words changed; the note is told until all takes are made again. */
+  renew(note: string): void {
+    this.note = note;
     this.results.clear();
     for (const take of this.store.state.takes) take.madeFrom = "";
     this.makeAll();
@@ -133,7 +136,9 @@ export class Takes {
   private show(take: Take, { id, motion, plan, factor }: Result): void {
     Object.assign(take, { id, motion, plan, factor, played: take.edited, making: null, progress: null, problem: "" });
     this.unmade.delete(take);
-    this.store.update({ notice: `take ${this.store.state.takes.indexOf(take) + 1} is ready` });
+    const { takes } = this.store.state;
+    this.store.update({ notice: `${this.note && `${this.note}; `}take ${takes.indexOf(take) + 1} is ready` });
+    if (takes.every((each) => each.progress === null)) this.note = "";
   }
 
   private fail(take: Take, error: unknown): void {

@@ -4,12 +4,16 @@ import { find, followPointer, formatTime, make } from "./dom";
 import { GestureTrack } from "./gestures";
 import type { HeardWord, Plan, Stretch } from "./messages";
 import type { Player } from "./player";
+import { RovingFocus } from "./roving";
 import { LEAST_STRETCH, type Store } from "./state";
 import type { Takes } from "./takes";
 import { ValueTracks } from "./tracks";
 import { drawWaveform } from "./waveform";
+import { Zoom } from "./zoom";
 
-const LEAST_WIDTH = 64; // pixels of a second; a longer speech scrolls [ours: short words can be read]
+const ROOM = 24; // pixels in which letters of a word can be read; with less, it has only the mark of its beginning [ours: three letters]
+const LETTER = 8; // pixels of a letter [ours: most letters of the words have less]
+const LONGEST_ROOM = 1; // seconds after a word into which its letters may go [ours]
 
 export class TimeLine {
   private readonly lanes = find("lanes");
@@ -19,11 +23,20 @@ export class TimeLine {
   private readonly band = find("selection");
   private readonly words = find("words");
   private readonly stretches = find("stretches");
+  private readonly options = find("options");
+  private readonly roving = new RovingFocus(this.options, (option) => {
+    const { id } = option.dataset;
+    if (id !== undefined) this.store.update({ gesture: id });
+  });
+  private readonly zoom: Zoom;
   private readonly track: GestureTrack;
   private readonly values: ValueTracks;
   private shownWords: HeardWord[] | null = null;
-  private shownWave = "";
+  private shownScale = 0;
+  private peaks: number[] = [];
+  private loudest = 1;
   private shownPlan: Plan | null | undefined;
+  private shownWidth = 0;
   private lastTime = -1;
 
   constructor(
@@ -31,22 +44,21 @@ export class TimeLine {
     private readonly askFor: (time: number, gesture: string | null) => void,
   ) {
     const gestures = find("gestures");
+    this.zoom = new Zoom(store, () => player.time, () => this.draw());
     this.track = new GestureTrack(gestures, store, takes);
     this.values = new ValueTracks(store, takes, (event, then) => this.select(event, then));
     gestures.addEventListener("dblclick", (event) => {
       const on = (event.target as HTMLElement).closest<HTMLElement>("[data-id]");
       this.askFor(this.timeAt(event.clientX), on?.dataset.id ?? null);
     });
-    for (const lane of [this.wave, this.words]) lane.addEventListener("pointerdown", (event) => this.select(event));
+    for (const lane of [find("ruler"), this.wave, this.words]) lane.addEventListener("pointerdown", (event) => this.select(event));
     find("lock").addEventListener("click", () => {
       const gesture = this.store.take.plan?.gestures?.find((each) => each.id === this.store.state.gesture);
       if (gesture) this.track.lock(gesture);
     });
     new ResizeObserver(() => this.draw()).observe(this.scroller);
-    window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-      this.shownWave = "";
-      this.draw();
-    });
+    this.scroller.addEventListener("scroll", () => this.drawView());
+    window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.drawView());
     store.onChange(() => this.draw());
   }
 
@@ -62,19 +74,59 @@ export class TimeLine {
   private draw(): void {
     const { speech, selection } = this.store.state;
     if (speech === null) return;
-    const width = Math.max(this.scroller.clientWidth, this.seconds * LEAST_WIDTH);
-    this.lanes.style.width = `${width}px`;
-    const wave = `${speech.speech} ${width}`;
-    if (wave !== this.shownWave && this.wave.clientWidth > 0) {
-      this.shownWave = wave;
-      drawWaveform(this.wave, speech.peaks);
-    }
+    this.zoom.draw();
+    const { scale } = this.zoom;
+    const isOther = scale !== this.shownScale || speech.peaks !== this.peaks || speech.words !== this.shownWords;
     this.drawWords(speech.words);
+    if (isOther) {
+      this.shownScale = scale;
+      this.lanes.style.width = `${this.seconds * scale}px`;
+      this.hideTightWords(speech.words, scale);
+      this.placeHead();
+    }
+    if (isOther || this.scroller.clientWidth !== this.shownWidth) this.drawView();
     this.drawStretches();
     this.track.draw(this.seconds);
     this.values.draw(this.seconds);
+    this.settleOptions();
     this.band.hidden = selection === null;
     if (selection !== null) this.place(this.band, selection[0], selection[1]);
+  }
+
+  /** The stretch that is selected, and the one option at which Tab stops; without options it stops at the scroller. */
+  private settleOptions(): void {
+    const span = this.store.state.selection?.join(" ");
+    for (const each of this.options.querySelectorAll<HTMLElement>("[data-span]")) {
+      each.setAttribute("aria-selected", String(each.dataset.span === span));
+    }
+    this.scroller.tabIndex = this.roving.settle() ? -1 : 0;
+  }
+
+  /** What is drawn only where it is in view. */
+  private drawView(): void {
+    const { speech } = this.store.state;
+    const width = this.scroller.clientWidth;
+    if (speech === null || !width) return;
+    if (speech.peaks !== this.peaks) {
+      this.peaks = speech.peaks;
+      this.loudest = speech.peaks.reduce((most, each) => Math.max(most, each), 0.05);
+    }
+    this.shownWidth = width;
+    this.zoom.drawRuler();
+    drawWaveform(this.wave, speech.peaks, { width: this.seconds * this.zoom.scale, left: this.scroller.scrollLeft, top: this.loudest });
+  }
+
+  /** Where the room for the letters of a word ends: a pause after it is room, too. */
+  private endOf(words: HeardWord[], k: number): number {
+    return Math.max(words[k]!.end, Math.min(words[k + 1]?.start ?? this.seconds, words[k]!.end + LONGEST_ROOM));
+  }
+
+  /** A word that has no room for its letters shows none: parts of them tell nothing. */
+  private hideTightWords(words: HeardWord[], scale: number): void {
+    words.forEach((word, k) => {
+      const room = (this.endOf(words, k) - word.start) * scale;
+      this.words.children[k]?.classList.toggle("tight", room < ROOM && room < word.text.length * LETTER + 4);
+    });
   }
 
   private place(element: HTMLElement, from: number, to: number): void {
@@ -85,9 +137,9 @@ export class TimeLine {
   private drawWords(words: HeardWord[]): void {
     if (words === this.shownWords) return;
     this.shownWords = words;
-    this.words.replaceChildren(...words.map((word) => {
+    this.words.replaceChildren(...words.map((word, k) => {
       const span = make("span", { title: word.text }, word.text);
-      this.place(span, word.start, word.end);
+      this.place(span, word.start, this.endOf(words, k));
       return span;
     }));
   }
@@ -108,7 +160,8 @@ export class TimeLine {
   private stretch(stretch: Stretch, text: string, kind: string): HTMLElement {
     const from = formatTime(stretch.from);
     const button = make("button", {
-      type: "button", class: kind, "aria-label": `${text}, from ${from} to ${formatTime(stretch.to)}: select this stretch`,
+      type: "button", role: "option", tabindex: "-1", class: kind, "data-item": `${kind} ${stretch.from}`,
+      "data-span": `${stretch.from} ${stretch.to}`, "aria-selected": "false", "aria-label": `${text}, from ${from} to ${formatTime(stretch.to)}: select this stretch`,
       click: () => this.store.update({ selection: [stretch.from, stretch.to] }),
     }, text);
     this.place(button, stretch.from, stretch.to);
@@ -152,9 +205,15 @@ export class TimeLine {
   follow(time: number): void {
     if (time === this.lastTime) return;
     this.lastTime = time;
-    const x = (time / this.seconds) * this.lanes.clientWidth;
-    this.head.style.transform = `translateX(${x}px)`;
+    const x = this.placeHead();
     const { scrollLeft, clientWidth } = this.scroller;
     if (x < scrollLeft || x > scrollLeft + clientWidth * (this.player.playing ? 0.92 : 1)) this.scroller.scrollLeft = x - clientWidth * 0.1;
+  }
+
+  /** Put the playhead where the last time is that it followed; its pixels from the start. */
+  private placeHead(): number {
+    const x = Math.max(this.lastTime, 0) * this.zoom.scale;
+    this.head.style.transform = `translateX(${x}px)`;
+    return x;
   }
 }

@@ -57,7 +57,7 @@ export class ValueTracks {
       const row = this.rows[name];
       const focus = row.contains(document.activeElement) ? (document.activeElement as HTMLElement).dataset.order : null;
       row.setAttribute("aria-label", `${readName(name)}: ${this.tellBase(name)}`);
-      const label = make("span", { class: "base" }, `${readName(name)}: ${this.tellBase(name)}`);
+      const label = make("span", { class: "base", "aria-hidden": "true" }, `${readName(name)}: ${this.tellBase(name)}`);
       row.replaceChildren(label, ...segmentsOf(plan, name).map((segment, k) => this.button(name, segment, k)));
       if (focus) row.querySelector<HTMLElement>(`[data-order="${focus}"]`)?.focus();
     }
@@ -76,13 +76,14 @@ export class ValueTracks {
   private button(name: Value, segment: Segment, order: number): HTMLElement {
     const span = `from ${formatTime(segment.from)} to ${formatTime(segment.to)}`;
     const button = make("button", {
-      type: "button", class: "segment", "data-order": String(order),
+      type: "button", role: "option", tabindex: "-1", class: "segment", "data-order": String(order),
+      "data-item": `${name} ${order}`, "data-span": `${segment.from} ${segment.to}`, "aria-selected": "false",
       "aria-label": `${readName(name)} ${readName(segment.text)}, ${span}`,
       title: `${readName(segment.text)}, ${span}. Drag it or its ends; Delete takes it off`,
       click: () => this.store.update({ selection: [segment.from, segment.to] }),
       keydown: (event: KeyboardEvent) => this.press(event, name, segment),
       pointerdown: (event: PointerEvent) => this.drag(event, name, segment, button),
-    }, readName(segment.text));
+    }, make("span", { class: "label" }, readName(segment.text)));
     this.place(button, segment.from, segment.to);
     return button;
   }

@@ -80,7 +80,8 @@ def pick_words(
         raise InputError(f"--transcript {' '.join(map(repr, values))} with --speakers", "one file with the words of all")
     tier = pick("--transcript-tier", tiers, k, persons, "")
     if values and not is_mixed and len(values) == 1 and NAME not in values[0] and not (len(tiers or ()) > 1 or NAME in tier):
-        raise InputError(f"one transcript {values[0]!r} for {len(persons)} persons", f"one of each, or words/{NAME}.srt")
+        hint = f"one of each, words/{NAME}.srt, or --transcript-tier {NAME} if it has a tier of each"
+        raise InputError(f"one transcript {values[0]!r} for {len(persons)} persons", hint)
     path = pick("--transcript", values, k, persons, None)
     offset = pick("--transcript-offset", offsets, k, persons, 0.0)
     name = persons[k].name

@@ -85,12 +85,12 @@ class Jobs:
         }  # fmt: skip
 
     def take(
-        self, *, folder: str, sound: str, words: list[tuple[str, float, float, str]], model: str, plan: dict[str, Any] | None,
-        most_frames: int, by_example: bool, options: dict[str, Any],
+        self, *, folder: str, sound: str, words: list[tuple[str, float, float, str]], language: str, model: str,
+        plan: dict[str, Any] | None, most_frames: int, by_example: bool, options: dict[str, Any],
     ) -> dict[str, Any]:  # fmt: skip
         """Make motion for a speech; writes ``motion.bin``, ``report.json`` and, if there is one, ``plan.json`` to the folder.
 
-        ``by_example``: whether the style is the path of a clip.
+        ``language``: that the user gave for the words, else ""; ``by_example``: whether the style is the path of a clip.
         """
         start, place, instance = time.perf_counter(), Path(folder), self._load(model)
         request = GenerationOptions(**options, plan=None if plan is None else Plan(**plan))
@@ -120,7 +120,7 @@ class Jobs:
             model=model, speech_seconds=seconds, frames=frames, fps=request.fps, seed=request.seed, takes=1,
             realtime_factor=factor, emotion=session.emotion, played=session.expression, arousal=session.arousal,
             speaker=session.speaker, style=style or instance.default_style, style_mixture=session.style_mixture, outputs=[],
-            version=__version__, **describe_language(source.words),
+            version=__version__, **describe_language(source.words, language),
         )  # fmt: skip
         (place / "report.json").write_text(report.to_json(), "utf-8", newline="\n")
         return {"seconds": seconds, "realtime_factor": factor, "plan": final_plan is not None}

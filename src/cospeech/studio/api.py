@@ -18,14 +18,14 @@ from ..files import parse_json, sweep
 from ..limits import PLAN_VALUES
 from ..models import DEFAULT
 from ..rules.plan_edits import Plan
-from ..rules.plan_model import parse_plan, words_of
+from ..rules.plan_model import parse_plan
 from ..rules.planned_words import PlannedWords, describe_length
 from .catalogue import check_emotion, check_plan, check_style, find_model
 from .messages import (  # fmt: skip
     ChangedPlan,
     ClipStyle,
     CreatedTake,
-    MessageWords,
+    LanguageChoice,
     MixedStyle,
     NamedStyle,
     OpenedPlan,
@@ -36,7 +36,7 @@ from .messages import (  # fmt: skip
     UploadedClip,
 )
 from .server import load_web
-from .speeches import add_words, hold_example, hold_speech, label_of, rename_error
+from .speeches import add_words, hold_example, hold_speech, label_of, rename_error, set_language
 from .state import HeldClip, StudioState
 from .takes import HeldTake, QueueFull
 from .uploads import UploadRefused
@@ -182,7 +182,14 @@ class StudioApi:
         path = speech.folder / f"transcript-{id(request):x}"
         await self._receive(request, path)
         await _in_thread(add_words, speech, path, label)
-        return _answer(MessageWords(words=list(words_of(speech.words))))
+        return _answer(speech.describe_words())
+
+    async def set_language(self, request: Any) -> Any:
+        """``PUT /api/speech/{speech}/language``."""
+        speech = self._state.speeches.find(request.path_params["speech"])
+        message = parse_message(LanguageChoice, await request.body())
+        await _in_thread(set_language, speech, message.language)
+        return _answer(speech.describe_words())
 
     async def give_sound(self, request: Any) -> Any:
         """``GET /api/speech/{speech}/sound``."""
@@ -242,7 +249,7 @@ class StudioApi:
         name, folder = self._state.takes.make_folder()
         job = {
             "folder": str(folder), "sound": str(speech.upload),
-            "words": [(w.text, w.start, w.end, w.language) for w in speech.words],
+            "words": [(w.text, w.start, w.end, w.language) for w in speech.words], "language": speech.user_language,
             "model": model.name, "plan": None if message.plan is None else message.plan.model_dump(mode="json", by_alias=True),
             "most_frames": MOST_FRAMES + 240, "by_example": message.plan is None and isinstance(message.style, ClipStyle),
             "options": options,

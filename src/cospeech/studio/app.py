@@ -72,6 +72,7 @@ def _api_routes(api: StudioApi) -> list[Any]:
         ("POST", "/api/speech"): api.add_speech,
         ("POST", "/api/speech/example"): api.add_example,
         ("PUT", "/api/speech/{speech}/transcript"): api.set_transcript,
+        ("PUT", "/api/speech/{speech}/language"): api.set_language,
         ("GET", "/api/speech/{speech}/sound"): api.give_sound,
         ("POST", "/api/clips"): api.add_clip,
         ("POST", "/api/takes"): api.add_take,

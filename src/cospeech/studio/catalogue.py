@@ -11,6 +11,7 @@ from typing import Any
 
 from .. import __version__
 from ..audio.emotions import EMOTIONS, suggest_emotion
+from ..audio.languages import LANGUAGES
 from ..errors import InputError, nearest
 from ..export import FORMATS, face_names
 from ..export.character_files import PACKED
@@ -43,7 +44,7 @@ def make_catalogue(models: Sequence[dict[str, Any]]) -> Catalogue:
     form_rows = [{"name": name, "hands": form.hands, "words": words[name]} for name, form in forms.items()]
     return Catalogue(
         version=__version__, default_model=DEFAULT, models=[ModelRow.model_validate(row) for row in models],
-        emotions=["auto", *EMOTIONS],
+        emotions=["auto", *EMOTIONS], languages=LANGUAGES,
         forms=[FormRow.model_validate(row) for row in form_rows],
         formats=[
             FormatRow.model_validate({"suffix": suffix, "title": entry.what, "parts": entry.holds})

@@ -16,10 +16,10 @@ from ..rules.plan_model import HeardWord
 
 __all__ = [
     "AddGesture", "Catalogue", "ChangeGesture", "ChangedPlan", "ClearStretch", "ClipStyle", "CreatedTake", "FaceTables",
-    "FormRow", "FormatRow", "LockStretch", "MessageWords", "MixedStyle", "ModelRow", "MotionHeader", "MoveGesture",
-    "NamedStyle", "OpenedPlan", "PlanEdit", "PlanEditRequest", "PlanOpenRequest", "RemoveGesture", "ReseedStretch",
-    "SetStretch", "StudioLimits", "StudioMessage", "StudioProblem", "TakeEvent", "TakeRequest", "UnlockAll", "UploadedClip",
-    "UploadedSpeech",
+    "FormRow", "FormatRow", "LanguageChoice", "LockStretch", "MessageWords", "MixedStyle", "ModelRow", "MotionHeader",
+    "MoveGesture", "NamedStyle", "OpenedPlan", "PlanEdit", "PlanEditRequest", "PlanOpenRequest", "RemoveGesture",
+    "ReseedStretch", "SetStretch", "StudioLimits", "StudioMessage", "StudioProblem", "TakeEvent", "TakeRequest", "UnlockAll",
+    "UploadedClip", "UploadedSpeech",
 ]  # fmt: skip
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -125,6 +125,8 @@ class Catalogue(StudioMessage):
     default_model: str
     models: list[ModelRow]
     emotions: list[str]
+    languages: dict[str, str]
+    """Code → name of each language that the words may be in."""
     forms: list[FormRow]
     formats: list[FormatRow]
     joints: list[str]
@@ -148,14 +150,25 @@ class UploadedSpeech(StudioMessage):
     name: str
     seconds: float
     peaks: list[float]
-    """Largest sample of each piece, 0 … 1: 50 pieces a second, and 6,000 pieces at most."""
+    """Largest sample of each piece, 0 … 1: 50 pieces a second, and 30,000 pieces at most."""
     words: list[HeardWord]
+    language: str
+    """Code of the language of the words; empty if there are none, or if it is not known."""
+
+
+class LanguageChoice(StudioMessage):
+    """The language that the user gives for the words of a speech."""
+
+    language: ShortText
+    """Its code; empty: it is found from the words."""
 
 
 class MessageWords(StudioMessage):
     """Words of a transcript."""
 
     words: list[HeardWord]
+    language: str
+    """As of `UploadedSpeech`."""
 
 
 class UploadedClip(StudioMessage):

@@ -9,20 +9,21 @@ from pathlib import Path
 
 import numpy as np
 
+from ..audio.languages import check_language, with_language
 from ..audio.speech import SpeechSource, Word, example, open_speech
 from ..audio.transcript_formats import SUFFIXES
 from ..audio.transcripts import load_words
 from ..errors import InputError
 from ..rules.plan_model import words_of
-from .messages import UploadedSpeech
+from .messages import MessageWords, UploadedSpeech
 
-__all__ = ["MINUTES", "HeldSpeech", "add_words", "hold_example", "hold_speech", "label_of", "rename_error"]
+__all__ = ["MINUTES", "HeldSpeech", "add_words", "hold_example", "hold_speech", "label_of", "rename_error", "set_language"]
 
 MINUTES = 30.0
 """Length of a speech, after decoding [ours: a talk; it takes 86 MB as sound for the page]."""
 _RATE = 24_000  # Hz of the sound for the page [ours: speech has little above 12 kHz, and half an hour takes 86 MB]
 _PEAKS = 50  # a second
-_MOST_PEAKS = 6000
+_MOST_PEAKS = 30_000  # ours: all pieces of ten minutes; a message of 0.2 MB
 _LONGEST_LABEL = 120
 
 
@@ -38,6 +39,8 @@ class HeldSpeech:
     seconds: float
     peaks: list[float]
     words: tuple[Word, ...] = ()
+    user_language: str = ""
+    """Code of the language that the user gave for the words; empty: it is found from the words."""
     in_use: bool = field(default=False, init=False)
 
     @property
@@ -47,8 +50,14 @@ class HeldSpeech:
 
     def describe(self, name: str) -> UploadedSpeech:
         """The answer to the page."""
-        words = list(words_of(self.words))
-        return UploadedSpeech(speech=name, name=self.label, seconds=self.seconds, peaks=self.peaks, words=words)
+        text = self.describe_words()
+        return UploadedSpeech(
+            speech=name, name=self.label, seconds=self.seconds, peaks=self.peaks, words=text.words, language=text.language
+        )
+
+    def describe_words(self) -> MessageWords:
+        """The words, and their language."""
+        return MessageWords(words=list(words_of(self.words)), language=self.words[0].language if self.words else "")
 
 
 def label_of(name: str, usual: str) -> str:
@@ -92,12 +101,12 @@ def hold_example(folder: Path) -> HeldSpeech:
     sound, words = example()
     upload = Path(shutil.copyfile(sound, folder / "upload"))
     speech = hold_speech(folder, upload, sound.name)
-    speech.words = load_words(words, speech_seconds=speech.seconds)
+    speech.words = with_language(load_words(words, speech_seconds=speech.seconds))
     return speech
 
 
 def add_words(speech: HeldSpeech, transcript: Path, label: str) -> None:
-    """Give a speech the words of a transcript. Plain text is aligned to the sound.
+    """Give a speech the words of a transcript, in the language that was set. Plain text is aligned to the sound.
 
     Args:
         speech: the speech.
@@ -110,12 +119,26 @@ def add_words(speech: HeldSpeech, transcript: Path, label: str) -> None:
     suffix = Path(label).suffix.lower()
     path = transcript.rename(transcript.with_suffix(suffix if suffix in SUFFIXES else ".txt"))
     try:
-        with open_speech(speech.upload, transcript=path) as source:
+        with open_speech(speech.upload, transcript=path, language=speech.user_language) as source:
             speech.words = source.words or ()
     except InputError as error:
         raise rename_error(error, path, label) from None
     finally:
         path.unlink(missing_ok=True)
+
+
+def set_language(speech: HeldSpeech, code: str) -> None:
+    """Set the language of the words of a speech, and of those of its later transcripts.
+
+    Args:
+        speech: the speech.
+        code: of the language, see `cospeech.audio.languages`; empty: it is found from the words.
+
+    Raises:
+        InputError: the language is not known, or the speech has no words.
+    """
+    speech.user_language = check_language(code, has_words=bool(speech.words))
+    speech.words = with_language(speech.words, speech.user_language)
 
 
 def _check_length(seconds: float) -> None:

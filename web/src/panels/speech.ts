@@ -1,8 +1,8 @@
 // The panel of the speech: dropping, choosing, recording, the example, a transcript.
 
 import * as api from "../api";
-import { find, formatTime, saveFile } from "../dom";
-import type { UploadedSpeech } from "../messages";
+import { fillSelect, find, formatTime, saveFile } from "../dom";
+import type { MessageWords, UploadedSpeech } from "../messages";
 import { closeMicrophone, openMicrophone } from "../microphone";
 import type { Player } from "../player";
 import { isPlan } from "./plan";
@@ -23,12 +23,18 @@ export interface Receivers {
 export class SpeechPanel {
   private recorder: MediaRecorder | null = null;
   private asking = false; // for the microphone
+  private readonly language = find<HTMLSelectElement>("language");
+  private shownLanguage = "";
+  private chosenLanguage = ""; // of the words; "": it is found from them
+  private changes: Promise<boolean> = Promise.resolve(true); // of the words
+  private languageOf: string | undefined; // the speech for which it was chosen
 
   constructor(
     private readonly store: Store, private readonly takes: Takes, private readonly player: Player, private readonly others: Receivers,
   ) {
     this.bindFile("speech-file", ".choose-speech", (file) => this.take(() => api.sendSpeech(file, file.name)));
     this.bindFile("words-file", "#choose-words", (file) => this.takeWords(file));
+    this.language.addEventListener("change", () => void this.setLanguage(this.language.value));
     find("example").addEventListener("click", () => void this.take(api.openExample));
     for (const button of document.querySelectorAll(".record")) button.addEventListener("click", () => void this.record());
     const stage = find("stage");
@@ -98,13 +104,40 @@ export class SpeechPanel {
   private async takeWords(file: File): Promise<void> {
     const { speech } = this.store.state;
     if (speech === null) return this.store.update({ problem: "a transcript goes with a speech (drop the speech first)" });
+    const asks = (): Promise<MessageWords> => api.sendTranscript(speech.speech, file);
+    await this.changeWords(speech, asks, "takes with edits keep their gestures: the new words plan none there");
+  }
+
+  /** The language of the words: its code, or "": it is found from the words. */
+  private async setLanguage(code: string): Promise<void> {
+    const { speech } = this.store.state;
+    if (speech === null) return;
+    const before = this.chosenLanguage;
+    this.chosenLanguage = code;
+    const asks = (): Promise<MessageWords> => api.setLanguage(speech.speech, code);
+    if (await this.changeWords(speech, asks, "takes with edits keep their gestures: the language changes their lips")) return;
+    if (this.chosenLanguage === code) this.chosenLanguage = before;
+    this.store.update();
+  }
+
+  /** Ask for other words of a speech, and make its takes again; whether that was done. One request after the other. */
+  private changeWords(speech: UploadedSpeech, ask: () => Promise<MessageWords>, noteOfEdits: string): Promise<boolean> {
+    this.changes = this.changes.then(() => this.changeWordsNow(speech, ask, noteOfEdits));
+    return this.changes;
+  }
+
+  private async changeWordsNow(speech: UploadedSpeech, ask: () => Promise<MessageWords>, noteOfEdits: string): Promise<boolean> {
     try {
-      const { words } = await api.sendTranscript(speech.speech, file);
-      this.store.update({ speech: { ...speech, words }, problem: "" });
-      this.takes.renew();
-      if (this.takes.hasEdits) this.store.update({ notice: "takes with edits keep their gestures: the new words plan none there" });
+      const words = await ask();
+      if (this.store.state.speech?.speech !== speech.speech) return false; // another one was opened meanwhile
+      this.store.update({ speech: { ...speech, ...words }, problem: "" });
+      const note = this.takes.hasEdits ? noteOfEdits : "";
+      this.takes.renew(note);
+      if (note) this.store.update({ notice: note });
+      return true;
     } catch (error) {
       this.store.update({ problem: error instanceof Error ? error.message : String(error) });
+      return false;
     }
   }
 
@@ -151,6 +184,27 @@ export class SpeechPanel {
     find("timeline").hidden = speech === null;
     if (left) find("view").focus(); // of what was opened, as the button is gone
     find<HTMLButtonElement>("choose-words").disabled = speech === null;
+    this.drawLanguage(speech);
     find("speech-name").textContent = speech === null ? "None yet" : `${speech.name}, ${formatTime(speech.seconds)}`;
+  }
+
+  /** The languages, and which one the words are in where none is chosen. */
+  private drawLanguage(speech: UploadedSpeech | null): void {
+    if (speech?.speech !== this.languageOf) { // a new speech begins without a choice
+      this.languageOf = speech?.speech;
+      this.chosenLanguage = "";
+    }
+    const { languages } = this.store.state.catalogue;
+    const has = (speech?.words.length ?? 0) > 0;
+    const found = speech?.language ? languages[speech.language] : "not known, read as English";
+    const auto = has && this.chosenLanguage === "" ? `auto: ${found}` : "auto";
+    if (auto !== this.shownLanguage) {
+      this.shownLanguage = auto;
+      const names = Object.entries(languages).sort(([, a], [, b]) => a.localeCompare(b));
+      fillSelect(this.language, [["", auto], ...names], this.chosenLanguage);
+    }
+    this.language.value = this.chosenLanguage;
+    this.language.disabled = !has;
+    find("language-note").hidden = has;
   }
 }

@@ -173,14 +173,14 @@ def test_the_tier_that_the_user_names_counts(tmp_path):
         assert rows(load_words(TranscriptFile(path, tier=tier))) == bob
     assert rows(load_words(TranscriptFile(path, -1.0, "Bob - words"))) == [("Ja", 0.0, 1.0), ("so", 1.0, 2.0)]
     names = "Anna - words, Bob - words, phones, x"
-    for tier, told in (
+    for tier, message in (
         ("Bob-words", f"'a.TextGrid': no tier is called 'Bob-words' (did you mean 'Bob - words'? known: {names}, x)"),
         ("x", f"'a.TextGrid': 2 tiers are called 'x' (rename one; the tiers are {names}, x)"),
         ("X", f"'a.TextGrid': the tier 'X' has no words (those with labels: {names}, x)"),
     ):
         with pytest.raises(InputError) as error:
             load_words(TranscriptFile(path, tier=tier))
-        assert str(error.value) == told
+        assert str(error.value) == message
 
 
 @pytest.mark.parametrize(("name", "content"), [("a.srt", "1\n00:00:01,000 --> 00:00:02,000\nHi\n"), ("a.txt", "Hi")])
@@ -261,8 +261,8 @@ def test_a_tier_of_speech_is_taken_before_one_with_more_labels(tmp_path):
         (eaf(WORD_TIER).replace("<ANN", '<!DOCTYPE x [<!ENTITY a "b">]><ANN', 1), "document type"),
     ],
 )
-def test_elan_that_is_wrong_is_told(tmp_path, content, told):
-    with pytest.raises(InputError, match=rf"'a\.eaf': .*{told}"):
+def test_elan_that_is_wrong_is_told(tmp_path, content, message):
+    with pytest.raises(InputError, match=rf"'a\.eaf': .*{message}"):
         load_words(write(tmp_path, content, "a.eaf"))
 
 
@@ -323,8 +323,8 @@ def captions(*cues: tuple[float, float, str]) -> str:
 
 def rolling(gap: float, between: str = "\n") -> str:
     """Cues of 2 s that show a line and the one before it, and end ``gap`` s before the next."""
-    shown = [LINES[0], *(f"{above}{between}{line}" for above, line in pairwise(LINES))]
-    return captions(*((2.0 * k, 2.0 * k + 2 - gap, text) for k, text in enumerate(shown)))
+    texts = [LINES[0], *(f"{above}{between}{line}" for above, line in pairwise(LINES))]
+    return captions(*((2.0 * k, 2.0 * k + 2 - gap, text) for k, text in enumerate(texts)))
 
 
 @pytest.mark.parametrize(
@@ -350,11 +350,11 @@ def test_captions_that_roll_say_each_word_once_and_in_its_time(tmp_path, content
 
 
 def test_a_line_that_grows_word_by_word_is_said_once(tmp_path):
-    said = " ".join(LINES[:3]).split()
-    shown = [" ".join(said[max(0, k - 5) : k + 1]) for k in range(len(said))]
-    shown = [text.replace("see", "<i>see</i>\n") for text in shown]
-    words = load_words(write(tmp_path, captions(*((k / 2, k / 2 + 0.5, text) for k, text in enumerate(shown))), "a.vtt"))
-    assert rows(words) == [(word, k / 2, k / 2 + 0.5) for k, word in enumerate(said)]
+    spoken_words = " ".join(LINES[:3]).split()
+    cues = [" ".join(spoken_words[max(0, k - 5) : k + 1]) for k in range(len(spoken_words))]
+    cues = [text.replace("see", "<i>see</i>\n") for text in cues]
+    words = load_words(write(tmp_path, captions(*((k / 2, k / 2 + 0.5, text) for k, text in enumerate(cues))), "a.vtt"))
+    assert rows(words) == [(word, k / 2, k / 2 + 0.5) for k, word in enumerate(spoken_words)]
 
 
 def test_what_people_say_twice_is_said_twice(tmp_path):

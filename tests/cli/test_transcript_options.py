@@ -33,10 +33,10 @@ def place(tmp_path, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("line", COMMANDS, ids=lambda line: line[0])
 def test_an_offset_moves_the_words_in_every_command(cli, place, line):
-    for given, said in (([], "(its clock begins at 01:00:00"), (["--transcript-offset", "-1:00:10"], "ends at -9.1 s")):
-        code, _, err = cli(*line, "--transcript", "late.srt", *given)
+    for options, message in (([], "(its clock begins at 01:00:00"), (["--transcript-offset", "-1:00:10"], "ends at -9.1 s")):
+        code, _, err = cli(*line, "--transcript", "late.srt", *options)
         assert code == 2
-        assert said in err
+        assert message in err
     assert not list(place.glob("x.*"))
     assert cli(*line, "--transcript", "late.srt", "--transcript-offset", "-3600")[::2] == (0, "")
 

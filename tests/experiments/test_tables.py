@@ -661,10 +661,10 @@ def test_a_signal_reaches_each_run_once(plan, monkeypatch, name):
     monkeypatch.setattr(tool, "__file__", str(plan.with_name("run.py")))
     monkeypatch.setattr(tool, "POLL", 0.01)
     before = signal.signal(signal.Signals[name], signal.default_int_handler)
-    loaded = tool.Plan.load(plan)
+    parsed_plan = tool.Plan.load(plan)
     try:
         with pytest.raises(KeyboardInterrupt):
-            tool.train_apart(loaded, loaded.jobs(), jobs=2)
+            tool.train_apart(parsed_plan, parsed_plan.jobs(), jobs=2)
     finally:
         signal.signal(signal.Signals[name], before)
     assert [plan.with_name(f"saved.{k}").read_text() for k in (0, 1)] == ["SIGTERM True"] * 2

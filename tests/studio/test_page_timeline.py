@@ -175,8 +175,8 @@ def test_a_gesture_is_dragged_by_its_time_when_the_time_line_is_zoomed(talking):
     box, scale = first.bounding_box(), talking.evaluate(SCALE)
     drag(talking, (box["x"] + 8, box["y"] + 8), (box["x"] + 8 + 0.1 * scale, box["y"] + 8))
     wait_until(talking, f"cospeechStudio.takes[0].edited && {READY}")
-    moved = talking.evaluate(f"{PLAN}.gestures.find(each => each.id === '{name}').stroke")
-    assert moved - stroke == pytest.approx(0.1, abs=0.02)
+    stroke_after = talking.evaluate(f"{PLAN}.gestures.find(each => each.id === '{name}').stroke")
+    assert stroke_after - stroke == pytest.approx(0.1, abs=0.02)
 
 
 def test_the_playhead_is_in_view_while_it_plays_zoomed(talking):
@@ -219,8 +219,8 @@ def test_names_of_tracks_and_gestures_stay_in_view_and_are_left_out_where_they_d
     talking.evaluate(
         "x => { document.getElementById('scroller').scrollLeft += x }", gesture["x"] + 0.3 * gesture["width"] - view["x"]
     )
-    for shown in (label, *talking.locator(".track .base").all()):
-        box = shown.bounding_box()
+    for element in (label, *talking.locator(".track .base").all()):
+        box = element.bounding_box()
         assert box["x"] >= view["x"]
     label.evaluate("label => { label.parentElement.style.width = '30px' }")
     assert not label.is_visible()

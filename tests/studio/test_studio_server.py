@@ -122,8 +122,8 @@ def test_the_language_of_the_words_is_found_or_set_with_the_errors_of_the_comman
     french = "0.1\t0.4\tle\n0.4\t0.6\tchat\n0.6\t0.8\test\n0.8\t1.0\tdans\n1.0\t1.2\tla\n1.2\t1.5\tmaison\n"
     later = ask_json(port, transcript, french.encode(), method="PUT")
     assert (later["language"], {word["language"] for word in later["words"]}) == ("de", {"de"})
-    status, detected = set_language(port, name, "")
-    assert (status, detected["language"], {word["language"] for word in detected["words"]}) == (200, "fr", {"fr"})
+    status, answer = set_language(port, name, "")
+    assert (status, answer["language"], {word["language"] for word in answer["words"]}) == (200, "fr", {"fr"})
 
 
 @pytest.mark.slow

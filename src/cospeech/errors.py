@@ -59,9 +59,10 @@ def describe_extra(name: str) -> str:
     """A hint how to install an extra of the package.
 
     >>> describe_extra("train")
-    "in a clone: pip install -e '.[train]'"
+    'in a clone: pip install -e ".[train]"'
     """
-    return f"in a clone: pip install -e '.[{name}]'"  # cospeech is on no index; editable, so that `make studio` reaches it
+    # cospeech is on no index; editable, so that `make studio` reaches it; Windows' cmd.exe knows no single quotes
+    return f'in a clone: pip install -e ".[{name}]"'
 
 
 def find_attribute(module: str, name: str, problem: str, hint: str) -> Any:

@@ -215,7 +215,7 @@ def test_without_the_extra_the_message_says_what_to_install(tmp_path, monkeypatc
     stubs.mkdir()
     (stubs / "av.py").write_text("raise ImportError('no av here')\n")
     monkeypatch.setattr(sys, "path", [str(stubs), *sys.path])
-    with pytest.raises(InputError, match=r"in a clone: pip install -e '\.\[av\]'"):
+    with pytest.raises(InputError, match=r'in a clone: pip install -e "\.\[av\]"'):
         Speech.load(tmp_path / "a.m4a")
 
 
@@ -380,8 +380,8 @@ header = json.dumps({"rate": 16000, "channels": 1, "frames": 9, "lead": 0}).enco
         ("send(b'H', header); send(b'B', bytes(64)); os.abort()", r"crashed"),
         ("send(b'H', header); sys.stdout.buffer.write(b'B'); sys.exit()", r"crashed"),
         ("sys.exit(3)", r"crashed .*exit 3"),
-        ("time.sleep(60)", r"hangs"),
-        ("send(b'H', header); send(b'B', bytes(64)); time.sleep(60)", r"hangs"),
+        ("time.sleep(60)", r"hangs .*is the computer very busy\?"),
+        ("send(b'H', header); send(b'B', bytes(64)); time.sleep(60)", r"hangs .*is the computer very busy\?"),
         ("send(b'H', header); send(b'B', bytes(3))", r"sent 3 bytes"),
         ("send(b'H', b'[]')", r"makes no sense"),
         ("send(b'H', b'not json')", r"makes no sense"),

@@ -430,7 +430,7 @@ def test_tokens():
 def test_a_recogniser_is_a_function(monkeypatch):
     assert align_with_recogniser("a.wav", lambda path: [Word(path, 0, 1)]) == (Word("a.wav", 0, 1),)
     monkeypatch.setitem(sys.modules, "faster_whisper", None)
-    with pytest.raises(InputError, match=r"in a clone: pip install -e '\.\[asr\]'"):
+    with pytest.raises(InputError, match=r'in a clone: pip install -e "\.\[asr\]"'):
         align_with_recogniser("a.wav")
 
 

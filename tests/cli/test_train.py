@@ -103,7 +103,7 @@ def test_without_torch_it_says_what_to_install(app, place, monkeypatch, line):
         monkeypatch.delitem(sys.modules, f"cospeech.training.{name}", raising=False)
     monkeypatch.delitem(sys.modules, "cospeech.models.nn.norm", raising=False)
     monkeypatch.setattr(sys, "meta_path", [_NoTorch(), *sys.meta_path])
-    with pytest.raises(InputError, match=r"needs torch, which is not installed \(in a clone: pip install -e '\.\[train\]'\)"):
+    with pytest.raises(InputError, match=r'needs torch, which is not installed \(in a clone: pip install -e "\.\[train\]"\)'):
         CliRunner().invoke(app, line, catch_exceptions=False)
 
 

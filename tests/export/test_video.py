@@ -123,7 +123,7 @@ def test_mp4_shows_the_colours_that_were_drawn(tmp_path):
 
 def test_mp4_without_pyav_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "av", None)
-    with pytest.raises(InputError, match=r"in a clone: pip install -e '\.\[av\]'"):
+    with pytest.raises(InputError, match=r'in a clone: pip install -e "\.\[av\]"'):
         gesturing(3).save(tmp_path / "a.mp4")
     assert list(tmp_path.iterdir()) == []
 

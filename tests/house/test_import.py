@@ -121,7 +121,7 @@ def test_who_lacks_scipy_is_told_how_to_get_it(monkeypatch):
     assert distance(np.zeros(3), np.ones(3)) == 1.0
     monkeypatch.setitem(sys.modules, "scipy", None)
     monkeypatch.delitem(sys.modules, "scipy.stats")
-    with pytest.raises(InputError, match=r"need scipy \(in a clone: pip install -e '\.\[corpora\]'\)$"):
+    with pytest.raises(InputError, match=r'need scipy \(in a clone: pip install -e "\.\[corpora\]"\)$'):
         distance(np.zeros(3), np.ones(3))
 
 

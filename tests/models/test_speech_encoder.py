@@ -163,7 +163,7 @@ def test_what_cannot_be_loaded_is_told(tmp_path, monkeypatch, what):
 
 def test_without_transformers_it_says_what_to_install(base, monkeypatch):
     monkeypatch.setitem(sys.modules, "transformers", None)
-    with pytest.raises(InputError, match=r"in a clone: pip install -e '\.\[wav2vec\]'"):
+    with pytest.raises(InputError, match=r'in a clone: pip install -e "\.\[wav2vec\]"'):
         load_transformer(base)
 
 

@@ -195,7 +195,7 @@ def decode_container(file, container: str) -> tuple[int, int]:  # type: ignore[n
         import av
     except ImportError:
         what = "MP3 that do not say how long they are" if container == "mp3" else f"{container} media"
-        raise FileRefused(f"{what} need FFmpeg's decoders", "in a clone: pip install -e '.[av]'; or save it as WAV") from None
+        raise FileRefused(f"{what} need FFmpeg's decoders", 'in a clone: pip install -e ".[av]"; or save it as WAV') from None
     frames = lead = 0
     try:
         with av.open(file, format=container, mode="r") as media:

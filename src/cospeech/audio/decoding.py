@@ -99,7 +99,7 @@ class SoundDecoder:
         except WorkerEnded as ended:
             if ended.late:
                 problem = f"the decoder hangs on {self.name!r}: nothing for {self._timeout:g} s"
-                raise InputError(problem, "save it anew, as WAV") from None
+                raise InputError(problem, "is the computer very busy? then try again; else save it anew, as WAV") from None
             raise self._make_error("crashed", f" ({ended})") from None
         if kind == b"X":
             values = self._json(payload)

@@ -142,7 +142,7 @@ def refusal(error: Exception, path: str) -> FileRefused:
     if isinstance(error, FileRefused):
         return error
     if isinstance(error, ImportError):
-        return FileRefused(f"reading it needs {error.name}", "in a clone: pip install -e '.[corpora]'")
+        return FileRefused(f"reading it needs {error.name}", 'in a clone: pip install -e ".[corpora]"')
     if isinstance(error, MemoryError):
         return FileRefused("it wants more memory than such a file should", "is it damaged?")
     reason = " ".join((str(error) or type(error).__name__).replace(path, "it").split())[:160]

@@ -115,7 +115,7 @@ class Hdf5LmdbReader:
             self.close()
             if failure.late:
                 problem = f"the reader hangs on {name!r}: nothing for {HDF5_LMDB_TIMEOUT:g} s"
-                raise InputError(problem, "it is damaged; copy it again") from None
+                raise InputError(problem, "is the computer very busy? then try again; else copy it again") from None
             raise InputError(
                 f"the reader crashed on {name!r} ({failure})", "it is damaged; copy it again from its source"
             ) from None

@@ -1,7 +1,7 @@
 """``.mp4``: preview video, H.264 in yuv420p with the speech as AAC; plays in browsers, chats and every editor.
 
 Motion and speech both start at time 0. The index is at the beginning ("faststart"), so that a film starts while it is still
-being loaded. Needs PyAV, which carries FFmpeg: ``pip install -e '.[av]'``.
+being loaded. Needs PyAV, which carries FFmpeg: ``pip install -e ".[av]"``.
 """
 
 from __future__ import annotations

@@ -121,6 +121,8 @@ def format_of(path: str | PathLike[str]) -> Format:
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
         hint = _ELSEWHERE.get(suffix) or f"known suffixes: {' '.join(FORMATS)}"
+        if suffix.endswith("'") and suffix[:-1] in FORMATS:
+            hint = "to cmd.exe of Windows, single quotes are part of a name: use double quotes"
         raise InputError(f"cannot tell the format of {str(path)!r}", hint)
     return FORMATS[suffix]
 

@@ -9,6 +9,7 @@ from math import isfinite
 from pathlib import Path
 from types import MappingProxyType
 
+from ..audio.emotions import EMOTIONS
 from ..errors import InputError, nearest
 from ..motion.named_numbers import read_named_numbers
 
@@ -357,7 +358,8 @@ def find_style(style: object) -> Style:
     weights: dict[str, float] = {}
     for name, weight, _ in parts:
         if name not in STYLES:
-            raise InputError(f"no style is called {name!r}", nearest(name, STYLES))
+            hint = f"it is an emotion: --emotion {name}" if name in EMOTIONS else nearest(name, STYLES)
+            raise InputError(f"no style is called {name!r}", hint)
         weights[name] = weights.get(name, 0.0) + (1.0 if weight is None else weight)
     if not all(isfinite(w) and w >= 0 for w in weights.values()) or not 0 < sum(weights.values()) < 1e9:
         raise InputError(f"style weights {style!r}", "positive numbers, as in calm:0.7,lively:0.3")

@@ -322,7 +322,7 @@ def _connect(backend: str, scheduler: str | None) -> Any:
 
             return Client(scheduler, timeout="20s") if scheduler else None
     except ImportError:
-        hint = "pip install distributed" if backend == "dask" else "pip install 'ray[default]'"
+        hint = "pip install distributed" if backend == "dask" else 'pip install "ray[default]"'
         raise InputError(f"the backend {backend!r} is not installed", hint) from None
     except OSError as error:
         raise InputError(f"no Dask scheduler answers at {scheduler!r}: {error}"[:200], "such as tcp://head:8786") from None

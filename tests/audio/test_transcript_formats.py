@@ -250,7 +250,7 @@ def test_a_tier_of_speech_is_taken_before_one_with_more_labels(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
         (eaf(WORD_TIER)[:-30], "no XML"),
         (eaf(WORD_TIER, slots={"ts1": None}), "no annotation has times"),

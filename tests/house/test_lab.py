@@ -27,12 +27,12 @@ STYLES = ("natural", "lively", "calm")
 
 def run_script(name: str, place: Path) -> str:
     """What a script of the page prints."""
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, name], cwd=place, capture_output=True, text=True, check=False,
         env=os.environ | {"PYTHONIOENCODING": "utf-8"},
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    assert process.returncode == 0, done.stderr
+    return process.stdout
 
 
 def measure(path: Path) -> tuple[int, int]:
@@ -60,8 +60,8 @@ def test_the_strips_become_one_picture(desk):
 
 
 def test_the_speed_of_the_wrists_tells_the_styles_apart(desk):
-    told = run_script("wrists.py", desk)
-    speeds = dict(re.findall(r"^(\w+): mean speed ([\d.]+) m/s", told, re.M))
+    output = run_script("wrists.py", desk)
+    speeds = dict(re.findall(r"^(\w+): mean speed ([\d.]+) m/s", output, re.M))
     assert tuple(speeds) == STYLES
     assert float(speeds["lively"]) > float(speeds["calm"])
     rows = np.loadtxt(desk / "lively.speed.csv", delimiter=",", skiprows=1)
@@ -79,10 +79,10 @@ def test_the_table_has_the_metric_and_the_model(desk):
     assert [line.split()[1] for line in lines] == ["synthesise", "prepare"]
     for line in lines:
         type_command(f"{line} --hours 0.01 --no-act" if "synthesise" in line else line, desk)
-    told = run_script("table.py", desk)
-    rows = {line[:17].strip(): line.split() for line in told.splitlines()}
+    output = run_script("table.py", desk)
+    rows = {line[:17].strip(): line.split() for line in output.splitlines()}
     for row in ("rules", "mine", "ground truth", "frozen pose", "white noise", "shuffled speech", "another clip"):
-        assert row in rows, told
-    assert re.search(r"^[!~] loud_hands: ", told, re.M), "the page says that the metric cannot rank systems"
+        assert row in rows, output
+    assert re.search(r"^[!~] loud_hands: ", output, re.M), "the page says that the metric cannot rank systems"
     run_script("look.py", desk)
     assert measure(desk / "mine.png")[1] == measure(desk / "calm.png")[1]

@@ -272,7 +272,7 @@ class LiveSession:
         self._quiet = self._quiet + piece.duration if silent else Fraction(0)
         began, self._time = self._time, self._time + piece.duration
         if self._speaking is None and silent and (self._waits or not len(piece)):  # an empty piece begins nothing
-            self._before.append(piece)
+            self._before.append(replace(piece, samples=piece.samples.copy()))  # the caller may fill its buffer again
             while sum(each.duration for each in self._before) - self._before[0].duration >= _BEFORE:
                 self._before.popleft()
             self._fill(self._due())

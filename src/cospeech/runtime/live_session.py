@@ -191,14 +191,14 @@ class LiveSession:
             InputError: a time after the last frame that was given, or more than 30 s before it.
         """
         first = self._out if at is None else self._frame_at(at)
-        self._ready.clear()
-        self._before.clear()
+        self._ready, self._before = deque[Motion](), deque[Speech]()
         self._speaking, self._waits, self._source = None, True, None
         while self._past and (start := self._start_of(self._past[-1])) + len(self._past[-1]) > first:
             piece = self._past.pop()
             if start < first:
                 self._past.append(piece[: first - start])
         self._frames = self._out = first
+        self._fades.go_back(first)
         self._last = Motion.concatenate(list(self._past)[-2:])[-2:] if self._past else None
         if at is not None:
             self._time = Fraction(first) / Fraction(self._options.fps).limit_denominator(_GRID)

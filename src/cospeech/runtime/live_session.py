@@ -192,7 +192,7 @@ class LiveSession:
         """
         first = self._out if at is None else self._frame_at(at)
         self._ready, self._before = deque[Motion](), deque[Speech]()
-        self._speaking, self._waits, self._source = None, True, None
+        self._speaking, self._waits, self._source, self._transition = None, True, None, None
         while self._past and (start := self._start_of(self._past[-1])) + len(self._past[-1]) > first:
             piece = self._past.pop()
             if start < first:

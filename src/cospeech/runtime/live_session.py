@@ -158,7 +158,7 @@ class LiveSession:
         if not isinstance(seconds, Real) or not (isfinite(seconds) and 0 <= seconds <= LONGEST):
             raise InputError(f"idle for {seconds!r:.40} seconds", f"0 … {LONGEST:g} at once")
         self._end_utterance()
-        self._time += Fraction(seconds).limit_denominator(_GRID)
+        self._time += Fraction(float(seconds)).limit_denominator(_GRID)
         self._fill(count_frames(self._time, self._options.fps))
         return self._next_frames()
 

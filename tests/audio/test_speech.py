@@ -461,3 +461,10 @@ def test_the_decoder_imports_numpy_only_for_a_soundfile_that_needs_it(tmp_path, 
     code = "import sys; from cospeech.audio._decode import import_soundfile; import_soundfile(); print('numpy' in sys.modules)"
     process = subprocess.run([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": paths}, capture_output=True)
     assert process.stdout.split() == [str(imports_numpy).encode()]
+
+
+def test_numbers_of_numpy_are_numbers():
+    samples, one = np.zeros(16_000, np.float32), np.float32(1)
+    speech = Speech(samples, seconds=one, start=one)
+    assert (speech.duration, type(speech.start), speech.frames(np.float32(30))) == (1, float, 30)
+    assert count_frames(Fraction(1), np.float64(29.97)) == 30

@@ -285,6 +285,16 @@ def test_impossible_frame_times():
             rate_of_step(value, 1e-6)
 
 
+@pytest.mark.parametrize("rate", [24, 25, 30, 48, 50, 60, 90, 120, *(rate * 1000 / 1001 for rate in (24, 30, 48, 60, 120))])
+@pytest.mark.parametrize("digits", [4, 5, 6, 7, 9])
+def test_a_whole_rate_keeps_its_clock_however_it_is_rounded(rate, digits):
+    """Of two common rates with the same digits, the whole one is meant: a tenth of a percent is 3.6 s in an hour."""
+    step = round(1 / rate, digits)
+    back = rate_of_step(step, 10.0**-digits)
+    same = round(1 / round(rate), digits) == step
+    assert back == pytest.approx(round(rate) if same else rate, rel=1e-9)
+
+
 # --- reading what others write
 
 

@@ -17,7 +17,7 @@ from cospeech.export import load, open_writer, save
 from cospeech.export.glb_container import split_glb
 from cospeech.export.gltf import GltfFile, read_glb
 from cospeech.export.gltf_build import GltfBuilder
-from cospeech.export.tracks import Curve
+from cospeech.export.tracks import Curve, clock_of
 from cospeech.export.visemes import MOODS, oculus_visemes, vrm_presets
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_slerp
@@ -38,6 +38,16 @@ def test_few_frames_per_second_keep_their_rate(tmp_path, suffix, fps):
     save(gesturing(12, fps), path, **small(suffix))
     back = load(path)
     assert (back.fps, len(back)) == (fps, 12)
+
+
+@pytest.mark.parametrize(("fps", "frames"), [(24, 50_850), (30, 34_898), (120, 34_898), (60, 648_000), (30000 / 1001, 323_676)])
+def test_long_motion_keeps_its_last_frame(fps, frames):
+    """Times are float32: that of the last frame may be rounded down."""
+    times = (np.arange(frames) / fps).astype(np.float32).astype(float)
+    curve = Curve(times, np.zeros((frames, 1)), "LINEAR", False)
+    file = GltfFile({}, b"", "long", size=1 << 30)
+    rate, back = clock_of({(0, "translation"): curve}, file, len(humanoid()))
+    assert (rate, len(back)) == (fps, frames)
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cospeech.errors import InputError
-from cospeech.export import load, save
+from cospeech.export import load, open_writer, save
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import axis_angle_to_quat, quat_angle, quat_to_rotvec
 from cospeech.motion.skeleton import humanoid
@@ -177,3 +177,13 @@ def test_bad_files(tmp_path, data, problem):
     with pytest.raises(InputError, match=problem) as refusal:
         load(tmp_path / "a.npz")
     assert "\n" not in str(refusal.value)
+
+
+def test_a_writer_takes_no_motion_of_another_skeleton(tmp_path):
+    """SMPL-X has as many joints as our humanoid: its rotations would be those of other joints."""
+    body = gesturing(3).retarget("smplx")
+    assert len(body.skeleton) == len(humanoid())
+    with open_writer(tmp_path / "a.bvh", skeleton=humanoid(), fps=body.fps) as writer:
+        writer.write(gesturing(2))
+        with pytest.raises(InputError, match=r"'humanoid', 55 joints.* got .*'smplx', 55 joints"):
+            writer.write(body)

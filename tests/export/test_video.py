@@ -14,8 +14,10 @@ from PIL import Image
 from cospeech.audio.speech import Word
 from cospeech.errors import InputError
 from cospeech.export import open_writer
+from cospeech.export.film_encoder import FilmEncoder
 from cospeech.export.pictures import render_motion
 from cospeech.export.registry import suffixes
+from cospeech.export.render.patch import Patch
 from cospeech.motion.motion import Motion
 from cospeech.motion.rotations import axis_angle_to_quat
 from cospeech.motion.skeleton import humanoid
@@ -240,6 +242,20 @@ def test_an_interrupted_film_leaves_nothing(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         interrupt()
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("rate", [16_000, 48_000])
+def test_sound_ends_with_the_pictures(tmp_path, rate):
+    soundfile.write(tmp_path / "long.wav", np.full(5 * rate, 0.1, np.float32), rate)
+    blank = np.zeros((16, 16, 3), np.uint8)
+    film = FilmEncoder(tmp_path / "a.mp4", (16, 16), 30.0, blank, [tmp_path / "long.wav"])
+    for _ in range(15):
+        film.add(Patch(0, 0, blank[:0]))
+    film.close()
+    film.discard()
+    with av.open(str(tmp_path / "a.mp4")) as file:
+        lengths = {stream.type: float(stream.duration * stream.time_base) for stream in file.streams}
+    assert lengths == {"video": pytest.approx(0.5, abs=1e-3), "audio": pytest.approx(0.5, abs=0.03)}  # a frame of AAC: 21 ms
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -35,6 +36,10 @@ def test_shape_and_values_are_checked():
         {"fps": -1.0},
         {"fps": float("nan")},
         {"fps": float("inf")},
+        {"start": float("nan")},
+        {"start": "1"},
+        {"start": None},
+        {"start": 10**400},
         {"root": good.root * np.nan},
         {"rotations": good.rotations + np.inf},
         {"face": good.face + np.nan},
@@ -53,6 +58,17 @@ def test_time():
     assert np.allclose(motion[15:].times, np.arange(15, 45) / 30)
     assert motion[10:20][3:].start == pytest.approx(13 / 30)
     assert motion[-5:].start == pytest.approx(40 / 30)
+
+
+@pytest.mark.parametrize("fps", [np.float32(29.97), np.int64(30), Fraction(30000, 1001)])
+def test_rates_and_times_of_any_kind_of_number_become_floats(tmp_path, fps):
+    motion = replace(gesturing(40), fps=fps, start=np.float32(10800))
+    assert (type(motion.fps), type(motion.start), motion.times.dtype) == (float, float, float)
+    assert motion[7:].start == pytest.approx(10800 + 7 / float(fps), abs=1e-9)  # to the frame, hours later
+    assert repr(motion).startswith("Motion(40 frames at ")
+    assert len(motion.resample(60)) == np.ceil(40 * 60 / float(fps) - 1e-9)
+    motion.save(tmp_path / "a.bvh")
+    assert Motion.load(tmp_path / "a.bvh").fps == pytest.approx(float(fps), rel=1e-5)
 
 
 def test_cut_pieces_join_to_the_whole():

@@ -188,6 +188,19 @@ def test_a_session_is_interrupted_before_anything_was_shown():
     assert len(motion) == 90
 
 
+def test_after_an_interruption_at_the_beginning_nothing_is_led_over():
+    times, motions = np.arange(32_000) / 16_000, []
+    sound = (0.3 * np.sin(2 * np.pi * 140 * times) * np.sin(np.pi * 2.3 * times) ** 2).astype(np.float32)
+    for speaks in (False, True):
+        live = session(parts=("body", "hands"))
+        list(live.idle(0.5))
+        if speaks:
+            list(live.push(sound, 16_000))
+        live.interrupt(at=0.0)
+        motions.append(Motion.concatenate(list(live.idle(0.3))))
+    np.testing.assert_array_equal(motions[1].rotations, motions[0].rotations)
+
+
 @pytest.mark.slow
 def test_what_was_not_taken_is_dropped_by_an_interruption():
     live = session()

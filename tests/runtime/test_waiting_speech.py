@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import cospeech
+from cospeech.audio.features.at_16_khz import HeldSamples
 from cospeech.audio.speech import Speech, example
+from cospeech.motion.motion import Motion
 from cospeech.rules.session import Session
 from cospeech.runtime.session import TrainedSession
 from cospeech.runtime.waiting_speech import WaitingSpeech
@@ -22,6 +24,40 @@ def test_what_waits_comes_out_as_one_piece():
     assert whole.duration == sum(piece.duration for piece in pieces)
     assert waiting.take() is None
     assert waiting.heard == 1000
+
+
+def hum(seconds: float) -> np.ndarray:
+    times = np.arange(round(seconds * 16_000)) / 16_000
+    return (0.3 * np.sin(2 * np.pi * 140 * times) * np.sin(np.pi * 2.3 * times) ** 2).astype(np.float32)
+
+
+def test_what_waits_is_not_changed_by_a_buffer_that_is_filled_again():
+    buffer = np.ones(320, np.float32)
+    waiting, held = WaitingSpeech(), HeldSamples()
+    waiting.hold(Speech(buffer))
+    assert held.is_short(buffer, 1000)
+    buffer[:] = 0
+    assert waiting.take().samples.min() == held.take(buffer).max() == 1
+
+
+@pytest.mark.parametrize("quiet", [0.0, 0.3])
+def test_a_driver_of_sound_may_use_one_buffer(quiet):
+    """The frames are those of the sound that was pushed, whatever the caller does with its buffer after each push."""
+    sound, buffer, motions = (
+        np.concatenate([np.zeros(round(quiet * 16_000), np.float32), hum(1.0)]),
+        np.empty(320, np.float32),
+        [],
+    )
+    for has_one_buffer in (False, True):
+        live, frames = cospeech.open_live_session("rules", fps=30, parts=("body", "hands")), list[Motion]()
+        if quiet:
+            live.interrupt()  # from now on, silence waits for sound
+        for piece in sound.reshape(-1, 320):
+            buffer[:] = piece
+            frames += live.push(buffer if has_one_buffer else piece, 16_000)
+            buffer[:] = 0
+        motions.append(Motion.concatenate([*frames, *live.finish()]))
+    np.testing.assert_array_equal(motions[1].rotations, motions[0].rotations)
 
 
 @pytest.mark.slow

@@ -53,7 +53,7 @@ def count_frames(duration: Fraction, fps: float | Fraction) -> int:
         InputError: fps is not a positive number.
     """
     try:
-        exact = Fraction(fps).limit_denominator(FPS_DENOMINATOR)
+        exact = _exact(fps).limit_denominator(FPS_DENOMINATOR)
     except (ValueError, OverflowError, TypeError):
         exact = Fraction(0)
     if exact <= 0:
@@ -110,6 +110,7 @@ class Speech:
         check_words(self.words)
         if not (isinstance(self.start, float) and isfinite(self.start)):
             _fraction("start", self.start)
+            object.__setattr__(self, "start", float(self.start))
 
     @staticmethod
     def load(path: File, *, transcript: File | None = None, rate: int = RATE, language: str = "") -> Speech:
@@ -362,6 +363,11 @@ def _check_rate(rate: object) -> int:
     raise InputError(f"{text} samples per second", f"a whole number, {SPEECH_RATES[0]:,} … {SPEECH_RATES[1]:,}, such as 16000")
 
 
+def _exact(value: object) -> Fraction:
+    """A number as a fraction; NumPy's floats, too, which Python 3.11 does not take."""
+    return Fraction(float(value) if isinstance(value, np.floating) else value)  # type: ignore[call-overload]
+
+
 def _fraction(what: str, value: object) -> Fraction:
     """A time in seconds as the simple fraction that it stands for.
 
@@ -369,7 +375,7 @@ def _fraction(what: str, value: object) -> Fraction:
         InputError: it is no number, or not finite.
     """
     try:
-        return Fraction(value).limit_denominator(SOUND_RATES[1])  # type: ignore[call-overload]
+        return _exact(value).limit_denominator(SOUND_RATES[1])
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"a speech whose {what} is {str(value)[:40]!r}", "a number of seconds") from None
 

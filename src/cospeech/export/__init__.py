@@ -72,9 +72,14 @@ class Writer(AbstractContextManager["Writer"], ABC):
         return self
 
     def write(self, motion: Motion) -> None:
-        """Append a piece of motion of the announced skeleton and fps."""
-        if motion.fps != self.fps or len(motion.skeleton) != len(self.skeleton):
-            raise InputError(f"writer of {self.fps} fps and {len(self.skeleton)} joints got other motion")
+        """Append a piece of motion of the announced skeleton and fps.
+
+        Raises:
+            InputError: it has another skeleton, or another rate.
+        """
+        if motion.fps != self.fps or motion.skeleton != self.skeleton:
+            problem = f"a writer of {self.fps:g} frames per second and {self.skeleton!r} got other motion"
+            raise InputError(f"{problem}: {motion!r} of {motion.skeleton!r}", "use motion.resample or motion.retarget first")
         if len(motion):
             self._write(motion)
         self.frames += len(motion)

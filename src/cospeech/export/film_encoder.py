@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from fractions import Fraction
+from math import ceil
 from os import PathLike
 from pathlib import Path
 from types import ModuleType
@@ -63,6 +64,7 @@ class FilmEncoder:
         self._container: Any = None
         self._speech = SoundMix(sounds, _AUDIO_RATE) if sounds else None
         self._sound: Iterator[np.ndarray] = iter(()) if self._speech is None else self._speech.blocks()
+        self._block: np.ndarray = np.zeros(0, np.float32)  # sound that comes after the pictures so far
         try:
             self._open(path, blank)
         except BaseException:
@@ -117,13 +119,17 @@ class FilmEncoder:
         return _views(self._reformatter.reformat(frame, format="yuv420p", dst_colorspace=1, dst_color_range=1))
 
     def _speak(self, until: Fraction) -> None:
-        """Encode speech up to a time in seconds, so that sound and picture lie side by side in the file."""
-        while self._voice is not None and self._sample_count < until * _AUDIO_RATE:
-            block = next(self._sound, None)
-            if block is None:
-                return
-            for start in range(0, len(block), _AUDIO_RATE):
-                self._hear(block[start : start + _AUDIO_RATE])
+        """Encode speech up to a time in seconds, so that sound and picture lie side by side in the file, and end together."""
+        while self._voice is not None and (missing := ceil(until * _AUDIO_RATE) - self._sample_count) > 0:
+            if not len(self._block):
+                block = next(self._sound, None)
+                if block is None:
+                    return
+                self._block = block
+            count = min(missing, _AUDIO_RATE)
+            part, self._block = self._block[:count], self._block[count:]
+            if len(part):
+                self._hear(part)
 
     def _hear(self, samples: np.ndarray) -> None:
         frame = self._av.AudioFrame.from_ndarray(np.clip(samples, -1, 1)[None], format="fltp", layout="mono")

@@ -14,7 +14,7 @@ from ..motion.rotations import Array
 __all__ = ["are_frames", "fraction_of_rate", "frame_rate", "frames_of", "on_grid", "rate_of_step"]
 
 _RATES = (10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 72, 90, 100, 120, 144, 150, 180, 200, 240)
-_NTSC_FRACTIONS = tuple(Fraction(f * 1000, 1001) for f in (24, 30, 60, 120))
+_NTSC_FRACTIONS = tuple(Fraction(f * 1000, 1001) for f in (24, 30, 48, 60, 120))
 _NTSC = tuple(float(rate) for rate in _NTSC_FRACTIONS)
 _SOME, _OFF_GRID = 8, 0.01  # keys, and share of the time between two: keys set by hand are not so regular by accident; ours
 _NEAR = 2e-4  # of a rate: 29.97 is 30000/1001
@@ -85,6 +85,8 @@ def on_grid(times: Array, values: Array, fps: float) -> Array:
 def rate_of_step(frame_time: float, precision: float) -> float:
     """The frame rate of a rounded ``Frame Time``: 0.033333 is 30, 0.008342 is 119.88, 0.03 is 30 too.
 
+    If a whole rate and one of NTSC have the same digits, it is the whole one: 0.0167 is 60, not 59.94.
+
     Raises:
         InputError: no frame rate that motion has.
     """
@@ -93,7 +95,9 @@ def rate_of_step(frame_time: float, precision: float) -> float:
     rate = 1 / frame_time
     near = float(round(rate) or 1)
     if abs(rate - near) > 1e-9 * rate:
-        near = min((*_RATES, *_NTSC), key=lambda common: abs(1 / common - frame_time))
+        whole = min(_RATES, key=lambda common: abs(1 / common - frame_time))
+        is_rounded = abs(1 / whole - frame_time) <= 0.501 * precision
+        near = whole if is_rounded else min((*_RATES, *_NTSC), key=lambda common: abs(1 / common - frame_time))
     if abs(1 / near - frame_time) <= 1.001 * precision:
         return near
     return next((r for r in (round(rate, k) for k in range(7)) if r and abs(1 / r - frame_time) <= precision), rate)

@@ -25,6 +25,7 @@ __all__ = ["Curve", "GltfTrack", "Recorder", "clock_of", "read_animation"]
 
 _KINDS = {"rotation": ("VEC4", 4), "translation": ("VEC3", 3), "scale": ("VEC3", 3)}
 _BLOCK = 4096
+_ROUNDING = 2.0**-24  # share by which a float32 is smaller than the time that it stands for, at most (IEEE 754)
 
 
 class GltfTrack(NamedTuple):
@@ -168,6 +169,6 @@ def clock_of(curves: dict[tuple[int, str], Curve], file: GltfFile, joints: int) 
     straight = all(curve.interpolation != "CUBICSPLINE" for curve in curves.values())
     regular = 1e-3 <= step <= 0.1 or (straight and are_frames([curve.times for curve in curves.values()], longest.times, step))
     fps = frame_rate(longest.times, 30.0) if regular else 30.0  # ours: sparse hand-set keys are sampled at 30
-    frames = int(np.floor(end * fps + 1e-3)) + 1
+    frames = int(np.floor(end * fps * (1 + _ROUNDING) + 1e-3)) + 1
     check_frames(file.name, frames, joints, file.size)
     return fps, np.arange(frames) / fps

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from math import isfinite
 from numbers import Real
 from os import PathLike
 from typing import TYPE_CHECKING
@@ -37,8 +38,8 @@ class Motion:
         start: time of the first frame in seconds; each chunk of a stream has its own.
 
     Raises:
-        InputError: shapes disagree, rotations are not of unit length, fps is not 0.0001 … 10,000, or a value is not a finite
-            number.
+        InputError: shapes disagree, rotations are not of unit length, fps is not 0.0001 … 10,000, or a value or ``start`` is
+            not a finite number.
     """
 
     fps: float
@@ -54,6 +55,10 @@ class Motion:
         if not isinstance(self.skeleton, Skeleton):
             raise InputError(f"{self.skeleton!r} is not a skeleton", "cospeech.motion.skeleton.find_skeleton(name) makes one")
         _check_rate(self.fps)
+        _check_start(self.start)
+        for name in ("fps", "start"):
+            if type(getattr(self, name)) not in (int, float):  # float32 does not tell frames apart after some hours
+                object.__setattr__(self, name, float(getattr(self, name)))
         for name in ("rotations", "root", "face"):
             if name != "face" or self.face is not None:
                 object.__setattr__(self, name, _numbers(name, getattr(self, name)))
@@ -209,6 +214,16 @@ def _check_rate(fps: object) -> None:
     if not fits:  # NaN, too
         text = repr(fps)[:40] if not isinstance(fps, int) or abs(fps) < 1e9 else "too many"  # digits of an int have a limit
         raise InputError(f"{text} frames per second", f"{MOTION_RATES[0]:g} … {MOTION_RATES[1]:g}, such as 30")
+
+
+def _check_start(start: object) -> None:
+    """Raise an InputError for a time that is no finite number."""
+    try:
+        is_time = isinstance(start, Real) and not isinstance(start, bool) and isfinite(start)
+    except OverflowError:  # a whole number beyond all floats
+        is_time = False
+    if not is_time:
+        raise InputError(f"a motion that starts at {start!r:.40}", "seconds, such as 0.0")
 
 
 def _numbers(name: str, value: object) -> Array:

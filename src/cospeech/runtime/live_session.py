@@ -158,7 +158,7 @@ class LiveSession:
         if not isinstance(seconds, Real) or not (isfinite(seconds) and 0 <= seconds <= LONGEST):
             raise InputError(f"idle for {seconds!r:.40} seconds", f"0 … {LONGEST:g} at once")
         self._end_utterance()
-        self._time += Fraction(seconds).limit_denominator(_GRID)
+        self._time += Fraction(float(seconds)).limit_denominator(_GRID)
         self._fill(count_frames(self._time, self._options.fps))
         return self._next_frames()
 
@@ -191,14 +191,14 @@ class LiveSession:
             InputError: a time after the last frame that was given, or more than 30 s before it.
         """
         first = self._out if at is None else self._frame_at(at)
-        self._ready.clear()
-        self._before.clear()
-        self._speaking, self._waits, self._source = None, True, None
+        self._ready, self._before = deque[Motion](), deque[Speech]()
+        self._speaking, self._waits, self._source, self._transition = None, True, None, None
         while self._past and (start := self._start_of(self._past[-1])) + len(self._past[-1]) > first:
             piece = self._past.pop()
             if start < first:
                 self._past.append(piece[: first - start])
         self._frames = self._out = first
+        self._fades.go_back(first)
         self._last = Motion.concatenate(list(self._past)[-2:])[-2:] if self._past else None
         if at is not None:
             self._time = Fraction(first) / Fraction(self._options.fps).limit_denominator(_GRID)
@@ -272,7 +272,7 @@ class LiveSession:
         self._quiet = self._quiet + piece.duration if silent else Fraction(0)
         began, self._time = self._time, self._time + piece.duration
         if self._speaking is None and silent and (self._waits or not len(piece)):  # an empty piece begins nothing
-            self._before.append(piece)
+            self._before.append(replace(piece, samples=piece.samples.copy()))  # the caller may fill its buffer again
             while sum(each.duration for each in self._before) - self._before[0].duration >= _BEFORE:
                 self._before.popleft()
             self._fill(self._due())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from math import inf
 
@@ -39,8 +40,8 @@ class WaitingSpeech:
         return self.heard - self._count
 
     def hold(self, piece: Speech) -> None:
-        """Keep a piece."""
-        self._pieces.append(piece)
+        """Keep a copy of a piece: a caller may fill one buffer again and again."""
+        self._pieces.append(replace(piece, samples=piece.samples.copy()))
         self._count += len(piece)
         self.heard += len(piece)
 

@@ -64,6 +64,8 @@ class At16kHz:
 class HeldSamples:
     """Keeps samples until there are enough of them: to process many small pieces costs more than a few large ones.
 
+    It keeps copies: a caller may fill one buffer again and again, as drivers of sound do.
+
     >>> held = HeldSamples()
     >>> held.is_short(np.zeros(320, np.float32), 1000), held.is_short(np.zeros(700, np.float32), 1000)
     (True, False)
@@ -76,10 +78,10 @@ class HeldSamples:
         self._count, self._start = 0, 0
 
     def is_short(self, samples: Floats, minimum: int) -> bool:
-        """Whether there are fewer than ``minimum`` samples since the beginning, with these; then these are kept."""
+        """Whether there are fewer than ``minimum`` samples since the beginning, with these; then a copy of these is kept."""
         if self._start + self._count + len(samples) >= minimum:
             return False
-        self._pieces.append(samples)
+        self._pieces.append(samples.copy())
         self._count += len(samples)
         return True
 

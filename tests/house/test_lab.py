@@ -31,7 +31,7 @@ def run_script(name: str, place: Path) -> str:
         [sys.executable, name], cwd=place, capture_output=True, text=True, check=False,
         env=os.environ | {"PYTHONIOENCODING": "utf-8"},
     )  # fmt: skip
-    assert process.returncode == 0, done.stderr
+    assert process.returncode == 0, process.stderr
     return process.stdout
 
 

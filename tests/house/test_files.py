@@ -16,7 +16,7 @@ import soundfile
 
 from cospeech.cli.demo import EXAMPLE
 from cospeech.errors import InputError
-from cospeech.files import ABANDONED, PREFIX, all_or_none, atomic, check_destination, sweep, workplace
+from cospeech.files import ABANDONED, PREFIX, all_or_none, atomic, check_destination, parse_json, sweep, workplace
 from tests.support.leftovers import make_leftover
 
 pytestmark = pytest.mark.slow
@@ -285,3 +285,11 @@ def test_an_error_of_writing_names_the_file_and_no_other(tmp_path):
     with pytest.raises(OSError, match="No space") as error, all_or_none([target]) as place, atomic(place(target)) as temporary:
         raise OSError(errno.ENOSPC, "No space left on device", str(temporary))
     assert [*filenames, error.value.filename] == [str(tmp_path / "a.bvh"), None, str(target)]
+
+
+@pytest.mark.parametrize("number", ["1e999", "-1E+999", "1" + "0" * 320 + ".5"])
+@pytest.mark.parametrize("encode", [str, str.encode], ids=["text", "bytes"])
+def test_json_beyond_all_floats_is_refused(number, encode):
+    with pytest.raises(InputError, match=r"^a\.json holds -?1[e0E+9]{3,20}( in 'fps')? \(only finite"):
+        parse_json(encode(f'{{"fps": {number}}}'), "a.json", 10)
+    assert parse_json(encode('{"fps": 1e-999, "steps": [2E5, 1e300]}'), "a.json", 10) == {"fps": 0.0, "steps": [2e5, 1e300]}

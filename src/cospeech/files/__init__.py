@@ -16,6 +16,7 @@ import stat
 import tomllib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from math import isfinite
 from os import PathLike
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
@@ -136,14 +137,23 @@ def parse_json(text: str | bytes, name: str, most: int) -> Any:
     def refuse(constant: str) -> NoReturn:
         raise InputError(f"{name} holds {constant}{_field_of(text, constant)}", "only finite numbers can be read")
 
+    def read_large(number: str) -> float:
+        return float(number) if isfinite(float(number)) else refuse(number[:20])
+
+    is_large = _LARGE.search(text) if isinstance(text, str) else _LARGE_BYTES.search(text)
     try:
-        return json.loads(text, parse_constant=refuse)
+        return json.loads(text, parse_constant=refuse, parse_float=read_large if is_large else None)
     except InputError:
         raise
     except ValueError as error:  # JSONDecodeError, UnicodeDecodeError, integers of too many digits
         raise InputError(f"{name} is not JSON: {error}"[:200], "is it cut off?") from None
     except RecursionError:
         raise InputError(f"{name} is nested too deeply", "is it damaged?") from None
+
+
+_LARGE = re.compile(r"[eE]\+?\d{3}|\d{300}")
+"""What is in a JSON document whose numbers may be beyond all floats; a hook for every number would slow all others."""
+_LARGE_BYTES = re.compile(_LARGE.pattern.encode())
 
 
 def _field_of(text: str | bytes, constant: str) -> str:

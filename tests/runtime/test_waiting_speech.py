@@ -33,11 +33,11 @@ def hum(seconds: float) -> np.ndarray:
 
 def test_what_waits_is_not_changed_by_a_buffer_that_is_filled_again():
     buffer = np.ones(320, np.float32)
-    waiting, held = WaitingSpeech(), HeldSamples()
+    waiting, samples = WaitingSpeech(), HeldSamples()
     waiting.hold(Speech(buffer))
-    assert held.is_short(buffer, 1000)
+    assert samples.is_short(buffer, 1000)
     buffer[:] = 0
-    assert waiting.take().samples.min() == held.take(buffer).max() == 1
+    assert waiting.take().samples.min() == samples.take(buffer).max() == 1
 
 
 @pytest.mark.parametrize("quiet", [0.0, 0.3])

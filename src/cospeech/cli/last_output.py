@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from typer.core import TyperCommand
-
 from ..errors import InputError
+from .commands import OneValueCommand
 
 __all__ = ["LastOutputCommand"]
 
 
-class LastOutputCommand(TyperCommand):
+class LastOutputCommand(OneValueCommand):
     """Takes the file of ``-o`` or ``--output`` as the last argument."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

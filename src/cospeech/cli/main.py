@@ -29,6 +29,7 @@ from . import stream as cli_stream
 from . import studio as cli_studio
 from . import study as cli_study
 from . import train as cli_train
+from .commands import Commands
 from .options import (  # fmt: skip
     Audio,
     Avatar,
@@ -77,7 +78,7 @@ ALL_PARTS = ",".join(PARTS)
 LOOK_UP = ("generate", "convert", "render")
 """Commands that expand patterns of files themselves. The names of their outputs depend on the folders of a pattern."""
 
-app = typer.Typer(
+app = Commands(
     name="cospeech",
     help="cospeech turns recorded speech into a moving character: face, body and hands, in files that your tools open.",
     epilog="What you generate is yours. `cospeech COMMAND --help` explains a command. The manual is in docs/.",

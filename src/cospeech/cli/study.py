@@ -9,12 +9,13 @@ import typer
 from typer import Argument, Option
 
 from ..errors import say_count
+from .commands import Commands
 from .options import Debug, Fps, Json, Port, Quiet, option, whole
 from .progress import show_progress
 
 __all__ = ["register"]
 
-study_app = typer.Typer(
+study_app = Commands(
     help="Study with human raters: make it, serve it, report it.",
     no_args_is_help=True,
     rich_markup_mode=None,

@@ -153,7 +153,6 @@ def test_mutants_end_as_sound_or_as_an_error(tmp_path, name):
 @pytest.mark.filterwarnings("ignore:.*is cut short:cospeech.errors.CospeechWarning")
 @pytest.mark.parametrize("name", KINDS)
 def test_mutants_as_a_user_loads_them(tmp_path, name):
-    count = 0
     for path in mutants(tmp_path, name)[::16]:
         try:
             speech = Speech.load(path)
@@ -165,5 +164,3 @@ def test_mutants_as_a_user_loads_them(tmp_path, name):
             assert speech.frames(30) == -(-speech.duration * 30 // 1) > 0
             assert len(speech) == -(-speech.duration * speech.rate // 1)
         assert "\n" not in message
-        count += 1
-    assert count == len(range(0, MUTANTS, 16))

@@ -153,8 +153,6 @@ def test_what_is_no_face_is_refused(tmp_path, bundle, monkeypatch):
 class ConstantMouth:
     """A mouth that says the same all the time."""
 
-    known = np.inf
-
     def __init__(self, row):
         self.row = row
 

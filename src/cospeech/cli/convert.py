@@ -82,7 +82,7 @@ def convert(
     cospeech convert talk.bvh for_mixamo.bvh --skeleton mixamo
     cospeech convert talk.glb middle.glb --from 0.5 --to 1.5 --loop
     cospeech convert talk.glb both.glb --join other.glb --blend 0.6
-    cospeech convert takes/*.bvh 'out/{name}.glb'
+    cospeech convert takes/*.bvh "out/{name}.glb"
     """
     from ..convert import Edits, convert_file
     from ..export import format_of
@@ -121,7 +121,7 @@ def render(
     \b
     cospeech render talk.glb talk.mp4 --audio talk.wav
     cospeech render talk.glb part.mp4 --audio talk.wav --from 40 --to 50
-    cospeech render takes/*.glb 'out/{name}.mp4' --audio 'talks/{name}.wav'
+    cospeech render takes/*.glb "out/{name}.mp4" --audio "talks/{name}.wav"
     """
     from ..convert import Edits, convert_file
     from ..export import FORMATS, format_of

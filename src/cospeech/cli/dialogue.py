@@ -103,10 +103,10 @@ def dialogue(
     voice, smiles now and then, and looks at the other one. Sound of other persons in a microphone is left out.
 
     \b
-    cospeech dialogue host.wav guest.wav -o '{name}.glb'
-    cospeech dialogue call.wav -o 'out/{name}.vrma' --style calm --style lively
-    cospeech dialogue podcast.mp3 --speakers podcast.json -o 'out/{name}.glb'
-    cospeech dialogue host.wav guest.wav -o '{name}.bvh' --transcript 'words/{name}.srt' --angle 30
+    cospeech dialogue host.wav guest.wav -o "{name}.glb"
+    cospeech dialogue call.wav -o "out/{name}.vrma" --style calm --style lively
+    cospeech dialogue podcast.mp3 --speakers podcast.json -o "out/{name}.glb"
+    cospeech dialogue host.wav guest.wav -o "{name}.bvh" --transcript "words/{name}.srt" --angle 30
     """
     from ..export.group_film import SIDE
     from ..files import check_destination

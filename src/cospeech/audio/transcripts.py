@@ -87,7 +87,9 @@ def load_words(
         warnings.warn(f"{name!r}: {message}", CospeechWarning, stacklevel=2)
 
     try:
-        entries = ((words, start + offset, end + offset) for words, start, end in _read(reader, text, tier, name, note))
+        entries = _read(reader, text, tier, name, note)
+        if offset:  # else numbers stay shared between entries, which saves memory
+            entries = ((words, start + offset, end + offset) for words, start, end in entries)
         return settle(entries, speech_seconds, name, speech=speech)
     except InputError as error:
         problem = error.problem if name in error.problem else f"{name!r}: {error.problem}"
@@ -198,13 +200,17 @@ def _check_entries(entries: Iterable[Entry]) -> list[_TimedTokens]:
     return timed_tokens
 
 
+def _span(timed_tokens: _TimedTokens) -> tuple[float, float]:
+    return timed_tokens[1:]
+
+
 def _end_at_the_next(timed_tokens: list[_TimedTokens]) -> list[_TimedTokens]:
     """Entries that end where the next one begins, if most are still shown while the next is said, as those of YouTube are."""
-    order = sorted(timed_tokens, key=lambda each: each[1:])
-    several = [each for each in order if len(each[0]) > 1]
+    several = sorted((each for each in timed_tokens if len(each[0]) > 1), key=_span)
     over = sum(before[1] < after[1] < before[2] - _OVERLAP for before, after in pairwise(several))
     if over < max(_STILL_SHOWN_LEAST, _STILL_SHOWN * len(several)):
         return timed_tokens
+    order = sorted(timed_tokens, key=_span)
     result, later = list[_TimedTokens](), math.inf
     for k in range(len(order) - 1, -1, -1):
         tokens, start, end = order[k]

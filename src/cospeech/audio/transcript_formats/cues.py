@@ -43,6 +43,8 @@ def unroll(cues: Sequence[Cue]) -> list[Cue]:
     of the cue before, as captions of live programmes do, and rolling lines that a converter has put into one.
     """
     cues = [cue._replace(lines=[line for line in cue.lines if line.strip()] or [""]) for cue in cues]
+    if len(cues) < 2:  # nothing was shown before
+        return cues
     by_line = _drop_repeats(cues, lambda cue: [plain_text(line).strip() for line in cue.lines], _drop_lines)
     if by_line.repeats > _ROLLING * len(cues):
         return by_line.cues

@@ -17,7 +17,7 @@ from PIL import Image
 from cospeech.cli.demo import EXAMPLE
 from tests.house.test_docs import ROOT, commands, fences, run
 from tests.house.test_docs_add import files
-from tests.support.command_line import type_command
+from tests.support.command_line import change_options, type_command
 
 pytestmark = pytest.mark.slow
 
@@ -78,7 +78,7 @@ def test_the_table_has_the_metric_and_the_model(desk):
     lines = [line.partition("#")[0].strip() for line in fences(PAGE, "bash")[0].splitlines()]
     assert [line.split()[1] for line in lines] == ["synthesise", "prepare"]
     for line in lines:
-        type_command(f"{line} --hours 0.01 --no-act" if "synthesise" in line else line, desk)
+        type_command(change_options(line, "--hours 0.01 --no-act") if "synthesise" in line else line, desk)
     output = run_script("table.py", desk)
     rows = {line[:17].strip(): line.split() for line in output.splitlines()}
     for row in ("rules", "mine", "ground truth", "frozen pose", "white noise", "shuffled speech", "another clip"):

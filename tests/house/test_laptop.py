@@ -12,7 +12,7 @@ from cospeech.errors import InputError
 from cospeech.motion.motion import Motion
 from cospeech.training.recipe import SHIPPED, list_recipes, load_recipe
 from tests.house.test_docs import FENCE, ROOT
-from tests.support.command_line import type_command
+from tests.support.command_line import change_options, type_command
 
 pytestmark = pytest.mark.slow
 
@@ -37,7 +37,7 @@ def test_the_block_of_the_page_runs(tmp_path, monkeypatch):
     assert commands == ["synthesise", "prepare", "train", "bundle", "generate"]
     monkeypatch.setenv("PATH", str(tmp_path))  # no espeak-ng, no flite
     for line in lines():
-        _, err = type_command(f"{line} {LESS.get(line.split()[1], '')}", tmp_path)
+        _, err = type_command(change_options(line, LESS.get(line.split()[1], "")), tmp_path)
         if "synthesise" in line:
             assert err.startswith("note: neither espeak-ng nor flite is installed")
     assert len(Motion.load(tmp_path / "talk.bvh")) == 180

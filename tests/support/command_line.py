@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 import shlex
 import signal
 import sys
@@ -13,7 +14,7 @@ from unittest import mock
 
 import pytest
 
-__all__ = ["heed", "type_command"]
+__all__ = ["change_options", "heed", "type_command"]
 
 
 def heed(number: signal.Signals) -> Callable[[], object]:
@@ -22,6 +23,17 @@ def heed(number: signal.Signals) -> Callable[[], object]:
     A shell's ``&`` and nohup ignore one for all children, and the tests may run there.
     """
     return lambda: signal.signal(number, signal.SIG_DFL)
+
+
+def change_options(line: str, options: str) -> str:
+    """A command with other values of options that take one value, and with those that it lacks.
+
+    >>> change_options("cospeech synthesise a --hours 2 --tts", "--hours 0.1 --no-act")
+    'cospeech synthesise a --tts --hours 0.1 --no-act'
+    """
+    for name in re.findall(r"(--[\w-]+) [^-]", options):
+        line = re.sub(rf" {name} \S+", "", line)
+    return f"{line} {options}".strip()
 
 
 def type_command(line: str, place: Path, code: int = 0) -> tuple[str, str]:

@@ -189,7 +189,7 @@ def edit(pieces: list, at: int, *path: object, value: object = None) -> str:
         (edit(STREAM, 2, "alignment", value=[1]), "object 3: alignment is '[1]' (an object with characters"),
         (edit(STREAM, 3, "normalized_alignment", STARTS, 0, value=0.0), f"object 4: {STARTS} goes back from 1.1 to 0 s"),
         (edit(STREAM, 3, "normalized_alignment", STARTS, 0, value=float("nan")), f"line 4 holds NaN in '{STARTS}' (only"),
-        (to_lines(STREAM).replace("0.3]", "1e999]"), f"object 1: {ENDS}[2] of normalized_alignment is inf (seconds"),
+        (to_lines(STREAM).replace("0.3]", "1e999]"), f"the transcript holds 1e999 in '{ENDS}' (only"),
         (to_lines(STREAM)[:-9], "line 4 is not JSON: "),
         (json.dumps(STREAM, indent=1)[:-30], "the transcript is not JSON: "),
         (to_lines([*STREAM, 3]), "object 5 is '3' (a JSON object"),

@@ -159,7 +159,7 @@ _LARGE_BYTES = re.compile(_LARGE.pattern.encode())
 def _field_of(text: str | bytes, constant: str) -> str:
     """The field that holds a constant, for a message; empty where it is not known."""
     read = text if isinstance(text, str) else text.decode("utf-8", "replace")
-    match = re.search(rf'"(\w{{1,60}})"\s*:\s*(?:\[[^][{{}}"]*)?{constant}', read)
+    match = re.search(rf'"(\w{{1,60}})"\s*:\s*(?:\[[^][{{}}"]*)?{re.escape(constant)}', read)
     return f" in {match[1]!r}" if match else ""
 
 

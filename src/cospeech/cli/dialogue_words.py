@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from ..errors import InputError
-from .options import NAME, option, seconds
-from .transcript_options import describe_transcript
+from .options import NAME, option
+from .transcript_options import describe_transcript, offset_seconds
 
 if TYPE_CHECKING:
     from .persons import Person
@@ -30,7 +30,7 @@ Transcripts = Annotated[
 ]
 Offsets = Annotated[
     list[float] | None,
-    option("--transcript-offset", metavar="SECONDS", parser=seconds, help=f"See `cospeech generate`. {EACH}"),
+    option("--transcript-offset", metavar="SECONDS", parser=offset_seconds, help=f"See `cospeech generate`. {EACH}"),
 ]
 Tiers = Annotated[
     list[str] | None,

@@ -39,14 +39,12 @@ def number(text: str) -> float:
         raise typer.BadParameter(f"{text!r} is not a number") from None
 
 
-def seconds(text: str | float) -> float:
-    """A time: 2230, 37:10, 0:37:10.5 or 37m10s; with a minus in front, it is below 0. A default value is a number already."""
-    sign, size_text = (-1, str(text).strip()[1:]) if str(text).strip().startswith("-") else (1, str(text))
+def seconds(text: str, full_text: str = "") -> float:
+    """A time: 2230, 37:10, 0:37:10.5 or 37m10s. ``full_text``: what an error names, if it is not the text."""
     try:
-        size = read_seconds(size_text, f"{text!r} is not a number of seconds", "")
+        return read_seconds(text, f"{full_text or text!r} is not a number of seconds", "")
     except InputError as error:
         raise typer.BadParameter(f"{error.problem}, such as 2230, or a time, such as 37:10 or 37m10s") from None
-    return sign * size
 
 
 def rate(text: str | float) -> float:

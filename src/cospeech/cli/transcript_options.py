@@ -9,7 +9,14 @@ from ..audio.transcript_file import TranscriptFile
 from ..errors import InputError
 from .options import option, seconds
 
-__all__ = ["Offset", "Tier", "describe_transcript"]
+__all__ = ["Offset", "Tier", "describe_transcript", "offset_seconds"]
+
+
+def offset_seconds(text: str | float) -> float:
+    """As `seconds`; with a minus in front, it is below 0. A default value is a number already."""
+    full_text = str(text).strip()
+    size = seconds(full_text.removeprefix("-"), full_text)
+    return -size if full_text.startswith("-") else size
 
 
 Offset = Annotated[
@@ -17,7 +24,7 @@ Offset = Annotated[
     option(
         "--transcript-offset",
         metavar="SECONDS",
-        parser=seconds,
+        parser=offset_seconds,
         help="Seconds that are added to the times of the transcript: -2.5 if its words come 2.5 s after the sound, -1:00:00 if "
         "its clock begins at 01:00:00.",
     ),

@@ -72,18 +72,18 @@ class PartFades:
 
     def apply(self, motion: Motion) -> Motion:
         """The next frames, with the parts that are on."""
-        shares = {part: self._find_shares(part, self._frame + np.arange(len(motion))) for part in self._parts}
-        self._frame += len(motion)
         if len(self._changes) > 1:  # until a part is switched, frames stay as they are, bit for bit
-            motion = self._fade(motion, shares)
+            motion = self._fade(motion)
+        self._frame += len(motion)
         self._last = motion.rotations[-1:] if len(motion) else self._last
         return motion
 
-    def _fade(self, motion: Motion, shares: dict[str, Array]) -> Motion:
-        """The same frames, each part as far as its (n,) shares say; no sign of a rotation flips."""
+    def _fade(self, motion: Motion) -> Motion:
+        """The next frames, each part as far as its share says; no sign of a rotation flips."""
+        frames = self._frame + np.arange(len(motion))
         rotations, root, face = motion.rotations.copy(), motion.root, motion.face
         for part in self._parts:
-            share = smoothstep(shares[part])[:, None]
+            share = smoothstep(self._find_shares(part, frames))[:, None]
             if share.min(initial=1.0) == 1.0:
                 continue
             if part == "face" and face is not None:

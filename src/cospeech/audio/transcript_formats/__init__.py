@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ..word_entries import Entry, Note
 from . import elan, json_words, lyrics, subtitles, tables, textgrid, timed_text
-from .tiers import Tier
+from .tiers import Tier, find_word_tier
 
 __all__ = ["FORMATS", "SUFFIXES", "TranscriptFormat", "find_format"]
 
@@ -24,9 +24,16 @@ class TranscriptFormat(NamedTuple):
     """All its tiers, where the format has some; then the user may name the one that counts."""
 
 
+def _of_tiers(
+    suffixes: tuple[str, ...], fits: Callable[[str], bool], read_tiers: Callable[[str], Sequence[Tier]]
+) -> TranscriptFormat:
+    """A format with tiers; its entries are those of the tier of words."""
+    return TranscriptFormat(suffixes, fits, lambda text, note: find_word_tier(read_tiers(text), note), read_tiers)
+
+
 FORMATS: dict[str, TranscriptFormat] = {
-    "TextGrid": TranscriptFormat((".textgrid",), textgrid.fits, textgrid.read, textgrid.read_tiers),
-    "ELAN": TranscriptFormat((".eaf",), elan.fits, elan.read, elan.read_tiers),
+    "TextGrid": _of_tiers((".textgrid",), textgrid.fits, textgrid.read_tiers),
+    "ELAN": _of_tiers((".eaf",), elan.fits, elan.read_tiers),
     "JSON": TranscriptFormat((".json", ".jsonl", ".marks"), json_words.fits, json_words.read),
     "TTML": TranscriptFormat((".ttml", ".dfxp"), timed_text.fits, timed_text.read),
     "SubRip, WebVTT": TranscriptFormat((".srt", ".vtt"), subtitles.fits, subtitles.read),

@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 from ...errors import InputError
 from ...limits import WORDS
-from ..word_entries import Entry, Note
-from .tiers import Tier, find_word_tier
+from ..word_entries import Entry
+from .tiers import Tier
 from .xml_stream import compile_head, parse_xml
 
-__all__ = ["fits", "read", "read_tiers"]
+__all__ = ["fits", "read_tiers"]
 
 _HEAD = compile_head("ANNOTATION_DOCUMENT")
 _TEXT = "ANNOTATION_VALUE"
@@ -39,15 +39,6 @@ class _Annotation(NamedTuple):
 def fits(text: str) -> bool:
     """Whether a text is XML whose first element is that of ELAN."""
     return _HEAD.match(text[:10_000]) is not None
-
-
-def read(text: str, note: Note) -> list[Entry]:
-    """The entries of the tier of words.
-
-    Raises:
-        InputError: as of `read_tiers`.
-    """
-    return find_word_tier(read_tiers(text), note)
 
 
 def read_tiers(text: str) -> list[Tier]:

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 from ...errors import InputError
 from ...limits import WORDS
-from ..word_entries import Entry, Note
-from .tiers import Tier, find_word_tier
+from ..word_entries import Entry
+from .tiers import Tier
 
-__all__ = ["fits", "read", "read_tiers"]
+__all__ = ["fits", "read_tiers"]
 
 
 def fits(text: str) -> bool:
@@ -21,15 +21,6 @@ def fits(text: str) -> bool:
 # "++", "*+": what was taken is not given back, so that each character is looked at once
 _TOKEN = re.compile(r'"([^"]*+(?:""[^"]*+)*+)"|(<[a-z]++>)|![^\n]*+|[^\s"]++')
 _NUMBER = re.compile(r"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d++)?$")
-
-
-def read(text: str, note: Note) -> list[Entry]:
-    """The entries of the tier of words.
-
-    Raises:
-        InputError: as of `read_tiers`.
-    """
-    return find_word_tier(read_tiers(text), note)
 
 
 def read_tiers(text: str) -> list[Tier]:

@@ -56,14 +56,14 @@ def find_tier(tiers: Sequence[Tier], name: str) -> list[Entry]:
     key = name.strip()
     same = [tier for tier in tiers if tier.name.strip() == key]
     same = same or [tier for tier in tiers if tier.name.strip().casefold() == key.casefold()]
+    if len(same) == 1 and same[0].label_count:
+        return same[0].entries
     names = [tier.name.strip()[:40] for tier in tiers if tier.label_count][:_MOST_NAMES]
     if not same:
         raise InputError(f"no tier is called {key[:40]!r}", nearest(key[:40], names) if names else "no tier has labels")
     if len(same) > 1:
         raise InputError(f"{len(same)} tiers are called {key[:40]!r}", f"rename one; the tiers are {', '.join(names)}")
-    if not same[0].label_count:
-        raise InputError(f"the tier {key[:40]!r} has no words", f"those with labels: {', '.join(names) or 'none'}")
-    return same[0].entries
+    raise InputError(f"the tier {key[:40]!r} has no words", f"those with labels: {', '.join(names) or 'none'}")
 
 
 def find_word_tier(tiers: Sequence[Tier], note: Note) -> list[Entry]:
@@ -71,13 +71,14 @@ def find_word_tier(tiers: Sequence[Tier], note: Note) -> list[Entry]:
 
     Tiers of which most labels have one or two letters are sounds, where another has longer ones.
     """
-    full = [tier for tier in tiers if tier.label_count] or list(tiers)
+    counts = {id(tier): tier.label_count for tier in tiers}
+    full = [tier for tier in tiers if counts[id(tier)]] or list(tiers)
     words = [tier for tier in full if _WORDS.search(tier.name)]
     words = [tier for tier in words if not _NO_WORDS.search(tier.name)] or words
     others = [tier for tier in full if not _NO_WORDS.search(tier.name)] or full
     speech = [tier for tier in others if _SPEECH.search(tier.name)]
     candidates = words or speech or [tier for tier in others if not _holds_sounds(tier)] or others
-    best = max(candidates, key=lambda tier: tier.label_count)
+    best = max(candidates, key=lambda tier: counts[id(tier)])
     if len(candidates if words else full) > 1:
         names = ", ".join(repr(tier.name[:40]) for tier in full[:5])
         others_named = f"of {names}{' …' if len(full) > 5 else ''}"

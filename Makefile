@@ -6,7 +6,7 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11 python; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: demo test check lint fix docs bench studio blender media lock clean
+.PHONY: demo test check versions lint fix docs bench studio blender media lock clean
 
 demo: $(VENV)/.core              ## install the core, generate from the example speech into demo/, say how to open it
 	@echo "generating from the example speech into demo/ (the video takes longest)"
@@ -17,6 +17,10 @@ test: $(VENV)/.dev               ## install everything; linters, docs, and every
 
 check: $(VENV)/.dev              ## the linters and the quick tests: under a minute on two cores
 	@$(BIN)/python tools/check.py check
+
+versions: $(VENV)/.dev           ## the quick tests with the lowest versions of the dependencies, then with the newest
+	@$(BIN)/python tools/check_versions.py lowest
+	@$(BIN)/python tools/check_versions.py newest
 
 lint: $(VENV)/.dev               ## the linters alone
 	@$(BIN)/python tools/check.py lint
@@ -51,7 +55,7 @@ lock: $(VENV)/.dev               ## after a change of dependencies: uv.lock and 
 	$(BIN)/python tools/lock.py
 
 clean:                           ## everything that these commands made
-	rm -rf $(VENV) .venv-blender demo site dist .pytest_cache .ruff_cache .mypy_cache .hypothesis tests/node/node_modules web/node_modules src/cospeech/assets/studio
+	rm -rf $(VENV) .venv-blender .venv-versions demo site dist .pytest_cache .ruff_cache .mypy_cache .hypothesis tests/node/node_modules web/node_modules src/cospeech/assets/studio
 
 # Stamps: nothing is installed again, and no network is touched, while the lists are unchanged.
 $(VENV)/.core: requirements/core.txt pyproject.toml

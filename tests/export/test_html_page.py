@@ -29,6 +29,9 @@ def still(frames: int = 30) -> Motion:
     return Motion(fps=30, rotations=rotations, root=np.tile([0.0, 0.955, 0.0], (frames, 1)), face=face, skeleton=humanoid())
 
 
+VIEWER_FILES = ["viewer-licenses.txt", "viewer.css", "viewer.js"]
+
+
 @pytest.fixture
 def viewer():
     if not (html_page.VIEWER / "viewer.js").is_file():
@@ -45,6 +48,7 @@ def test_without_the_viewer_the_error_says_how_to_build_it(tmp_path, monkeypatch
 def test_the_page_loads_nothing_and_names_are_escaped(tmp_path, monkeypatch):
     (tmp_path / "viewer.js").write_text("'</script><b>'")
     (tmp_path / "viewer.css").write_text("b { }")
+    (tmp_path / "viewer-licenses.txt").write_text('provided "AS IS"</script><u>')
     monkeypatch.setattr(html_page, "VIEWER", tmp_path)
     speech = tmp_path / "<i> & talk.ogg"
     speech.write_bytes(example()[0].read_bytes())
@@ -53,14 +57,15 @@ def test_the_page_loads_nothing_and_names_are_escaped(tmp_path, monkeypatch):
     assert "default-src 'none'" in text
     assert "&lt;i&gt; &amp; talk" in text
     assert "<i>" not in text
+    assert '<script type="text/plain" id="licenses">\nprovided "AS IS"<\\/script><u></script>' in text
     assert not re.search(r"(src|href)=", text.replace("-src ", ""))
-    assert text.count("</script>") == 3  # character, sound, viewer
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["<i> & talk.ogg", "talk.html", "viewer.css", "viewer.js"]
+    assert text.count("</script>") == 4  # character, sound, licences, viewer
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["<i> & talk.ogg", "talk.html", *VIEWER_FILES]
 
 
 def test_the_sound_reaches_the_last_frame(tmp_path, monkeypatch):
     """The page's clock is that of the sound; so silence follows a speech that ends before the last frame."""
-    for name in ("viewer.js", "viewer.css"):
+    for name in VIEWER_FILES:
         (tmp_path / name).write_text("")
     monkeypatch.setattr(html_page, "VIEWER", tmp_path)
     soundfile.write(tmp_path / "talk.wav", np.full(16_000, 0.1, np.float32), 16_000)
@@ -73,7 +78,7 @@ def test_the_sound_reaches_the_last_frame(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("extension", PACKED)
 def test_a_character_that_the_viewer_cannot_read_is_refused_before_the_work(tmp_path, monkeypatch, extension):
-    for name in ("viewer.js", "viewer.css"):
+    for name in VIEWER_FILES:
         (tmp_path / name).write_text("")
     monkeypatch.setattr(html_page, "VIEWER", tmp_path)
     still(2).save(tmp_path / "me.glb")
@@ -82,7 +87,7 @@ def test_a_character_that_the_viewer_cannot_read_is_refused_before_the_work(tmp_
     writer = html_page.Writer(tmp_path / "talk.html", skeleton=still(2).skeleton, fps=30, avatar=tmp_path / "packed.glb")
     with pytest.raises(InputError, match=f"is packed by {extension}.*export it without compression"), writer:
         pytest.fail("the work began")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["me.glb", "packed.glb", "viewer.css", "viewer.js"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["me.glb", "packed.glb", *VIEWER_FILES]
 
 
 @pytest.mark.slow
@@ -100,6 +105,9 @@ def test_a_share_file_opens_offline_and_speaks(viewer, tmp_path):
         page.goto(path.as_uri())
         wait_until(page, "document.documentElement.dataset.ready === 'true'")
         assert page.evaluate("cospeechStudio.seconds") == pytest.approx(19.003, abs=0.005)
+        licenses = page.evaluate("document.querySelector('#licenses').textContent")
+        assert "three.js authors" in licenses
+        assert "Permission is hereby granted" in licenses
         openings = []
         for at in np.arange(0.2, 3, 0.3):
             scrub(page, float(at))

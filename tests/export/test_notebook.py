@@ -25,7 +25,8 @@ def test_without_the_viewer_it_is_a_strip_of_pictures(tmp_path, monkeypatch):
 def test_the_page_is_text_of_an_attribute(tmp_path, monkeypatch):
     """Neither quotes, nor letters beyond ASCII, nor an end of the frame in the page end the attribute."""
     (tmp_path / "viewer.js").write_text("\"é</iframe>'", "utf-8")
-    (tmp_path / "viewer.css").write_text("")
+    for name in ("viewer.css", "viewer-licenses.txt"):
+        (tmp_path / name).write_text("")
     monkeypatch.setattr(html_page, "VIEWER", tmp_path)
     html = still(2).show(height=300)._repr_html_()
     assert html.isascii()

@@ -3,6 +3,9 @@
 # ruff: noqa: F811  fixtures
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import pytest
 
 from tests.studio.test_page import READY, address, chromium, page, talking, wav  # noqa: F401  fixtures
@@ -10,6 +13,7 @@ from tests.studio.test_page_edits import COUNT, PLAN, free_gesture
 from tests.support.browser import scrub, wait_until
 
 pytestmark = pytest.mark.slow
+ROOT = Path(__file__).resolve().parents[2]
 NOTICE = "document.getElementById('notice').textContent"
 
 
@@ -94,6 +98,16 @@ def test_a_finger_that_scrolls_selects_nothing_and_moves_no_gesture(talking):
         )
         now = talking.evaluate("[cospeechStudio.selection, cospeechStudio.time, JSON.stringify(cospeechStudio.takes[0].plan)]")
         assert now == before, selector
+
+
+def test_the_licences_of_the_libraries_are_one_link_away(talking):
+    libraries = json.loads((ROOT / "web" / "package.json").read_text("utf-8"))["dependencies"]
+    talking.keyboard.press("?")
+    link = talking.locator("#help a")
+    answer = talking.request.get(talking.evaluate("link => link.href", link.element_handle()))
+    assert answer.headers["content-type"].startswith("text/plain")
+    assert all(f"{name} - {version} (MIT)" in answer.text() for name, version in libraries.items())
+    assert answer.text().count("Permission is hereby granted") == len(libraries)
 
 
 def test_the_focus_stays_on_the_page(talking):

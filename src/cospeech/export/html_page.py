@@ -1,7 +1,8 @@
 """``.html``: character, motion and speech in one page that opens from disk, without a network.
 
 The page holds the viewer that ``make studio`` builds from ``web/src/share.ts``, the animated ``.glb`` of `cospeech.export.glb`
-packed by deflate, and the speech as MP3. A Content-Security-Policy lets it run this viewer alone and load nothing.
+packed by deflate, the speech as MP3, and the licences of the libraries in the viewer. A Content-Security-Policy lets it run
+this viewer alone and load nothing.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from .glb import Writer as GlbWriter
 __all__ = ["Writer"]
 
 VIEWER = Path(__file__).parents[1] / "assets" / "studio"
-"""Folder of ``viewer.js`` and ``viewer.css``."""
+"""Folder of ``viewer.js``, ``viewer.css`` and ``viewer-licenses.txt``."""
 _SOUND_RATE = 32_000  # Hz; ours: speech has next to no sound above 16 kHz, and MPEG-1 Layer III has this rate
 _BLOCK = 3 * 2**18  # bytes that are turned into base64 at once; three bytes make four letters
 _PAGE = """<!doctype html>
@@ -75,6 +76,7 @@ class Writer(BaseWriter):
         super().__init__(path, **common)
         self._avatar = avatar
         self._script, self._style = _read_viewer("viewer.js"), _read_viewer("viewer.css")
+        self._licenses = _read_viewer("viewer-licenses.txt").replace("</script", "<\\/script")
 
     def _begin(self, temporary: Path) -> None:
         self._temporary = temporary
@@ -105,6 +107,7 @@ class Writer(BaseWriter):
             if self.audio is not None:
                 _write_mp3(self.audio, self._sound, (self.frames - 1) / self.fps)
                 _embed(page, "sound", _blocks(self._sound), 'data-kind="audio/mpeg"')
+            page.write(f'<script type="text/plain" id="licenses">\n{self._licenses}</script>\n')
             page.write(f"<script>{script}</script>\n</body>\n</html>\n")
 
     def _title(self) -> str:

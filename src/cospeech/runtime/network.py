@@ -165,7 +165,8 @@ def open_session(graph: bytes, weights: Mapping[str, Array]) -> Any:
     except UnicodeDecodeError as error:
         raise InputError("a graph has a name that is no text", _HINT) from error
     except Exception as error:  # onnxruntime raises classes of its own that have no common base
-        raise InputError("onnxruntime cannot open a graph", _HINT) from error
+        hint = "is the bundle damaged, or was it made for a newer one?"
+        raise InputError(f"onnxruntime {ort.__version__} cannot open a graph", hint) from error
     return session
 
 

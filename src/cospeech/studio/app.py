@@ -28,7 +28,10 @@ _HEADERS = HEADERS | {
     "content-security-policy": _POLICY,
     "permissions-policy": "camera=(), geolocation=(), microphone=(self)",
 }
-_KINDS = {".js": "text/javascript", ".css": "text/css", ".html": "text/html", ".svg": "image/svg+xml", ".woff2": "font/woff2"}
+_KINDS = {
+    ".js": "text/javascript", ".css": "text/css", ".html": "text/html", ".svg": "image/svg+xml", ".txt": "text/plain",
+    ".woff2": "font/woff2",
+}  # fmt: skip
 _NO_PAGE = """<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>cospeech studio</title>
 <h1>The page of the studio is not built</h1>

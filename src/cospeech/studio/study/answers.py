@@ -126,17 +126,24 @@ class Answers:
         path = study / FILE
         try:
             self._base = sqlite3.connect(path, check_same_thread=False, timeout=10.0, isolation_level=None)
-            self._base.execute("PRAGMA journal_mode = WAL")
-            self._base.execute("PRAGMA synchronous = NORMAL")
-            self._base.executescript(_TABLES)
-            row = self._base.execute("SELECT digest FROM study").fetchone()
-            has_raters = self._base.execute("SELECT count(*) FROM raters").fetchone()[0] > 0
+            try:
+                self._check_plan(study)
+            except BaseException:
+                self._base.close()  # Windows moves no file that is open
+                raise
         except sqlite3.DatabaseError as error:
             spoilt = not isinstance(error, sqlite3.OperationalError)
             hint = "it is damaged: put a copy of it in its place, or move it away" if spoilt else "may you write there?"
             raise InputError(f"cannot keep answers in {str(path)!r}: {error}", hint) from None
-        if row is not None and row[0] != plan.digest and has_raters:
-            self.close()
+
+    def _check_plan(self, study: Path) -> None:
+        """Make the tables where there are none, and compare the plan with that of the answers."""
+        self._base.execute("PRAGMA journal_mode = WAL")
+        self._base.execute("PRAGMA synchronous = NORMAL")
+        self._base.executescript(_TABLES)
+        row = self._base.execute("SELECT digest FROM study").fetchone()
+        has_raters = self._base.execute("SELECT count(*) FROM raters").fetchone()[0] > 0
+        if row is not None and row[0] != self._plan.digest and has_raters:
             raise InputError(
                 f"{str(study / 'plan.json')!r} was changed after the first rater", f"take the change back, or move {FILE} away"
             )

@@ -1,0 +1,60 @@
+"""`make versions`: runs the quick tests with the lowest versions of the dependencies that pyproject.toml allows, or the newest.
+
+`make test` tests the versions of uv.lock alone. But `pip install cospeech` leaves an older package in place where
+pyproject.toml allows it, and takes the newest of a package that is not there. The extras `av`, `corpora`, `live` and `studio`
+are installed, and onnx, which makes the graphs of some tests; torch is not. The tools that test have their newest versions.
+
+The environment is ``.venv-versions``; it is made anew each time, from the package index. Not part of `make test`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import sys
+from pathlib import Path
+
+import check
+
+VENV = check.ROOT / ".venv-versions"
+EXTRAS = ("av", "corpora", "live", "studio")
+LEFT_OUT = {"lowest": ["-W", "ignore::DeprecationWarning"], "newest": []}  # old packages warn of Python itself
+
+
+def main() -> int:
+    """Resolve, install, test."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("which", choices=("lowest", "newest"))
+    parser.add_argument("--python", default=sys.executable, help="the Python to test with (default: this one)")
+    parser.add_argument("tests", nargs="*", help="files of tests (default: all)")
+    arguments = parser.parse_args()
+    uv, lists = check.BIN / "uv", VENV / "lists"
+    program = Path("Scripts", "python.exe") if os.name == "nt" else Path("bin", "python")
+    shutil.rmtree(VENV, ignore_errors=True)
+    if not check.run(uv, "venv", "--quiet", "--python", arguments.python, VENV):
+        return 2
+    lists.mkdir()
+    ours, tools = lists / "ours.txt", lists / "tools.txt"
+    (lists / "onnx.in").write_text(find_requirement("onnx") + "\n", "utf-8", newline="\n")
+    resolution = "lowest-direct" if arguments.which == "lowest" else "highest"
+    compile_list = [uv, "pip", "compile", "--quiet", "--upgrade", "--python", VENV / program, "--resolution"]
+    extras = [word for extra in EXTRAS for word in ("--extra", extra)]
+    good = (
+        check.run(*compile_list, resolution, *extras, "pyproject.toml", lists / "onnx.in", "-o", ours)
+        and check.run(*compile_list, "highest", "--constraint", ours, "--group", "dev", "-o", tools)
+        and check.run(uv, "pip", "install", "--quiet", "--python", VENV / program, "-r", ours, "-r", tools)
+        and check.run(uv, "pip", "install", "--quiet", "--python", VENV / program, "--no-deps", "--editable", ".")
+    )
+    pytest = [VENV / program, "-m", "pytest", "-q", "-n", str(max(2, os.cpu_count() or 2) + 1), "--dist", "worksteal"]
+    return 0 if good and check.run(*pytest, "-m", check.QUICK, *LEFT_OUT[arguments.which], *arguments.tests) else 1
+
+
+def find_requirement(name: str) -> str:
+    """The line of pyproject.toml on a package, such as ``onnx>=1.18``."""
+    return re.search(rf'"({name}[<>=][^"]*)"', (check.ROOT / "pyproject.toml").read_text("utf-8"))[1]  # type: ignore[index]
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

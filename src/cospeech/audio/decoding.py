@@ -1,7 +1,7 @@
 """Run the decoder: a child process (`_decode.py`) that may crash, hang or send nonsense without harm to us.
 
 Everything that it sends is checked. A crash, ten seconds of silence or nonsense is an `InputError` about the file. The process
-ends when the work is done or given up, whatever the reason.
+ends when the work is done or given up, whatever the reason. Where no process can be started, a thread does the work.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from ..limits import (  # fmt: skip
     OPEN_TIMEOUT,
     SOUND_RATES,
 )
+from .interpreter import find_interpreter
 from .worker import TooLong, Worker, WorkerEnded, worker_command
 
 __all__ = ["SoundDecoder"]
@@ -31,6 +32,15 @@ _HEADER = ("rate", "channels", "frames", "lead")
 
 def _command() -> list[str]:
     return worker_command(Path(__file__).with_name("_decode.py"), memory=DECODER_MEMORY, cpu_seconds=DECODER_CPU_SECONDS)
+
+
+def _start() -> Worker:
+    if find_interpreter() is not None:
+        return Worker(_command())
+    from ._decode import serve
+    from .worker_thread import ThreadWorker
+
+    return ThreadWorker(serve)
 
 
 class SoundDecoder:
@@ -44,7 +54,7 @@ class SoundDecoder:
 
     def __init__(self, path: Path, name: str, notes: bool = True) -> None:
         self.name, self._timeout, self._notes = name, OPEN_TIMEOUT, notes
-        self._worker = Worker(_command())
+        self._worker = _start()
         self._worker.request(b"P", os.fsencode(path), last=True)
 
     def header(self) -> tuple[int, int, int]:

@@ -19,12 +19,13 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from importlib.util import module_from_spec, spec_from_file_location
+from typing import BinaryIO
 
 from ..errors import InternalError, is_broken_pipe
 
 __all__ = [
     "FileRefused", "TooLong", "Worker", "WorkerEnded", "confine", "main", "message", "requests", "send", "send_json",
-    "worker_command",
+    "use_streams", "worker_command",
 ]  # fmt: skip
 
 _HEAD = struct.Struct("<cI")
@@ -66,13 +67,16 @@ def worker_command(script: os.PathLike[str], *arguments: object, memory: int = 0
         cpu_seconds: seconds of work; 0 is no limit.
 
     Raises:
-        InternalError: nobody knows where Python is.
+        InternalError: there is no Python to start.
     """
-    if not sys.executable:
-        raise InternalError("no Python executable to start a process with", "run cospeech in an ordinary Python")
+    from .interpreter import find_interpreter  # not in the child
+
+    interpreter = find_interpreter()
+    if interpreter is None:
+        raise InternalError("no Python to start a process with", "name one: multiprocessing.set_executable(path)")
     paths = os.pathsep.join(filter(None, [_PACKAGE, *sys.path]))  # no numpy.py of the working folder
     limits = [str(memory), str(cpu_seconds)]
-    return [sys.executable, "-I", "-S", "-c", _START, paths, os.fspath(script), *limits, *map(str, arguments)]
+    return [interpreter, "-I", "-S", "-c", _START, paths, os.fspath(script), *limits, *map(str, arguments)]
 
 
 class Worker:
@@ -88,9 +92,12 @@ class Worker:
         variables = {**os.environ, "OPENBLAS_NUM_THREADS": "1", **(environment or {})}  # a thread of BLAS reserves memory
         pipe, errors = subprocess.PIPE, subprocess.DEVNULL if quiet else None
         no_window = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # a program without a console would show one, on Windows
-        self.process = subprocess.Popen(
-            command, stdin=pipe, stdout=pipe, stderr=errors, env=variables, creationflags=no_window
-        )  # fmt: skip
+        self._watch_over(
+            subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=errors, env=variables, creationflags=no_window)
+        )
+
+    def _watch_over(self, process: subprocess.Popen[bytes]) -> None:
+        self.process = process
         self._deadline: float | None = None
         self._late, self._stop = False, threading.Event()
         threading.Thread(target=self._watch, daemon=True).start()
@@ -176,27 +183,41 @@ def confine(memory: int, cpu_seconds: int) -> None:
             resource.setrlimit(kind, (limit, resource.getrlimit(kind)[1]))
 
 
+_STREAMS = threading.local()
+
+
+def use_streams(questions: BinaryIO, answers: BinaryIO) -> None:
+    """Let this thread read and write here, in place of standard input and output."""
+    _STREAMS.pair = questions, answers
+
+
+def _streams() -> tuple[BinaryIO, BinaryIO]:
+    return getattr(_STREAMS, "pair", None) or (sys.stdin.buffer, sys.stdout.buffer)
+
+
 def requests() -> Iterator[tuple[bytes, bytes]]:
     """Letter and bytes of each request, until there are no more. The answers are sent off before the next request is read."""
-    while len(head := sys.stdin.buffer.read(_HEAD.size)) == _HEAD.size:
+    questions, answers = _streams()
+    while len(head := questions.read(_HEAD.size)) == _HEAD.size:
         kind, size = _HEAD.unpack(head)
-        payload = sys.stdin.buffer.read(size)
+        payload = questions.read(size)
         if len(payload) < size:
             return
         yield kind, payload
-        sys.stdout.buffer.flush()
+        answers.flush()
 
 
 def send(kind: bytes, payload: bytes | memoryview) -> None:
     """Answer with bytes."""
-    sys.stdout.buffer.write(_HEAD.pack(kind, len(payload)))
-    sys.stdout.buffer.write(payload)
+    answers = _streams()[1]
+    answers.write(_HEAD.pack(kind, len(payload)))
+    answers.write(payload)
 
 
 def send_json(kind: bytes, **values: object) -> None:
     """Answer with JSON, at once."""
     send(kind, json.dumps(values).encode())
-    sys.stdout.buffer.flush()
+    _streams()[1].flush()
 
 
 def main() -> None:

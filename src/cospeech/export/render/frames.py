@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import queue
-import sys
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -12,6 +11,7 @@ from fractions import Fraction
 
 import numpy as np
 
+from ...audio.interpreter import find_interpreter
 from ...errors import InputError
 from ...motion.motion import Motion
 from ...motion.rotations import Array
@@ -85,7 +85,7 @@ class FrameStream:
 
     def _order(self, least: int) -> Iterator[Patch]:
         """Give waiting rows, if there are at least so many, to helpers; give the oldest pictures where many are in work."""
-        if cores() == 1 or not sys.executable:  # an embedded Python, such as Blender's, cannot start another
+        if self._threads is None and (cores() == 1 or find_interpreter() is None):
             yield from self._draw_here()
         while len(self._rows) >= least:
             if self._threads is None:

@@ -12,12 +12,15 @@ thousands of steps without. All of them are linear in xₜ, so that the likeliho
     latent_scale         scale of random latents at play
     pose_noise           noise on the poses in training: a density of smooth data has no upper limit
     stroke_timing        ℓ_T = 1 − r of the logarithms of the speeds of self-play and of the recording
+    whole_history_norms  the batch norms of the encoder keep the statistics of histories without hidden poses
 
 The effect of each on the motion: docs/models/stylised_flow.md, "Changed, and added".
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -28,6 +31,7 @@ from torch import Tensor, nn
 from ..errors import InputError
 from .nn.conditioning import StyleEncoder, as_steps, blank_history, drop_history
 from .nn.flow import State
+from .nn.norm import without_tracking
 from .nn.objective import Batch, StepRandom
 from .nn.self_play import FAR, play_window
 from .nn.speed_distance import timing_term
@@ -65,6 +69,10 @@ class FlowExtendedConfig(FlowConfig):
     it, and in play still time its strokes by its own history, not by the speech."""
     stroke_timing_every: int = 4
     """Every how many steps there is that term; [ours]: playing a window costs as much as the rest of a step."""
+    whole_history_norms: bool = False
+    """Whether the batch norms of the encoder keep the statistics of whole histories; [ours]. Without it, they keep those of
+    histories with hidden poses (``history_dropout``), and play with other ones than they have learnt: the variance shift of Li
+    et al. 2019. It costs a forward pass of the encoder in each step."""
 
 
 class StylisedFlowExtended(StylisedFlow):
@@ -146,16 +154,30 @@ class StylisedFlowExtended(StylisedFlow):
         if self.training and self.config.pose_noise:
             pose = pose + self.config.pose_noise * batch.chance.normal(*pose.shape)
         x, histories, speech = self._windows(pose, batch["audio"])
-        base = self._base(histories)
+        base, whole = self._base(histories), histories
         if self.training:
             drop = blank_history if self.config.steps_seen else drop_history
             histories = drop(histories, self.config.history_dropout, batch.chance)
         style = self.style(pose[:, : self.style_frames])
-        terms = self.losses(x, self.condition(histories, speech, style), batch.chance, step, base)
+        with self._norms_of(whole, speech):
+            conditioning = self.condition(histories, speech, style)
+        terms = self.losses(x, conditioning, batch.chance, step, base)
         if self.config.stroke_timing and step % self.config.stroke_timing_every == 0:
             motion = self._play_window(pose, speech, style, batch.chance)
             terms |= timing_term(self.config.stroke_timing, motion.mT, x.mT)
         return terms
+
+    @contextmanager
+    def _norms_of(self, histories: Tensor, speech: Tensor) -> Iterator[None]:
+        """Let the batch norms of the encoder keep statistics of these histories, and within it of no others."""
+        encoder = self.encoder if self.training and self.config.whole_history_norms else None
+        if encoder is None:
+            yield
+            return
+        with torch.no_grad():
+            encoder(histories, speech)
+        with without_tracking(encoder):
+            yield
 
     def _play_window(self, pose: Tensor, speech: Tensor, style: Tensor | None, chance: StepRandom) -> Tensor:
         """(B, F, D): the trained frames, played from their recorded history with random latents; each pose is fed back."""

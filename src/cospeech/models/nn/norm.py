@@ -6,13 +6,15 @@ processes, and gradients flow back through these sums. Every process must then r
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 from torch import distributed as dist
 
-__all__ = ["BatchNorm1d", "batch_norm", "global_moments", "global_sum", "is_shared"]
+__all__ = ["BatchNorm1d", "batch_norm", "global_moments", "global_sum", "is_shared", "without_tracking"]
 
 
 def is_shared() -> bool:
@@ -105,3 +107,16 @@ class BatchNorm1d(nn.BatchNorm1d):
         share = 1 / float(self.num_batches_tracked) if self.momentum is None else self.momentum
         self.running_mean.lerp_(mean.to(self.running_mean.dtype), share)
         self.running_var.lerp_(variance.to(self.running_var.dtype), share)
+
+
+@contextmanager
+def without_tracking(net: nn.Module) -> Iterator[None]:
+    """Within it, the batch norms of a network in training use the statistics of the batch, and keep no running ones of it."""
+    norms = [module for module in net.modules() if isinstance(module, BatchNorm1d) and module.track_running_stats]
+    for norm in norms:
+        norm.track_running_stats = False
+    try:
+        yield
+    finally:
+        for norm in norms:
+            norm.track_running_stats = True

@@ -54,6 +54,26 @@ def test_the_term_is_there_every_so_many_steps_and_not_by_itself():
     ]
 
 
+@pytest.mark.parametrize("steps_seen", [True, False])
+def test_norms_can_keep_the_statistics_of_histories_without_hidden_poses(steps_seen):
+    """The statistics are then those of a network that hides nothing; what is learnt from a batch stays the same."""
+
+    def train(**settings) -> tuple[dict[str, float], torch.Tensor]:
+        net = network(stroke_timing=2.0, steps_seen=steps_seen, **settings).train()
+        for each in net.flow.steps:
+            torch.nn.init.normal_(each.coupling.net.out.weight, std=0.2)
+        figures = [terms(net, step) for step in range(2)]
+        return figures[0], torch.cat([value for name, value in net.named_buffers() if "running" in name])
+
+    _, of_whole_histories = train(history_dropout=0.0)
+    first, usual = train(history_dropout=0.6)
+    first_of_ours, ours = train(history_dropout=0.6, whole_history_norms=True)
+    assert torch.equal(ours, of_whole_histories)
+    assert float((usual - of_whole_histories).abs().max()) > 0.01
+    assert first_of_ours["nll"] == first["nll"]
+    assert first_of_ours["stroke_timing"] != first["stroke_timing"]  # self-play has these statistics
+
+
 @pytest.mark.parametrize("style", [0, 3])
 def test_it_judges_what_generation_plays(style):
     net = network(stroke_timing=2.0, style=style, style_window=12).eval()

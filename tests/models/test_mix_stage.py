@@ -248,6 +248,22 @@ def test_the_style_encoder_judges_generated_poses_frozen_or_not(freezes):
 
 
 @pytest.mark.parametrize("make", [network, cmix_gan])
+def test_batch_norms_count_what_plays_and_not_what_is_only_learnt_from(make):
+    """Content of speech and recorded poses; not content of poses (equation 4), and not generated poses (equation 6)."""
+    data, learner, player = batch(), make().train(), make().train()
+    learner.generator_loss(data, 0)
+    with torch.no_grad():
+        own = player.style.see(data["pose"].mT)
+        player.pose_content(data["pose"].mT)
+        z = player.latent(player.audio_content(data["audio"]), own.weights)
+        player._logits(z), player.generators(z)
+    expected, counts = dict(player.named_buffers()), dict(learner.named_buffers())
+    names = [name for name in expected if not name.startswith("discriminator.")]
+    assert len(names) > 10
+    assert all(torch.equal(expected[name], counts[name]) for name in names)
+
+
+@pytest.mark.parametrize("make", [network, cmix_gan])
 def test_what_the_discriminator_has_seen_made_is_not_made_again(make):
     """The generator's turn after the discriminator's: a decoding less, and the same losses and gradients to the bit."""
     data, results, passes = batch(), [], []

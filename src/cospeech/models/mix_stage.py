@@ -54,6 +54,7 @@ from .nn.adversarial_losses import ADVERSARIAL_LOSSES
 from .nn.configuration import SMALL_CONVOLUTIONS, ModelConfig
 from .nn.content import STYLE_FRAMES, AudioContent, PoseContent
 from .nn.mixture import ModeLogits, SubGenerators, mix, one_hot_priors
+from .nn.norm import without_tracking
 from .nn.objective import Batch, Objective
 from .nn.patch import PatchDiscriminator, velocity
 from .nn.settings import check_least
@@ -280,20 +281,25 @@ class MixGan(Windowed):
         return torch.where(is_speech, audio_content, pose_content), None
 
     def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """The terms of equation 8, weighted, for all but D."""
+        """The terms of equation 8, weighted, for all but D.
+
+        The batch norms keep statistics of what plays: of the content of speech, and in the style encoder of recorded poses.
+        """
         pose, cluster = batch["pose"].mT, batch["cluster"]
         decoding, self._shared_forward = self._decode_batch(batch, step), None
         poses, mixes = decoding.poses, [F.cross_entropy(decoding.logits, cluster)]
         terms = {"rec": (pose - poses).abs().mean()}  # equation 5
         if decoding.pose_content is not None:
-            z = self.latent(decoding.pose_content, decoding.own.weights)
-            logits = self._logits(z)
-            again = mix(self.generators(z), self._priors(logits, cluster))
+            with without_tracking(self):
+                z = self.latent(decoding.pose_content, decoding.own.weights)
+                logits = self._logits(z)
+                again = mix(self.generators(z), self._priors(logits, cluster))
             terms["joint"] = (pose - again).abs().mean()  # equation 4
             mixes.append(F.cross_entropy(logits, cluster))
         if self.mode_logits is not None:
             terms["mix"] = torch.stack(mixes).mean()  # equation 3
-        identity = self.style.identity(decoding.own, decoding.adversarial_poses, batch["speaker"])
+        with without_tracking(self.style):
+            identity = self.style.identity(decoding.own, decoding.adversarial_poses, batch["speaker"])
         terms |= {name: self.identity * term for name, term in identity.items()}  # equation 6
         generator_loss = ADVERSARIAL_LOSSES[self.config.adversarial_loss].generator_loss(
             self._score(decoding.adversarial_poses, batch)

@@ -71,8 +71,9 @@ class FlowExtendedConfig(FlowConfig):
     """Every how many steps there is that term; [ours]: playing a window costs as much as the rest of a step."""
     whole_history_norms: bool = False
     """Whether the batch norms of the encoder keep the statistics of whole histories; [ours]. Without it, they keep those of
-    histories with hidden poses (``history_dropout``), and play with other ones than they have learnt: the variance shift of Li
-    et al. 2019. It costs a forward pass of the encoder in each step."""
+    histories with hidden poses (``history_dropout``), while every history is whole in play: the variance shift of Li et al.
+    2019. It costs a forward pass of the encoder in each step. With ``steps_seen`` most histories are whole in training too, and
+    there is no such shift."""
 
 
 class StylisedFlowExtended(StylisedFlow):
@@ -89,6 +90,8 @@ class StylisedFlowExtended(StylisedFlow):
     def __init__(self, config: FlowExtendedConfig, *, pose: int, audio: int, omega: nn.Module | None = None) -> None:
         if config.inertia and (config.history < 2 or not config.residual or not 0 < config.inertia <= 1):
             raise InputError(f"inertia {config.inertia}", "0 … 1, with residual and a history of 2 poses at least")
+        if config.whole_history_norms and config.steps_seen:
+            raise InputError("whole_history_norms with steps_seen", "that hides whole histories: leave one out")
         super().__init__(config, pose=pose, audio=audio, omega=omega)
 
     def _add_encoders(self) -> int:

@@ -29,7 +29,7 @@ def main() -> int:
     parser.add_argument("which", choices=("lowest", "newest"))
     parser.add_argument("--python", default=sys.executable, help="the Python to test with (default: this one)")
     parser.add_argument("tests", nargs="*", help="files of tests (default: all)")
-    arguments = parser.parse_args()
+    arguments = parser.parse_intermixed_args()
     uv, lists = check.BIN / "uv", VENV / "lists"
     program = Path("Scripts", "python.exe") if os.name == "nt" else Path("bin", "python")
     shutil.rmtree(VENV, ignore_errors=True)

@@ -20,7 +20,7 @@ import check
 
 VENV = check.ROOT / ".venv-versions"
 EXTRAS = ("av", "corpora", "live", "studio")
-LEFT_OUT = {"lowest": ["-W", "ignore::DeprecationWarning"], "newest": []}  # old packages warn of Python itself
+WARNING_OPTIONS = {"lowest": ["-W", "ignore::DeprecationWarning"], "newest": []}  # old packages warn of Python itself
 
 
 def main() -> int:
@@ -41,14 +41,15 @@ def main() -> int:
     resolution = "lowest-direct" if arguments.which == "lowest" else "highest"
     compile_list = [uv, "pip", "compile", "--quiet", "--upgrade", "--python", VENV / program, "--resolution"]
     extras = [word for extra in EXTRAS for word in ("--extra", extra)]
-    good = (
+    is_installed = (
         check.run(*compile_list, resolution, *extras, "pyproject.toml", lists / "onnx.in", "-o", ours)
         and check.run(*compile_list, "highest", "--constraint", ours, "--group", "dev", "-o", tools)
         and check.run(uv, "pip", "install", "--quiet", "--python", VENV / program, "-r", ours, "-r", tools)
         and check.run(uv, "pip", "install", "--quiet", "--python", VENV / program, "--no-deps", "--editable", ".")
     )
     pytest = [VENV / program, "-m", "pytest", "-q", "-n", str(max(2, os.cpu_count() or 2) + 1), "--dist", "worksteal"]
-    return 0 if good and check.run(*pytest, "-m", check.QUICK, *LEFT_OUT[arguments.which], *arguments.tests) else 1
+    selection = ["-m", check.QUICK, *WARNING_OPTIONS[arguments.which], *arguments.tests]
+    return 0 if is_installed and check.run(*pytest, *selection) else 1
 
 
 def find_requirement(name: str) -> str:

@@ -49,7 +49,7 @@ def test_an_ordinary_python_is_its_own():
     assert find_interpreter() == sys.executable
 
 
-@pytest.mark.parametrize("name", ["maya.bin", "UnrealEditor", "uwsgi", ""])
+@pytest.mark.parametrize("name", ["maya.bin", "UnrealEditor", "uwsgi", "pythonservice.exe", "PythonPlayer", ""])
 def test_the_program_around_an_embedded_python_is_not_started(monkeypatch, tmp_path, name):
     embed(monkeypatch, place(tmp_path / "host" / name) if name else "", tmp_path / "library")
     assert find_interpreter() is None
@@ -66,11 +66,40 @@ def test_maya_has_its_python_beside_it(monkeypatch, tmp_path):
     assert find_interpreter() == interpreter
 
 
-def test_a_path_given_to_multiprocessing_goes_first(frozen, monkeypatch, tmp_path):
+def test_a_path_given_to_multiprocessing_goes_first(monkeypatch, tmp_path):
+    embed(monkeypatch, place(tmp_path / "maya.bin"), tmp_path / "library")
     interpreter = place(tmp_path / "my" / "interpreter")
-    monkeypatch.setattr(multiprocessing.spawn, "_python_exe", None)  # is put back
     multiprocessing.set_executable(interpreter)
     assert find_interpreter() == interpreter
+    monkeypatch.setattr(sys, "frozen", True, raising=False)
+    assert find_interpreter() is None
+
+
+@pytest.mark.parametrize("name", ["python", "python3.13t", "pythonw.exe", "python_d.exe", "pypy3.11", "mayapy", "hython3.11"])
+def test_these_are_pythons(monkeypatch, tmp_path, name):
+    embed(monkeypatch, place(tmp_path / name), tmp_path / "library")
+    assert find_interpreter() == str(tmp_path / name)
+
+
+@pytest.mark.parametrize("where", ["absolute", "relative"])
+def test_no_program_of_the_working_folder_is_started(monkeypatch, tmp_path, where):
+    """Where an embedded Python finds no library, its prefix is the working folder."""
+    embed(monkeypatch, place(tmp_path / "host" / "player"), tmp_path if where == "absolute" else "")
+    place(tmp_path / PROGRAM)
+    monkeypatch.chdir(tmp_path)
+    assert find_interpreter() is None
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such signal")
+def test_an_early_end_does_not_end_a_program_that_obeys_broken_pipes():
+    code = (
+        "import signal, sys; from cospeech.audio.speech import example, open_speech; sys.frozen = True\n"
+        "signal.signal(signal.SIGPIPE, signal.SIG_DFL)\n"
+        "with open_speech(example()[0]) as source: next(iter(source.blocks()))\n"
+        "print('alive')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "alive\n"), done.stderr
 
 
 def test_a_frozen_program_decodes_in_a_thread(monkeypatch):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import sqlite3
 import subprocess
 import sys
 from collections import Counter
@@ -451,6 +452,22 @@ def test_a_plan_that_changed_after_the_first_rater_is_refused(study):
     (study / "answers.sqlite").write_bytes(b"no data base" * 1000)
     with pytest.raises(InputError, match="it is damaged"):
         Answers(study, plan)
+
+
+@pytest.mark.parametrize("problem", ["damaged", "changed"])
+def test_after_an_error_the_database_is_closed_and_can_be_moved_away(study, monkeypatch, problem):
+    opener, connections, plan = sqlite3.connect, [], load_plan(study)
+    monkeypatch.setattr(sqlite3, "connect", lambda *a, **options: connections.append(opener(*a, **options)) or connections[-1])
+    if problem == "damaged":
+        (study / "answers.sqlite").write_bytes(b"no data base" * 1000)
+    else:
+        with Answers(study, plan) as answers:
+            answers.add_rater()
+        plan = plan.model_copy(update={"seed": 99})
+    with pytest.raises(InputError):
+        Answers(study, plan)
+    with pytest.raises(sqlite3.ProgrammingError, match="closed"):
+        connections[-1].execute("SELECT 1")
 
 
 @pytest.mark.slow

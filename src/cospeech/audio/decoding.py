@@ -1,7 +1,8 @@
 """Run the decoder: a child process (`_decode.py`) that may crash, hang or send nonsense without harm to us.
 
 Everything that it sends is checked. A crash, ten seconds of silence or nonsense is an `InputError` about the file. The process
-ends when the work is done or given up, whatever the reason. Where no process can be started, a thread does the work.
+ends when the work is done or given up, whatever the reason. Where no process can be started, a thread does the work,
+without this protection.
 """
 
 from __future__ import annotations

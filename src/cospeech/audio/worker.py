@@ -73,7 +73,8 @@ def worker_command(script: os.PathLike[str], *arguments: object, memory: int = 0
 
     interpreter = find_interpreter()
     if interpreter is None:
-        raise InternalError("no Python to start a process with", "name one: multiprocessing.set_executable(path)")
+        hint = "this needs an ordinary Python; in a program around Python, name one: multiprocessing.set_executable(path)"
+        raise InternalError("no Python to start a process with", hint)
     paths = os.pathsep.join(filter(None, [_PACKAGE, *sys.path]))  # no numpy.py of the working folder
     limits = [str(memory), str(cpu_seconds)]
     return [interpreter, "-I", "-S", "-c", _START, paths, os.fspath(script), *limits, *map(str, arguments)]

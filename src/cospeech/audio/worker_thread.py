@@ -1,11 +1,13 @@
 """Do the work of a child process in a thread, where there is no Python to start one with, such as in a frozen program.
 
-The messages are the same, and go through pipes. But nothing bounds the memory of the work, and a crash ends the whole program.
+The messages are the same, and go through pipes. But nothing limits the memory and the processor time of the work, and a crash
+ends the whole program.
 """
 
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import threading
 from collections.abc import Callable
@@ -31,8 +33,10 @@ class ThreadWorker(Worker):
         self._watch_over(_Thread(serve))  # type: ignore[arg-type]
 
     def close(self) -> None:
-        """Let the work end. A codec that hangs cannot be ended; nobody waits for it."""
+        """Let the work end, and wait for it a moment. A codec that hangs goes on in the background; it cannot be ended."""
         self._stop.set()
+        if self._deadline is not None:  # another thread waits for an answer: it must not keep the pipe
+            self.process.kill()
         for pipe in (self.process.stdin, self.process.stdout):
             with suppress(OSError, ValueError):
                 pipe.close()
@@ -52,6 +56,8 @@ class _Thread:
         self._thread.start()
 
     def _run(self, serve: Callable[[], None]) -> None:
+        if hasattr(signal, "pthread_sigmask"):  # a program around Python may let this signal end it; a thread of ours must not
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGPIPE})
         use_streams(self._questions, self._answers)
         try:
             serve()

@@ -283,7 +283,8 @@ class MixGan(Windowed):
     def generator_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """The terms of equation 8, weighted, for all but D.
 
-        The batch norms keep statistics of what plays: of the content of speech, and in the style encoder of recorded poses.
+        The batch norms keep statistics of what plays: of the content of speech (during a curriculum, of all that is decoded),
+        and in the style encoder of recorded poses.
         """
         pose, cluster = batch["pose"].mT, batch["cluster"]
         decoding, self._shared_forward = self._decode_batch(batch, step), None

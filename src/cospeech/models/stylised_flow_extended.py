@@ -72,8 +72,8 @@ class FlowExtendedConfig(FlowConfig):
     whole_history_norms: bool = False
     """Whether the batch norms of the encoder keep the statistics of whole histories; [ours]. Without it, they keep those of
     histories with hidden poses (``history_dropout``), while every history is whole in play: the variance shift of Li et al.
-    2019. It costs a forward pass of the encoder in each step. With ``steps_seen`` most histories are whole in training too, and
-    there is no such shift."""
+    2019. It costs a forward pass of the encoder in each step. With ``steps_seen`` most histories are whole in training too, so
+    that the shift is smaller; nobody has measured it."""
 
 
 class StylisedFlowExtended(StylisedFlow):
@@ -91,7 +91,7 @@ class StylisedFlowExtended(StylisedFlow):
         if config.inertia and (config.history < 2 or not config.residual or not 0 < config.inertia <= 1):
             raise InputError(f"inertia {config.inertia}", "0 … 1, with residual and a history of 2 poses at least")
         if config.whole_history_norms and config.steps_seen:
-            raise InputError("whole_history_norms with steps_seen", "that hides whole histories: leave one out")
+            raise InputError("whole_history_norms with steps_seen", "use one of the two")
         super().__init__(config, pose=pose, audio=audio, omega=omega)
 
     def _add_encoders(self) -> int:
@@ -157,12 +157,12 @@ class StylisedFlowExtended(StylisedFlow):
         if self.training and self.config.pose_noise:
             pose = pose + self.config.pose_noise * batch.chance.normal(*pose.shape)
         x, histories, speech = self._windows(pose, batch["audio"])
-        base, whole = self._base(histories), histories
+        base, whole_histories = self._base(histories), histories
         if self.training:
             drop = blank_history if self.config.steps_seen else drop_history
             histories = drop(histories, self.config.history_dropout, batch.chance)
         style = self.style(pose[:, : self.style_frames])
-        with self._norms_of(whole, speech):
+        with self._norms_of(whole_histories, speech):
             conditioning = self.condition(histories, speech, style)
         terms = self.losses(x, conditioning, batch.chance, step, base)
         if self.config.stroke_timing and step % self.config.stroke_timing_every == 0:
@@ -179,6 +179,7 @@ class StylisedFlowExtended(StylisedFlow):
             return
         with torch.no_grad():
             encoder(histories, speech)
+        torch.clear_autocast_cache()  # before PyTorch 2.11, it kept these weights without gradients for the pass that learns
         with without_tracking(encoder):
             yield
 

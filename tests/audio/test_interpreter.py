@@ -98,8 +98,8 @@ def test_an_early_end_does_not_end_a_program_that_obeys_broken_pipes():
         "with open_speech(example()[0]) as source: next(iter(source.blocks()))\n"
         "print('alive')"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert (done.returncode, done.stdout) == (0, "alive\n"), done.stderr
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (process.returncode, process.stdout) == (0, "alive\n"), process.stderr
 
 
 def test_a_frozen_program_decodes_in_a_thread(monkeypatch):

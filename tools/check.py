@@ -24,6 +24,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 BIN = Path(sys.executable).parent
+PYTHON = Path("Scripts", "python.exe") if os.name == "nt" else Path("bin", "python")  # of a virtual environment
 BLENDER = ROOT / ".venv-blender"
 NODE_TESTS = ROOT / "tests" / "node"
 QUICK = "not slow and not torch and not blender and not node and not browser and not shared"
@@ -49,9 +50,9 @@ def lint() -> bool:
     return step("linters", [BIN / "ruff", "check"], [BIN / "ruff", "format", "--check"], [BIN / "mypy"])
 
 
-def tests(*selection: str) -> bool:
+def run_tests(*selection: str, programs: Path = BIN) -> bool:
     workers = str(max(2, os.cpu_count() or 2) + 1)  # tests wait for processes, pages and clocks for a third of their time
-    return step("tests", [BIN / "pytest", "-n", workers, "--dist", "worksteal", "-q", *selection])
+    return step("tests", [programs / "pytest", "-n", workers, "--dist", "worksteal", "-q", *selection])
 
 
 def is_current(folder: Path, source: Path) -> bool:
@@ -68,8 +69,7 @@ def blender() -> tuple[str | None, str]:
     """The Python of an environment with bpy, or None and the reason; installs it on the first run."""
     if sys.version_info[:2] not in BLENDER_PYTHONS:
         return None, f"there is no bpy wheel for Python {sys.version_info[0]}.{sys.version_info[1]}"
-    program = Path("Scripts", "python.exe") if os.name == "nt" else Path("bin", "python")
-    python, requirements = BLENDER / program, ROOT / "requirements" / "blender.txt"
+    python, requirements = BLENDER / PYTHON, ROOT / "requirements" / "blender.txt"
     if not is_current(BLENDER, requirements):
         print("   installing bpy (some 370 MB)", flush=True)
         shutil.rmtree(BLENDER, ignore_errors=True)
@@ -146,7 +146,7 @@ def main(arguments: list[str]) -> int:
     if arguments:
         good = lint()
         if arguments == ["check"]:
-            good &= tests("-m", QUICK)
+            good &= run_tests("-m", QUICK)
         return 0 if good else 1
     with ThreadPoolExecutor(1) as pool:  # mypy keeps one core busy, and what is installed keeps the network busy
         lint_result = pool.submit(lint)
@@ -154,7 +154,7 @@ def main(arguments: list[str]) -> int:
         good &= lint_result.result()
     if not good:
         print("\nlinters or docs FAILED (above); the tests run all the same", flush=True)
-    return 0 if tests() and good else 1
+    return 0 if run_tests() and good else 1
 
 
 def prepare() -> bool:

@@ -10,11 +10,9 @@ The environment is ``.venv-versions``; it is made anew each time, from the packa
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import shutil
 import sys
-from pathlib import Path
 
 import check
 
@@ -30,8 +28,7 @@ def main() -> int:
     parser.add_argument("--python", default=sys.executable, help="the Python to test with (default: this one)")
     parser.add_argument("tests", nargs="*", help="files of tests (default: all)")
     arguments = parser.parse_intermixed_args()
-    uv, lists = check.BIN / "uv", VENV / "lists"
-    program = Path("Scripts", "python.exe") if os.name == "nt" else Path("bin", "python")
+    uv, python, lists = check.BIN / "uv", VENV / check.PYTHON, VENV / "lists"
     shutil.rmtree(VENV, ignore_errors=True)
     if not check.run(uv, "venv", "--quiet", "--python", arguments.python, VENV):
         return 2
@@ -39,17 +36,16 @@ def main() -> int:
     ours, tools = lists / "ours.txt", lists / "tools.txt"
     (lists / "onnx.in").write_text(find_requirement("onnx") + "\n", "utf-8", newline="\n")
     resolution = "lowest-direct" if arguments.which == "lowest" else "highest"
-    compile_list = [uv, "pip", "compile", "--quiet", "--upgrade", "--python", VENV / program, "--resolution"]
+    compile_list = [uv, "pip", "compile", "--quiet", "--upgrade", "--python", python, "--resolution"]
     extras = [word for extra in EXTRAS for word in ("--extra", extra)]
     is_installed = (
         check.run(*compile_list, resolution, *extras, "pyproject.toml", lists / "onnx.in", "-o", ours)
         and check.run(*compile_list, "highest", "--constraint", ours, "--group", "dev", "-o", tools)
-        and check.run(uv, "pip", "install", "--quiet", "--python", VENV / program, "-r", ours, "-r", tools)
-        and check.run(uv, "pip", "install", "--quiet", "--python", VENV / program, "--no-deps", "--editable", ".")
+        and check.run(uv, "pip", "install", "--quiet", "--python", python, "-r", ours, "-r", tools)
+        and check.run(uv, "pip", "install", "--quiet", "--python", python, "--no-deps", "--editable", ".")
     )
-    pytest = [VENV / program, "-m", "pytest", "-q", "-n", str(max(2, os.cpu_count() or 2) + 1), "--dist", "worksteal"]
     selection = ["-m", check.QUICK, *WARNING_OPTIONS[arguments.which], *arguments.tests]
-    return 0 if is_installed and check.run(*pytest, *selection) else 1
+    return 0 if is_installed and check.run_tests(*selection, programs=python.parent) else 1
 
 
 def find_requirement(name: str) -> str:

@@ -24,11 +24,15 @@ EXAMPLE = example()[0]
 PROGRAM = "python.exe" if os.name == "nt" else f"bin/python{sys.version_info[0]}.{sys.version_info[1]}"
 
 
-@pytest.fixture
-def frozen(monkeypatch):
-    """This process, as if it were a program that PyInstaller has made; it can start no process."""
+def freeze(monkeypatch):
+    """Play a program that PyInstaller has made; it can start no process."""
     monkeypatch.setattr(sys, "frozen", True, raising=False)
     monkeypatch.setattr(subprocess, "Popen", lambda *_, **__: pytest.fail("a process was started"))
+
+
+@pytest.fixture
+def frozen(monkeypatch):
+    freeze(monkeypatch)
 
 
 def embed(monkeypatch, program: str, library):
@@ -105,8 +109,7 @@ def test_an_early_end_does_not_end_a_program_that_obeys_broken_pipes():
 def test_a_frozen_program_decodes_in_a_thread(monkeypatch):
     with open_speech(EXAMPLE) as source:
         expected = np.concatenate(list(source.blocks()))
-    monkeypatch.setattr(sys, "frozen", True, raising=False)
-    monkeypatch.setattr(subprocess, "Popen", lambda *_, **__: pytest.fail("a process was started"))
+    freeze(monkeypatch)
     with open_speech(EXAMPLE) as source:
         assert np.array_equal(np.concatenate(list(source.blocks())), expected)
 

@@ -36,7 +36,8 @@ def _list_candidates() -> Iterator[Path]:
     if sys.executable and _NAME.fullmatch(Path(sys.executable).name.lower().removesuffix(".exe")):
         yield Path(sys.executable)
     for folder in map(Path, (sys.exec_prefix, sys.base_exec_prefix)):
-        if folder.is_absolute() and folder != Path.cwd():  # a Python that finds no library takes the working folder
+        # where a Python finds no library, this is the working folder
+        if folder.is_absolute() and folder.is_dir() and not folder.samefile("."):
             yield folder / ("python.exe" if windows else f"bin/python{sys.version_info[0]}.{sys.version_info[1]}")
     for name in ("mayapy", "hython") if sys.executable else ():
         yield Path(sys.executable).with_name(f"{name}.exe" if windows else name)

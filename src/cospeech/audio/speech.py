@@ -340,7 +340,7 @@ class SpeechSource:
             yield np.pad(tail, (0, max(missing - len(tail), 0)))[:missing]
 
     def close(self) -> None:
-        """End the decoder; no process and no pipe is left."""
+        """End the decoder; no process and no pipe is left, unless a thread decodes and hangs."""
         self._decoder.close()
 
     def __enter__(self) -> SpeechSource:

@@ -76,7 +76,7 @@ class Writer(BaseWriter):
         super().__init__(path, **common)
         self._avatar = avatar
         self._script, self._style = _read_viewer("viewer.js"), _read_viewer("viewer.css")
-        self._licenses = _read_viewer("viewer-licenses.txt").replace("</script", "<\\/script")
+        self._licenses = _read_viewer("viewer-licenses.txt")
 
     def _begin(self, temporary: Path) -> None:
         self._temporary = temporary
@@ -99,8 +99,7 @@ class Writer(BaseWriter):
         assert self._inner is not None
         inner, self._inner = self._inner, None
         inner.__exit__(None, None, None)
-        script = self._script.replace("</script", "<\\/script")
-        head = _PAGE.format(policy=_policy(script, self._style), title=self._title(), style=self._style)
+        head = _PAGE.format(policy=_policy(self._script, self._style), title=self._title(), style=self._style)
         with self._temporary.open("w", encoding="utf-8", newline="") as page:
             page.write(head)
             _embed(page, "character", _pack(self._character), f'data-packed data-fps="{self.fps:g}"')
@@ -108,7 +107,7 @@ class Writer(BaseWriter):
                 _write_mp3(self.audio, self._sound, (self.frames - 1) / self.fps)
                 _embed(page, "sound", _blocks(self._sound), 'data-kind="audio/mpeg"')
             page.write(f'<script type="text/plain" id="licenses">\n{self._licenses}</script>\n')
-            page.write(f"<script>{script}</script>\n</body>\n</html>\n")
+            page.write(f"<script>{self._script}</script>\n</body>\n</html>\n")
 
     def _title(self) -> str:
         """Name of the speech."""
@@ -123,8 +122,9 @@ class Writer(BaseWriter):
 
 
 def _read_viewer(name: str) -> str:
+    """A file of the viewer, as text that does not end a script of the page."""
     try:
-        return (VIEWER / name).read_text("utf-8")
+        return (VIEWER / name).read_text("utf-8").replace("</script", "<\\/script")
     except OSError:
         raise InputError("the viewer of share files has not been built", "in the repository: make studio") from None
 

@@ -10,7 +10,8 @@ from cospeech.experiments.style_judge import StyleJudge, describe_manner
 from cospeech.motion.poses import find_pose
 from tests.support.motions import gesturing
 
-COLUMNS = [np.arange(3 * k, 3 * k + 3) for k in range(6)]
+NAMES = ("trunk", "head", "left arm", "left hand", "right arm", "right hand")
+PARTS = {name: np.arange(3 * k, 3 * k + 3) for k, name in enumerate(NAMES)}
 
 
 def noise(*hertz: float, seed: int = 0) -> np.ndarray:
@@ -32,21 +33,21 @@ def moving(hertz: float, seed: int):
 def test_mean_and_amplitude_are_not_seen():
     window, rng = noise(0.5, 1.0, 2.0), np.random.default_rng(1)
     other = rng.normal(size=18) + window * rng.uniform(0.2, 3, 18)
-    descriptions = [describe_manner(poses, COLUMNS, arms=False) for poses in (window, other)]
+    descriptions = [describe_manner(poses, PARTS, arms=False) for poses in (window, other)]
     np.testing.assert_allclose(*descriptions, atol=1e-9)
 
 
 def test_the_share_of_an_arm_is_seen_unless_it_is_left_out():
     window, other = noise(1.0), noise(1.0)
-    other[:, COLUMNS[2]] *= 3
-    assert not np.allclose(describe_manner(window, COLUMNS), describe_manner(other, COLUMNS))
-    assert len(describe_manner(window, COLUMNS)) == len(describe_manner(window, COLUMNS, arms=False)) + 1
+    other[:, PARTS["left arm"]] *= 3
+    assert not np.allclose(describe_manner(window, PARTS), describe_manner(other, PARTS))
+    assert len(describe_manner(window, PARTS)) == len(describe_manner(window, PARTS, arms=False)) + 1
 
 
 def test_what_is_still_is_no_manner():
     window = noise(1.0)
-    window[:, COLUMNS[0]] = 3.0
-    assert np.isfinite(describe_manner(window, COLUMNS)).all()
+    window[:, PARTS["trunk"]] = 3.0
+    assert np.isfinite(describe_manner(window, PARTS)).all()
 
 
 def test_tempo_is_named():

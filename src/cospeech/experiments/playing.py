@@ -58,14 +58,15 @@ def _numbers(x: Array, device: torch.device) -> Tensor:
     return _tensor(x, device) if x.dtype.kind == "f" else torch.from_numpy(np.ascontiguousarray(x, np.int64)).to(device)
 
 
-def perform(net: Any, history: Array, audio: Array, *, seed: int) -> Array:
-    """Generate poses that follow given ones, from random latents.
+def perform(net: Any, history: Array, audio: Array, *, seed: int = 0, latents: Array | None = None) -> Array:
+    """Generate poses that follow given ones.
 
     Args:
         net: with ``sample`` and ``flow.latent``, such as `cospeech.models.stylised_flow.StylisedFlow`.
         history: (B, τ, D), standardised.
         audio: (B, τ + F + l, A), standardised.
-        seed: of the latents; the same seed gives the same poses, whatever the size of the batches.
+        seed: of random latents; the same seed gives the same poses, whatever the size of the batches.
+        latents: (B, F, D); None: random ones, multiplied by the network's ``latent_scale``.
 
     Returns:
         (B, F, D) float32, standardised.
@@ -80,12 +81,15 @@ def perform(net: Any, history: Array, audio: Array, *, seed: int) -> Array:
             f"{history.shape[1]} poses and {audio.shape[1]} frames of speech", f"{tau} and more than {tau + ahead}"
         )
     device = next(net.parameters()).device
-    generator = torch.Generator().manual_seed(seed)
-    latents = net.flow.latent.sample(lambda *shape: torch.randn(*shape, generator=generator), len(history), frames)
-    latents = latents * float(getattr(net.config, "latent_scale", 1.0))
+    if latents is None:
+        generator = torch.Generator().manual_seed(seed)
+        draws = net.flow.latent.sample(lambda *shape: torch.randn(*shape, generator=generator), len(history), frames)
+        draws = draws * float(getattr(net.config, "latent_scale", 1.0))
+    else:
+        draws = _tensor(latents, torch.device("cpu"))
     parts = [slice(k, k + BATCH) for k in range(0, len(history), BATCH)]
     with torch.no_grad():
-        batches = [net.sample(latents[p].to(device), _tensor(history[p], device), _tensor(audio[p], device)) for p in parts]
+        batches = [net.sample(draws[p].to(device), _tensor(history[p], device), _tensor(audio[p], device)) for p in parts]
     poses = torch.cat(batches).cpu().numpy()
     if not np.isfinite(poses).all():
         raise InputError(f"{type(net).__name__} makes poses that are not finite", "train it longer, or at a lower rate")

@@ -14,7 +14,7 @@ Linear discriminants with a shrunk covariance name the style. All windows of a m
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -25,7 +25,7 @@ from ..motion.poses import find_pose
 from ..motion.rotations import Array
 from .discriminants import LinearDiscriminants
 
-__all__ = ["StyleJudge", "describe_manner"]
+__all__ = ["FPS", "WARM", "WINDOW", "PoseJudge", "StyleJudge", "describe_manner"]
 
 FPS, WINDOW, STEP, WARM = 15, 8.0, 2.0, 2.0  # frames a second; s; [ours]: some phrases of speech
 BANDS = (0.0, 0.3, 0.6, 1.2, 2.4, 7.5)  # Hz; [ours]: octaves about the rate of strokes
@@ -37,15 +37,14 @@ _PARTS = {"trunk": ("hips", "spine", "chest", "upperChest"), "head": ("neck", "h
     for side in ("left", "right")
     for part, bones in (("arm", _ARM), ("hand", _HAND))
 }
-_LEFT, _RIGHT = (list(_PARTS).index(f"{side} arm") for side in ("left", "right"))
 
 
-def describe_manner(window: Array, columns: list[Array], *, arms: bool = True) -> Array:
+def describe_manner(window: Array, parts: Mapping[str, Array], *, arms: bool = True) -> Array:
     """The features of a window that the judge sees.
 
     Args:
         window: (F, D) poses.
-        columns: columns of each part of the body: trunk, head, left arm, left hand, right arm, right hand.
+        parts: part of the body → its columns. "left arm" and "right arm" are among them, with as many columns each.
         arms: whether the ratio of the arms' deviations is among the features.
     """
     spread = window.std(0)
@@ -54,7 +53,7 @@ def describe_manner(window: Array, columns: list[Array], *, arms: bool = True) -
     hertz = np.fft.rfftfreq(len(window) - 1, 1 / FPS)
     bands = np.stack([power[(hertz >= low) & (hertz < high)].sum(0) for low, high in pairwise(BANDS)])
     features, speeds = list[Array](), list[Array]()
-    for own in columns:
+    for own in parts.values():
         shares = bands[:, own].sum(1)
         features.append(np.log(shares / max(shares.sum(), 1e-9) + 0.01))
         speed = np.sqrt(np.square(np.diff(blind[:, own], axis=0)).mean(1))
@@ -63,15 +62,51 @@ def describe_manner(window: Array, columns: list[Array], *, arms: bool = True) -
         features.append(np.array([(speed < _RESTING * mean).mean(), np.log(speed.std() / mean + 0.05)]))
     together = np.corrcoef(np.stack(speeds) + 1e-9 * np.arange(len(speeds[0])))
     features.append(together[np.triu_indices(len(speeds), 1)])
-    left, right = columns[_LEFT], columns[_RIGHT]
+    left, right = parts["left arm"], parts["right arm"]
     features.append((blind[:, left] * blind[:, right]).mean(0))
     if arms:
         features.append(np.log([(spread[left].mean() + 0.01) / (spread[right].mean() + 0.01)]))
     return np.concatenate(features)
 
 
+class PoseJudge:
+    """Names the style of poses.
+
+    Args:
+        performances: to learn from: the number of a style (from 0 on, without gaps), and (F, D) poses in it, 15 a second.
+        parts, arms: of `describe_manner`.
+
+    Raises:
+        InputError: there are fewer than two styles, or a performance is too short.
+    """
+
+    def __init__(self, performances: Iterable[tuple[int, Array]], parts: Mapping[str, Array], *, arms: bool = True) -> None:
+        self._parts, self._arms = parts, arms
+        pairs = [(style, self._windows(poses)) for style, poses in performances]
+        styles = {style for style, _ in pairs}
+        if len(styles) < 2 or styles != {*range(len(styles))}:
+            raise InputError(f"a judge of the styles {sorted(styles)}", "two at least, numbered from 0 on")
+        labels = np.concatenate([[style] * len(own) for style, own in pairs])
+        self._discriminants = LinearDiscriminants(np.concatenate([own for _, own in pairs]), labels, len(styles))
+
+    def name(self, poses: Array) -> int:
+        """The number of the style that (F, D) poses have.
+
+        Raises:
+            InputError: they are too short.
+        """
+        return int(self._discriminants.vote(self._windows(poses)).argmax())
+
+    def _windows(self, poses: Array) -> Array:
+        frames = round(WINDOW * FPS)
+        if len(poses) < frames:
+            raise InputError(f"poses of {len(poses) / FPS:.1f} s", f"a judge sees {WINDOW:g} s or more")
+        starts = range(0, len(poses) - frames + 1, round(STEP * FPS))
+        return np.stack([describe_manner(poses[k : k + frames], self._parts, arms=self._arms) for k in starts])
+
+
 class StyleJudge:
-    """Names the style of a motion.
+    """Names the style of a motion of our humanoid.
 
     Args:
         performances: to learn from: the number of a style (from 0 on, without gaps), and a motion in it.
@@ -82,15 +117,10 @@ class StyleJudge:
     """
 
     def __init__(self, performances: Iterable[tuple[int, Motion]], *, arms: bool = True) -> None:
-        self._pose, self._arms = find_pose("expmap-humanoid"), arms
+        self._pose = find_pose("expmap-humanoid")
         bones = np.array([name.split(".")[0] for name in self._pose.names])
-        self._columns = [np.flatnonzero(np.isin(bones, parts)) for parts in _PARTS.values()]
-        pairs = [(style, self._windows(motion)) for style, motion in performances]
-        styles = {style for style, _ in pairs}
-        if len(styles) < 2 or styles != {*range(len(styles))}:
-            raise InputError(f"a judge of the styles {sorted(styles)}", "two at least, numbered from 0 on")
-        labels = np.concatenate([[style] * len(own) for style, own in pairs])
-        self._discriminants = LinearDiscriminants(np.concatenate([own for _, own in pairs]), labels, len(styles))
+        parts = {part: np.flatnonzero(np.isin(bones, own)) for part, own in _PARTS.items()}
+        self._judge = PoseJudge(((style, self._encode(motion)) for style, motion in performances), parts, arms=arms)
 
     def name(self, motion: Motion) -> int:
         """The number of the style that a motion has.
@@ -98,12 +128,10 @@ class StyleJudge:
         Raises:
             InputError: it is too short.
         """
-        return int(self._discriminants.vote(self._windows(motion)).argmax())
+        return self._judge.name(self._encode(motion))
 
-    def _windows(self, motion: Motion) -> Array:
+    def _encode(self, motion: Motion) -> Array:
         poses = self._pose.encode(motion.resample(FPS))[round(WARM * FPS) :]
-        frames = round(WINDOW * FPS)
-        if len(poses) < frames:
+        if len(poses) < round(WINDOW * FPS):
             raise InputError(f"a motion of {motion.duration:.1f} s", f"a judge sees {WARM + WINDOW:g} s or more")
-        starts = range(0, len(poses) - frames + 1, round(STEP * FPS))
-        return np.stack([describe_manner(poses[k : k + frames], self._columns, arms=self._arms) for k in starts])
+        return poses

@@ -74,16 +74,19 @@ class Excerpts:
     Args:
         folder: of the store.
         raw: the corpus that it was made from, for the sound; None: no sound.
+        protocol: how the corpus is cut; None: as published (`PROTOCOLS`).
 
     Raises:
         InputError: not a store, a corpus without a protocol, or a test split that is too short.
     """
 
-    def __init__(self, folder: str | PathLike[str], raw: str | PathLike[str] | None = None) -> None:
+    def __init__(
+        self, folder: str | PathLike[str], raw: str | PathLike[str] | None = None, protocol: Protocol | None = None
+    ) -> None:
         self.store, self.raw = Store(folder), raw
         if self.store.corpus not in PROTOCOLS:
             raise InputError(f"a store of {self.store.corpus!r}", f"these tables are of {' and '.join(PROTOCOLS)}")
-        self.protocol, self.pose = PROTOCOLS[self.store.corpus], find_pose(self.store.pose)
+        self.protocol, self.pose = protocol or PROTOCOLS[self.store.corpus], find_pose(self.store.pose)
         span = BEFORE + self.protocol.made + AFTER
         numbers, offsets, counts = self.store.starts(span, "test", ("pose", "audio"))
         first = [offset + np.arange(0, count, self.protocol.stride) for offset, count in zip(offsets, counts, strict=True)]

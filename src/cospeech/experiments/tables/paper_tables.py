@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from .runs import Runs
 
 __all__ = [
-    "COSTS", "HEARING", "LIKELIHOOD", "Bench", "Cells", "Claim", "PaperTable", "Pictures", "TableSplit", "TableSystem",
-    "replace_minus",
+    "COSTS", "HEARING", "LIKELIHOOD", "NAMED", "SIZE", "SIZE_RATIO", "Bench", "Cells", "Claim", "PaperTable", "Pictures",
+    "TableSplit", "TableSystem", "replace_minus",
 ]  # fmt: skip
 
 Pictures = NDArray[np.uint8]
@@ -28,6 +28,10 @@ COSTS = {"fgd_cost": ("fgd", 1.0), "srgr_cost": ("srgr_beat", -1.0)}
 
 LIKELIHOOD, HEARING = "nll", "hearing_gain"
 """Columns of networks with an exact likelihood. They are no metrics of motion, see `likelihood`."""
+
+NAMED, SIZE, SIZE_RATIO = "style_named", "size_correlation", "size_ratio"
+"""Columns of style transfer, see `style_transfer`: the share of performances that a judge gives to the speaker of the example;
+r of their size and that of the example; their size as a multiple of the example's."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,7 @@ class Claim:
         source: where the paper claims it.
         margin: above 0: the claim is an equality, the rows differ by less than this.
         expected: the verdict that we expected before the first run of the design, a word of `verdicts`; "": none.
+        follows: the row that must follow the speech, and be better than the control rows; "": both rows of the claim.
     """
 
     metric: str
@@ -73,6 +78,7 @@ class Claim:
     source: str
     margin: float = 0.0
     expected: str = ""
+    follows: str = ""
 
     @property
     def alike(self) -> bool:

@@ -227,7 +227,8 @@ def _gate(claim: Claim, evidence: Evidence) -> str | None:
     reason = evidence.leak or _lack_headroom(claim.metric, evidence)
     if reason:
         return reason
-    rows = [_whole(row, claim.metric, evidence) for row in (claim.better, claim.worse)]
+    both = (claim.follows,) if claim.follows in evidence.rows else (claim.better, claim.worse)
+    rows = [_whole(row, claim.metric, evidence) for row in both]
     for row in rows if claim.metric not in COSTS else ():
         control = below_controls(claim.metric, claim.higher, row, evidence)
         if control is not None:

@@ -1,0 +1,225 @@
+"""Style transfer by the latents of an example (Ye et al. 2022, section 4.5 and figure 8, right), measured.
+
+    z = f(example | its own poses before each frame, its own speech),    motion = g(z | other speech)
+
+The example and the other speech are recordings of two speakers of the test split. The motion begins with the recorded poses
+before the *other speech*, so it knows the example by the latents alone. The judge (`cospeech.experiments.style_judge`) learnt
+from recordings of the training split, and sees neither mean pose nor standard deviation. Examples are drawn at random.
+
+The paper shows one picture and has no figure for this. The measures here are ours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError, say_count
+from ...metrics import Score, Tools
+from ...metrics.controls import UNSURE
+from ...metrics.interval import DRAWS, bootstrap, mean_score
+from ...motion.rotations import Array
+from ..style_judge import FPS, WARM, PoseJudge
+from .excerpts import Excerpts, Protocol
+from .figures import SECONDS, draw_poses
+from .paper_tables import NAMED, SIZE, SIZE_RATIO, Cells, PaperTable, Pictures, TableSplit, TableSystem
+from .runs import PlayableRun, Runs
+from .scores import as_cell, cache_result, score_columns
+
+__all__ = ["EXAMPLE", "RANDOM", "SCALED", "StyleTransfers"]
+
+EXAMPLE, SCALED, RANDOM = "latents of an example", "latents of an example, scaled like random ones", "random latents"
+"""The rows. The paper has the first. Random latents are multiplied by the network's ``latent_scale``. In the second row, those
+of the example are, too."""
+TRUTH, OTHERS, SHUFFLED = "ground truth", "another clip", "shuffled speech"
+LIFT = "beat_align"
+MADE = 300  # frames; [ours] 20 s: the judge sees windows of 8 s
+EXAMPLES = 3  # [ours] examples for each piece of speech
+PROTOCOL = Protocol(made=MADE, given=0, stride=MADE, apart=1)
+_PARTS = {
+    "trunk": ("spine-neck", "neck-leftShoulder", "neck-rightShoulder"),
+    "head": ("neck-nose", "nose-head"),
+    "left arm": ("leftShoulder-leftElbow", "leftElbow-leftWrist"),
+    "right arm": ("rightShoulder-rightElbow", "rightElbow-rightWrist"),
+}
+"""Part of the body → bones of TED's direction vectors."""
+_TINY = 1e-6  # added to deviations, so that a still pose has a logarithm
+
+
+def _measure_size(poses: Array) -> Array:
+    """(N, F, D) → (N,) logarithm of the standard deviation over time, the mean over the numbers of a pose."""
+    return np.log(poses[:, round(WARM * FPS) :].std(1).mean(1) + _TINY)
+
+
+class _Pieces:
+    """The pieces of the test split that do not overlap, and the examples for each.
+
+    Args:
+        folder, raw: as of `Excerpts`.
+
+    Raises:
+        InputError: fewer than two speakers have a piece, or the store has no direction vectors at 15 frames a second.
+    """
+
+    def __init__(self, folder: str | PathLike[str], raw: str | PathLike[str] | None) -> None:
+        self.excerpts = Excerpts(folder, raw, PROTOCOL)
+        store = self.excerpts.store
+        if store.pose != "direction-vectors" or store.fps != FPS:
+            raise InputError(f"a store of {store.pose!r} at {store.fps:g} fps", f"direction-vectors at {FPS}")
+        names = self.excerpts.speakers()
+        if len({*names}) < 2:
+            raise InputError(f"test pieces of {say_count(len({*names}), 'speaker')}", "two at least")
+        self.speakers = [*dict.fromkeys(names)]
+        self.who = np.array([self.speakers.index(name) for name in names])
+        rng = np.random.default_rng(0)
+        pairs = [(piece, example) for piece in range(len(names)) for example in self._draw_examples(piece, rng)]
+        self.speech, self.example = np.array(pairs).T
+        """(P,) the piece whose speech is played, and the piece that is the example, of each performance."""
+        self.other = np.array([self._other_piece(k, rng) for k in self.example])
+        """(P,) another piece by the example's speaker; the example where there is no other."""
+
+    def _draw_examples(self, piece: int, rng: np.random.Generator) -> list[int]:
+        others = [k for k in range(len(self.speakers)) if k != self.who[piece]]
+        chosen = rng.permutation(others)[:EXAMPLES]
+        return [int(rng.choice(np.flatnonzero(self.who == k))) for k in chosen]
+
+    def _other_piece(self, piece: int, rng: np.random.Generator) -> int:
+        own = np.flatnonzero(self.who == self.who[piece])
+        return int(rng.choice(own[own != piece])) if len(own) > 1 else piece
+
+    @cached_property
+    def poses(self) -> Array:
+        """(N, MADE, D) recorded poses of the pieces."""
+        return self.excerpts.rows("pose", 0, 0).astype(np.float64)
+
+    @cached_property
+    def judge(self) -> PoseJudge:
+        """It has seen the training split."""
+        store, bones = self.excerpts.store, np.array([name.split(".")[0] for name in self.excerpts.pose.names])
+        parts = {part: np.flatnonzero(np.isin(bones, own)) for part, own in _PARTS.items()}
+        recordings = (
+            (self.speakers.index(clip.speaker), np.asarray(store.clip(clip)["pose"], np.float64))
+            for clip in store.clips
+            if clip.split == "train" and clip.speaker in self.speakers and clip.frames >= PROTOCOL.made
+        )
+        return PoseJudge(recordings, parts)
+
+    def _over_pieces(self, values: Array) -> Score:
+        """The mean of (P,) values; the bootstrap draws pieces of speech."""
+        return mean_score([*values.reshape(len(self.who), -1).mean(1)], note=say_count(len(values), "performance"))
+
+    def score(self, poses: Array) -> dict[str, Score]:
+        """Three columns of (P, MADE, D) poses of the performances."""
+        guesses = np.array([self.judge.name(each[round(WARM * FPS) :]) for each in poses])
+        size, theirs = _measure_size(poses), _measure_size(self.poses)[self.example]
+        rows = np.arange(len(poses)).reshape(len(self.who), -1)
+
+        def correlate(pieces: Array) -> float:
+            some = rows[pieces].ravel()
+            return float(np.corrcoef(size[some], theirs[some])[0, 1])
+
+        sampled = bootstrap(correlate, len(rows), draws=DRAWS)
+        value = correlate(np.arange(len(rows)))
+        return {
+            NAMED: self._over_pieces((guesses == self.who[self.example]).astype(float)),
+            SIZE: Score(value, sampled.interval, len(rows), say_count(len(poses), "performance"), sampled.draws),
+            SIZE_RATIO: self._over_pieces(np.exp(size - theirs)),
+        }
+
+    def perform(self, player: PlayableRun, name: str, seed: int) -> Array:
+        """(P, MADE, D) poses of a row, in the units of the store."""
+        from ..playing import codes, perform
+
+        excerpts, (before, after) = self.excerpts, player.context
+        excerpts.check_context(before, after)
+        frames = before + MADE + after
+        arrays = excerpts.inputs.gather(player, excerpts.starts - before, frames, excerpts.speakers())
+        history, audio = arrays["pose"][self.speech, :before], arrays["audio"][self.speech]
+        if name == RANDOM:
+            return player.unpose(perform(player.net, history, audio, seed=seed))
+        latents = codes(player.net, arrays["pose"], arrays["audio"])[self.example]
+        if name == SCALED:
+            latents = latents * float(getattr(player.net.config, "latent_scale", 1.0))
+        return player.unpose(perform(player.net, history, audio, latents=latents))
+
+
+class StyleTransfers:
+    """The motion for other speech, by latents of an example or random ones."""
+
+    features = "a judge of styles that learnt from the training split"
+
+    def __init__(self, paper_table: PaperTable, part: TableSplit, runs: Runs, raw: str | PathLike[str] | None) -> None:
+        self.runs, self.pieces = runs, _Pieces(runs.folder, raw)
+
+    @property
+    def windows(self) -> str:
+        """The number of pieces and performances, in words."""
+        pieces, count = len(self.pieces.who), len(self.pieces.speech)
+        return f"{say_count(pieces, 'test piece')} of {MADE} frames, {say_count(count, 'performance')}"
+
+    def _cache(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
+        whole = ["style transfer", self.runs.fingerprint, PROTOCOL, EXAMPLES, self.pieces.excerpts.raw is not None, *key]
+        return cache_result(Path(self.runs.runs) / "scores", whole, work)
+
+    def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
+        """Scores of all performances."""
+        assert row.recipe is not None
+        player = self.runs.player(row.recipe, seed)
+
+        def work() -> Cells:
+            from ..playing import threads as limited
+
+            with limited(self.runs.threads):
+                return self._score(self.pieces.perform(player, row.name, seed))
+
+        return self._cache([player.fingerprint, row.name, seed], work), player.summary
+
+    def _score(self, poses: Array) -> Cells:
+        cells = {name: as_cell(score) for name, score in self.pieces.score(poses).items()}
+        first = poses[:: len(poses) // len(self.pieces.who)]  # one performance of each piece of speech
+        return cells | self._score_lift(self.pieces.excerpts.samples(first))
+
+    def _score_lift(self, samples: Sequence[Any]) -> Cells:
+        return score_columns((LIFT,), samples, samples, self.pieces.excerpts, Tools())
+
+    def controls(self) -> dict[str, Cells]:
+        """Other recordings of the example's speaker; recordings of the speech's speaker; recordings with other speech."""
+
+        def work() -> dict[str, Cells]:
+            pieces, rows = self.pieces, self.pieces.excerpts.controls()
+            recordings = {TRUTH: pieces.other, OTHERS: pieces.speech}
+            cells = {
+                name: {key: as_cell(score) for key, score in pieces.score(pieces.poses[which]).items()}
+                for name, which in recordings.items()
+            }
+            cells[SHUFFLED] = {name: {"why": "it is the same motion as the recordings"} for name in (NAMED, SIZE, SIZE_RATIO)}
+            return {name: own | self._score_lift(rows[name]) for name, own in cells.items()}
+
+        scores: dict[str, Cells] = self._cache(["controls"], work)
+        return scores
+
+    def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
+        """A measure that does not tell the example's speaker from the speech's in recordings."""
+        faults = {}
+        for metric in (NAMED, SIZE):
+            ours, theirs = (controls[name][metric]["interval"] for name in (TRUTH, OTHERS))
+            if ours is None or theirs is None or ours[0] <= theirs[1]:
+                faults[metric] = [f"{OTHERS} is {UNSURE} {TRUTH}"]
+        return faults
+
+    def picture(self, table: Mapping[str, Any]) -> Pictures:
+        """The largest example, and the same speech with random latents and with its latents, as in figure 8."""
+        pieces, excerpts, seed = self.pieces, self.pieces.excerpts, table["seeds"][0]
+        where = int(_measure_size(pieces.poses)[pieces.example].argmax())
+        speech, shown = pieces.speech[where], slice(round(WARM * FPS), round((WARM + SECONDS) * FPS))
+        entry = excerpts.store.clips[excerpts.clips[speech]]
+        rows = {name: row["recipe"] for name, row in table["rows"].items() if row.get("cells")}
+        poses = {"the example": pieces.poses[pieces.example[where]][shown]}
+        for name, recipe in rows.items():
+            poses[name] = pieces.perform(self.runs.player(recipe, seed), name, seed)[where][shown]
+        return draw_poses(poses, excerpts, entry, int(excerpts.starts[speech] - entry.offset) + shown.start)

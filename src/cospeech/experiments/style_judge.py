@@ -14,7 +14,8 @@ Linear discriminants with a shrunk covariance name the style. All windows of a m
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -25,7 +26,7 @@ from ..motion.poses import find_pose
 from ..motion.rotations import Array
 from .discriminants import LinearDiscriminants
 
-__all__ = ["FPS", "WARM", "WINDOW", "PoseJudge", "StyleJudge", "describe_manner"]
+__all__ = ["FPS", "WARM", "StyleJudge", "WindowJudge", "describe_manner"]
 
 FPS, WINDOW, STEP, WARM = 15, 8.0, 2.0, 2.0  # frames a second; s; [ours]: some phrases of speech
 BANDS = (0.0, 0.3, 0.6, 1.2, 2.4, 7.5)  # Hz; [ours]: octaves about the rate of strokes
@@ -69,19 +70,22 @@ def describe_manner(window: Array, parts: Mapping[str, Array], *, arms: bool = T
     return np.concatenate(features)
 
 
-class PoseJudge:
-    """Names the style of poses.
+class WindowJudge:
+    """Names the style of poses, by features of windows.
 
     Args:
         performances: to learn from: the number of a style (from 0 on, without gaps), and (F, D) poses in it, 15 a second.
-        parts, arms: of `describe_manner`.
+        describe: the features that it sees of (window · 15, D) poses, such as `describe_manner` of some parts.
+        window: s.
 
     Raises:
         InputError: there are fewer than two styles, or a performance is too short.
     """
 
-    def __init__(self, performances: Iterable[tuple[int, Array]], parts: Mapping[str, Array], *, arms: bool = True) -> None:
-        self._parts, self._arms = parts, arms
+    def __init__(
+        self, performances: Iterable[tuple[int, Array]], describe: Callable[[Array], Array], *, window: float = WINDOW
+    ) -> None:
+        self._describe, self._window = describe, window
         pairs = [(style, self._windows(poses)) for style, poses in performances]
         styles = {style for style, _ in pairs}
         if len(styles) < 2 or styles != {*range(len(styles))}:
@@ -98,11 +102,11 @@ class PoseJudge:
         return int(self._discriminants.vote(self._windows(poses)).argmax())
 
     def _windows(self, poses: Array) -> Array:
-        frames = round(WINDOW * FPS)
+        frames = round(self._window * FPS)
         if len(poses) < frames:
-            raise InputError(f"poses of {len(poses) / FPS:.1f} s", f"a judge sees {WINDOW:g} s or more")
+            raise InputError(f"poses of {len(poses) / FPS:.1f} s", f"a judge sees {self._window:g} s or more")
         starts = range(0, len(poses) - frames + 1, round(STEP * FPS))
-        return np.stack([describe_manner(poses[k : k + frames], self._parts, arms=self._arms) for k in starts])
+        return np.stack([self._describe(poses[k : k + frames]) for k in starts])
 
 
 class StyleJudge:
@@ -120,7 +124,8 @@ class StyleJudge:
         self._pose = find_pose("expmap-humanoid")
         bones = np.array([name.split(".")[0] for name in self._pose.names])
         parts = {part: np.flatnonzero(np.isin(bones, own)) for part, own in _PARTS.items()}
-        self._judge = PoseJudge(((style, self._encode(motion)) for style, motion in performances), parts, arms=arms)
+        pose_pairs = ((style, self._encode(motion)) for style, motion in performances)
+        self._judge = WindowJudge(pose_pairs, partial(describe_manner, parts=parts, arms=arms))
 
     def name(self, motion: Motion) -> int:
         """The number of the style that a motion has.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .flow_bench import Latents, Performances
-from .paper_tables import HEARING, LIKELIHOOD, NAMED, SIZE, SIZE_RATIO, Claim, PaperTable, TableSplit, TableSystem
+from .paper_tables import HEARING, LIKELIHOOD, NAMED, NAMED_BY_ALL, SIZE, SIZE_RATIO, Claim, PaperTable, TableSplit, TableSystem
 from .style_transfer import EXAMPLE, RANDOM, SCALED, StyleTransfers
 
 __all__ = ["FLOW"]
@@ -110,6 +110,7 @@ _TED_FIGURE_8 = TableSplit(
     rows=tuple(TableSystem(name, "flow_ted") for name in (EXAMPLE, SCALED, RANDOM)),
     claims=(
         Claim(NAMED, EXAMPLE, RANDOM, True, _BY_EXAMPLE, expected="holds", follows=RANDOM),
+        Claim(NAMED_BY_ALL, EXAMPLE, RANDOM, True, _BY_EXAMPLE, expected="holds", follows=RANDOM),
         Claim(SIZE, EXAMPLE, RANDOM, True, _BY_EXAMPLE, expected="holds", follows=RANDOM),
         Claim("beat_align", EXAMPLE, RANDOM, True, _BY_EXAMPLE, margin=_KEPT, expected="contradicted", follows=RANDOM),
     ),
@@ -154,7 +155,10 @@ FLOW: dict[str, PaperTable] = {
     "flow-figure-8": PaperTable(
         "flow-figure-8",
         f"{PAPER}: figure 8, style transfer by the latents of an example",
-        {NAMED: "named ↑", SIZE: "size, r ↑", SIZE_RATIO: "size, × example →", "beat_align": "BA, lift ↑"},
+        {
+            NAMED: "named by manner ↑", NAMED_BY_ALL: "named by all ↑", SIZE: "size, r ↑", SIZE_RATIO: "size, × example →",
+            "beat_align": "BA, lift ↑",
+        },
         (_TED_FIGURE_8,),
         StyleTransfers,
         "The largest example, and poses of each row above the speech that they go with",

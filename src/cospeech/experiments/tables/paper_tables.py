@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from .runs import Runs
 
 __all__ = [
-    "COSTS", "HEARING", "LIKELIHOOD", "NAMED", "SIZE", "SIZE_RATIO", "Bench", "Cells", "Claim", "PaperTable", "Pictures",
-    "TableSplit", "TableSystem", "replace_minus",
+    "COSTS", "HEARING", "LIKELIHOOD", "NAMED", "NAMED_BY_ALL", "SIZE", "SIZE_RATIO", "Bench", "Cells", "Claim",
+    "PaperTable", "Pictures", "TableSplit", "TableSystem", "replace_minus",
 ]  # fmt: skip
 
 Pictures = NDArray[np.uint8]
@@ -29,9 +29,9 @@ COSTS = {"fgd_cost": ("fgd", 1.0), "srgr_cost": ("srgr_beat", -1.0)}
 LIKELIHOOD, HEARING = "nll", "hearing_gain"
 """Columns of networks with an exact likelihood. They are no metrics of motion, see `likelihood`."""
 
-NAMED, SIZE, SIZE_RATIO = "style_named", "size_correlation", "size_ratio"
-"""Columns of style transfer, see `style_transfer`: the share of performances that a judge gives to the speaker of the example;
-r of their size and that of the example; their size as a multiple of the example's."""
+NAMED, NAMED_BY_ALL, SIZE, SIZE_RATIO = "style_named", "style_named_by_all", "size_correlation", "size_ratio"
+"""Columns of style transfer, see `style_transfer`: the share of performances that a judge gives to the speaker of the example,
+by manner alone or by all that it sees; r of their size and that of the example; their size as a multiple of the example's."""
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,9 @@
     z = f(example | its own poses before each frame, its own speech),    motion = g(z | other speech)
 
 The example and the other speech are recordings of two speakers of the test split. The motion begins with the recorded poses
-before the *other speech*, so it knows the example by the latents alone. The judge (`cospeech.experiments.style_judge`) learnt
-from recordings of the training split, and sees neither mean pose nor standard deviation. Examples are drawn at random.
+before the *other speech*, so it knows the example by the latents alone. Examples are drawn at random. Two judges
+(`cospeech.experiments.style_judge`) name the speaker of a motion. They learnt from recordings of the training split. One sees
+neither mean pose nor standard deviation; the other sees them, too, since latents set neither of them directly.
 
 The paper shows one picture and has no figure for this. The measures here are ours.
 """
@@ -12,7 +13,7 @@ The paper shows one picture and has no figure for this. The measures here are ou
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -24,10 +25,10 @@ from ...metrics import Score, Tools
 from ...metrics.controls import UNSURE
 from ...metrics.interval import DRAWS, bootstrap, mean_score
 from ...motion.rotations import Array
-from ..style_judge import FPS, WARM, PoseJudge
+from ..style_judge import FPS, WARM, WindowJudge, describe_manner
 from .excerpts import Excerpts, Protocol
 from .figures import SECONDS, draw_poses
-from .paper_tables import NAMED, SIZE, SIZE_RATIO, Cells, PaperTable, Pictures, TableSplit, TableSystem
+from .paper_tables import NAMED, NAMED_BY_ALL, SIZE, SIZE_RATIO, Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .runs import PlayableRun, Runs
 from .scores import as_cell, cache_result, score_columns
 
@@ -38,8 +39,8 @@ EXAMPLE, SCALED, RANDOM = "latents of an example", "latents of an example, scale
 of the example are, too."""
 TRUTH, OTHERS, SHUFFLED = "ground truth", "another clip", "shuffled speech"
 LIFT = "beat_align"
-MADE = 300  # frames; [ours] 20 s: the judge sees windows of 8 s
-EXAMPLES = 3  # [ours] examples for each piece of speech
+WINDOW, MADE = 6.0, 120  # s, that the judges see, and frames of a piece; [ours] half of TED's takes are shorter than 10 s
+EXAMPLES = 5  # [ours] examples for each piece of speech
 PROTOCOL = Protocol(made=MADE, given=0, stride=MADE, apart=1)
 _PARTS = {
     "trunk": ("spine-neck", "neck-leftShoulder", "neck-rightShoulder"),
@@ -49,6 +50,14 @@ _PARTS = {
 }
 """Part of the body → bones of TED's direction vectors."""
 _TINY = 1e-6  # added to deviations, so that a still pose has a logarithm
+_STILL = 0.05  # [ours] added to deviations that a judge sees, in those of the store: smaller ones are alike to it
+
+
+def _describe_all(window: Array, mean: Array, std: Array, parts: Mapping[str, Array]) -> Array:
+    """Mean pose, deviations of poses and steps, and manner of (F, D) poses; ``mean`` and ``std`` are those of the store."""
+    poses = (window - mean) / std
+    deviations = [np.log(values.std(0) + _STILL) for values in (poses, np.diff(poses, axis=0) * FPS)]
+    return np.concatenate([poses.mean(0), *deviations, describe_manner(window, parts)])
 
 
 def _measure_size(poses: Array) -> Array:
@@ -85,8 +94,7 @@ class _Pieces:
 
     def _draw_examples(self, piece: int, rng: np.random.Generator) -> list[int]:
         others = [k for k in range(len(self.speakers)) if k != self.who[piece]]
-        chosen = rng.permutation(others)[:EXAMPLES]
-        return [int(rng.choice(np.flatnonzero(self.who == k))) for k in chosen]
+        return [int(rng.choice(np.flatnonzero(self.who == k))) for k in rng.permutation(others)[:EXAMPLES]]
 
     def _other_piece(self, piece: int, rng: np.random.Generator) -> int:
         own = np.flatnonzero(self.who == self.who[piece])
@@ -98,24 +106,30 @@ class _Pieces:
         return self.excerpts.rows("pose", 0, 0).astype(np.float64)
 
     @cached_property
-    def judge(self) -> PoseJudge:
-        """It has seen the training split."""
+    def judges(self) -> dict[str, WindowJudge]:
+        """Column → the judge; they have seen the training split."""
         store, bones = self.excerpts.store, np.array([name.split(".")[0] for name in self.excerpts.pose.names])
         parts = {part: np.flatnonzero(np.isin(bones, own)) for part, own in _PARTS.items()}
-        recordings = (
+        recordings = [
             (self.speakers.index(clip.speaker), np.asarray(store.clip(clip)["pose"], np.float64))
             for clip in store.clips
-            if clip.split == "train" and clip.speaker in self.speakers and clip.frames >= PROTOCOL.made
-        )
-        return PoseJudge(recordings, parts)
+            if clip.split == "train" and clip.speaker in self.speakers and clip.frames >= round(WINDOW * FPS)
+        ]
+        mean, std = store.statistics("pose")
+        views = {
+            NAMED: partial(describe_manner, parts=parts),
+            NAMED_BY_ALL: partial(_describe_all, mean=mean, std=np.maximum(std, 1e-3), parts=parts),
+        }
+        return {name: WindowJudge(recordings, describe, window=WINDOW) for name, describe in views.items()}
 
     def _over_pieces(self, values: Array) -> Score:
         """The mean of (P,) values; the bootstrap draws pieces of speech."""
         return mean_score([*values.reshape(len(self.who), -1).mean(1)], note=say_count(len(values), "performance"))
 
     def score(self, poses: Array) -> dict[str, Score]:
-        """Three columns of (P, MADE, D) poses of the performances."""
-        guesses = np.array([self.judge.name(each[round(WARM * FPS) :]) for each in poses])
+        """The columns of (P, MADE, D) poses of the performances, except the lift."""
+        late = poses[:, round(WARM * FPS) :]
+        guesses = {name: np.array([judge.name(each) for each in late]) for name, judge in self.judges.items()}
         size, theirs = _measure_size(poses), _measure_size(self.poses)[self.example]
         rows = np.arange(len(poses)).reshape(len(self.who), -1)
 
@@ -123,11 +137,11 @@ class _Pieces:
             some = rows[pieces].ravel()
             return float(np.corrcoef(size[some], theirs[some])[0, 1])
 
-        sampled = bootstrap(correlate, len(rows), draws=DRAWS)
+        resamples = bootstrap(correlate, len(rows), draws=DRAWS)
         value = correlate(np.arange(len(rows)))
         return {
-            NAMED: self._over_pieces((guesses == self.who[self.example]).astype(float)),
-            SIZE: Score(value, sampled.interval, len(rows), say_count(len(poses), "performance"), sampled.draws),
+            **{name: self._over_pieces((own == self.who[self.example]).astype(float)) for name, own in guesses.items()},
+            SIZE: Score(value, resamples.interval, len(rows), say_count(len(poses), "performance"), resamples.draws),
             SIZE_RATIO: self._over_pieces(np.exp(size - theirs)),
         }
 
@@ -151,7 +165,7 @@ class _Pieces:
 class StyleTransfers:
     """The motion for other speech, by latents of an example or random ones."""
 
-    features = "a judge of styles that learnt from the training split"
+    features = "judges of styles that learnt from the training split"
 
     def __init__(self, paper_table: PaperTable, part: TableSplit, runs: Runs, raw: str | PathLike[str] | None) -> None:
         self.runs, self.pieces = runs, _Pieces(runs.folder, raw)
@@ -197,16 +211,21 @@ class StyleTransfers:
                 name: {key: as_cell(score) for key, score in pieces.score(pieces.poses[which]).items()}
                 for name, which in recordings.items()
             }
-            cells[SHUFFLED] = {name: {"why": "it is the same motion as the recordings"} for name in (NAMED, SIZE, SIZE_RATIO)}
+            cells[SHUFFLED] = {
+                name: {"why": "it is the same motion as the recordings"} for name in (*self.pieces.judges, SIZE, SIZE_RATIO)
+            }
             return {name: own | self._score_lift(rows[name]) for name, own in cells.items()}
 
         scores: dict[str, Cells] = self._cache(["controls"], work)
         return scores
 
     def faults(self, controls: Mapping[str, Cells]) -> dict[str, list[str]]:
-        """A measure that does not tell the example's speaker from the speech's in recordings."""
+        """The judges that do not tell the example's speaker from the speech's in recordings.
+
+        The size is that of the example, not of its speaker, so recordings need not have it.
+        """
         faults = {}
-        for metric in (NAMED, SIZE):
+        for metric in self.pieces.judges:
             ours, theirs = (controls[name][metric]["interval"] for name in (TRUTH, OTHERS))
             if ours is None or theirs is None or ours[0] <= theirs[1]:
                 faults[metric] = [f"{OTHERS} is {UNSURE} {TRUTH}"]
@@ -216,10 +235,10 @@ class StyleTransfers:
         """The largest example, and the same speech with random latents and with its latents, as in figure 8."""
         pieces, excerpts, seed = self.pieces, self.pieces.excerpts, table["seeds"][0]
         where = int(_measure_size(pieces.poses)[pieces.example].argmax())
-        speech, shown = pieces.speech[where], slice(round(WARM * FPS), round((WARM + SECONDS) * FPS))
+        speech, part = pieces.speech[where], slice(round(WARM * FPS), round((WARM + SECONDS) * FPS))
         entry = excerpts.store.clips[excerpts.clips[speech]]
         rows = {name: row["recipe"] for name, row in table["rows"].items() if row.get("cells")}
-        poses = {"the example": pieces.poses[pieces.example[where]][shown]}
+        poses = {"the example": pieces.poses[pieces.example[where]][part]}
         for name, recipe in rows.items():
-            poses[name] = pieces.perform(self.runs.player(recipe, seed), name, seed)[where][shown]
-        return draw_poses(poses, excerpts, entry, int(excerpts.starts[speech] - entry.offset) + shown.start)
+            poses[name] = pieces.perform(self.runs.player(recipe, seed), name, seed)[where][part]
+        return draw_poses(poses, excerpts, entry, int(excerpts.starts[speech] - entry.offset) + part.start)

@@ -454,6 +454,20 @@ def test_where_all_frames_have_left_the_next_one_is_told():
     pacer.close()
 
 
+def test_a_first_frame_that_is_about_to_leave_is_not_taken_back():
+    clock, asleep = Clock(), threading.Event()
+    frame_log = FrameLog(clock)
+    pacer = FramePacer([frame_log], delay=0.1, clock=lambda: asleep.set() or clock.now)
+    pacer.begin()
+    asleep.clear()
+    pacer.push(MOTION)
+    assert asleep.wait(30)  # the first frame waits for its time
+    assert pacer.take_back() == pytest.approx(1 / 30)
+    clock.now += 2
+    pacer.close()
+    assert [start for _, start in frame_log] == [0.0]
+
+
 class FailingOutlet:
     """An outlet whose second frame is one too many."""
 

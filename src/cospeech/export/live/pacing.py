@@ -51,6 +51,7 @@ class FramePacer:
         self._condition, self._over = threading.Condition(), False
         self._start: float | None = None
         self._end: float | None = None  # of the last frame that left or waits
+        self._is_sending = False  # whether the first frame has left or is about to leave
         self._error: Exception | None = None
         self._thread = threading.Thread(target=self._work, name="cospeech pacing", daemon=True)
         self._thread.start()
@@ -79,11 +80,11 @@ class FramePacer:
             self._condition.notify()
 
     def take_back(self) -> float | None:
-        """Forget the frames that have not left. Give the time of the next frame to leave; None where none has left."""
+        """Forget the frames that wait. Give the time of the next frame to leave; None where none has left or is about to."""
         with self._condition:
             self._end = self._waiting[0].start if self._waiting else self._end
             self._waiting.clear()
-            return self._end if self.pace.frames else None
+            return self._end if self._is_sending else None
 
     def close(self, *, drop: bool = False) -> Pace:
         """Wait until all frames have left; with ``drop``, forget those that have not.
@@ -126,7 +127,10 @@ class FramePacer:
         with self._condition:
             while not self._waiting and not self._over:
                 self._condition.wait()
-            return self._waiting.popleft() if self._waiting else None
+            if not self._waiting:
+                return None
+            self._is_sending = True
+            return self._waiting.popleft()
 
     def _sleep_until(self, due: float) -> None:
         while (rest := due - self.clock()) > 0:

@@ -133,6 +133,17 @@ def good(tmp_path):
     return folder, dict(zip(names, weights.astype(np.float32).T, strict=True))
 
 
+def test_the_pieces_of_a_long_take_have_its_words_where_they_are_said(good):
+    folder, _ = good
+    (folder / "words").mkdir()
+    rows = [(3 * k, 3 * k + 1) for k in range(11)]
+    text = "".join(f"{a * 25_000} {b * 25_000} w{a}\n" for a, b in rows)
+    (folder / "words" / "take.align").write_text(text)
+    words = [(clip.name, word.text, clip.start + word.start) for clip in faces.read(folder) for word in clip.speech.words]
+    assert [(text, start) for _, text, start in words] == [(f"w{a}", a) for a, _ in rows]
+    assert [name for name, text, _ in words if text in ("w9", "w12", "w30")] == ["take@00", "take@01", "take@02"]
+
+
 @pytest.mark.slow
 def test_a_rig_is_mapped_by_name_and_long_takes_are_cut(good):
     folder, rig = good

@@ -361,6 +361,8 @@ def test_faster_and_higher():
     assert quick.speech.words[1].start == pytest.approx(0.6 / 1.25)
     assert quick.semantics[0].end == pytest.approx(1.6)
     assert pitch_of(quick.speech) == pytest.approx(140 * 1.25, rel=0.02)
+    silent = faster(replace(clip, speech=None, extra={"words": clip.speech.words}), 1.25)
+    assert [word.start for word in silent.extra["words"]] == pytest.approx([word.start / 1.25 for word in clip.speech.words])
     for semitones in (-3, 4):
         high = shift_pitch(clip, semitones)
         assert high.speech.duration == clip.speech.duration == Fraction(4)

@@ -13,7 +13,7 @@ import pytest
 
 import cospeech
 from cospeech import InputError, Motion, Plan, Speech
-from cospeech.audio.emotions import EMOTIONS
+from cospeech.audio.emotions import EMOTIONS, EmotionTrack
 from cospeech.errors import CospeechWarning
 from cospeech.rules import GenerationOptions, RuleBasedModel
 from cospeech.rules.plan_commands import PlanCommands
@@ -222,12 +222,54 @@ def test_another_seed_for_a_stretch_has_smooth_borders_and_leaves_the_rest():
 
 
 def test_a_stretch_without_its_seed_is_planned_with_that_of_the_plan():
-    new_plan = plan().reseed(5, 7.5, seed=9).clear(0, 12, ["seed"])
-    assert [(each.start, each.end, each.seed, each.open) for each in new_plan.stretches] == [(5, 7.5, None, True)]
-    motion, sown = play(new_plan), play(plan().reseed(5, 7.5, seed=9))
+    new_plan = plan().reseed(3, 10, seed=9).clear(0, 12, ["seed"])
+    assert [(each.start, each.end, each.seed, each.open) for each in new_plan.stretches] == [(3, 10, None, True)]
+    motion, sown = play(new_plan), play(plan().reseed(3, 10, seed=9))
     time, wrist = np.arange(len(motion)) / FPS, np.abs(wrists(motion) - wrists(sown)).max((1, 2))
-    assert wrist[(time > 5) & (time < 8)].max() > 0.05, "its gestures are not those of the old seed"
-    assert measure_change(motion)[time < 3.9].max() < 1e-6
+    assert wrist[(time > 5) & (time < 9)].max() > 0.05, "its gestures are not those of the old seed"
+    assert measure_change(motion)[time < 2].max() < 1e-6
+    again = RuleBasedModel().plan(speech(), plan=new_plan)
+    assert [each.id for each in again.gestures] == [each.id for each in plan().gestures]
+    assert [each.id for each in again.gaze] == [each.id for each in plan().gaze]
+
+
+def test_an_edit_of_one_stretch_leaves_another_that_has_a_seed():
+    two = RuleBasedModel().plan(speech(), plan=plan().reseed(2, 4, seed=5).reseed(7, 9, seed=6))
+    one = RuleBasedModel().plan(speech(), plan=plan().reseed(7, 9, seed=6))
+    late = [each for each in two.gestures if each.id.endswith("-6")]
+    assert late == [each for each in one.gestures if each.id.endswith("-6")] != []
+    motion, time = play(two), np.arange(len(usual())) / FPS
+    for new_plan in (two.reseed(0, 1, seed=8), two.clear(2, 4, ["seed"])):
+        gap = np.linalg.norm(wrists(play(new_plan)) - wrists(motion), axis=-1).max(1)
+        assert gap[time < 4].max() > 0.05
+        assert gap[(time > 7.5) & (time < 8.8)].max() < 0.04  # hands may rest some millimetres away
+        assert gap[time > 9.2].max() < 1e-3
+
+
+def test_a_gesture_on_the_first_syllable_may_stroke_before_the_speech_begins(tmp_path):
+    early = plan().gestures[0].model_copy(update={"stroke": -0.023, "start": -0.4, "end": 0.4})
+    first = plan().model_copy(update={"gestures": (early, *plan().gestures[1:])})
+    first.save(tmp_path / "plan.json")
+    assert Plan.load(tmp_path / "plan.json").gestures[0].stroke == -0.023
+    assert first.add("huge", at=6.0).gestures[0] == early
+
+
+@pytest.mark.parametrize("times", [(-1.0, 0.0, 2.0), (-2.0, -1.0, 2.0), (-1.0, 2.0, 3.0), (0.0, 1.0, 2.0), (-3.0, -2.0, -1.0)])
+def test_a_plan_has_an_emotion_track_from_0_on(times):
+    track = EmotionTrack(np.array(times), np.eye(8)[[0, 1, 2]])
+    later = np.linspace(0, 4, 41)
+    np.testing.assert_allclose(Plan.of(GenerationOptions(emotion=track)).moods.at(later), track.at(later), atol=1e-9)
+
+
+@pytest.mark.parametrize("start", [3.0, 3.1, 3.2, 3.3, 3.4, 3.5])
+def test_a_voice_that_is_followed_from_a_time_on_plays_the_same_from_pieces(monkeypatch, start):
+    angry = np.array([0.4 if name == "neutral" else 0.6 if name == "anger" else 0.0 for name in EMOTIONS])
+    monkeypatch.setattr("cospeech.audio.voice_emotion.ConfidentEmotion._weigh", lambda _: angry)
+    options = {"plan": Plan(emotion="happiness").set(start, 7, emotion="auto"), "parts": "face"}
+    short = speech().window(0, 6)
+    whole = RuleBasedModel().generate(short, **options)
+    pieces = Motion.concatenate(list(RuleBasedModel().stream(short.chunks(0.1), **options)))
+    np.testing.assert_array_equal(whole.face, pieces.face)
 
 
 @pytest.mark.parametrize("values", [{"style": "lively"}, {"intensity": 0.2}, {"emotion": "anger"}])

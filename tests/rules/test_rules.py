@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
+from itertools import combinations
 from random import Random
 
 import numpy as np
@@ -215,6 +216,15 @@ class TestTables:
             for field in ("rate", "amplitude", "tempo", "height"):
                 low, high = sorted((getattr(STYLES["calm"], field), getattr(STYLES["lively"], field)))
                 assert low < getattr(mixture, field) < high
+
+    @pytest.mark.parametrize("pair", list(combinations(STYLES, 2)))
+    def test_every_number_of_a_mixture_is_the_mean_by_weight(self, pair):
+        one, other = (STYLES[name] for name in pair)
+        for weight in (0.49, 0.51):
+            mixture = mix_styles(dict(zip(pair, (weight, 1 - weight), strict=True)))
+            for field in (field.name for field in fields(one) if isinstance(field.default, float)):
+                mean = weight * getattr(one, field) + (1 - weight) * getattr(other, field)
+                assert getattr(mixture, field) == pytest.approx(mean), field
 
 
 class TestListening:

@@ -94,9 +94,13 @@ def faster(clip: Clip, factor: float) -> Clip:
     semantics = clip.semantics
     if semantics is not None:
         semantics = tuple(replace(s, start=s.start / factor, end=s.end / factor) for s in semantics)
+    extra, words_alone = dict(clip.extra), clip.extra.get("words")
+    if isinstance(words_alone, tuple):  # of a clip without sound
+        extra["words"] = tuple(replace(w, start=w.start / factor, end=w.end / factor) for w in words_alone)
     return replace(
         clip,
         name=f"{clip.name}|x{factor:g}",
+        extra=extra,
         speech=speech,
         motion=None if motion is None else replace(motion, fps=motion.fps * factor),
         points=None if points is None else replace(points, fps=points.fps * factor),

@@ -241,7 +241,7 @@ def _pieces(
         samples = speech.samples[round(start * speech.rate) : round(stop * speech.rate)]
         if not len(samples):
             raise InputError(f"'audio/{name}.flac' ends before {start:.1f} s", "is it cut short?")
-        sound = Speech(samples, speech.rate, _words(entries, len(samples) / speech.rate), name=piece)
+        sound = Speech(samples, speech.rate, _words(entries, start, len(samples) / speech.rate), name=piece)
         return Clip(name=piece, speaker=tracks.speaker, corpus="faces", speech=sound, motion=motion, split=split, start=start)
 
     whole = len(cuts) == 2
@@ -285,11 +285,18 @@ def _read_alignment(path: Path) -> list[tuple[float, float, str]]:
     return entries
 
 
-def _words(entries: list[tuple[float, float, str]] | None, seconds: float) -> tuple[Word, ...] | None:
-    """Those that lie within the sound."""
+def _words(entries: list[tuple[float, float, str]] | None, first: float, seconds: float) -> tuple[Word, ...] | None:
+    """Those that begin in a piece of a take.
+
+    Args:
+        entries: start and end in seconds of the take, word; None: no words are known.
+        first: where the piece begins, seconds of the take.
+        seconds: its length.
+    """
     if entries is None:
         return None
-    return tuple(Word(word, start, min(end, seconds)) for start, end, word in entries if start < min(end, seconds))
+    own = [(start - first, min(end - first, seconds), word) for start, end, word in entries]
+    return tuple(Word(word, start, end) for start, end, word in own if 0 <= start < end)
 
 
 def _moving(face: Array, head: Array | None, fps: float) -> Motion:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from array import array
 from dataclasses import replace
+from math import ceil
 
 import numpy as np
 
@@ -15,12 +16,17 @@ from ..audio.voice_emotion import LOOKS
 from ..motion.rotations import Array
 from .emotion_modifiers import EmotionModifier
 
-__all__ = ["Arousal", "amplitude", "arouse"]
+__all__ = ["Arousal", "amplitude", "arouse", "first_look"]
 
 _TRUST = 12  # looks after which a measured arousal counts half [ours: 6 s of speech]
 _INERTIA = 0.75  # per look: arousal changes over some two seconds [ours]
 _USUALLY, _EXTENT = 0.25, 0.4  # [ours] arousal up to which poses stay; share by which full arousal enlarges learned poses
 _AMPLITUDE, _RATE, _TEMPO, _BODY = 0.22, 0.15, 0.15, 0.2  # [ours] share by which full arousal changes an `EmotionModifier`
+
+
+def first_look(time: float) -> int:
+    """The number of the first look at the voice at ``time`` seconds or after; look k is at k · `LOOKS`."""
+    return ceil(time / LOOKS - 1e-9)
 
 
 class Arousal:
@@ -46,8 +52,8 @@ class Arousal:
         self._ticks += 1
 
     def begin(self, time: float) -> None:
-        """The first look is at ``time`` seconds; before anything is followed."""
-        self._first = round(time / LOOKS)
+        """The first look is at ``time`` seconds or soon after; before anything is followed."""
+        self._first = first_look(time)
 
     @property
     def mean(self) -> float:

@@ -11,7 +11,7 @@ from ..audio.emotions import EMOTIONS, EmotionTrack, Moods, SteeredMoods
 from ..audio.voice_emotion import LOOKS, ConfidentEmotion, VoiceEmotion
 from ..motion.curves import clip
 from ..motion.rotations import Array
-from .arousal import Arousal
+from .arousal import Arousal, first_look
 
 __all__ = ["SPAN", "Mood"]
 
@@ -80,7 +80,7 @@ class Mood:
             self._voice = SteeredMoods(_ALL_VOICE if self.track is None else _NO_VOICE)
             if self.track is not None:
                 self.arousal.begin(time)
-                self._course.first = round(time / LOOKS)
+                self._course.first = first_look(time)
             self.track = SteeredMoods(self.track or self._course)
         assert isinstance(self.track, SteeredMoods)
         self.track.change(track or self._course, time)

@@ -393,8 +393,13 @@ def _emotion_data(emotion: object) -> object:
         if not isinstance(emotion, str):
             raise InputError("an emotion that is heard cannot be a part of a plan", "auto, a name or an EmotionTrack")
         return emotion
-    rows = zip(emotion.times.tolist(), emotion.weights.tolist(), strict=True)
+    later = emotion.times > 0
+    if later.all():
+        times, weights = emotion.times, emotion.weights
+    else:  # what is before 0 is not played
+        times, weights = np.append(0.0, emotion.times[later]), np.vstack([emotion.at(np.zeros(1)), emotion.weights[later]])
+    rows = zip(times.tolist(), weights.tolist(), strict=True)
     return tuple(
-        {"time": max(time, 0.0), "weights": {name: share for name, share in zip(EMOTIONS, row, strict=True) if share > 0}}
+        {"time": time, "weights": {name: share for name, share in zip(EMOTIONS, row, strict=True) if share > 0}}
         for time, row in rows
     )

@@ -83,8 +83,8 @@ class PlannedGesture(_Part):
 
     id: Name
     form: str
-    stroke: Moment
-    """When the speed of the first stroke peaks."""
+    stroke: Time
+    """When the speed of the first stroke peaks. It is before 0 for a gesture on the very first syllable."""
     start: Time | None = None
     """When the preparation begins."""
     end: Time | None = None

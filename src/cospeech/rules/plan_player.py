@@ -12,6 +12,7 @@ import warnings
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from hashlib import blake2b
 from random import Random
 from typing import Any, NamedTuple
 
@@ -175,11 +176,10 @@ class PlanPlayer(Planner):
         self._plan = plan
         self._base = _Source(style, "", seed=plan.seed, **own)
         self._stretches: list[tuple[Stretch, _Source]] = []
-        for k, stretch in enumerate(each for each in plan.stretches if each.seed is not None):
+        for stretch in (each for each in plan.stretches if each.seed is not None):
             other = style if stretch.style is None else find_style(stretch.style)
             size = intensity if stretch.intensity is None else stretch.intensity
-            name = f"-{stretch.seed}" + (f".{k}" if k else "")
-            source = _Source(other, name, seed=stretch.seed, intensity=size, temperature=temperature)
+            source = _Source(other, _name_source(stretch), seed=stretch.seed, intensity=size, temperature=temperature)
             self._stretches.append((stretch, source))
         self.posture.gaze = _PlannedGaze(self, style.averted)
         self._waiting = {each.id: each for each in plan.gestures}
@@ -265,8 +265,10 @@ class PlanPlayer(Planner):
 
     def _is_open(self, time: float) -> bool:
         """Whether the plan leaves this time to a source, and does not list its gestures."""
-        stretch = next((each for each, _ in self._stretches if each.holds(time)), None)
-        return self._plan.open if stretch is None else stretch.open
+        stretch = next((each for each in self._plan.stretches if each.holds(time)), None)
+        if stretch is not None and stretch.seed is not None:
+            return stretch.open
+        return self._plan.open or (stretch is not None and stretch.open)  # a stretch without a seed has that of the plan
 
     def _time_of(self, decision: _Decision) -> float:
         """The time whose stretch rules a decision: of a gesture that reaches into a lock, one in the lock."""
@@ -334,6 +336,12 @@ class PlanPlayer(Planner):
         override = GestureOverride(entry.stroke, entry.begins, entry.end, entry.hold, entry.hands, entry.size, entry.place)
         word = Word(entry.word, entry.stroke, entry.stroke) if entry.word else None
         return self._perform(now, entry.stroke + LEAD, _STRENGTH, entry.form, self.modifier, word, override)
+
+
+def _name_source(stretch: Stretch) -> str:
+    """What the ids of a stretch's gestures end in: it depends on nothing outside of the stretch, nor on its borders."""
+    own = [stretch.style, stretch.intensity]
+    return f"-{stretch.seed}" + ("" if own == [None, None] else f".{blake2b(repr(own).encode(), digest_size=3).hexdigest()}")
 
 
 def _meet(gesture: PlannedGesture, other: PlannedGesture) -> bool:

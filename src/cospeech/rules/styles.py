@@ -325,7 +325,7 @@ def mix_styles(parts: Mapping[str, float]) -> Style:
     share = {name: weight / total for name, weight in parts.items() if weight > 0}
     main = STYLES[max(share, key=lambda name: share[name])]
     values: dict[str, object] = {}
-    for name in (f.name for f in fields(Style) if isinstance(getattr(main, f.name), float)):
+    for name in (f.name for f in fields(Style) if f.type == "float"):
         values[name] = sum(getattr(STYLES[style], name) * weight for style, weight in share.items())
     forms = {form for style in share for form in STYLES[style].repertoire}
     values["repertoire"] = {f: sum(STYLES[s].repertoire.get(f, 1.0) * w for s, w in share.items()) for f in sorted(forms)}

@@ -119,7 +119,7 @@ def test_it_is_the_density_of_the_recorded_poses_whatever_the_network_gives(exce
     run = player(name, settings, excerpts)
     score_likelihood(run, excerpts)
     nll, gain = tables
-    order = order_within_speakers(excerpts.speakers())
+    order = order_within_speakers(excerpts.speakers(), excerpts.clips, excerpts.starts, 37)
     for k, frame in ((0, 0), (3, 7), (len(excerpts) - 1, excerpts.protocol.made - 1)):
         own, other = (direct(run, excerpts, k, frame, speech_of) for speech_of in (k, order[k]))
         assert nll[k, frame] == pytest.approx(own, abs=2e-3)  # float32 against float64
@@ -176,11 +176,22 @@ def test_the_control_row_is_a_normal_density_of_steps(excerpts):
 
 def test_the_other_speech_is_of_the_same_speaker():
     speakers = [*"aaaabbbbbc"]
-    order = order_within_speakers(speakers)
+    clips, starts = np.arange(10), 100 * np.arange(10)
+    order = order_within_speakers(speakers, clips, starts, 30)
     assert [speakers[k] for k in order[:9]] == speakers[:9]
     assert (order != np.arange(10)).all()
     assert sorted(order[:9]) == [*range(9)]
     assert (np.abs(order[:4] - np.arange(4)) == 2).all()
+
+
+def test_the_other_speech_shares_no_frame_with_the_own_one():
+    speakers, clips = [*"aaabbbbbb"], np.array([0, 0, 0, 1, 1, 1, 2, 2, 2])
+    starts = np.array([0, 10, 20, 100, 110, 120, 300, 310, 320])
+    order = order_within_speakers(speakers, clips, starts, 30)
+    assert (clips[order] != clips).all()
+    assert [speakers[k] for k in order[3:]] == ["b"] * 6
+    alone = order_within_speakers([*"aaa"], np.zeros(3, int), np.array([0, 10, 20]), 30)
+    assert (alone != np.arange(3)).all()  # nothing else is there
 
 
 def test_clips_are_drawn_whole_and_the_same_for_all_rows(excerpts):

@@ -57,12 +57,15 @@ def piece(name: str, speaker: str, split: str, seed: int, manner: tuple[float, f
     return Piece(Entry(name, speaker, split, 0, FRAMES, 0.0, tuple(values)), (), lambda: dict(values))
 
 
-def write(folder: Path, manners: dict[str, tuple[float, float]], fps: float = FPS) -> Path:
+def write(
+    folder: Path, manners: dict[str, tuple[float, float]], fps: float = FPS, without_training: tuple[str, ...] = ()
+) -> Path:
     pieces = [
         piece(f"{name}-{split}-{k}", name, split, 100 * who + 10 * k + len(split), manner)
         for who, (name, manner) in enumerate(manners.items())
         for split in ("train", "test")
         for k in range(2)
+        if split == "test" or name not in without_training
     ]
     names = {"pose": DIRECTION_VECTORS.names, "audio": AUDIO_NAMES}
     write_store(folder, pieces, corpus="ted", pose="direction-vectors", fps=fps, names=names)
@@ -153,16 +156,25 @@ def test_the_table(table_runs, tmp_path):
     for row in table["rows"].values():
         assert 0 <= row["cells"][NAMED]["mean"] <= 1
         assert -1 <= row["cells"][SIZE]["mean"] <= 1
-    assert [verdict["verdict"] for verdict in table["verdicts"]] == ["undecided"] * 3 + ["not assayed"]
-    assert "--raw" in table["verdicts"][3]["because"]
+    assert [verdict["verdict"] for verdict in table["verdicts"]] == ["not assayed"] * 4
+    assert all("--raw" in verdict["because"] for verdict in table["verdicts"])  # nobody knows whether they follow the speech
     draw_table(table, table_runs, tmp_path / "poses.png")
     with Image.open(tmp_path / "poses.png") as picture:
         assert picture.width > 800
 
 
+def test_speakers_whom_the_judges_cannot_know_are_left_out(table_runs, tmp_path):
+    folder = write(tmp_path / "ted", SPEAKERS, without_training=("bob",))
+    transfers = bench(replace(table_runs, folder=folder))
+    assert transfers.pieces.speakers == ["ann", "cleo"]
+    assert len(transfers.pieces.who) == 4
+    assert "(2 of speakers without training recordings are left out)" in transfers.windows
+    assert transfers.controls()["ground truth"][NAMED]["value"] == 1
+
+
 def test_stores_that_do_not_fit(table_runs, tmp_path):
     one = replace(table_runs, folder=write(tmp_path / "one", {"ann": (1.0, 0.4)}))
-    with pytest.raises(InputError, match=r"test pieces of 1 speaker \(two at least\)"):
+    with pytest.raises(InputError, match=r"test pieces of 1 speaker .* \(two speakers at least\)"):
         bench(one)
     slow = replace(table_runs, folder=write(tmp_path / "slow", SPEAKERS, fps=12.0))
     with pytest.raises(InputError, match=r"at 12 fps \(direction-vectors at 15\)"):

@@ -114,7 +114,7 @@ def table_runs(store, recipes, runs) -> Runs:
 # what the papers say ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("table", sorted({*TABLES} - {"mix-3", "cog-figure-1"}))  # which have no figures
+@pytest.mark.parametrize("table", sorted({*TABLES} - {"mix-3", "cog-figure-1", "flow-figure-8"}))  # no figures
 def test_published_figures_bear_out_what_the_paper_claims_of_them(table):
     count = 0
     for part in TABLES[table].parts:
@@ -437,6 +437,44 @@ def test_a_run_that_was_cut_off_goes_on(table_runs, tmp_path):
     assert other.run("flow_ted_baseline", 5) == folder
     assert (folder / "best.safetensors").read_bytes() == (whole / "best.safetensors").read_bytes()
     shutil.rmtree(tmp_path)
+
+
+def test_what_matters_in_play_alone_tells_runs_apart(table_runs):
+    changes = ("moglow_ted:model.latent_scale=0.1",)
+    plain, small = (replace(table_runs, overrides=own).player("moglow_ted", 0) for own in ((), changes))
+    for one, other in zip(plain.net.parameters(), small.net.parameters(), strict=True):
+        assert torch.equal(one, other)
+    assert plain.fingerprint != small.fingerprint
+
+
+def test_a_changed_perceptual_network_makes_other_rows(table_runs):
+    changed_runs = replace(table_runs, overrides=(f"{OMEGA}_ted:train.steps=3",))
+    assert changed_runs.folder_of("flow_ted", 0) != table_runs.folder_of("flow_ted", 0)
+    assert changed_runs.folder_of("moglow_ted", 0) == table_runs.folder_of("moglow_ted", 0)  # it needs none
+    assert not changed_runs.is_done("flow_ted", 0)
+
+
+def test_a_run_goes_on_where_its_folder_has_another_path(store, recipes, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    cut_off(Runs(store, "mine", recipes, threads=1), "flow_ted", 0)
+    whole = Runs(store, tmp_path / "mine", recipes, threads=1)
+    assert whole.run("flow_ted", 0).is_dir()
+    assert whole.is_done("flow_ted", 0)
+
+
+def test_scores_are_of_the_data_as_it_is(store, tmp_path):
+    copy = tmp_path / "ted"
+    shutil.copytree(store, copy)
+    digests = [Runs(copy, tmp_path).digest_data(None)]
+    sound = np.load(copy / "audio.npy")
+    np.save(copy / "audio.npy", sound[::-1])
+    digests.append(Runs(copy, tmp_path).digest_data(None))
+    (tmp_path / "raw").mkdir()
+    (tmp_path / "raw" / "a.wav").write_bytes(b"12")
+    digests.append(Runs(copy, tmp_path).digest_data(tmp_path / "raw"))
+    (tmp_path / "raw" / "a.wav").write_bytes(b"123")
+    digests.append(Runs(copy, tmp_path).digest_data(tmp_path / "raw"))
+    assert len({*digests}) == 4
 
 
 def test_clusters_of_latents_and_their_map(table_runs, tmp_path):

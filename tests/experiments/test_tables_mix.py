@@ -396,6 +396,13 @@ def test_transfer_is_scored_by_one_classifier(table_runs):
         assert 0 <= row["named"]["mean"] <= 1
         assert "--raw" in row["beat_align"]["why"]
     assert "speaker-classifier" in table["head"]
+    sets = {row.name: row.runs[0] for row in part_of("mix-2", table_runs.store)[1].rows}
+    few = {name: some for name, some in sets.items() if len(some) < max(map(len, sets.values()))}
+    for name, some in few.items():  # its control rows are of the same speakers
+        own = table["rows"][name]["cells"][IS]["controls"]
+        assert own["ground truth"] == table["controls"][f"ground truth, {' and '.join(some)}"][IS]["mean"]
+        assert own["frozen pose"] != table["controls"]["frozen pose"][IS]["mean"]
+    assert few
     page = to_markdown(table)
     lines = [line.replace("\\|", "") for line in page.splitlines() if line.startswith("|")]
     assert {line.count("|") for line in lines} == {len(table["columns"]) + 2}

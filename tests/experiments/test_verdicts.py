@@ -201,7 +201,30 @@ def test_systems_that_do_not_follow_the_speech_give_no_verdict():
     assert verdict["verdict"] == NOT_ASSAYED
     assert "theirs hardly follows" in verdict["because"]
     silent = {"ours": cells("fgd", 1 + NEAR, lift=None), "theirs": cells("fgd", 3 - NEAR, lift=None)}
-    assert judge([CLAIM], evidence(silent))[0]["verdict"] == HOLDS  # a table without sound does not know it
+    (verdict,) = judge([CLAIM], evidence(silent))
+    assert (verdict["verdict"], verdict["because"]) == (
+        NOT_ASSAYED, "it is not known whether ours follows the speech: it has no beat lift",
+    )  # fmt: skip
+    deaf = evidence({"ours": cells("fgd", 1 + NEAR), "theirs": cells("fgd", 3 - NEAR)})
+    del deaf.controls["ground truth"]["beat_align"]["value"]
+    deaf.controls["ground truth"]["beat_align"]["why"] = "--raw names the corpus"
+    assert "--raw names the corpus" in judge([CLAIM], deaf)[0]["because"]
+
+
+def test_one_row_may_stand_for_the_network_that_follows():
+    claim = replace(CLAIM, follows="random")
+    rows = {"ours": cells("fgd", 1 + NEAR, lift=0.01), "theirs": cells("fgd", 3 - NEAR)}
+    for lift, expected in ((0.2, HOLDS), (0.02, NOT_ASSAYED)):
+        some = evidence(rows | {"random": cells("fgd", 2 + NEAR, lift=lift)})
+        assert judge([claim], some)[0]["verdict"] == expected
+
+
+def test_a_verdict_says_where_no_clips_were_drawn():
+    rows = {"ours": cells("fgd", 1 + NEAR), "theirs": cells("fgd", 3 - NEAR)}
+    assert "over seeds alone" in judge([CLAIM], evidence(rows))[0]["because"]
+    draws = np.random.default_rng(0).normal(size=(len(NEAR), 50))
+    rows = {"ours": cells("fgd", 1 + NEAR, 0.01 * draws), "theirs": cells("fgd", 3 - NEAR, 0.01 * draws)}
+    assert "over seeds alone" not in judge([CLAIM], evidence(rows))[0]["because"]
 
 
 LIKELY = Claim("nll", "ours", "theirs", False, "table 0")

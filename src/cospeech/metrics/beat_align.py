@@ -18,7 +18,7 @@ from ..motion.poses.euler import to_angles
 from ..motion.rotations import Array
 from ._scipy import scipy
 from .beat_lift import accents, lift_of_times, wrist_peaks
-from .interval import mean_score
+from .interval import groups_of, mean_score
 from .metric import metric
 from .movement import Track
 from .onsets import HOP, backtrack, onset_frames, onset_strength, onset_times, rms
@@ -111,7 +111,7 @@ def beat_align_gfge(generated: Sequence[Sample], reference: Sequence[Sample], to
         assert sample.positions is not None
         motion = speed_minima(sample.positions, round(ORDER * sample.fps / ORDER_FPS))
         values.append(closeness(motion, onset_times(*_speech(sample)) * sample.fps, FRAMES_SIGMA))
-    return mean_score(values, seed=tools.seed, note=f"{generated[0].fps:g} fps")
+    return mean_score(values, groups=groups_of(generated), seed=tools.seed, note=f"{generated[0].fps:g} fps")
 
 
 @metric("speech", "track", better="higher", hears=True)
@@ -121,7 +121,7 @@ def beat_align_ha2g(generated: Sequence[Sample], reference: Sequence[Sample], to
         raise InputError("a clip of fewer than 4 frames", "minima need neighbours")
     norm = np.concatenate([angle_changes(s.track)[1:] for s in (reference or generated) if s.track is not None]).mean(0)
     norm = np.where(norm > 0, norm, 1.0)
-    total, weight = [], []
+    total, weight, groups = [], [], []
     for sample in generated:
         assert sample.track is not None
         motion = angle_minima((angle_changes(sample.track) / norm).mean(1)) / sample.track.fps
@@ -129,9 +129,10 @@ def beat_align_ha2g(generated: Sequence[Sample], reference: Sequence[Sample], to
         if len(motion) and len(audio):  # as coded: clips without motion beats do not count at all
             total.append(closeness(audio, motion, HA2G_SIGMA))
             weight.append(float(len(audio)))
+            groups.append(sample.group)
     if not total:
         return Score(0.0, None, 0, "no motion beats")
-    return mean_score(total, weight, seed=tools.seed)
+    return mean_score(total, weight, groups=groups, seed=tools.seed)
 
 
 @metric("speech", "rotations", better="higher", hears=True)
@@ -140,7 +141,7 @@ def beat_align_beat(generated: Sequence[Sample], reference: Sequence[Sample], to
 
     As coded: the peak windows of the onsets are those of 22,050 Hz, and onsets move back to a minimum of the Hann-weighted rms.
     """
-    values = []
+    values, groups = [], []
     for sample in generated:
         assert sample.rotations is not None
         if not sample.rotations.shape[1]:
@@ -155,6 +156,7 @@ def beat_align_beat(generated: Sequence[Sample], reference: Sequence[Sample], to
         motion = _minima(np.linalg.norm(np.diff(angles, axis=0), axis=1), BEAT_ORDER) / sample.fps
         onsets = backtrack(onset_frames(onset_strength(samples, rate), LIBRARY_RATE), rms(samples, hann=True))
         values.append(closeness(onsets * (HOP / LIBRARY_RATE), motion, BEAT_SIGMA))
+        groups.append(sample.group)
     if not values:
         raise InputError("no clip is longer than 11 s", f"BEAT's form leaves out the first {BEAT_FROM:g} s")
-    return mean_score(values, seed=tools.seed)
+    return mean_score(values, groups=groups, seed=tools.seed)

@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT_INDEX
 from ._scipy import scipy
-from .interval import bootstrap
+from .interval import bootstrap, groups_of
 from .metric import metric
 from .sample import Sample, Score, Tools
 
@@ -78,8 +78,9 @@ def _clips(samples: Sequence[Sample]) -> list[Blinks]:
 
 
 def _score(samples: Sequence[Sample], figure: Callable[[Sequence[Blinks]], float], tools: Tools) -> Score:
-    clips = _clips(samples)
-    resamples = bootstrap(lambda indices: figure([clips[k] for k in indices]), len(clips), draws=DRAWS, seed=tools.seed)
+    faces = [sample for sample in samples if sample.face is not None]
+    clips = _clips(faces)
+    resamples = bootstrap(lambda k: figure([clips[i] for i in k]), groups_of(faces), draws=DRAWS, seed=tools.seed)
     return Score(figure(clips), resamples.interval, sum(len(clip.widths) for clip in clips), draws=resamples.draws)
 
 

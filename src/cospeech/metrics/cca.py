@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..motion.rotations import Array
-from .interval import mean_score
+from .interval import groups_of, mean_score, number_groups
 from .metric import metric, pair_samples
 from .sample import Sample, Score, Tools
 
@@ -56,13 +56,17 @@ def _poses(generated: Sequence[Sample], reference: Sequence[Sample]) -> list[tup
 @metric("positions", better="higher", paired=True, chance=True)
 def cca(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Canonical correlation on clips that the directions were not fitted on, −1 … 1; 0 for noise and for stillness."""
-    pairs = _poses(generated, reference)
-    if len(pairs) == 1:
-        half = len(pairs[0][0]) // 2
-        pairs = [(pairs[0][0][:half], pairs[0][1][:half]), (pairs[0][0][half:], pairs[0][1][half:])]
-    values = []
-    for fold in range(2):
-        fit, judge = pairs[fold::2], pairs[1 - fold :: 2]
+    pairs, groups = _poses(generated, reference), groups_of(generated)
+    place = number_groups(groups)
+    if not place.any():  # a single recording: its halves
+        halves = [(slice(None, len(pair[0]) // 2), slice(len(pair[0]) // 2, None)) for pair in pairs]
+        pairs = [(a[cut], b[cut]) for (a, b), cuts in zip(pairs, halves, strict=True) for cut in cuts]
+        place, groups = np.tile([0, 1], len(halves)), ["first half", "second half"] * len(halves)
+    values, judged_groups = [], list[str]()
+    for fold in range(2):  # of groups: takes and parts of one recording are on one side
+        fit = [pair for pair, k in zip(pairs, place, strict=True) if k % 2 == fold]
+        judge = [pair for pair, k in zip(pairs, place, strict=True) if k % 2 != fold]
+        judged_groups += [name for name, k in zip(groups, place, strict=True) if k % 2 != fold]
         motion, true = (np.concatenate([pair[k] for pair in fit]) for k in range(2))
         if motion.std(0).max() <= STILL:
             values += [0.0] * len(judge)
@@ -72,7 +76,7 @@ def cca(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) 
             x, y = a @ wa, b @ wb
             moving = min(x.std(), y.std()) > 1e-12
             values.append(float(np.corrcoef(x, y)[0, 1]) if moving else 0.0)
-    return mean_score(values, seed=tools.seed)
+    return mean_score(values, groups=judged_groups, seed=tools.seed)
 
 
 @metric("positions", better="higher", paired=True)

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import InputError
 from ..motion.poses.euler import to_angles
 from ..motion.rotations import Array
-from .interval import bootstrap, mean_score
+from .interval import bootstrap, groups_of, mean_score
 from .metric import metric
 from .sample import Sample, Score, Tools, pose_vectors, select_vectors
 
@@ -53,7 +53,8 @@ def _windows(sample: Sample, *, root: bool = False) -> Array:
 @metric("positions|points", better="reference", unit="mm (px)", same=("rate", "joints"))
 def diversity(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Mean distance of all pairs of windows (34 frames), mm per coordinate; best where it equals the reference's."""
-    clips = [window for sample in generated if len(window := _windows(sample))]
+    long_enough = [sample for sample in generated if len(_windows(sample))]
+    clips = [_windows(sample) for sample in long_enough]
     sizes = np.array([len(windows) for windows in clips], np.int64)
     unit = MILLI if generated[0].positions is not None else 1.0
 
@@ -66,7 +67,7 @@ def diversity(generated: Sequence[Sample], reference: Sequence[Sample], tools: T
     value = of(np.arange(len(clips))) if clips else float("nan")
     if not np.isfinite(value):
         raise InputError(f"fewer than two windows of {FRAMES} frames", "longer clips, or more of them")
-    resamples = bootstrap(of, len(clips), draws=DRAWS, seed=tools.seed)
+    resamples = bootstrap(of, groups_of(long_enough), draws=DRAWS, seed=tools.seed)
     return Score(value, resamples.interval, sum(map(len, clips)), draws=resamples.draws)
 
 
@@ -91,7 +92,7 @@ def diversity_mix_stage(generated: Sequence[Sample], reference: Sequence[Sample]
     mean = np.concatenate([select_vectors(sample) for sample in reference]).mean(0)
     unit = MILLI if generated[0].positions is not None else 1.0
     values = [float(np.abs(select_vectors(sample) - mean).mean() * unit) for sample in generated]
-    return mean_score(values, [len(sample) for sample in generated], seed=tools.seed)
+    return mean_score(values, [len(sample) for sample in generated], groups=groups_of(generated), seed=tools.seed)
 
 
 @metric("positions|points", better="reference", unit="mm (px)")
@@ -102,7 +103,7 @@ def l1_div(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tool
     for sample in generated:
         poses = pose_vectors(sample)
         values.append(float(np.abs(poses - poses.mean(0)).mean() * unit))
-    return mean_score(values, [len(sample) for sample in generated], seed=tools.seed)
+    return mean_score(values, [len(sample) for sample in generated], groups=groups_of(generated), seed=tools.seed)
 
 
 @metric("rotations", better="higher", unit="° summed over coordinates")
@@ -116,4 +117,4 @@ def l1_div_beat(generated: Sequence[Sample], reference: Sequence[Sample], tools:
         assert sample.rotations is not None
         angles = to_angles(sample.rotations).reshape(len(sample.rotations), -1)
         values.append(float(np.abs(angles - angles.mean(0)).sum() / len(angles)))
-    return mean_score(values, [len(sample) for sample in generated], seed=tools.seed)
+    return mean_score(values, [len(sample) for sample in generated], groups=groups_of(generated), seed=tools.seed)

@@ -21,6 +21,6 @@ __all__ = ["face_mse"]
 def face_mse(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Mean (Δ weight)² of the 52 ARKit weights to the recording, without the seed frames."""
     pairs = pair_samples(generated, reference, "face")
-    gaps = [np.square(face - true)[sample.seed_frames :] for sample, _, face, true in pairs]
-    gaps = [gap for gap in gaps if len(gap)]
-    return mean_score([float(gap.mean()) for gap in gaps], [float(len(gap)) for gap in gaps], seed=tools.seed)
+    own = [(np.square(face - true)[sample.seed_frames :], sample.group) for sample, _, face, true in pairs]
+    gaps, groups = [gap for gap, _ in own if len(gap)], [group for gap, group in own if len(gap)]
+    return mean_score([float(gap.mean()) for gap in gaps], [float(len(gap)) for gap in gaps], groups=groups, seed=tools.seed)

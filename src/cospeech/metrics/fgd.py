@@ -17,7 +17,7 @@ import numpy as np
 from ..errors import InputError, say_count
 from ..motion.rotations import Array
 from ._scipy import scipy
-from .interval import Resampled
+from .interval import Resampled, groups_of, number_groups
 from .metric import metric
 from .sample import FeatureNet, Sample, Score, Tools, select_vectors
 
@@ -87,14 +87,24 @@ def frechet_published(mean_a: Array, covariance_a: Array, mean_b: Array, covaria
 
 
 def _clips(samples: Sequence[Sample], net: FeatureNet) -> list[Array]:
-    clips = [features for sample in samples if len(features := net.windows(sample))]
+    """(N, F) features of the windows of each group of samples that has one."""
+    clips = [net.windows(sample) for sample in samples]
     if sum(map(len, clips)) < 2:
         raise InputError(f"{say_count(sum(map(len, clips)), 'window')} of {net.frames} frames", "longer clips, or more of them")
-    return clips
+    return [rows for rows in _join(clips, samples) if len(rows)]
+
+
+def _join(rows: Sequence[Array], samples: Sequence[Sample]) -> list[Array]:
+    """The rows of all samples of a group, one after the other; samples without a row count for nothing."""
+    place = number_groups(groups_of(samples))
+    groups: list[list[Array]] = [[] for _ in range(place.max(initial=-1) + 1)]
+    for k, own in zip(place, rows, strict=True):
+        groups[k] += [own] if len(own) else []
+    return [np.concatenate(own) for own in groups if own]
 
 
 def _resample(a: list[Array], b: list[Array], value: float, seed: int) -> Resampled:
-    """Draw the clips of both sides with replacement, and take off the upward bias of the draws."""
+    """Draw the groups of both sides with replacement, and take off the upward bias of the draws."""
     if len(a) < 2 or len(b) < 2:
         return Resampled()
     rng, centre = np.random.default_rng(seed), np.concatenate(b).mean(0)
@@ -145,5 +155,5 @@ def fid_poses(generated: Sequence[Sample], reference: Sequence[Sample], tools: T
         raise InputError("the reference does not move")
     a, b = ([((x - mean) / np.maximum(deviation, 1e-300))[:, moving] for x in side] for side in (a, b))
     value = frechet(*moments(np.concatenate(a)), *moments(np.concatenate(b)))
-    resamples = _resample(a, b, value, tools.seed)
+    resamples = _resample(_join(a, generated), _join(b, reference), value, tools.seed)
     return Score(value, resamples.interval, sum(map(len, a)), "frames", resamples.draws)

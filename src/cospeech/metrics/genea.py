@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..motion.rotations import Array
-from .interval import bootstrap, mean_score
+from .interval import bootstrap, groups_of, mean_score
 from .metric import metric
 from .sample import Sample, Score, Tools
 from .wasserstein import rates
@@ -44,20 +44,20 @@ def hellinger(a: Array, b: Array) -> float:
 @metric("positions", better="reference", unit="m/s³")
 def jerk(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Mean jerk of the joints, m/s³; every clip counts the same; best where it equals the reference's."""
-    return mean_score([float(rates(sample, 3).mean()) for sample in generated], seed=tools.seed)
+    return mean_score([float(rates(sample, 3).mean()) for sample in generated], groups=groups_of(generated), seed=tools.seed)
 
 
 @metric("positions", better="reference", unit="m/s²")
 def acceleration(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Mean acceleration of the joints, m/s²; every clip counts the same; best where it equals the reference's."""
-    return mean_score([float(rates(sample, 2).mean()) for sample in generated], seed=tools.seed)
+    return mean_score([float(rates(sample, 2).mean()) for sample in generated], groups=groups_of(generated), seed=tools.seed)
 
 
 @metric("positions", better="reference", unit="m/s³ at 30 fps")
 def jerk_genea(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """GENEA's average jerk: × 30³ whatever the frame rate is."""
     values = [float(rates(sample, 3).mean() * (FPS / sample.fps) ** 3) for sample in generated]
-    return mean_score(values, seed=tools.seed)
+    return mean_score(values, groups=groups_of(generated), seed=tools.seed)
 
 
 def _histograms(samples: Sequence[Sample], *, end: bool) -> list[Array]:
@@ -70,7 +70,7 @@ def _score(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tool
         raise InputError("no reference clips")
     histograms, true = _histograms(generated, end=end), np.sum(_histograms(reference, end=end), 0)
     resamples = bootstrap(
-        lambda k: hellinger(np.sum([histograms[i] for i in k], 0), true), len(histograms), draws=DRAWS, seed=tools.seed
+        lambda k: hellinger(np.sum([histograms[i] for i in k], 0), true), groups_of(generated), draws=DRAWS, seed=tools.seed
     )
     return Score(hellinger(np.sum(histograms, 0), true), resamples.interval, len(histograms), draws=resamples.draws)
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..motion.rotations import Array
+from .interval import SCORE_DRAWS, bootstrap
 from .metric import metric
 from .sample import Sample, Score, Tools
 
@@ -65,4 +66,6 @@ def inception_score_published(generated: Sequence[Sample], reference: Sequence[S
     """Mix-StAGE's IS: all windows at once, ε = 1e-6."""
     assert tools.classifier is not None
     classes = _classes(generated, tools)
-    return Score(score_of_classes(classes, EPS), None, len(classes), tools.classifier.name)
+    groups = [s.group for s in generated for _ in range(len(tools.classifier.windows(s)))]
+    resamples = bootstrap(lambda k: score_of_classes(classes[k], EPS), groups, draws=SCORE_DRAWS, seed=tools.seed)
+    return Score(score_of_classes(classes, EPS), resamples.interval, len(classes), tools.classifier.name, resamples.draws)

@@ -51,21 +51,21 @@ def _of(moments: Array) -> Array:
     return values
 
 
-def _all(samples: Sequence[Sample]) -> Array:
-    """(clips, 3, lags) sums of the clips that are long enough.
+def _all(samples: Sequence[Sample]) -> tuple[Array, list[str]]:
+    """(clips, 3, lags) sums of the clips that are long enough, and their groups.
 
     Raises:
         InputError: no clip is long enough.
     """
-    clips = [sums for sample in samples if (sums := _moments(sample)) is not None]
-    if not clips:
+    rows = [(sums, sample.group) for sample in samples if (sums := _moments(sample)) is not None]
+    if not rows:
         raise InputError(f"no clip is longer than {SHORTEST:g} s", "longer clips with speech and a face")
-    return np.stack(clips)
+    return np.stack([sums for sums, _ in rows]), [group for _, group in rows]
 
 
 def correlations(samples: Sequence[Sample]) -> Array:
     """(101,) correlation of jaw and level at each of `LAGS`, over all clips."""
-    return _of(_all(samples).sum(0))
+    return _of(_all(samples)[0].sum(0))
 
 
 def _moves(samples: Sequence[Sample]) -> bool:
@@ -78,13 +78,13 @@ def jaw_lag(generated: Sequence[Sample], reference: Sequence[Sample], tools: Too
     """Seconds that the jaw is behind the level of the speech, at the best correlation; best where it equals the reference's."""
     if not _moves(generated):
         raise InputError("the jaw stands still", "a lag is of jaws that move")
-    clips = _all(generated)
+    clips, groups = _all(generated)
     best = _of(clips.sum(0))
 
     def lag(indices: Array) -> float:
         return float(LAGS[_of(clips[indices].sum(0)).argmax()] / RATE)
 
-    resamples = bootstrap(lag, len(clips), draws=DRAWS, seed=tools.seed)
+    resamples = bootstrap(lag, groups, draws=DRAWS, seed=tools.seed)
     note = f"correlation {best.max():.2f}"
     return Score(float(LAGS[best.argmax()] / RATE), resamples.interval, len(clips), note, resamples.draws)
 
@@ -92,7 +92,7 @@ def jaw_lag(generated: Sequence[Sample], reference: Sequence[Sample], tools: Too
 @metric("face", "speech", better="higher", hears=True)
 def jaw_correlation(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Correlation of the jaw with the level of the speech at the best lag, −1 … 1; 0 for a jaw that does not move."""
-    clips = _all(generated)
+    clips, groups = _all(generated)
     if not _moves(generated):
         return Score(0.0, None, len(clips), "the jaw stands still")
 
@@ -100,6 +100,6 @@ def jaw_correlation(generated: Sequence[Sample], reference: Sequence[Sample], to
         return float(_of(clips[indices].sum(0)).max())
 
     values = _of(clips.sum(0))
-    resamples = bootstrap(best, len(clips), draws=DRAWS, seed=tools.seed)
+    resamples = bootstrap(best, groups, draws=DRAWS, seed=tools.seed)
     note = f"lag {LAGS[values.argmax()] / RATE:+.2f} s"
     return Score(float(values.max()), resamples.interval, len(clips), note, resamples.draws)

@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import InputError
 from ..motion.rotations import Array
 from ..motion.skeletons.arkit import ARKIT_INDEX
-from .interval import bootstrap, mean_score
+from .interval import bootstrap, groups_of, mean_score
 from .metric import metric, pair_samples
 from .sample import Sample, Score, Tools
 from .speech_level import at_rate, level, silent
@@ -44,7 +44,7 @@ def kappa(counts: Array) -> float:
 @metric("face", "speech", better="higher", hears=True)
 def lip_closure(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Share of silent frames in which the mouth is shut (jawOpen < 0.1)."""
-    values, weights, speaking = [], [], []
+    values, weights, speaking, groups = [], [], [], []
     for sample in generated:
         assert sample.speech is not None
         assert sample.face is not None
@@ -58,10 +58,11 @@ def lip_closure(generated: Sequence[Sample], reference: Sequence[Sample], tools:
         if pause.any():
             values.append(float(closed[pause].mean()))
             weights.append(float(pause.sum()))
+            groups.append(sample.group)
     if not values:
         raise InputError("no clip has silence", "pauses of 0.15 s at least")
     note = f"in speech {np.concatenate(speaking).mean():.2f}"
-    return mean_score(values, weights, seed=tools.seed, note=note)
+    return mean_score(values, weights, groups=groups, seed=tools.seed, note=note)
 
 
 @metric("face", better="higher", paired=True, chance=True)
@@ -74,5 +75,5 @@ def lip_closure_agreement(generated: Sequence[Sample], reference: Sequence[Sampl
     every = np.stack(tables)
     if not all(every.sum(0).sum(1) > 0):
         raise InputError("the recorded mouth never opens, or never shuts", "recordings of faces that speak and pause")
-    resamples = bootstrap(lambda indices: kappa(every[indices].sum(0)), len(every), draws=DRAWS, seed=tools.seed)
+    resamples = bootstrap(lambda indices: kappa(every[indices].sum(0)), groups_of(generated), draws=DRAWS, seed=tools.seed)
     return Score(kappa(every.sum(0)), resamples.interval, int(every.sum()), draws=resamples.draws)

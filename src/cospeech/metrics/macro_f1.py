@@ -52,7 +52,7 @@ def macro_f1(true: Sequence[int], predictions: Sequence[int], clips: Sequence[st
     names = sorted(set(clips))
     counts = np.zeros((len(names), classes, classes))
     np.add.at(counts, (np.searchsorted(names, clips), a, b), 1)
-    resamples = bootstrap(lambda k: mean_f1(counts[k].sum(0)), len(names), draws=DRAWS, seed=seed)
+    resamples = bootstrap(lambda k: mean_f1(counts[k].sum(0)), names, draws=DRAWS, seed=seed)
     occurring = int((counts.sum((0, 2)) > 0).sum())
     note = f"{say_count(occurring, 'class', 'classes')}, {say_count(len(names), 'clip')}"
     return Score(mean_f1(counts.sum(0)), resamples.interval, len(a), note, resamples.draws)

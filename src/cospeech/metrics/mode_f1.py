@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..motion.rotations import Array
-from .interval import bootstrap
+from .interval import bootstrap, groups_of
 from .metric import metric, pair_samples
 from .sample import Sample, Score, Tools
 
@@ -68,15 +68,15 @@ def average_f1(counts: Array) -> float:
 def _score(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools, end_to_end: bool) -> Score:
     pairs = pair_samples(generated, reference, "points")
     centres = np.asarray(tools.centres, np.float64)
+    sides = [[true for *_, true in pairs], [points for _, _, points, _ in pairs]]
     if end_to_end:
-        parts = [(np.concatenate([p[2] for p in pairs]), np.concatenate([p[3] for p in pairs]))]
+        ends = np.cumsum([len(true) for true in sides[0]])[:-1]
+        modes = [np.split(nearest_centre(mode_features(np.concatenate(side)), centres), ends) for side in sides]
     else:
-        parts = [(points, true) for _, _, points, true in pairs]
-    counts = []
-    for points, true in parts:
-        modes = [nearest_centre(mode_features(x), centres) for x in (true, points)]
-        counts.append(confusion(modes[0], modes[1], len(centres)))
-    resamples = bootstrap(lambda k: average_f1(np.sum([counts[i] for i in k], 0)), len(counts), draws=DRAWS, seed=tools.seed)
+        modes = [[nearest_centre(mode_features(points), centres) for points in side] for side in sides]
+    counts = [confusion(true, own, len(centres)) for true, own in zip(*modes, strict=True)]
+    groups = groups_of(generated)
+    resamples = bootstrap(lambda k: average_f1(np.sum([counts[i] for i in k], 0)), groups, draws=DRAWS, seed=tools.seed)
     total = np.sum(counts, 0)
     return Score(average_f1(total), resamples.interval, int(total.sum()), f"{len(centres)} centres", resamples.draws)
 

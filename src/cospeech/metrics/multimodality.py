@@ -29,7 +29,7 @@ def multimodality(generated: Sequence[Sample], reference: Sequence[Sample], tool
     takes: dict[str, list[Sample]] = {}
     for sample in generated:
         takes.setdefault(sample.condition, []).append(sample)
-    values = []
+    values, groups = [], []
     for name, group in takes.items():
         poses = [pose_vectors(sample)[sample.seed_frames :] for sample in group]
         if len({pose.shape for pose in poses}) > 1:
@@ -39,9 +39,10 @@ def multimodality(generated: Sequence[Sample], reference: Sequence[Sample], tool
         size = 3 if group[0].positions is not None else 2
         gaps = [np.linalg.norm((a - b).reshape(len(a), -1, size), axis=-1).mean() for a, b in combinations(poses, 2)]
         values.append(float(np.mean(gaps)) * (MILLI if size == 3 else 1))
+        groups.append(group[0].group)
     if not values:
         raise InputError("no speech has two takes", "generate several per speech, and give them one condition")
-    return mean_score(values, seed=tools.seed, note=f"{len(generated)} takes of {len(takes)} speeches")
+    return mean_score(values, groups=groups, seed=tools.seed, note=f"{len(generated)} takes of {len(takes)} speeches")
 
 
 @metric("features", better="higher", same=("rate", "joints"))

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..motion.rotations import Array
-from .interval import mean_score
+from .interval import SCORE_DRAWS, bootstrap, groups_of, mean_score
 from .metric import metric, pair_samples
 from .sample import Sample, Score, Tools, select_points
 
@@ -42,13 +42,14 @@ def box_thresholds(true: Array, alpha: float) -> Array:
 @metric("positions", better="higher", paired=True)
 def pck(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Share of joints within 0.1 m of the recording, without root and seed frames."""
-    values, weights = [], []
+    values, weights, groups = [], [], []
     for sample, _, motion, true in pair_samples(generated, reference, "positions"):
         right = hits(motion, true, NEAR)[sample.seed_frames :, 1:]
         if right.size:
             values.append(float(right.mean()))
             weights.append(float(right.size))
-    return mean_score(values, weights, seed=tools.seed)
+            groups.append(sample.group)
+    return mean_score(values, weights, groups=groups, seed=tools.seed)
 
 
 @metric("positions", better="higher", paired=True)
@@ -56,7 +57,7 @@ def pck_gfge(generated: Sequence[Sample], reference: Sequence[Sample], tools: To
     """PCK of the flow paper: within 0.1 m; it counts the root and the seed frames as hits."""
     pairs = pair_samples(generated, reference, "positions")
     values = [float(hits(motion, true, NEAR).mean()) for _, _, motion, true in pairs]
-    return mean_score(values, [motion.size for _, _, motion, _ in pairs], seed=tools.seed)
+    return mean_score(values, [motion.size for _, _, motion, _ in pairs], groups=groups_of(generated), seed=tools.seed)
 
 
 def _shares(generated: Sequence[Sample], reference: Sequence[Sample], alpha: float) -> tuple[list[float], list[int]]:
@@ -73,20 +74,24 @@ def _shares(generated: Sequence[Sample], reference: Sequence[Sample], alpha: flo
 def pck_2d(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Share of key points within α of the frame's box, mean of α = .1 and .2; every frame counts the same."""
     low, high = (_shares(generated, reference, alpha) for alpha in ALPHAS)
-    return mean_score([(a + b) / 2 for a, b in zip(low[0], high[0], strict=True)], low[1], seed=tools.seed)
+    values = [(a + b) / 2 for a, b in zip(low[0], high[0], strict=True)]
+    return mean_score(values, low[1], groups=groups_of(generated), seed=tools.seed)
 
 
 @metric("points", better="higher", paired=True)
 def pck_mix_stage(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """PCK of Mix-StAGE: mean of the *running* means over clips, so that early clips count more."""
-    total, weight = 0.0, 0
     runs = [_shares(generated, reference, alpha) for alpha in ALPHAS]
-    sizes = runs[0][1]
-    running = [np.cumsum(np.multiply(shares, sizes)) / np.cumsum(sizes) for shares, _ in runs]
-    for k, size in enumerate(sizes):
-        total += size * sum(run[k] for run in running)
-        weight += size * len(running)
-    return Score(float(total / weight), None, len(sizes), "depends on the order of clips")
+    shares, sizes = np.array([run[0] for run in runs]), np.array(runs[0][1], np.float64)
+
+    def of(order: Array) -> float:
+        weights = sizes[order]
+        running = np.cumsum(shares[:, order] * weights, 1) / np.cumsum(weights)
+        return float((running @ weights).mean() / weights.sum())
+
+    resamples = bootstrap(of, groups_of(generated), draws=SCORE_DRAWS, seed=tools.seed)
+    value = of(np.arange(len(sizes)))
+    return Score(value, resamples.interval, len(sizes), "depends on the order of clips", resamples.draws)
 
 
 @metric("points", better="higher", paired=True)
@@ -99,4 +104,4 @@ def pck_s2g(generated: Sequence[Sample], reference: Sequence[Sample], tools: Too
         right = hits(points, true, threshold, closed=True)[:, keep]
         values.append(float(right.mean()))
         sizes.append(right.size)
-    return mean_score(values, sizes, seed=tools.seed)
+    return mean_score(values, sizes, groups=groups_of(generated), seed=tools.seed)

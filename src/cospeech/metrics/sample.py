@@ -16,8 +16,7 @@ from .movement import Track
 
 __all__ = ["FeatureNet", "Sample", "Score", "Tools", "select_points", "select_vectors", "pose_vectors"]
 
-MASKED = (0, 7, 8, 9)  # neck, nose and eyes of PATS' 52 points (Mix-StAGE metrics.py)
-PATS = 52  # key points of PATS
+PATS, MASKED = 52, (0, 7, 8, 9)  # key points of PATS; neck, nose and eyes of them (Mix-StAGE metrics.py)
 
 _SHAPES: dict[str, tuple[int, int | None]] = {
     "positions": (3, 3), "points": (3, 2), "rotations": (3, 4), "face": (2, len(ARKIT)), "semantics": (1, None),
@@ -42,6 +41,7 @@ class Sample:
         semantics: (T,) semantic score of each frame, 0 … 1.
         label: speaker or style.
         condition: name of the speech; samples with the same one are takes of the same speech. ``name`` if empty.
+        group: name of the recording that it is a take or a part of, such as a window. ``condition`` if empty.
         seed_frames: number of first frames that the system was given and did not make.
 
     Raises:
@@ -60,6 +60,7 @@ class Sample:
     semantics: Array | None = None
     label: str = ""
     condition: str = ""
+    group: str = ""
     seed_frames: int = 0
 
     def __post_init__(self) -> None:
@@ -84,8 +85,8 @@ class Sample:
             arrays = {each.name: getattr(self.track, each.name) for each in fields(self.track)}
             safe: dict[str, Any] = {name: _protect(value) for name, value in arrays.items() if isinstance(value, np.ndarray)}
             object.__setattr__(self, "track", replace(self.track, **safe))
-        if not self.condition:
-            object.__setattr__(self, "condition", self.name)
+        object.__setattr__(self, "condition", self.condition or self.name)
+        object.__setattr__(self, "group", self.group or self.condition)
 
     def __len__(self) -> int:
         for value in (self.positions, self.points, self.rotations, self.face, self.semantics):
@@ -186,10 +187,10 @@ class Tools:
 
 @dataclass(frozen=True)
 class Score:
-    """A value, its 95 % interval over clips (None where there is one clip only), and how many things it is computed from.
+    """A value, its 95 % interval over recordings (None where there is one only), and how many things it is computed from.
 
-    ``draws`` are the values for clips drawn with replacement, some of those that the interval is made of. Draw k takes the same
-    clips for every system that is scored on the same clips, so two systems can be compared draw by draw.
+    ``draws`` are the values for recordings (groups of samples) drawn with replacement, some of those that the interval is made
+    of. Draw k takes the same ones for every system that is scored on them, so two systems can be compared draw by draw.
     """
 
     value: float

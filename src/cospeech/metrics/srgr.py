@@ -52,7 +52,7 @@ def _semantics(sample: Sample) -> Array:
 @metric("rotations", "semantics", better="higher", paired=True)
 def srgr(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Share of joints within 4° of the recording; the semantic score weights the frames; 1 is perfect."""
-    values, weights, pairs = [], [], pair_samples(generated, reference, "rotations")
+    values, weights, groups, pairs = [], [], [], pair_samples(generated, reference, "rotations")
     moving = _moving(pairs)
     for sample, truth, motion, true in pairs:
         scores, moves = _semantics(truth)[sample.seed_frames :], moving[true.shape[1]]
@@ -60,19 +60,21 @@ def srgr(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools)
             right = right_joints(motion[:, moves], true[:, moves])[sample.seed_frames :].mean(1)
             values.append(float(right @ scores / scores.sum()))
             weights.append(float(scores.sum()))
+            groups.append(sample.group)
     if not values:
         raise InputError("no frame has a semantic score above 0", "annotated recordings, such as BEAT's")
-    return mean_score(values, weights, seed=tools.seed)
+    return mean_score(values, weights, groups=groups, seed=tools.seed)
 
 
 @metric("rotations", "semantics", better="higher", paired=True)
 def srgr_beat(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """SRGR as coded for BEAT: sum of Euler differences below 4°, weights ÷ 0.165; may exceed 1."""
-    values, weights, pairs = [], [], pair_samples(generated, reference, "rotations")
+    values, weights, groups, pairs = [], [], [], pair_samples(generated, reference, "rotations")
     moving = _moving(pairs)
-    for _, truth, *both in pairs:
+    for sample, truth, *both in pairs:
         motion, true = (joints[:, moving[joints.shape[1]]] for joints in both)
         gap = np.abs(np.degrees(quat_to_euler(motion, "XYZ") - quat_to_euler(true, "XYZ"))).sum(-1)
         values.append(float(((gap < NEAR).mean(1) * _semantics(truth) / MEAN_SCORE).mean()))
         weights.append(float(len(motion)))
-    return mean_score(values, weights, seed=tools.seed)
+        groups.append(sample.group)
+    return mean_score(values, weights, groups=groups, seed=tools.seed)

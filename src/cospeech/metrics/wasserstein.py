@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import InputError
 from ..motion.rotations import Array
 from ._scipy import scipy
-from .interval import bootstrap
+from .interval import bootstrap, groups_of
 from .metric import metric
 from .sample import Sample, Score, Tools, pose_vectors
 
@@ -50,7 +50,7 @@ def _score(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tool
     value = distance(np.concatenate(a), np.concatenate(b))
     shift = value - distance(np.concatenate(small), truth)
     resamples = bootstrap(
-        lambda k: distance(np.concatenate([small[i] for i in k]), truth), len(small), draws=DRAWS, seed=tools.seed
+        lambda k: distance(np.concatenate([small[i] for i in k]), truth), groups_of(generated), draws=DRAWS, seed=tools.seed
     )
     ends = resamples.interval
     interval = None if ends is None else (max(ends[0] + shift, 0.0), max(ends[1] + shift, 0.0))

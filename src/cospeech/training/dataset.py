@@ -292,7 +292,8 @@ def check_same(old: Mapping[str, Any], new: Mapping[str, Any], was: Mapping[str,
     changes = list_changes(
         read_recipe(old["recipe"]).to_dict(), new["recipe"]
     )  # keys that are newer than the run have their defaults
-    for part in ("config", "sizes", "store"):
+    changes = [text for text in changes if not text.startswith("needs.")]  # paths: what is there is compared
+    for part in ("config", "sizes", "store", "needs"):
         changes += list_changes({part: old[part]}, {part: new[part]})
     if changes:
         more = f", and {len(changes) - 1} more" if len(changes) > 1 else ""

@@ -68,8 +68,12 @@ class Chains:
         windows, clips = say_count(len(self.data), "test window"), say_count(len(self.data.entries), "clip")
         return f"{windows} of 34 frames, 4 of them given, joined to {clips}"
 
+    @cached_property
+    def _data_digest(self) -> str:
+        return self.runs.digest_data(self.data.raw)
+
     def _cache(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
-        own = ("cog", self.runs.fingerprint, self.columns, self.features, self.data.raw is not None)
+        own = ("cog", self.runs.fingerprint, self.columns, self.features, self._data_digest)
         return cache_result(Path(self.runs.runs) / "scores", [*own, *key], work)
 
     def _player(self, row: TableSystem, seed: int) -> PlayableRun:

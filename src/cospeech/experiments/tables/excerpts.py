@@ -9,7 +9,7 @@ that it makes, as in the authors' code (34 frames of 42 for TED, `GFGE cal_metri
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
@@ -97,6 +97,12 @@ class Excerpts:
         if len(self) < 2:
             raise InputError(f"{len(self)} test window of {span} frames in {str(folder)!r}", "a longer test split")
 
+    def keep_speakers(self, names: Collection[str]) -> int:
+        """Leave out the windows of all other speakers; before anything else is asked. Returns their number."""
+        keep = np.array([name in names for name in self.speakers()], bool)
+        self.clips, self.starts = self.clips[keep], self.starts[keep]
+        return int((~keep).sum())
+
     def __len__(self) -> int:
         return len(self.starts)
 
@@ -154,7 +160,7 @@ class Excerpts:
         sample = sample_of(clip, condition=condition, seed_frames=self.protocol.given, track=hears)
         joints = getattr(self.pose, "joints", None)
         sample = sample if joints is None else restrict_joints(sample, joints)
-        return replace(sample, name=name or clip.name)
+        return replace(sample, name=name or clip.name, group=self.store.clips[self.clips[int(condition)]].name)
 
     def samples(self, vectors: Array, which: Array | None = None, take: int = 1) -> list[Sample]:
         """Poses that a system made, behind those that it was given, as metrics see them.

@@ -32,6 +32,7 @@ class _Flows:
         self.columns = tuple(name for name in paper_table.columns if name not in COLUMNS)
         self.likely = len(self.columns) < len(paper_table.columns)
         self.excerpts = Excerpts(runs.folder, raw)
+        self._data = runs.digest_data(raw)
 
     @property
     def windows(self) -> str:
@@ -47,7 +48,7 @@ class _Flows:
             self.excerpts.protocol,
             self.columns,
             name,
-            self.excerpts.raw is not None,
+            self._data,
         )
         return cache_result(Path(self.runs.runs) / "scores", [*own, *key], work)
 

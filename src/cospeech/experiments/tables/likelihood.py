@@ -34,17 +34,30 @@ STEP_FLOOR = 1e-3
 """Least deviation of a step, in deviations of the poses; ours: the density of a number that never moves has no limit."""
 
 
-def order_within_speakers(speakers: Sequence[str]) -> Array:
-    """(N,) for each window another window of the same speaker, half of the speaker's windows away.
+def order_within_speakers(speakers: Sequence[str], clips: Array, starts: Array, frames: int) -> Array:
+    """(N,) for each window another window of the same speaker, half of the speaker's windows away if that shares no frame.
 
-    A speaker's only window gets one half of all windows away. So the words and their times differ, not the voice.
+    A speaker without such a window gets one half of all windows away. So the words and their times differ, not the voice.
+
+    Args:
+        speakers: of each window.
+        clips, starts: (N,) the clip of each window, and its first row in the store.
+        frames: of a window, with all that a network hears.
     """
-    order, names = np.roll(np.arange(len(speakers)), len(speakers) // 2), np.array(speakers)
-    for name in dict.fromkeys(speakers):
-        own = np.flatnonzero(names == name)
-        if len(own) > 1:
-            order[own] = np.roll(own, len(own) // 2)
-    return order
+    names, everyone = np.array(speakers), np.arange(len(speakers))
+
+    def choose(k: int, own: Array) -> int | None:
+        """The first window without a shared frame, from the one on that is half of them away."""
+        turn = np.roll(own, len(own) // 2 - int(np.searchsorted(own, k)))
+        apart = turn[(clips[turn] != clips[k]) | (np.abs(starts[turn] - starts[k]) >= frames)]
+        return int(apart[0]) if len(apart) else None
+
+    order = []
+    for k in range(len(speakers)):
+        other = choose(k, np.flatnonzero(names == names[k]))
+        other = choose(k, everyone) if other is None else other
+        order.append((k + len(everyone) // 2) % len(everyone) if other is None else other)
+    return np.array(order)
 
 
 def score_likelihood(player: PlayableRun, excerpts: Excerpts, *, threads: int = 0) -> Cells:
@@ -59,7 +72,8 @@ def score_likelihood(player: PlayableRun, excerpts: Excerpts, *, threads: int = 
     arrays = excerpts.inputs.gather(player, excerpts.starts - before, frames, speakers)
     try:
         with limited(threads):
-            likelihoods = measure_likelihood(player.net, arrays, order_within_speakers(speakers))
+            order = order_within_speakers(speakers, excerpts.clips, excerpts.starts, frames)
+            likelihoods = measure_likelihood(player.net, arrays, order)
     except InputError as problem:
         return {name: {"why": str(problem)} for name in COLUMNS}
     ours, theirs = player.statistics["pose_std"], standard_pose(excerpts.store).std

@@ -14,8 +14,9 @@ import numpy as np
 from ...corpora.attributes import attributes_of, body_of
 from ...corpora.clip import Clip
 from ...errors import say_count
-from ...metrics import Tools
+from ...metrics import Score, Tools
 from ...metrics.controls import CONTROLS, control_rows
+from ...metrics.interval import SCORE_DRAWS, Resampled, draw_groups
 from ...motion.rotations import Array
 from .controls import ORACLE, far_rows, faults_of, oracle_key
 from .mix_figures import draw_styles
@@ -23,7 +24,7 @@ from .mix_scores import OWN_COLUMNS, mean_cells, score_cells, score_target_style
 from .mix_windows import MixWindows
 from .paper_tables import Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .runs import CLASSIFIER, PlayableRun, Runs, of_speakers
-from .scores import cache_result, cell
+from .scores import as_cell, cache_result, cell
 
 __all__ = ["Measured", "StylePreservation", "StyleTransfer"]
 
@@ -64,8 +65,12 @@ class _Windowed:
         """The number of windows and of their frames, in words."""
         return f"{say_count(len(self.data), 'test window')} of 64 frames, one after another"
 
+    @cached_property
+    def _data_digest(self) -> str:
+        return self.runs.digest_data(self.data.raw)
+
     def _cache(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
-        own = (type(self).__name__, self.runs.fingerprint, self.columns, self.data.raw is not None, self.features)
+        own = (type(self).__name__, self.runs.fingerprint, self.columns, self._data_digest, self.features)
         return cache_result(Path(self.runs.runs) / "scores", [*own, *key], work)
 
     def _player(self, row: TableSystem, speakers: tuple[str, ...], seed: int) -> PlayableRun:
@@ -205,9 +210,10 @@ class StyleTransfer(_Windowed):
         classes, names = self.classes(output.poses), self.classifier.speakers
         own = classes[:, [names.index(name) for name in speakers]]
         own = own / np.maximum(own.sum(1, keepdims=True), 1e-12)
-        groups = [(int(clip), style) for clip, style in zip(self.data.clips[output.which], output.styles, strict=True)]
+        clips = self.data.groups(output.which)
         target = np.array([[*speakers].index(style) for style in output.styles])
-        return score_cells(classes, own, self.classifier.fingerprint) | score_target_style(own, target, groups)
+        by_clip = list(zip(clips, output.styles, strict=True))
+        return score_cells(classes, own, self.classifier.fingerprint, clips) | score_target_style(own, target, by_clip)
 
     def _score_sound(self, clips: Sequence[Clip]) -> dict[str, Any]:
         if self.data.raw is None:
@@ -238,7 +244,22 @@ class StyleTransfer(_Windowed):
             cells = self.score(self.transfer(player, speakers), speakers)
             return cells | {"beat_align": self._score_sound(self._speaking(player, speakers))}
 
-        return self._cache([player.fingerprint], work), self._facts(player, 1)
+        cells: Cells = self._cache([player.fingerprint], work)
+        return self._with_controls(cells, speakers), self._facts(player, 1)
+
+    def _with_controls(self, cells: Cells, speakers: Sequence[str]) -> Cells:
+        """Cells with the values of control rows of the same speakers, unless these are the largest set: fewer are easier."""
+        if speakers == self._largest:
+            return cells
+        rows = self._cache(["controls", speakers], partial(self._score_recordings, speakers))
+        values_of = {
+            metric: {name: own[metric]["value"] for name, own in rows.items() if "value" in own[metric]} for metric in cells
+        }
+        return {metric: {**cell, "controls": values_of[metric]} for metric, cell in cells.items()}
+
+    @property
+    def _largest(self) -> tuple[str, ...]:
+        return max((row.runs[0] for row in self.part.rows), key=len)
 
     def _score_recordings(self, speakers: Sequence[str]) -> dict[str, Cells]:
         """Scores of the control rows of a set of speakers, each in the own style and beside the own speech."""
@@ -262,7 +283,7 @@ class StyleTransfer(_Windowed):
     def controls(self) -> dict[str, Cells]:
         """Scores of all control rows of the largest set; of the other sets, those of the recordings alone."""
         sets = list(dict.fromkeys(row.runs[0] for row in self.part.rows))
-        largest = max(sets, key=len)
+        largest = self._largest
         rows: dict[str, Cells] = self._cache(["controls", largest], lambda: self._score_recordings(largest))
         for speakers in sets:
             if speakers != largest:
@@ -282,11 +303,21 @@ class Measured(_Windowed):
     def _label(self, row: TableSystem) -> str:
         return " and ".join(row.runs[0])
 
-    def _measure(self, poses: Array) -> Cells:
-        """Attributes of windows (n, 64, D) in the units of the store."""
+    def _measure(self, poses: Array, which: Array) -> Cells:
+        """Attributes of windows (n, 64, D) in the units of the store; ``which`` are their numbers."""
         bodies = [body_of(self.data.body(window)) for window in poses]
-        attributes = attributes_of([body for body, _ in bodies], bodies[0][1], self.data.store.fps)
-        return {name: {"value": float(getattr(attributes, name)), "interval": None, "note": ""} for name in self.columns}
+
+        def measure(rows: Array) -> list[float]:
+            attributes = attributes_of([bodies[k][0] for k in rows], bodies[0][1], self.data.store.fps)
+            return [float(getattr(attributes, name)) for name in self.columns]
+
+        values = measure(np.arange(len(bodies)))
+        draws = [measure(rows) for rows in draw_groups(self.data.groups(which), draws=SCORE_DRAWS)]
+        resamples = [Resampled.of(np.array(own)) for own in zip(*draws, strict=True)] or [Resampled()] * len(values)
+        return {
+            name: as_cell(Score(value, own.interval, len(bodies), draws=own.draws))
+            for name, value, own in zip(self.columns, values, resamples, strict=True)
+        }
 
     def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
         """Attributes of the other speakers' speech in the style of the speaker that is scored."""
@@ -295,7 +326,8 @@ class Measured(_Windowed):
 
         def work() -> Cells:
             which = self.data.of([name for name in speakers if name != style])
-            return self._measure(self.play(player, which, style).poses)
+            output = self.play(player, which, style)
+            return self._measure(output.poses, output.which)
 
         return self._cache([player.fingerprint, style], work), self._facts(player, 1)
 
@@ -304,7 +336,8 @@ class Measured(_Windowed):
         styles = dict.fromkeys(row.scored_speakers[0] for row in self.part.rows)
 
         def work(name: str) -> Cells:
-            return self._measure(self.data.rows("pose", self.data.of([name])))
+            which = self.data.of([name])
+            return self._measure(self.data.rows("pose", which), which)
 
         return {f"recordings of {name}": self._cache(["controls", name], partial(work, name)) for name in styles}
 

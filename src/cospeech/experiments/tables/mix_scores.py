@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
-from ...metrics import FeatureNet, Sample, Tools
+from ...metrics import FeatureNet, Sample, Score, Tools
 from ...metrics.inception_score import EPS, score_of_classes
+from ...metrics.interval import SCORE_DRAWS, bootstrap, mean_score
 from ...motion.rotations import Array
 from .paper_tables import Cells
-from .scores import cell
+from .scores import as_cell, cell
 
 __all__ = ["OWN_COLUMNS", "mean_cells", "score_cells", "score_target_style"]
 
@@ -37,27 +37,26 @@ def mean_cells(parts: Sequence[Cells]) -> Cells:
     return means
 
 
-def _cell(value: float) -> dict[str, Any]:
-    return {"value": value, "interval": None, "note": ""}
-
-
-def score_cells(classes: Array, own: Array, name: str) -> Cells:
+def score_cells(classes: Array, own: Array, name: str, clips: Sequence[str]) -> Cells:
     """Inception scores of windows.
 
     Args:
         classes: (N, C) probabilities of all speakers of the classifier.
         own: (N, S) probabilities of the speakers of the system alone, which sum to 1.
         name: of the classifier.
+        clips: (N,) the clip of each window; the bootstrap draws clips.
     """
     net = FeatureNet(name, lambda windows: windows[:, 0], 1, 1, lambda sample: classes[int(sample.name)][None])
     still = np.zeros((1, 2, 3))
-    samples = [Sample(str(k), 15.0, positions=still) for k in range(len(classes))]
+    samples = [Sample(str(k), 15.0, positions=still, group=clip) for k, clip in enumerate(clips)]
     tools = Tools(classifier=net)
     scores = {metric: cell(metric, samples, (), tools) for metric in ("inception_score_published", "inception_score")}
-    return scores | {"score_of_set": _cell(score_of_classes(own, EPS))}
+    resamples = bootstrap(lambda k: score_of_classes(own[k], EPS), clips, draws=SCORE_DRAWS)
+    whole = Score(score_of_classes(own, EPS), resamples.interval, len(own), draws=resamples.draws)
+    return scores | {"score_of_set": as_cell(whole)}
 
 
-def score_target_style(own: Array, target: Array, groups: Sequence[Hashable]) -> Cells:
+def score_target_style(own: Array, target: Array, groups: Sequence[tuple[str, str]]) -> Cells:
     """Shares of windows, and of clips (by the mean over their windows), whose style is the most probable one.
 
     Args:
@@ -65,9 +64,10 @@ def score_target_style(own: Array, target: Array, groups: Sequence[Hashable]) ->
         target: (N,) number of the style.
         groups: (N,) clip and style of each window.
     """
-    right = own.argmax(1) == target
-    clips: dict[Hashable, list[int]] = {}
+    right = (own.argmax(1) == target).astype(float)
+    performances: dict[tuple[str, str], list[int]] = {}
     for k, group in enumerate(groups):
-        clips.setdefault(group, []).append(k)
-    clip_hits = [own[rows].mean(0).argmax() == target[rows[0]] for rows in clips.values()]
-    return {"named": _cell(float(np.mean(clip_hits))), "named_windows": _cell(float(right.mean()))}
+        performances.setdefault(group, []).append(k)
+    hits = [float(own[rows].mean(0).argmax() == target[rows[0]]) for rows in performances.values()]
+    named = mean_score(hits, groups=[clip for clip, _ in performances])
+    return {"named": as_cell(named), "named_windows": as_cell(mean_score([*right], groups=[clip for clip, _ in groups]))}

@@ -85,7 +85,13 @@ class MixWindows:
     def samples(self, vectors: Array, which: Array) -> list[Sample]:
         """Poses for windows (n, 64, D), in the units of the store, as metrics see them."""
         clips = [self.clip(poses, str(k), self.speaker(k)) for k, poses in zip(which, vectors, strict=True)]
-        return [sample_of(clip, track=False) for clip in clips]
+        return [
+            replace(sample_of(clip, track=False), group=group) for clip, group in zip(clips, self.groups(which), strict=True)
+        ]
+
+    def groups(self, which: Array) -> list[str]:
+        """The clip of each window: its windows are drawn together."""
+        return [self.store.clips[k].name for k in self.clips[which]]
 
     def load_recordings(self, which: Array) -> list[Clip]:
         """The recordings of windows."""

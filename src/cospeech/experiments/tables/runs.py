@@ -202,14 +202,28 @@ class Runs:
         digest = _digest((Path(self.folder) / "index.json").read_bytes(), store.statistics("pose")[0].tobytes())
         return f"{store.corpus}-{store.pose}-{digest}"
 
+    def digest_data(self, raw: str | PathLike[str] | None) -> str:
+        """Tells the data that scores are of: some rows of each array of the store, and names and sizes of files of ``raw``."""
+        store = self.store
+        rows = [np.ascontiguousarray(array[:: max(1, len(array) // 1000)]).tobytes() for array in store.arrays.values()]
+        files = [] if raw is None else sorted(path for path in Path(raw).rglob("*") if path.is_file())
+        return _digest(*rows, *(f"{path.relative_to(str(raw))} {path.stat().st_size}".encode() for path in files))
+
     def folder_of(self, name: str, seed: int, more: Sequence[str] = ()) -> Path:
         """Folder of a run: store, scale, recipe with a digest of its contents, seed."""
         recipe = replace(self._recipe(name, seed, more), needs={})
         changes = list_changes(
             Recipe(recipe.model).to_dict(), recipe.to_dict()
         )  # compared with the defaults, so that a key that is added later is no change
-        own = _digest(*(text.encode() for text in [recipe.model, str(recipe.train.steps), *changes]))
+        texts = [recipe.model, str(recipe.train.steps), *changes, *self._name_omega(name, seed, more)]
+        own = _digest(*(text.encode() for text in texts))
         return Path(self.runs) / self.fingerprint / ("small" if self.small else "paper") / f"{name}-{own}-{seed}"
+
+    def _name_omega(self, name: str, seed: int, more: Sequence[str]) -> list[str]:
+        """The name of the folder of the perceptual network that a run needs, if the network is not as its recipe has it."""
+        omega = f"{OMEGA}_{self.store.corpus}"
+        differs = any(text.startswith(f"{omega}:") for text in self.overrides)
+        return [self.folder_of(omega, 0).name] if differs and "omega" in self._recipe(name, seed, more).needs else []
 
     def recipe(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> Recipe:
         """A recipe as the table trains it.
@@ -302,9 +316,10 @@ class Runs:
     def player(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> PlayableRun:
         """The run of a row; it is trained if it is missing."""
         folder = self.run(name, seed, more)
-        from ...training.checkpoint import stands_for
+        from ...training.checkpoint import read_facts, stands_for
 
-        fingerprint = _digest((folder / f"{stands_for(folder)}.safetensors").read_bytes())
+        config = json.dumps(read_facts(folder)["config"], sort_keys=True)  # some settings matter in play alone
+        fingerprint = _digest((folder / f"{stands_for(folder)}.safetensors").read_bytes(), config.encode())
         player = _open_runs.pop((folder, fingerprint), None) or _open_run(folder, fingerprint)
         _open_runs[folder, fingerprint] = player  # now the most recent
         while len(_open_runs) > 1 and sum(each.parameters for each in _open_runs.values()) > _OPEN:

@@ -78,11 +78,15 @@ class _Pieces:
     def __init__(self, folder: str | PathLike[str], raw: str | PathLike[str] | None) -> None:
         self.excerpts = Excerpts(folder, raw, PROTOCOL)
         store = self.excerpts.store
+        teaching = {clip.speaker for clip in store.clips if clip.split == "train" and clip.frames >= round(WINDOW * FPS)}
+        self.left_out = self.excerpts.keep_speakers(teaching)
+        """The number of pieces of speakers whom the judges cannot know."""
         if store.pose != "direction-vectors" or store.fps != FPS:
             raise InputError(f"a store of {store.pose!r} at {store.fps:g} fps", f"direction-vectors at {FPS}")
         names = self.excerpts.speakers()
         if len({*names}) < 2:
-            raise InputError(f"test pieces of {say_count(len({*names}), 'speaker')}", "two at least")
+            what = f"test pieces of {say_count(len({*names}), 'speaker')} with {WINDOW:g} s of training recordings"
+            raise InputError(what, "two speakers at least")
         self.speakers = [*dict.fromkeys(names)]
         self.who = np.array([self.speakers.index(name) for name in names])
         rng = np.random.default_rng(0)
@@ -122,9 +126,15 @@ class _Pieces:
         }
         return {name: WindowJudge(recordings, describe, window=WINDOW) for name, describe in views.items()}
 
+    @cached_property
+    def groups(self) -> list[str]:
+        """(N,) the clip of each piece; the bootstrap draws clips."""
+        return [self.excerpts.store.clips[k].name for k in self.excerpts.clips]
+
     def _over_pieces(self, values: Array) -> Score:
-        """The mean of (P,) values; the bootstrap draws pieces of speech."""
-        return mean_score([*values.reshape(len(self.who), -1).mean(1)], note=say_count(len(values), "performance"))
+        """The mean of (P,) values."""
+        means = values.reshape(len(self.who), -1).mean(1)
+        return mean_score([*means], groups=self.groups, note=say_count(len(values), "performance"))
 
     def score(self, poses: Array) -> dict[str, Score]:
         """The columns of (P, MADE, D) poses of the performances, except the lift."""
@@ -135,9 +145,10 @@ class _Pieces:
 
         def correlate(pieces: Array) -> float:
             some = rows[pieces].ravel()
-            return float(np.corrcoef(size[some], theirs[some])[0, 1])
+            with np.errstate(all="ignore"):  # of one clip that is drawn again and again
+                return float(np.corrcoef(size[some], theirs[some])[0, 1])
 
-        resamples = bootstrap(correlate, len(rows), draws=DRAWS)
+        resamples = bootstrap(correlate, self.groups, draws=DRAWS)
         value = correlate(np.arange(len(rows)))
         return {
             **{name: self._over_pieces((own == self.who[self.example]).astype(float)) for name, own in guesses.items()},
@@ -168,16 +179,17 @@ class StyleTransfers:
     features = "judges of styles that learnt from the training split"
 
     def __init__(self, paper_table: PaperTable, part: TableSplit, runs: Runs, raw: str | PathLike[str] | None) -> None:
-        self.runs, self.pieces = runs, _Pieces(runs.folder, raw)
+        self.runs, self.pieces, self._data = runs, _Pieces(runs.folder, raw), runs.digest_data(raw)
 
     @property
     def windows(self) -> str:
         """The number of pieces and performances, in words."""
         pieces, count = len(self.pieces.who), len(self.pieces.speech)
-        return f"{say_count(pieces, 'test piece')} of {MADE} frames, {say_count(count, 'performance')}"
+        more = f" ({self.pieces.left_out} of speakers without training recordings are left out)" if self.pieces.left_out else ""
+        return f"{say_count(pieces, 'test piece')} of {MADE} frames{more}, {say_count(count, 'performance')}"
 
     def _cache(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
-        whole = ["style transfer", self.runs.fingerprint, PROTOCOL, EXAMPLES, self.pieces.excerpts.raw is not None, *key]
+        whole = ["style transfer", self.runs.fingerprint, PROTOCOL, EXAMPLES, self._data, *key]
         return cache_result(Path(self.runs.runs) / "scores", whole, work)
 
     def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:

@@ -46,12 +46,14 @@ class Difference(NamedTuple):
         error: standard error, over seeds and clips.
         freedom: degrees of freedom; inf where clips alone vary.
         seeds: number of seeds.
+        over_clips: whether clips were drawn; else the error is over seeds alone, and the test clips are fixed.
     """
 
     mean: float
     error: float
     freedom: float
     seeds: int
+    over_clips: bool = True
 
     def above(self, limit: float) -> float:
         """One-sided p value for a difference above ``limit``: the null hypothesis is that it is not."""
@@ -84,14 +86,14 @@ def compare(a: Sequence[Mapping[str, Any]], b: Sequence[Mapping[str, Any]]) -> D
     gaps = np.array([x["value"] - y["value"] for x, y in zip(a, b, strict=True)], np.float64)
     seeds = gaps.var(ddof=1) / len(gaps) if len(gaps) > 1 else 0.0
     draws = [(x.get("draws") or (), y.get("draws") or ()) for x, y in zip(a, b, strict=True)]
-    clips = 0.0
-    if all(len(x) == len(y) > 1 for x, y in draws):
+    clips, over_clips = 0.0, all(len(x) == len(y) > 1 for x, y in draws)
+    if over_clips:
         means = np.mean([np.subtract(x, y) for x, y in draws], 0)
         means = means[np.isfinite(means)]
         clips = float(means.var(ddof=1)) if len(means) > 1 else 0.0
     total = seeds + clips
     freedom = total**2 / (seeds**2 / (len(gaps) - 1)) if seeds > 0 else np.inf
-    return Difference(float(gaps.mean()), sqrt(total), float(freedom), len(gaps))
+    return Difference(float(gaps.mean()), sqrt(total), float(freedom), len(gaps), over_clips)
 
 
 @dataclass(frozen=True)
@@ -235,14 +237,21 @@ def _gate(claim: Claim, evidence: Evidence) -> str | None:
             return f"{row} is not better than the control row {control!r}"
     if claim.metric == LIKELIHOOD:
         return next((why for row in rows if (why := _deaf(row, evidence)) is not None), None)
-    truth = evidence.controls.get(CONTROLS[0], {}).get(LIFT, {}).get("value")
-    if truth is not None:
-        for row in rows:
-            if all("value" in cells.get(LIFT, {}) for cells in evidence.rows[row]):
-                lift = evidence.mean(row, LIFT)
-                if lift < LEAST_LIFT * truth:
-                    return f"{row} hardly follows the speech: beat lift {lift:.3f}, of the recordings {truth:.3f}"
-    return None
+    return next((why for row in rows if (why := _follows_not(row, evidence)) is not None), None)
+
+
+def _follows_not(row: str, evidence: Evidence) -> str | None:
+    """Why a row does not follow the speech, or why nobody knows; None: it follows, or the table has no beat lift."""
+    if LIFT not in evidence.heads or CONTROLS[0] not in evidence.controls:
+        return None
+    lifts = [cells.get(LIFT, {}) for cells in (evidence.controls[CONTROLS[0]], *evidence.rows[row])]
+    lacking = next((cell.get("why", "it has no beat lift") for cell in lifts if "value" not in cell), None)
+    if lacking is not None:
+        return f"it is not known whether {row} follows the speech: {lacking}"
+    lift, truth = evidence.mean(row, LIFT), lifts[0]["value"]
+    if lift >= LEAST_LIFT * truth:
+        return None
+    return f"{row} hardly follows the speech: beat lift {lift:.3f}, of the recordings {truth:.3f}"
 
 
 def _text(claim: Claim, heads: Mapping[str, str]) -> str:
@@ -253,8 +262,10 @@ def _text(claim: Claim, heads: Mapping[str, str]) -> str:
 def _reason(difference: Difference, p: float) -> str:
     low, high = difference.interval
     chance = "p < .001" if p < 0.001 else f"p = {p:.3f}"
+    what = "" if difference.over_clips else " (over seeds alone: the metric draws no clips)"
     return (
         f"difference {difference.mean:+.3g}, 95 % interval {low:+.3g} … {high:+.3g}, {chance} (Holm), {difference.seeds} seeds"
+        + what
     )
 
 

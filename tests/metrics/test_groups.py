@@ -79,9 +79,9 @@ def test_no_effect_is_found_in_one_case_of_twenty_though_clips_are_windows():
 
 
 def test_groups_are_drawn_whole():
-    seen: list[np.ndarray] = []
-    bootstrap(lambda clips: float(seen.append(clips) or 0), ["a", "b", "a", "c"], draws=50)
-    for clips in seen:
+    draws: list[np.ndarray] = []
+    bootstrap(lambda clips: float(draws.append(clips) or 0), ["a", "b", "a", "c"], draws=50)
+    for clips in draws:
         assert (clips == 0).sum() == (clips == 2).sum()
     assert bootstrap(lambda clips: 0.0, ["a", "a"], draws=5).interval is None
 

@@ -97,6 +97,13 @@ class EmotionTrack:
             raise InputError(f"no emotion is called {str(name)[:60]!r}", suggest_emotion(str(name)[:60], EMOTIONS))
         return cls(np.zeros(1), np.array([[float(name == one) for one in EMOTIONS]]))
 
+    def without_past(self) -> EmotionTrack:
+        """The same from 0 s on, without moments before 0."""
+        later = self.times > 0
+        if later.all():
+            return self
+        return EmotionTrack(np.append(0.0, self.times[later]), np.vstack([self.at(np.zeros(1)), self.weights[later]]))
+
     def at(self, times: Array) -> Array:
         """(T, 8) weights at these times in seconds; they sum to 1."""
         seconds, last = np.asarray(times, float), len(self.times) - 1

@@ -393,12 +393,8 @@ def _emotion_data(emotion: object) -> object:
         if not isinstance(emotion, str):
             raise InputError("an emotion that is heard cannot be a part of a plan", "auto, a name or an EmotionTrack")
         return emotion
-    later = emotion.times > 0
-    if later.all():
-        times, weights = emotion.times, emotion.weights
-    else:  # what is before 0 is not played
-        times, weights = np.append(0.0, emotion.times[later]), np.vstack([emotion.at(np.zeros(1)), emotion.weights[later]])
-    rows = zip(times.tolist(), weights.tolist(), strict=True)
+    track = emotion.without_past()
+    rows = zip(track.times.tolist(), track.weights.tolist(), strict=True)
     return tuple(
         {"time": time, "weights": {name: share for name, share in zip(EMOTIONS, row, strict=True) if share > 0}}
         for time, row in rows

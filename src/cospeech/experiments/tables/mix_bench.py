@@ -212,8 +212,8 @@ class StyleTransfer(_Windowed):
         own = own / np.maximum(own.sum(1, keepdims=True), 1e-12)
         clips = self.data.groups(output.which)
         target = np.array([[*speakers].index(style) for style in output.styles])
-        by_clip = list(zip(clips, output.styles, strict=True))
-        return score_cells(classes, own, self.classifier.fingerprint, clips) | score_target_style(own, target, by_clip)
+        performances = list(zip(clips, output.styles, strict=True))
+        return score_cells(classes, own, self.classifier.fingerprint, clips) | score_target_style(own, target, performances)
 
     def _score_sound(self, clips: Sequence[Clip]) -> dict[str, Any]:
         if self.data.raw is None:

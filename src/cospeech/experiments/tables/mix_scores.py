@@ -69,5 +69,8 @@ def score_target_style(own: Array, target: Array, groups: Sequence[tuple[str, st
     for k, group in enumerate(groups):
         performances.setdefault(group, []).append(k)
     hits = [float(own[rows].mean(0).argmax() == target[rows[0]]) for rows in performances.values()]
-    named = mean_score(hits, groups=[clip for clip, _ in performances])
-    return {"named": as_cell(named), "named_windows": as_cell(mean_score([*right], groups=[clip for clip, _ in groups]))}
+    by_performance = mean_score(hits, groups=[clip for clip, _ in performances])
+    return {
+        "named": as_cell(by_performance),
+        "named_windows": as_cell(mean_score([*right], groups=[clip for clip, _ in groups])),
+    }

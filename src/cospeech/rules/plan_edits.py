@@ -393,8 +393,8 @@ def _emotion_data(emotion: object) -> object:
         if not isinstance(emotion, str):
             raise InputError("an emotion that is heard cannot be a part of a plan", "auto, a name or an EmotionTrack")
         return emotion
-    rows = zip(*(values.tolist() for values in (emotion.without_past().times, emotion.without_past().weights)), strict=True)
+    track = emotion.without_past()
     return tuple(
         {"time": time, "weights": {name: share for name, share in zip(EMOTIONS, row, strict=True) if share > 0}}
-        for time, row in rows
+        for time, row in zip(track.times.tolist(), track.weights.tolist(), strict=True)
     )

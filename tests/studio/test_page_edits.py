@@ -3,6 +3,7 @@
 # ruff: noqa: F811  fixtures
 from __future__ import annotations
 
+import time
 from base64 import b64encode
 
 import pytest
@@ -35,6 +36,14 @@ def drop_all(page, files: dict[str, bytes]) -> None:
         window.dispatchEvent(new DragEvent('drop', { dataTransfer: moved, cancelable: true })); }""",
         [[name, b64encode(data).decode()] for name, data in files.items()],
     )
+
+
+def wait_for(page, waiting: list) -> None:
+    """Wait until a request waits; the page's requests are seen while it is asked."""
+    until = time.monotonic() + 10
+    while not waiting:
+        assert time.monotonic() < until, "nothing was asked for"
+        page.evaluate("1")
 
 
 def test_each_of_many_quick_keys_counts(talking):
@@ -292,3 +301,33 @@ def test_all_tools_are_seen_in_a_low_window(talking):
     talking.keyboard.press("i")
     wait_until(talking, "document.getElementById('stretch-tools').getBoundingClientRect().height > 0")
     wait_until(talking, "document.getElementById('edits').getBoundingClientRect().bottom <= 620")
+
+
+def test_words_that_come_during_a_download_are_those_of_the_motion_that_is_shown(page, wav):
+    waiting = []
+    page.route("**/api/takes/*/motion", lambda route: waiting.append((route, route.fetch())), times=1)
+    page.set_input_files("#speech-file", wav)
+    wait_for(page, waiting)
+    drop_all(page, {"talk.srt": b"1\n00:00:00,500 --> 00:00:01,000\nhuge\n"})
+    wait_until(page, f"cospeechStudio.speech.words.length === 1 && {READY}")
+    mine = page.evaluate("cospeechStudio.takes[0].id")
+    ((route, answer),) = waiting
+    with page.expect_event("requestfinished", lambda request: request == route.request):
+        route.fulfill(response=answer)
+    page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    assert page.evaluate("cospeechStudio.takes[0].id") == mine
+    assert page.evaluate(f"{PLAN}.words.map(each => each.text)") == ["huge"]
+
+
+def test_a_take_that_was_asked_for_with_other_words_is_forgotten(page, wav):
+    waiting = []
+    page.route("**/api/takes", lambda route: waiting.append((route, route.fetch())), times=1)
+    page.set_input_files("#speech-file", wav)
+    wait_for(page, waiting)
+    drop_all(page, {"talk.srt": b"1\n00:00:00,500 --> 00:00:01,000\nhuge\n"})
+    wait_until(page, f"cospeechStudio.speech.words.length === 1 && {READY}")
+    ((route, answer),) = waiting
+    old = answer.json()["take"]
+    with page.expect_request(lambda each: each.method == "DELETE" and each.url.endswith(old), timeout=5000):
+        route.fulfill(response=answer)
+    assert page.evaluate("cospeechStudio.takes[0].id") != old

@@ -331,3 +331,21 @@ def test_a_take_that_was_asked_for_with_other_words_is_forgotten(page, wav):
     with page.expect_request(lambda each: each.method == "DELETE" and each.url.endswith(old), timeout=5000):
         route.fulfill(response=answer)
     assert page.evaluate("cospeechStudio.takes[0].id") != old
+
+
+def test_an_edit_that_was_undone_before_it_had_motion_does_not_come_back(talking):
+    talking.route("**/api/takes", lambda route: route.fulfill(json={"take": "never"}))  # is not done
+    names = talking.evaluate(f"{PLAN}.gestures.filter(each => each.form !== 'superimposed-beat').map(each => each.id)")
+    has = f"{PLAN}.gestures.some(each => each.id === '{{}}')"
+    for name in (names[0], names[-1]):
+        talking.locator(f'[data-id="{name}"]').focus()
+        talking.keyboard.press("Delete")
+        wait_until(talking, f"!{has.format(name)}")
+    talking.keyboard.press("Control+z")
+    wait_until(talking, "document.getElementById('notice').textContent === 'undone'")
+    assert talking.locator(f'[data-id="{names[-1]}"]').count() == 1
+    talking.locator(".gesture").first.focus()
+    talking.keyboard.press("k")
+    wait_until(talking, f"{PLAN}.locked?.length === 1")
+    assert [talking.evaluate(has.format(name)) for name in (names[0], names[-1])] == [False, True]
+    talking.unroute("**/api/takes")

@@ -17,7 +17,7 @@ const NEW_STUDIO = "the studio was started anew: open the address that it has pr
 
 interface Result { id: string; motion: Motion; plan: Plan | null; factor: number | null }
 type Edit = api.PlanEdit | ((plan: Plan) => api.PlanEdit | null);
-interface Step { settings: Settings; takes: { seed: number; edited: Plan | null }[]; chosen: number }
+interface Step { settings: Settings; takes: Pick<Take, "seed" | "edited" | "plan">[]; chosen: number }
 
 export class Takes {
   private readonly results = new Map<string, Result>();
@@ -50,7 +50,7 @@ export class Takes {
 
   /** Another speech: what was planned for the last one is not right for it. */
   openSpeech(speech: UploadedSpeech): void {
-    const forget = (step: Step): Step => ({ ...step, takes: step.takes.map((take) => ({ ...take, edited: null })) });
+    const forget = (step: Step): Step => ({ ...step, takes: step.takes.map((take) => ({ ...take, edited: null, plan: null })) });
     this.past = this.past.map(forget);
     this.future = this.future.map(forget);
     this.stepWithEdits = null;
@@ -315,7 +315,7 @@ export class Takes {
 
   private step(): Step {
     const { settings, takes, chosen } = this.store.state;
-    return { settings, takes: takes.map(({ seed, edited }) => ({ seed, edited })), chosen };
+    return { settings, takes: takes.map(({ seed, edited, plan }) => ({ seed, edited, plan })), chosen };
   }
 
   /** One step for the changes of one setting that follow each other quickly: a slider that keys move. */

@@ -349,3 +349,34 @@ def test_an_edit_that_was_undone_before_it_had_motion_does_not_come_back(talking
     wait_until(talking, f"{PLAN}.locked?.length === 1")
     assert [talking.evaluate(has.format(name)) for name in (names[0], names[-1])] == [False, True]
     talking.unroute("**/api/takes")
+
+
+@pytest.mark.parametrize(
+    ("keys", "way"),
+    [
+        ("ArrowRight ArrowRight", 0.2),
+        ("ArrowRight ArrowLeft ArrowLeft", -0.1),
+        ("ArrowRight Control+z ArrowRight ArrowRight", 0.2),
+        ("ArrowRight Delete", None),
+    ],
+)
+def test_quick_keys_move_a_value_from_where_it_then_is(talking, keys, way):
+    row, waiting = talking.locator('.track[data-value="emotion"]').bounding_box(), []
+    second = row["width"] / 4.0
+    drag(talking, (row["x"] + 1.0 * second, row["y"] + 8), (row["x"] + 2.0 * second, row["y"] + 8))
+    talking.select_option("#stretch-emotion", "anger")
+    wait_until(talking, f"{PLAN}.stretches?.length === 1 && {READY}")
+    before = talking.evaluate(f"{PLAN}.stretches[0]")
+    talking.locator(".segment").focus()
+    talking.route("**/api/plans/edit", lambda route: waiting.append(route), times=1)
+    for key in keys.split():
+        talking.keyboard.press(key)
+    wait_for(talking, waiting)
+    waiting[0].continue_()
+    if way is None:
+        wait_until(talking, f"!{PLAN}.stretches?.length")
+        return
+    ends = [before["from"] + way, before["to"] + way]
+    are_there = "{0}.length === {1} && Math.abs({0}[0].from - {2}) < 2e-3 && Math.abs({0}[0].to - {3}) < 2e-3"
+    wait_until(talking, are_there.format(f"{PLAN}.stretches", 1, *ends))
+    wait_until(talking, f"Math.abs(cospeechStudio.selection[0] - {ends[0]}) < 2e-3")

@@ -3,6 +3,7 @@
 # ruff: noqa: F811  fixtures
 from __future__ import annotations
 
+import time
 from base64 import b64encode
 
 import pytest
@@ -35,6 +36,14 @@ def drop_all(page, files: dict[str, bytes]) -> None:
         window.dispatchEvent(new DragEvent('drop', { dataTransfer: moved, cancelable: true })); }""",
         [[name, b64encode(data).decode()] for name, data in files.items()],
     )
+
+
+def wait_for(page, waiting: list) -> None:
+    """Wait until a request waits; the page's requests are seen while it is asked."""
+    until = time.monotonic() + 10
+    while not waiting:
+        assert time.monotonic() < until, "nothing was asked for"
+        page.evaluate("1")
 
 
 def test_each_of_many_quick_keys_counts(talking):
@@ -292,3 +301,82 @@ def test_all_tools_are_seen_in_a_low_window(talking):
     talking.keyboard.press("i")
     wait_until(talking, "document.getElementById('stretch-tools').getBoundingClientRect().height > 0")
     wait_until(talking, "document.getElementById('edits').getBoundingClientRect().bottom <= 620")
+
+
+def test_words_that_come_during_a_download_are_those_of_the_motion_that_is_shown(page, wav):
+    waiting = []
+    page.route("**/api/takes/*/motion", lambda route: waiting.append((route, route.fetch())), times=1)
+    page.set_input_files("#speech-file", wav)
+    wait_for(page, waiting)
+    drop_all(page, {"talk.srt": b"1\n00:00:00,500 --> 00:00:01,000\nhuge\n"})
+    wait_until(page, f"cospeechStudio.speech.words.length === 1 && {READY}")
+    mine = page.evaluate("cospeechStudio.takes[0].id")
+    ((route, answer),) = waiting
+    with page.expect_event("requestfinished", lambda request: request == route.request):
+        route.fulfill(response=answer)
+    page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    assert page.evaluate("cospeechStudio.takes[0].id") == mine
+    assert page.evaluate(f"{PLAN}.words.map(each => each.text)") == ["huge"]
+
+
+def test_a_take_that_was_asked_for_with_other_words_is_forgotten(page, wav):
+    waiting = []
+    page.route("**/api/takes", lambda route: waiting.append((route, route.fetch())), times=1)
+    page.set_input_files("#speech-file", wav)
+    wait_for(page, waiting)
+    drop_all(page, {"talk.srt": b"1\n00:00:00,500 --> 00:00:01,000\nhuge\n"})
+    wait_until(page, f"cospeechStudio.speech.words.length === 1 && {READY}")
+    ((route, answer),) = waiting
+    old = answer.json()["take"]
+    with page.expect_request(lambda each: each.method == "DELETE" and each.url.endswith(old), timeout=5000):
+        route.fulfill(response=answer)
+    assert page.evaluate("cospeechStudio.takes[0].id") != old
+
+
+def test_an_edit_that_was_undone_before_it_had_motion_does_not_come_back(talking):
+    talking.route("**/api/takes", lambda route: route.fulfill(json={"take": "never"}))  # is not done
+    names = talking.evaluate(f"{PLAN}.gestures.filter(each => each.form !== 'superimposed-beat').map(each => each.id)")
+    has = f"{PLAN}.gestures.some(each => each.id === '{{}}')"
+    for name in (names[0], names[-1]):
+        talking.locator(f'[data-id="{name}"]').focus()
+        talking.keyboard.press("Delete")
+        wait_until(talking, f"!{has.format(name)}")
+    talking.keyboard.press("Control+z")
+    wait_until(talking, "document.getElementById('notice').textContent === 'undone'")
+    assert talking.locator(f'[data-id="{names[-1]}"]').count() == 1
+    talking.locator(".gesture").first.focus()
+    talking.keyboard.press("k")
+    wait_until(talking, f"{PLAN}.locked?.length === 1")
+    assert [talking.evaluate(has.format(name)) for name in (names[0], names[-1])] == [False, True]
+    talking.unroute("**/api/takes")
+
+
+@pytest.mark.parametrize(
+    ("keys", "way"),
+    [
+        ("ArrowRight ArrowRight", 0.2),
+        ("ArrowRight ArrowLeft ArrowLeft", -0.1),
+        ("ArrowRight Control+z ArrowRight ArrowRight", 0.2),
+        ("ArrowRight Delete", None),
+    ],
+)
+def test_quick_keys_move_a_value_from_where_it_then_is(talking, keys, way):
+    row, waiting = talking.locator('.track[data-value="emotion"]').bounding_box(), []
+    second = row["width"] / 4.0
+    drag(talking, (row["x"] + 1.0 * second, row["y"] + 8), (row["x"] + 2.0 * second, row["y"] + 8))
+    talking.select_option("#stretch-emotion", "anger")
+    wait_until(talking, f"{PLAN}.stretches?.length === 1 && {READY}")
+    before = talking.evaluate(f"{PLAN}.stretches[0]")
+    talking.locator(".segment").focus()
+    talking.route("**/api/plans/edit", lambda route: waiting.append(route), times=1)
+    for key in keys.split():
+        talking.keyboard.press(key)
+    wait_for(talking, waiting)
+    waiting[0].continue_()
+    if way is None:
+        wait_until(talking, f"!{PLAN}.stretches?.length")
+        return
+    ends = [before["from"] + way, before["to"] + way]
+    are_there = "{0}.length === {1} && Math.abs({0}[0].from - {2}) < 2e-3 && Math.abs({0}[0].to - {3}) < 2e-3"
+    wait_until(talking, are_there.format(f"{PLAN}.stretches", 1, *ends))
+    wait_until(talking, f"Math.abs(cospeechStudio.selection[0] - {ends[0]}) < 2e-3")

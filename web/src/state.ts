@@ -33,7 +33,7 @@ export interface Take {
   id: string | null;
   /** The server's name of what is being made. */
   making: string | null;
-  /** What the motion was asked for with, as text. */
+  /** What the motion was asked for with, and how often the words had changed then, as text. */
   madeFrom: string;
   progress: number | null;
   factor: number | null;

@@ -17,7 +17,7 @@ const NEW_STUDIO = "the studio was started anew: open the address that it has pr
 
 interface Result { id: string; motion: Motion; plan: Plan | null; factor: number | null }
 type Edit = api.PlanEdit | ((plan: Plan) => api.PlanEdit | null);
-interface Step { settings: Settings; takes: { seed: number; edited: Plan | null }[]; chosen: number }
+interface Step { settings: Settings; takes: Pick<Take, "seed" | "edited" | "plan">[]; chosen: number }
 
 export class Takes {
   private readonly results = new Map<string, Result>();
@@ -30,6 +30,7 @@ export class Takes {
   private isConnected = true;
   private timer = 0;
   private note = ""; // of `renew`
+  private changesOfWords = 0; // how often `renew` was called: a request does not hold the words
   private setting = { names: "", at: 0 }; // that was changed last, and when
   private edits: Promise<void> = Promise.resolve();
   /** Of a take whose edits have no motion yet: the plan with them, and what there was before. */
@@ -49,7 +50,7 @@ export class Takes {
 
   /** Another speech: what was planned for the last one is not right for it. */
   openSpeech(speech: UploadedSpeech): void {
-    const forget = (step: Step): Step => ({ ...step, takes: step.takes.map((take) => ({ ...take, edited: null })) });
+    const forget = (step: Step): Step => ({ ...step, takes: step.takes.map((take) => ({ ...take, edited: null, plan: null })) });
     this.past = this.past.map(forget);
     this.future = this.future.map(forget);
     this.stepWithEdits = null;
@@ -62,6 +63,7 @@ export class Takes {
   /** What was made is not right any more, since the words changed; the note is told until all takes are made again. */
   renew(note: string): void {
     this.note = note;
+    this.changesOfWords += 1;
     this.results.clear();
     for (const take of this.store.state.takes) take.madeFrom = "";
     this.makeAll();
@@ -76,7 +78,7 @@ export class Takes {
     const { speech } = this.store.state;
     if (speech === null) return;
     const request = this.requestOf(take, speech.speech);
-    const key = JSON.stringify(request);
+    const key = JSON.stringify([request, this.changesOfWords]);
     if (take.madeFrom === key) return;
     if (take.making !== null) api.forgetTake(take.making);
     Object.assign(take, { madeFrom: key, making: null, progress: 0, problem: "" });
@@ -120,16 +122,16 @@ export class Takes {
   }
 
   private async fetchResult(take: Take, event: TakeEvent): Promise<void> {
-    const key = take.madeFrom;
     try {
       const plan = api.readPlan(event.take).catch(() => null); // some ways of asking leave no plan
       const motion = await api.readMotion(event.take);
       const result = { id: event.take, motion, plan: await plan, factor: event.realtime_factor };
-      this.results.set(key, result);
+      if (take.making !== event.take) return; // something else was asked for meanwhile
+      this.results.set(take.madeFrom, result);
       if (this.results.size > MOST_RESULTS) this.results.delete(this.results.keys().next().value as string);
-      if (take.madeFrom === key) this.show(take, result);
+      this.show(take, result);
     } catch (error) {
-      if (take.madeFrom === key) this.fail(take, error);
+      if (take.making === event.take) this.fail(take, error);
     }
   }
 
@@ -313,7 +315,7 @@ export class Takes {
 
   private step(): Step {
     const { settings, takes, chosen } = this.store.state;
-    return { settings, takes: takes.map(({ seed, edited }) => ({ seed, edited })), chosen };
+    return { settings, takes: takes.map(({ seed, edited, plan }) => ({ seed, edited, plan })), chosen };
   }
 
   /** One step for the changes of one setting that follow each other quickly: a slider that keys move. */

@@ -75,14 +75,15 @@ export class ValueTracks {
 
   private button(name: Value, segment: Segment, order: number): HTMLElement {
     const span = `from ${formatTime(segment.from)} to ${formatTime(segment.to)}`;
+    const places = [segment];
     const button = make("button", {
       type: "button", role: "option", tabindex: "-1", class: "segment", "data-order": String(order),
       "data-item": `${name} ${order}`, "data-span": `${segment.from} ${segment.to}`, "aria-selected": "false",
       "aria-label": `${readName(name)} ${readName(segment.text)}, ${span}`,
       title: `${readName(segment.text)}, ${span}. Drag it or its ends; Delete takes it off`,
       click: () => this.store.update({ selection: [segment.from, segment.to] }),
-      keydown: (event: KeyboardEvent) => this.press(event, name, segment),
-      pointerdown: (event: PointerEvent) => this.drag(event, name, segment, button),
+      keydown: (event: KeyboardEvent) => this.press(event, name, places),
+      pointerdown: (event: PointerEvent) => this.drag(event, name, places, button),
     }, make("span", { class: "label" }, readName(segment.text)));
     this.place(button, segment.from, segment.to);
     return button;
@@ -93,10 +94,10 @@ export class ValueTracks {
     button.style.width = `${((to - from) / this.seconds) * 100}%`;
   }
 
-  private press(event: KeyboardEvent, name: Value, segment: Segment): void {
+  private press(event: KeyboardEvent, name: Value, places: Segment[]): void {
     const by = event.key === "ArrowLeft" ? -NUDGE : event.key === "ArrowRight" ? NUDGE : 0;
-    if (by) void this.move(name, segment, event.shiftKey ? this.stretch(segment, 0, by) : this.shift(segment, by));
-    else if (event.key === "Delete" || event.key === "Backspace") void this.takes.edit(clear(name, segment));
+    if (by) void this.move(name, places, (old) => event.shiftKey ? this.stretch(old, 0, by) : this.shift(old, by));
+    else if (event.key === "Delete" || event.key === "Backspace") void this.remove(name, places);
     else return;
     event.preventDefault();
     event.stopPropagation();
@@ -115,35 +116,56 @@ export class ValueTracks {
     return byFrom ? { ...segment, from } : { ...segment, to };
   }
 
-  private async move(name: Value, old: Segment, next: Segment): Promise<void> {
-    const value = name === "intensity" ? Number(old.text) : old.text;
-    const { from, to } = { from: round(next.from), to: round(next.to) };
-    if (from === round(old.from) && to === round(old.to)) return;
-    await this.takes.edit(clear(name, old), { kind: "set", start: from, end: to, [name]: value });
-    if (this.store.state.selection !== null) this.store.update({ selection: [from, to] });
+  /**
+   * Give a segment other borders, from those that it then has: keys come faster than the server answers. `places` are where it
+   * was drawn and where it was moved since.
+   */
+  private async move(name: Value, places: Segment[], change: (old: Segment) => Segment): Promise<void> {
+    let next = null as Segment | null;
+    const leave = (plan: Plan): PlanEdit | null => {
+      const old = findLast(plan, name, places);
+      if (old === null) return null;
+      const changed = round(change(old));
+      if (changed.from === round(old).from && changed.to === round(old).to) return null;
+      places.push(changed);
+      next = changed;
+      return clear(name, old);
+    };
+    await this.takes.edit(leave, () => next && set(name, next));
+    if (next !== null && this.store.state.selection !== null) this.store.update({ selection: [next.from, next.to] });
   }
 
-  private drag(down: PointerEvent, name: Value, segment: Segment, button: HTMLElement): void {
+  private remove(name: Value, places: Segment[]): Promise<void> {
+    return this.takes.edit((plan) => {
+      const segment = findLast(plan, name, places);
+      return segment && clear(name, segment);
+    });
+  }
+
+  private drag(down: PointerEvent, name: Value, places: Segment[], button: HTMLElement): void {
     if (down.button !== 0) return;
+    const segment = places[0]; // as it is drawn
     const box = button.getBoundingClientRect();
     const edge = Math.min(EDGE, box.width / 4);
     const first = down.clientX - box.left < edge;
     const last = box.right - down.clientX < edge;
     const perSecond = this.rows[name].clientWidth / this.seconds;
-    let result = segment;
+    let by = 0;
+    const change = (old: Segment): Segment => first ? this.stretch(old, by, 0) : last ? this.stretch(old, 0, by) : this.shift(old, by);
     const onMove = (event: PointerEvent): void => {
       const pixels = event.clientX - down.clientX;
       this.dragging = Math.abs(pixels) > 3 || this.dragging;
       if (!this.dragging) return;
-      const by = pixels / perSecond;
-      result = first ? this.stretch(segment, by, 0) : last ? this.stretch(segment, 0, by) : this.shift(segment, by);
-      this.place(button, result.from, result.to);
+      by = pixels / perSecond;
+      const { from, to } = change(segment);
+      this.place(button, from, to);
     };
     const onUp = (event: PointerEvent): void => {
       const isDrop = this.dragging && event.type === "pointerup";
       this.dragging = false;
-      if (isDrop) void this.move(name, segment, result);
-      else this.place(button, segment.from, segment.to);
+      const settle = (): void => this.place(button, segment.from, segment.to);
+      if (isDrop) void this.move(name, places, change).then(settle);
+      else settle();
     };
     followPointer(button, down, onMove, onUp);
   }
@@ -153,6 +175,22 @@ function clear(name: Value, { from, to }: Segment): PlanEdit {
   return { kind: "clear", start: from, end: to, names: [name] };
 }
 
-function round(seconds: number): number {
-  return Math.round(seconds * 1000) / 1000;
+function set(name: Value, { from, to, text }: Segment): PlanEdit {
+  return { kind: "set", start: from, end: to, [name]: name === "intensity" ? Number(text) : text };
+}
+
+/** To the millisecond. */
+function round(segment: Segment): Segment {
+  return { ...segment, from: Math.round(segment.from * 1000) / 1000, to: Math.round(segment.to * 1000) / 1000 };
+}
+
+/** The segment of a plan at the last of these places where it has one; null: it was taken off. */
+function findLast(plan: Plan, name: Value, places: Segment[]): Segment | null {
+  const segments = segmentsOf(plan, name);
+  for (const place of [...places].reverse()) {
+    const common = ({ from, to, text }: Segment): number => text === place.text ? Math.min(to, place.to) - Math.max(from, place.from) : 0;
+    const [segment] = segments.filter((each) => common(each) > 1e-3).sort((a, b) => common(b) - common(a));
+    if (segment !== undefined) return segment;
+  }
+  return null;
 }

@@ -257,21 +257,24 @@ def test_inception_score_and_its_own_of_a_set():
     rng = np.random.default_rng(0)
     classes = rng.dirichlet(np.ones(5), 200)
     own = classes[:, 1:4] / classes[:, 1:4].sum(1, keepdims=True)
-    cells = score_cells(classes, own, "x")
+    clips = [str(k // 10) for k in range(200)]
+    cells = score_cells(classes, own, "x", clips)
     for p, name in ((classes, IS), (own, "score_of_set")):
         divergence = (p * np.log(p / p.mean(0))).sum(1).mean()
         assert cells[name]["value"] == pytest.approx(np.exp(divergence), abs=1e-3)
+        assert len(cells[name]["draws"]) == 200
     sure = np.eye(4)[np.arange(80) % 4]
-    assert score_cells(sure, sure, "x")[IS]["value"] == pytest.approx(4, abs=1e-3)
-    assert score_cells(sure[:, :1] + 0 * sure, sure, "x")[IS].get("why") is not None  # no distribution
+    assert score_cells(sure, sure, "x", clips[:80])[IS]["value"] == pytest.approx(4, abs=1e-3)
+    assert score_cells(sure[:, :1] + 0 * sure, sure, "x", clips[:80])[IS].get("why") is not None  # no distribution
 
 
 def test_clips_are_named_by_the_mean_of_their_windows():
     own = np.array([[0.9, 0.1], [0.4, 0.6], [0.4, 0.6], [0.2, 0.8], [0.7, 0.3]])
     target = np.array([0, 0, 0, 1, 1])
-    cells = score_target_style(own, target, ["a", "a", "b", "c", "c"])
+    cells = score_target_style(own, target, [("a", "ann"), ("a", "ann"), ("b", "ann"), ("a", "bob"), ("a", "bob")])
     assert cells["named_windows"]["value"] == pytest.approx(2 / 5)
-    assert cells["named"]["value"] == pytest.approx(2 / 3)  # a: .65; b: .4; c: .55
+    assert cells["named"]["value"] == pytest.approx(2 / 3)  # a by ann: .65; b: .4; a by bob: .55
+    assert len({*cells["named"]["draws"]}) <= 3  # of two clips: both, or one of them twice
 
 
 def test_means_over_speakers_are_plain():

@@ -262,7 +262,7 @@ def _text(claim: Claim, heads: Mapping[str, str]) -> str:
 def _reason(difference: Difference, p: float) -> str:
     low, high = difference.interval
     chance = "p < .001" if p < 0.001 else f"p = {p:.3f}"
-    what = "" if difference.over_clips else " (over seeds alone: the metric draws no clips)"
+    what = "" if difference.over_clips else " (over seeds alone: no clips were drawn)"
     return (
         f"difference {difference.mean:+.3g}, 95 % interval {low:+.3g} … {high:+.3g}, {chance} (Holm), {difference.seeds} seeds"
         + what

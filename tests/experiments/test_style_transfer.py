@@ -51,24 +51,29 @@ def swing(frames: int, hertz: float, size: float, seed: int) -> np.ndarray:
     return DIRECTION_VECTORS.encode(Points(FPS, points, "ted"))
 
 
-def piece(name: str, speaker: str, split: str, seed: int, manner: tuple[float, float]) -> Piece:
+def piece(name: str, speaker: str, split: str, seed: int, manner: tuple[float, float], words: tuple[str, ...]) -> Piece:
     audio = np.random.default_rng(seed).normal(size=(FRAMES, len(AUDIO_NAMES))).astype(np.float32)
     values = {"pose": swing(FRAMES, *manner, seed).astype(np.float32), "audio": audio}
-    return Piece(Entry(name, speaker, split, 0, FRAMES, 0.0, tuple(values)), (), lambda: dict(values))
+    if words:
+        values["word"] = (1 + np.arange(FRAMES) * len(words) // FRAMES).astype(np.int32)  # 0 is silence
+    return Piece(Entry(name, speaker, split, 0, FRAMES, 0.0, tuple(values)), words, lambda: dict(values))
 
 
 def write(
-    folder: Path, manners: dict[str, tuple[float, float]], fps: float = FPS, without_training: tuple[str, ...] = ()
-) -> Path:
-    pieces = [
-        piece(f"{name}-{split}-{k}", name, split, 100 * who + 10 * k + len(split), manner)
+    folder: Path, manners: dict[str, tuple[float, float]], fps: float = FPS, without_training: tuple[str, ...] = (),
+    texts: int = 0, pieces: int = 2,
+) -> Path:  # fmt: skip
+    """A store of some pieces by each speaker in each split; piece k says text k, if there are texts."""
+    rows = [
+        piece(f"{name}-{split}-{k}", name, split, 100 * who + 10 * k + len(split), manner,
+              tuple(f"{split}{k}word{n}" for n in range(20)) if texts else ())
         for who, (name, manner) in enumerate(manners.items())
         for split in ("train", "test")
-        for k in range(2)
+        for k in range(pieces)
         if split == "test" or name not in without_training
-    ]
+    ]  # fmt: skip
     names = {"pose": DIRECTION_VECTORS.names, "audio": AUDIO_NAMES}
-    write_store(folder, pieces, corpus="ted", pose="direction-vectors", fps=fps, names=names)
+    write_store(folder, rows, corpus="ted", pose="direction-vectors", fps=fps, names=names)
     return folder
 
 
@@ -98,12 +103,23 @@ def attentive(player: PlayableRun) -> PlayableRun:
 
 def test_an_example_is_by_another_speaker_than_the_speech(table_runs):
     pieces = bench(table_runs).pieces
-    assert len(pieces.speech) == 12  # six pieces, two other speakers for each
+    assert len(pieces.speech) == 30  # six pieces, five examples for each, by two other speakers
+    assert {int((pieces.who[pieces.example[k : k + 5]] == who).sum()) for k in range(0, 30, 5) for who in range(3)} == {0, 2, 3}
     assert (pieces.who[pieces.speech] != pieces.who[pieces.example]).all()
     assert (pieces.who[pieces.other] == pieces.who[pieces.example]).all()
     assert (pieces.other != pieces.example).all()
     again = bench(table_runs).pieces
     np.testing.assert_array_equal(pieces.example, again.example)
+
+
+def test_an_example_says_other_words_than_the_speech(tmp_path):
+    """All speakers say the same two texts."""
+    folder = write(tmp_path / "ted", SPEAKERS, texts=2)
+    pieces = bench(Runs(folder, tmp_path / "runs")).pieces
+    clips = [pieces.excerpts.store.clips[k].name for k in pieces.excerpts.clips]
+    assert all(clips[a][-1] != clips[b][-1] for a, b in zip(pieces.speech, pieces.example, strict=True))
+    with pytest.raises(InputError, match="no other speaker says other words"):
+        bench(Runs(write(tmp_path / "one", SPEAKERS, texts=1, pieces=1), tmp_path / "runs"))
 
 
 def test_recordings_are_told_apart_by_manner_and_size(table_runs):
@@ -136,7 +152,7 @@ def test_latents_of_an_example_give_it_back_under_its_own_speech_and_beginning(t
 def test_a_motion_knows_the_example_by_its_latents_alone(table_runs):
     pieces, player = bench(table_runs).pieces, attentive(table_runs.player("flow_ted", 0))
     pieces.example = np.zeros_like(pieces.example)
-    motions = pieces.perform(player, EXAMPLE, 0).reshape(6, 2, MADE, 27)  # two performances of each of six pieces of speech
+    motions = pieces.perform(player, EXAMPLE, 0).reshape(6, 5, MADE, 27)  # five performances of each of six pieces of speech
     np.testing.assert_allclose(motions[:, 0], motions[:, 1], atol=1e-5)
     assert np.abs(motions[0, 0] - motions[1, 0]).mean() > 0.01
 

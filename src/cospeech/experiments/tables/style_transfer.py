@@ -41,6 +41,7 @@ TRUTH, OTHERS, SHUFFLED = "ground truth", "another clip", "shuffled speech"
 LIFT = "beat_align"
 WINDOW, MADE = 6.0, 120  # s, that the judges see, and frames of a piece; [ours] half of TED's takes are shorter than 10 s
 EXAMPLES = 5  # [ours] examples for each piece of speech
+RUN = 3  # [ours] words in a row that an example and the speech must not share
 PROTOCOL = Protocol(made=MADE, given=0, stride=MADE, apart=1)
 _PARTS = {
     "trunk": ("spine-neck", "neck-leftShoulder", "neck-rightShoulder"),
@@ -89,16 +90,35 @@ class _Pieces:
             raise InputError(what, "two speakers at least")
         self.speakers = [*dict.fromkeys(names)]
         self.who = np.array([self.speakers.index(name) for name in names])
+        self._phrases = self._list_phrases()
         rng = np.random.default_rng(0)
         pairs = [(piece, example) for piece in range(len(names)) for example in self._draw_examples(piece, rng)]
         self.speech, self.example = np.array(pairs).T
-        """(P,) the piece whose speech is played, and the piece that is the example, of each performance."""
+        """(P,) the piece whose speech is played, and the piece that is the example, of each performance. Where speech is
+        performed by several speakers, as in a synthetic corpus, an example shares no run of words with the speech."""
         self.other = np.array([self._other_piece(k, rng) for k in self.example])
         """(P,) another piece by the example's speaker; the example where there is no other."""
 
+    def _list_phrases(self) -> list[set[tuple[int, ...]]]:
+        """The runs of `RUN` words that are said in each piece; none where the store has no words."""
+        if "word" not in self.excerpts.store.arrays:
+            return [set() for _ in self.who]
+        phrases = []
+        for row in self.excerpts.rows("word", 0, 0):
+            words = row[np.flatnonzero((row > 0) & (np.diff(row, prepend=0) != 0))].tolist()
+            phrases.append({tuple(words[k : k + RUN]) for k in range(len(words) - RUN + 1)})
+        return phrases
+
     def _draw_examples(self, piece: int, rng: np.random.Generator) -> list[int]:
-        others = [k for k in range(len(self.speakers)) if k != self.who[piece]]
-        return [int(rng.choice(np.flatnonzero(self.who == k))) for k in rng.permutation(others)[:EXAMPLES]]
+        own = np.array([bool(self._phrases[piece] & phrases) for phrases in self._phrases])
+        candidates = [np.flatnonzero((self.who == k) & ~own) for k in range(len(self.speakers)) if k != self.who[piece]]
+        candidates = [pieces for pieces in candidates if len(pieces)]
+        if not candidates:
+            name = self.excerpts.store.clips[self.excerpts.clips[piece]].name
+            raise InputError(f"no other speaker says other words than the piece of {name!r}", "a larger test split")
+        count = len(candidates)  # fewer other speakers than examples: some have several
+        picks = np.concatenate([rng.permutation(count) for _ in range(-(-EXAMPLES // count))])[:EXAMPLES]
+        return [int(rng.choice(candidates[k])) for k in picks]
 
     def _other_piece(self, piece: int, rng: np.random.Generator) -> int:
         own = np.flatnonzero(self.who == self.who[piece])

@@ -15,7 +15,7 @@ from cospeech.corpora.store import Entry
 from cospeech.corpora.store_writer import Piece, write_store
 from cospeech.errors import InputError
 from cospeech.experiments.tables import Runs, draw_table, make_table
-from cospeech.experiments.tables.paper_tables import NAMED, NAMED_BY_ALL, SIZE, SIZE_RATIO
+from cospeech.experiments.tables.paper_tables import NAMED, NAMED_BY_ALL, REPLAY, SIZE, SIZE_RATIO
 from cospeech.experiments.tables.runs import OMEGA, PlayableRun
 from cospeech.experiments.tables.style_transfer import EXAMPLE, MADE, RANDOM, SCALED, StyleTransfers
 from cospeech.motion.points import Points
@@ -130,6 +130,7 @@ def test_recordings_are_told_apart_by_manner_and_size(table_runs):
         assert controls["another clip"][column]["value"] == 0
     assert controls["ground truth"][SIZE]["value"] > 0.95
     assert controls["another clip"][SIZE]["value"] < 0
+    assert abs(controls["another clip"][REPLAY]["value"]) < 0.2
     assert controls["ground truth"][SIZE_RATIO]["value"] == pytest.approx(1, abs=0.05)
     assert transfers.faults(controls) == {}
 
@@ -145,6 +146,7 @@ def test_latents_of_an_example_give_it_back_under_its_own_speech_and_beginning(t
     pieces, player = bench(table_runs).pieces, attentive(table_runs.player("flow_ted", 0))
     speech, pieces.speech = pieces.speech, pieces.example
     np.testing.assert_allclose(pieces.perform(player, EXAMPLE, 0), pieces.poses[pieces.example], atol=0.003)
+    assert pieces.score(pieces.perform(player, EXAMPLE, 0))[REPLAY].value > 0.99
     pieces.speech = speech
     assert np.abs(pieces.perform(player, EXAMPLE, 0) - pieces.poses[pieces.example]).mean() > 0.02
 

@@ -3,7 +3,19 @@
 from __future__ import annotations
 
 from .flow_bench import Latents, Performances
-from .paper_tables import HEARING, LIKELIHOOD, NAMED, NAMED_BY_ALL, SIZE, SIZE_RATIO, Claim, PaperTable, TableSplit, TableSystem
+from .paper_tables import (
+    HEARING,
+    LIKELIHOOD,
+    NAMED,
+    NAMED_BY_ALL,
+    REPLAY,
+    SIZE,
+    SIZE_RATIO,
+    Claim,
+    PaperTable,
+    TableSplit,
+    TableSystem,
+)
 from .style_transfer import EXAMPLE, RANDOM, SCALED, StyleTransfers
 
 __all__ = ["FLOW"]
@@ -157,7 +169,7 @@ FLOW: dict[str, PaperTable] = {
         f"{PAPER}: figure 8, style transfer by the latents of an example",
         {
             NAMED: "named by manner ↑", NAMED_BY_ALL: "named by all ↑", SIZE: "size, r ↑", SIZE_RATIO: "size, × example →",
-            "beat_align": "BA, lift ↑",
+            REPLAY: "velocity, r with the example", "beat_align": "BA, lift ↑",
         },
         (_TED_FIGURE_8,),
         StyleTransfers,

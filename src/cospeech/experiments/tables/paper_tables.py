@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .runs import Runs
 
 __all__ = [
-    "COSTS", "HEARING", "LIKELIHOOD", "NAMED", "NAMED_BY_ALL", "SIZE", "SIZE_RATIO", "Bench", "Cells", "Claim",
+    "COSTS", "HEARING", "LIKELIHOOD", "NAMED", "NAMED_BY_ALL", "REPLAY", "SIZE", "SIZE_RATIO", "Bench", "Cells", "Claim",
     "PaperTable", "Pictures", "TableSplit", "TableSystem", "replace_minus",
 ]  # fmt: skip
 
@@ -30,8 +30,10 @@ LIKELIHOOD, HEARING = "nll", "hearing_gain"
 """Columns of networks with an exact likelihood. They are no metrics of motion, see `likelihood`."""
 
 NAMED, NAMED_BY_ALL, SIZE, SIZE_RATIO = "style_named", "style_named_by_all", "size_correlation", "size_ratio"
+REPLAY = "velocity_correlation"
 """Columns of style transfer, see `style_transfer`: the share of performances that a judge gives to the speaker of the example,
-by manner alone or by all that it sees; r of their size and that of the example; their size as a multiple of the example's."""
+by manner alone or by all that it sees; r of their size and that of the example; their size as a multiple of the example's; r of
+their velocities and those of the example, frame by frame: 1 where the example is only played again."""
 
 
 @dataclass(frozen=True)

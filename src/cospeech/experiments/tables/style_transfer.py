@@ -28,7 +28,7 @@ from ...motion.rotations import Array
 from ..style_judge import FPS, WARM, WindowJudge, describe_manner
 from .excerpts import Excerpts, Protocol
 from .figures import SECONDS, draw_poses
-from .paper_tables import NAMED, NAMED_BY_ALL, SIZE, SIZE_RATIO, Cells, PaperTable, Pictures, TableSplit, TableSystem
+from .paper_tables import NAMED, NAMED_BY_ALL, REPLAY, SIZE, SIZE_RATIO, Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .runs import PlayableRun, Runs
 from .scores import as_cell, cache_result, score_columns
 
@@ -39,6 +39,7 @@ EXAMPLE, SCALED, RANDOM = "latents of an example", "latents of an example, scale
 of the example are, too."""
 TRUTH, OTHERS, SHUFFLED = "ground truth", "another clip", "shuffled speech"
 LIFT = "beat_align"
+_COLUMNS = (NAMED, NAMED_BY_ALL, SIZE, SIZE_RATIO, REPLAY)
 WINDOW, MADE = 6.0, 120  # s, that the judges see, and frames of a piece; [ours] half of TED's takes are shorter than 10 s
 EXAMPLES = 5  # [ours] examples for each piece of speech
 RUN = 3  # [ours] words in a row that an example and the speech must not share
@@ -59,6 +60,15 @@ def _describe_all(window: Array, mean: Array, std: Array, parts: Mapping[str, Ar
     poses = (window - mean) / std
     deviations = [np.log(values.std(0) + _STILL) for values in (poses, np.diff(poses, axis=0) * FPS)]
     return np.concatenate([poses.mean(0), *deviations, describe_manner(window, parts)])
+
+
+def _correlate_velocities(poses: Array, others: Array) -> Array:
+    """(P, F, D) twice → (P,) correlation over time of the velocities, the mean over the numbers of a pose."""
+    a, b = (np.diff(each[:, round(WARM * FPS) :], axis=1) for each in (poses, others))
+    a, b = (each - each.mean(1, keepdims=True) for each in (a, b))
+    products = (a * b).sum(1) / np.sqrt(np.square(a).sum(1) * np.square(b).sum(1) + _TINY**2)
+    means: Array = products.mean(1)
+    return means
 
 
 def _measure_size(poses: Array) -> Array:
@@ -174,6 +184,7 @@ class _Pieces:
             **{name: self._over_pieces((own == self.who[self.example]).astype(float)) for name, own in guesses.items()},
             SIZE: Score(value, resamples.interval, len(rows), say_count(len(poses), "performance"), resamples.draws),
             SIZE_RATIO: self._over_pieces(np.exp(size - theirs)),
+            REPLAY: self._over_pieces(_correlate_velocities(poses, self.poses[self.example])),
         }
 
     def perform(self, player: PlayableRun, name: str, seed: int) -> Array:
@@ -209,7 +220,7 @@ class StyleTransfers:
         return f"{say_count(pieces, 'test piece')} of {MADE} frames{more}, {say_count(count, 'performance')}"
 
     def _cache(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
-        whole = ["style transfer", self.runs.fingerprint, PROTOCOL, EXAMPLES, self._data, *key]
+        whole = ["style transfer", _COLUMNS, self.runs.fingerprint, PROTOCOL, EXAMPLES, self._data, *key]
         return cache_result(Path(self.runs.runs) / "scores", whole, work)
 
     def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
@@ -243,9 +254,7 @@ class StyleTransfers:
                 name: {key: as_cell(score) for key, score in pieces.score(pieces.poses[which]).items()}
                 for name, which in recordings.items()
             }
-            cells[SHUFFLED] = {
-                name: {"why": "it is the same motion as the recordings"} for name in (*self.pieces.judges, SIZE, SIZE_RATIO)
-            }
+            cells[SHUFFLED] = {name: {"why": "it is the same motion as the recordings"} for name in _COLUMNS}
             return {name: own | self._score_lift(rows[name]) for name, own in cells.items()}
 
         scores: dict[str, Cells] = self._cache(["controls"], work)

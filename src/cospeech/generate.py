@@ -127,6 +127,8 @@ def generate_files(
     others = [path for path in (*inputs, *rig_files(skeleton), *example_files(original_style)) if path]
     _check_names(audio, names, others, report, plan, plan_out)
     instance = _check_parts(instance or load_model(model), model, options, files)
+    if transcribe:
+        next(_passes(instance, replace(options, takes=1)))  # errors of the options come before the recogniser works
     with ExitStack() as stack:
         place = stack.enter_context(all_or_none([*names, *(Path(path) for path in (report, plan_out) if path)]))
         source = stack.enter_context(_open_source(role, audio, transcript, language))

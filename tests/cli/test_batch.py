@@ -178,6 +178,10 @@ BAD = [
     ("evaluate --hearing x --corpus x -o rec", "it is a folder"),
     ("evaluate rules --corpus x -o t.txt", "a table as .txt (known: .json .csv .tex)"),
     ("evaluate --hearing x --corpus x -o t.csv", "a table as .csv (known: .json)"),
+    *(
+        (f"evaluate --hearing x --corpus x {option}", f"{option.split()[0]} beside --hearing")
+        for option in ("--metrics fgd", "--takes 9", "--seed 7", "--seed-frames 3", "--features run", "--raw rec")
+    ),
     ("evaluate --table flow-1 --corpus x -o t.tex", "a table as .tex (known: .json)"),
     ("evaluate --table flow-1 --corpus x --figure a.gif", "ends in .png"),
     ("evaluate --table flow-1 --corpus x --figure nowhere/a.png", "'nowhere/a.png': No such file"),

@@ -138,7 +138,7 @@ def dialogue(
         }
         for k in range(len(persons))
     ]  # fmt: skip
-    films = [Path(text) for text in output or () if _is_film(text)]
+    load_once, films = cache(load), [Path(text) for text in output or () if _is_film(text)]
     _check_films(films, len(picks), {own[k]["avatar"] for k in picks})
     output = [text for text in output if not _is_film(text)] if output else None
     files = {k: _outputs_of(persons[k].name, output) for k in picks if output != []}
@@ -146,7 +146,6 @@ def dialogue(
     _check_apart(
         [*speech, *([speakers] if speakers else [])], [*films, *(path for each in files.values() for path in each)], own, report
     )
-    load_once = cache(load)
     _check_requests([own[k] for k in picks], load_once)
     if not quiet:
         typer.echo(describe_persons(persons), err=True)

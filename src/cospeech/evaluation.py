@@ -63,7 +63,7 @@ def play(model: str | Model, clips: Sequence[Clip], *, takes: int = 1, seed: int
     Raises:
         InputError: no such model, or a clip has no speech.
     """
-    player, results = load(model) if isinstance(model, str) else model, dict[str, list[Motion | Clip]]()
+    player, results = _load_player(model), dict[str, list[Motion | Clip]]()
     for clip in clips:
         if clip.speech is None:
             others = any(each.speech is not None for each in clips)
@@ -145,10 +145,14 @@ def evaluate_store(
     clips = load_stored_clips(store, split=split, raw=raw)
     _check_seed_frames(seed_frames, clips)
     tools = feature_tools(features, clips)
+    # all models and folders are read before the first model plays, which takes long
     systems: dict[str, Any] = {
-        name: target if isinstance(target, str) and not plays(target) else play(target, clips, takes=takes, seed=seed)
+        name: _load(target, clips) if isinstance(target, str) and not plays(target) else _load_player(target)
         for name, target in targets.items()
     }
+    for name, system in systems.items():
+        if not isinstance(system, dict):
+            systems[name] = play(system, clips, takes=takes, seed=seed)
     return evaluate_clips(systems, clips, metrics=metrics, tools=tools, seed_frames=seed_frames)
 
 
@@ -186,6 +190,10 @@ def evaluate(
     clips = load_stored_clips(corpus, split=split, raw=raw) if isinstance(corpus, str | PathLike) else list(corpus)
     systems: dict[str, Any] = {} if model is None else {_name(model): play(model, clips, takes=takes, seed=seed)}
     return evaluate_clips(systems, clips, metrics=metrics, tools=feature_tools(features, clips))
+
+
+def _load_player(model: str | Model) -> Model:
+    return load(model) if isinstance(model, str) else model
 
 
 def _name(model: str | Model) -> str:

@@ -25,6 +25,7 @@ from .audio.languages import check_language, with_language
 from .audio.level import note_level
 from .audio.speech import Speech, SpeechSource, count_frames, open_speech
 from .audio.speech_chunks import speech_chunks
+from .audio.word import Word
 from .errors import CospeechWarning, InputError
 from .export import FORMATS, check_parts
 from .export.checks import File, check_apart, check_avatar, check_files, check_map, check_skeleton, note_idle_gain
@@ -132,7 +133,7 @@ def generate_files(
         source = stack.enter_context(_open_source(role, audio, transcript, language))
         if old:
             old.check_length(source.expected_seconds, tail)
-        source.words = with_language(align_with_recogniser(audio), language) if transcribe else source.words
+        source.words = _recognise(audio, language, instance, options) if transcribe else source.words
         words = options.plan.speech_words if source.words is None and options.plan is not None else source.words
         note_unread_words(words if "face" in options.parts else None)
         keywords = writer_keywords(files, audio, character, special or {}, words)
@@ -163,6 +164,16 @@ def generate_files(
 def _open_source(role: DialogueRole | None, audio: File, transcript: File | None, language: str) -> SpeechSource:
     """Open the speech of a file, or of one person in a conversation."""
     return role.open(transcript, language) if role else open_speech(audio, transcript=transcript, language=language)
+
+
+def _recognise(audio: File, language: str, instance: Model, options: GenerationOptions) -> tuple[Word, ...]:
+    """Recognise the words of a speech, once the model can work with the options: a recogniser works for minutes.
+
+    Raises:
+        InputError: the model cannot, or the recogniser is not installed or failed.
+    """
+    next(_passes(instance, replace(options, takes=1)))
+    return with_language(align_with_recogniser(audio), language)
 
 
 def _list_gestures(

@@ -476,6 +476,16 @@ def test_transcribe_without_the_extra_says_what_to_install(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("wrong", [{"style": "nope"}, {"speaker": "nope"}, {"face": "nope.csv"}, {"continue_from": "nope.bvh"}])
+def test_options_are_checked_before_the_speech_is_recognised(tmp_path, monkeypatch, wrong):
+    from cospeech.audio.speech import example
+    from cospeech.generate import generate_files
+
+    monkeypatch.setattr("cospeech.generate.align_with_recogniser", lambda path: pytest.fail("the speech was recognised"))
+    with pytest.raises(InputError):
+        generate_files(example()[0], [tmp_path / "x.glb"], transcribe=True, **wrong)
+
+
 def test_a_text_that_is_too_long_for_the_speech_is_told_of(tmp_path):
     sound, words = example()
     text = words.with_suffix(".txt")

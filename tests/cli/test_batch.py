@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import pty
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -18,6 +20,7 @@ import pytest
 import soundfile
 
 import cospeech
+from cospeech import generate
 from cospeech.audio.emotions import EmotionTrack
 from cospeech.cli.batch import generate_speeches
 from cospeech.cli.demo import EXAMPLE
@@ -25,6 +28,7 @@ from cospeech.errors import CospeechWarning, InputError
 from cospeech.export import FORMATS
 from cospeech.models import PARTS
 from cospeech.motion.skeleton import find_skeleton
+from cospeech.runtime.report import Report
 
 pytestmark = pytest.mark.slow
 
@@ -178,6 +182,10 @@ BAD = [
     ("evaluate --hearing x --corpus x -o rec", "it is a folder"),
     ("evaluate rules --corpus x -o t.txt", "a table as .txt (known: .json .csv .tex)"),
     ("evaluate --hearing x --corpus x -o t.csv", "a table as .csv (known: .json)"),
+    *(
+        (f"evaluate --hearing x --corpus x {option}", f"{option.split()[0]} beside --hearing")
+        for option in ("--metrics fgd", "--takes 9", "--seed 7", "--seed-frames 3", "--features run", "--raw rec")
+    ),
     ("evaluate --table flow-1 --corpus x -o t.tex", "a table as .tex (known: .json)"),
     ("evaluate --table flow-1 --corpus x --figure a.gif", "ends in .png"),
     ("evaluate --table flow-1 --corpus x --figure nowhere/a.png", "'nowhere/a.png': No such file"),
@@ -505,3 +513,104 @@ def test_notes_and_the_report_tell_which_speech_they_mean(place, cli, tmp_path, 
     ]
     report = json.loads((tmp_path / "report.json").read_text())
     assert [each["speech"] for each in report["speeches"]] == ["rec/a/line1.wav", "rec/b/line1.wav"]
+
+
+def test_resume_without_an_output_makes_what_is_missing(cli, place):
+    assert cli("generate", "rec/me", "-q") == (0, "", "")
+    made = Path("b.bvh").read_bytes()
+    for name in ("b.bvh", "b.glb"):
+        Path(name).unlink()
+    line = ["generate", "rec/me", "--resume", "-q"]
+    assert cli(*line) == (0, "", "note: 1 of 2 speeches left out: their files are there (--resume)\n")
+    assert Path("b.bvh").read_bytes() == made
+    Path("b.glb").unlink()  # as if the run had been killed between the two files
+    assert cli(*line)[0] == 0
+    assert Path("b.glb").exists()
+
+
+def test_resume_without_an_output_replaces_nothing_that_is_older_than_the_speech(cli, place):
+    Path("a.bvh").write_bytes(b"my recording")
+    os.utime("a.bvh", (1e9, 1e9))
+    code, out, err = cli("generate", "rec/me", "--resume")
+    assert (code, out) == (2, "")
+    assert "error: 'a.bvh' is there already, and older than the speech (-o a.bvh writes over it; -o out/ writes" in err
+    assert Path("a.bvh").read_bytes() == b"my recording"
+    assert not Path("b.bvh").exists()
+
+
+def spoil(monkeypatch, name: str, error: BaseException) -> None:
+    """Let the work on the speech of this name raise an error."""
+
+    def generate_files(audio, *arguments, **options):
+        if audio.name == name:
+            raise error
+        return generate.generate_files(audio, *arguments, **options)
+
+    monkeypatch.setattr("cospeech.cli.batch.generate_files", generate_files)
+
+
+@pytest.mark.parametrize(
+    ("error", "message"),
+    [
+        (OSError(errno.EIO, "Input/output error", "x.bvh"), "'x.bvh': Input/output error (is there room on the disk"),
+        (ZeroDivisionError("division by zero"), "ZeroDivisionError: division by zero ("),
+    ],
+)
+def test_an_error_of_any_kind_does_not_keep_back_the_others(cli, place, monkeypatch, error, message):
+    spoil(monkeypatch, "b.wav", error)
+    code, _, err = cli("generate", "rec", "-o", "out/{name}.bvh", "--report", "r.json")
+    assert code in (1, 2)
+    assert "error: 1 of 3 speeches failed: rec/me/b.wav: " in err
+    assert message in err
+    assert files("out") == ["me/a.bvh", "you/a.bvh"]
+    report = json.loads(Path("r.json").read_text(encoding="utf-8"))
+    assert [row["speech"] for row in report["speeches"]] == ["rec/me/a.wav", "rec/you/a.wav"]
+    assert [row["speech"] for row in report["failed"]] == ["rec/me/b.wav"]
+
+
+def interrupt_in_a_library() -> ImportError:
+    """The error of a library whose import Ctrl-C has interrupted."""
+    error = ImportError("half")
+    error.__context__ = KeyboardInterrupt()
+    return error
+
+
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device"), interrupt_in_a_library()])
+def test_what_ends_the_work_leaves_the_report_of_what_is_done(cli, place, monkeypatch, error):
+    spoil(monkeypatch, "b.wav", error)
+    with pytest.raises(type(error)):
+        generate_speeches(["rec"], ["out/{name}.bvh"], report="r.json")
+    assert files("out") == ["me/a.bvh"]
+    report = json.loads(Path("r.json").read_text(encoding="utf-8"))
+    assert [[row["speech"] for row in report[key]] for key in ("speeches", "failed")] == [["rec/me/a.wav"], ["rec/me/b.wav"]]
+
+
+def generate_or_die(job, options, model):
+    """In place of `_generate_alone`: the process ends at the speech b."""
+    if job.name == "me/b":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return Report(**{**REPORT, "speech": str(job.speech)}), []
+
+
+REPORT = {
+    "model": "rules", "speech_seconds": 1.0, "frames": 30, "fps": 30.0, "seed": 0, "takes": 1, "realtime_factor": 0.1,
+    "emotion": {}, "played": {}, "style": "calm", "outputs": [], "version": "0",
+}  # fmt: skip
+
+
+def test_a_process_that_dies_leaves_the_report_of_what_is_done(cli, place, monkeypatch):
+    monkeypatch.setattr("cospeech.cli.batch._generate_alone", generate_or_die)
+    monkeypatch.setattr("cospeech.cli.batch.min", lambda *_: 1, raising=False)  # one process, so that a comes before b
+    code, _, err = cli("generate", "rec", "-o", "out/{name}.bvh", "--report", "r.json", "--jobs", "2", "-q")
+    assert code == 1
+    assert "error: 2 of 3 speeches failed: rec/me/b.wav: a process that generates has ended" in err
+    report = json.loads(Path("r.json").read_text(encoding="utf-8"))
+    assert [[row["speech"] for row in report[key]] for key in ("speeches", "failed")] == [
+        ["rec/me/a.wav"], ["rec/me/b.wav", "rec/you/a.wav"]
+    ]  # fmt: skip
+
+
+def test_a_file_called_stdin_is_a_speech_as_any_other(cli, place):
+    shutil.copy("rec/me/a.wav", "stdin.wav")
+    assert cli("generate", "stdin.wav", "-q") == (0, "", "")
+    assert Path("stdin.bvh").exists()

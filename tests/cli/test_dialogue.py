@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import soundfile
 
+import cospeech
 from cospeech.audio.speech import Speech, example
 from cospeech.motion.motion import Motion
 
@@ -257,3 +258,28 @@ def test_what_cannot_be_used_is_told_and_nothing_is_written(cli, place, given, m
     assert err.count("\n") <= 2
     assert err.splitlines()[-1].startswith("error: ")
     assert {path.name for path in place.iterdir()} == before
+
+
+def test_the_rig_and_the_example_that_are_read_are_not_written_over(cli, place):
+    cospeech.load("rules").generate(Speech(np.zeros(RATE // 4, np.float32), RATE)).save("host.bvh")
+    rig = (place / "host.bvh").read_bytes()
+    for given in (["--skeleton", "host.bvh"], ["--style", "host.bvh"], ["--style", "calm:0.7,host.bvh:0.3"]):
+        code, out, err = cli("dialogue", "host.wav", "guest.wav", "-o", "{name}.bvh", *given)
+        assert (code, out) == (2, "")
+        assert "'host.bvh' would overwrite what is read" in err
+        assert (place / "host.bvh").read_bytes() == rig
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (["--style", "calm", "--style", "nope"], "no style is called 'nope'"),
+        (["--emotion", "auto", "--emotion", "nope"], "'nope'"),
+        (["--model", "rules", "--model", "nope"], "'nope'"),
+    ],
+)
+def test_the_options_of_all_persons_are_checked_before_the_first_one_is_generated(cli, place, monkeypatch, given, message):
+    monkeypatch.setattr("cospeech.generate.generate_files", lambda *_, **__: pytest.fail("a person was generated"))
+    code, out, err = cli("dialogue", "host.wav", "guest.wav", "-o", "{name}.bvh", *given)
+    assert (code, out) == (2, "")
+    assert message in err

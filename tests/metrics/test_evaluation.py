@@ -588,6 +588,16 @@ def test_a_model_plays_the_recordings_of_a_store(corpus):
         evaluate_store({}, corpus / "store", metrics=("pck", "beat_align"))
 
 
+@pytest.mark.parametrize("other", ["empty", "nope.cospeech"])
+def test_folders_and_later_models_are_read_before_the_first_model_plays(tmp_path, monkeypatch, other):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
+    monkeypatch.setattr("cospeech.evaluation.load_stored_clips", lambda *_, **__: clips())
+    monkeypatch.setattr("cospeech.evaluation.play", lambda *_, **__: pytest.fail("a model has played"))
+    with pytest.raises(InputError):
+        evaluate_store({"rules": "rules", "mine": other}, "store", metrics=("w1_speed",))
+
+
 @pytest.mark.slow
 def test_the_public_call_takes_a_model_and_a_store(corpus):
     """As README and interface have it: a model, a corpus, metrics."""

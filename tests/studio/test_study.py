@@ -8,11 +8,13 @@ import sqlite3
 import subprocess
 import sys
 from collections import Counter
+from contextlib import contextmanager
 from itertools import pairwise
 from random import Random
 
 import pytest
 
+from cospeech.cli import progress
 from cospeech.errors import InputError
 from cospeech.studio.study import load_plan, make_study, report_study
 from cospeech.studio.study.answers import Answers
@@ -483,6 +485,23 @@ def test_the_commands(tmp_path):
     assert "2 systems, 2 speeches, 4 pages a rater" in result.stdout
     assert run("export", "s2", "page").returncode == 0
     assert "There is nothing to report yet." in run("report", "s2").stdout
+
+
+def test_on_a_terminal_the_bar_is_told_of_each_clip(tmp_path, cli, monkeypatch):
+    make_tiny_study(tmp_path, 2, 2)
+    amounts = []
+
+    @contextmanager
+    def show_progress(title, quiet):
+        with progress.show_progress(title, quiet) as tell:
+            yield lambda *amount: (tell(*amount), amounts.append(amount))
+
+    monkeypatch.setattr("cospeech.cli.study.show_progress", show_progress)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.chdir(tmp_path)
+    code, _, err = cli("study", "make", "a", "b", "-o", "s2")
+    assert (code, err) == (0, "")
+    assert amounts == [(1, 4), (2, 4), (3, 4), (4, 4)]
 
 
 def test_the_way_back_is_told_at_the_end_alone(tmp_path):

@@ -138,7 +138,7 @@ def dialogue(
         }
         for k in range(len(persons))
     ]  # fmt: skip
-    films = [Path(text) for text in output or () if _is_film(text)]
+    load_once, films = cache(load), [Path(text) for text in output or () if _is_film(text)]
     _check_films(films, len(picks), {own[k]["avatar"] for k in picks})
     output = [text for text in output if not _is_film(text)] if output else None
     files = {k: _outputs_of(persons[k].name, output) for k in picks if output != []}
@@ -146,11 +146,11 @@ def dialogue(
     _check_apart(
         [*speech, *([speakers] if speakers else [])], [*films, *(path for each in files.values() for path in each)], own, report
     )
+    _check_requests([own[k] for k in picks], load_once)
     if not quiet:
         typer.echo(describe_persons(persons), err=True)
     with show_progress("generating", quiet) as progress:
         seats = [[0.0, angle], [-angle, 0.0]] if len(persons) == 2 else find_seats(len(persons))
-        load_once = cache(load)
         result = _generate(persons, _make_roles(persons, seats, is_mixed=is_mixed), files, own, load_once, progress)
         for film in films:
             row = seats if len(persons) == 2 else find_row(len(persons), SIDE)
@@ -161,6 +161,19 @@ def dialogue(
         show_outputs(result.speeches)
         for film in films:
             typer.echo(f"  {film}  {say_count(len(picks), 'person')} side by side")
+
+
+def _check_requests(own: Sequence[dict[str, Any]], load_once: Callable[[str], Model]) -> None:
+    """Check the model, style and emotion of all persons before the first person is generated, which may take minutes.
+
+    Raises:
+        InputError: a model is unknown, or cannot work with the options of its person.
+    """
+    from ..generate import check_request
+
+    for options in own:
+        request = {key: options[key] for key in ("style", "emotion", "intensity", "seed", "parts", "fps")}
+        check_request(load_once(options["model"]), **request)
 
 
 def _make_roles(persons: Sequence[Person], bearings: Sequence[Sequence[float]], *, is_mixed: bool) -> list[DialogueRole]:
@@ -318,7 +331,10 @@ def _outputs_of(name: str, output: Sequence[str] | None) -> list[Path]:
 def _check_apart(sources: list[Path], targets: list[Path], own: Sequence[dict[str, Any]], report: Path | None) -> None:
     """Raise an InputError if two outputs are one file, or an output is a file that is read."""
     from ..export.checks import check_apart
+    from ..export.target_skeleton import rig_files
+    from ..runtime.styles.style import example_files
 
     targets += [] if report is None else [report]
-    sources += [Path(options[key]) for options in own for key in ("transcript", "avatar", "style", "emotion") if options[key]]
+    sources += [Path(options[key]) for options in own for key in ("transcript", "avatar", "emotion") if options[key]]
+    sources += [path for options in own for path in (*rig_files(options["skeleton"]), *example_files(options["style"]))]
     check_apart(targets, sources)

@@ -170,10 +170,11 @@ def _names(metrics: str | None) -> list[str]:
 _OF_TABLES = frozenset(
     {"seeds", "rows", "runs", "recipes", "small", "changes", "threads", "oracle", "headroom", "about", "figure"}
 )
-_OF_CONTESTS = frozenset({"hearing", "metrics", "split", "takes", "seed", "seed_frames", "features"})
+_OF_SCORES = frozenset({"metrics", "takes", "seed", "seed_frames", "features"})
+_OF_CONTESTS = _OF_SCORES | {"hearing", "split"}
 
 
-def _check_options(context: typer.Context, table: str | None, systems: list[str], headroom: bool) -> None:
+def _check_options(context: typer.Context, table: str | None, systems: list[str], *, headroom: bool, hearing: bool) -> None:
     """Check that each option that is given changes something, and that no system is given beside a table.
 
     Raises:
@@ -183,6 +184,8 @@ def _check_options(context: typer.Context, table: str | None, systems: list[str]
         raise InputError(f"system {systems[0]!r} beside --table", "leave it out: the table has its own rows")
     if table is None:
         check_idle(context, _OF_TABLES, "without --table, to which it belongs")
+        if hearing:
+            check_idle(context, _OF_SCORES | {"raw"}, "beside --hearing, which measures losses on the windows of the store")
     else:
         check_idle(context, _OF_CONTESTS, "beside --table, which sets this itself")
         if headroom:
@@ -251,7 +254,7 @@ def register(app: typer.Typer) -> None:
         cospeech evaluate mine=generated --corpus stores/beat --raw raw/beat -o table.tex
         cospeech evaluate --table flow-2 --store stores/ted --raw raw/ted --small
         """
-        _check_options(context, table, systems or [], headroom)
+        _check_options(context, table, systems or [], headroom=headroom, hearing=hearing)
         if out is not None:
             _check_out(out, has_scores=table is None and not hearing)
         if table is not None:

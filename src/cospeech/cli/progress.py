@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Protocol
 
 from .standard_streams import find_bar_stream
 
-__all__ = ["show_progress"]
+__all__ = ["Tell", "show_progress"]
+
+
+class Tell(Protocol):
+    """The function that moves a bar. A type checker then sees whether a command calls it with other arguments."""
+
+    def __call__(self, amount: float, total: float | None, word: str = "", /) -> None:
+        """Show how much is done, of how much (None: not known), and the name of the step."""
 
 
 @contextmanager
-def show_progress(title: str, quiet: bool) -> Iterator[Callable[..., None] | None]:
+def show_progress(title: str, quiet: bool) -> Iterator[Tell | None]:
     """A progress bar on stderr.
 
     Args:

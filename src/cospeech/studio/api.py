@@ -231,7 +231,8 @@ class StudioApi:
         catalogue = await _in_thread(self._state.list_catalogue)
         model, speech = find_model(catalogue, message.model), self._state.speeches.find(message.speech)
         check_emotion(message.emotion)
-        style = self._find_style(message)
+        clip = self._state.clips.find(message.style.clip) if isinstance(message.style, ClipStyle) else None
+        style = _describe_style(message) if clip is None else str(clip.path)  # the server has chosen this path
         if not isinstance(message.style, ClipStyle):
             check_style(model, style)
         elif not model.takes_example:
@@ -255,21 +256,13 @@ class StudioApi:
             "options": options,
         }  # fmt: skip
         try:
-            self._state.queue.add(name, folder, speech, job, message.page)
+            self._state.queue.add(name, folder, speech, job, message.page, clip)
         except QueueFull:
             shutil.rmtree(folder, ignore_errors=True)
             raise
         if message.page is not None:
             self._state.pages.expect(message.page)  # the page may have left in the meantime
         return _answer(CreatedTake(take=name))
-
-    def _find_style(self, message: TakeRequest) -> str | None:
-        """The style as text; that of a clip is its path, which the server has chosen."""
-        if isinstance(message.style, NamedStyle):
-            return message.style.name
-        if isinstance(message.style, MixedStyle):
-            return ",".join(f"{name}:{weight:g}" for name, weight in message.style.mix.items())
-        return str(self._state.clips.find(message.style.clip).path) if message.style is not None else None
 
     async def drop_take(self, request: Any) -> Any:
         """``DELETE /api/takes/{take}``."""
@@ -373,6 +366,15 @@ class StudioApi:
             plan = plan.with_words(self._state.speeches.find(message.speech).words)
         edit = getattr(plan, values.pop("kind"))  # the message was checked, so the kind is a method that edits
         return ChangedPlan(plan=edit(**values))
+
+
+def _describe_style(message: TakeRequest) -> str | None:
+    """A style by its name, or a mixture, as text."""
+    if isinstance(message.style, NamedStyle):
+        return message.style.name
+    if isinstance(message.style, MixedStyle):
+        return ",".join(f"{name}:{weight:g}" for name, weight in message.style.mix.items())
+    return None
 
 
 def _send_file(path: Path, kind: str, label: str | None = None) -> Any:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import secrets
 import shutil
 import threading
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Generic, Protocol, TypeVar
 
-__all__ = ["Kept", "Shelf"]
+__all__ = ["Kept", "Shelf", "TakeSource"]
 
 
 class Kept(Protocol):
@@ -22,11 +23,29 @@ class Kept(Protocol):
         ...
 
 
+@dataclass
+class TakeSource:
+    """Something that takes are made from, in a folder of its own. It is in use while one of them waits or is made."""
+
+    _takes: list[Kept] = field(default_factory=list, init=False, repr=False)
+
+    def add_take(self, take: Kept) -> None:
+        """Note a take that is made from it."""
+        self._takes = [*(each for each in self._takes if each.in_use), take]
+
+    @property
+    def in_use(self) -> bool:
+        """Whether a take that is made from it is in use."""
+        return any(take.in_use for take in self._takes)
+
+
 T = TypeVar("T", bound=Kept)
 
 
 class Shelf(Generic[T]):
     """Keeps things by name. It makes the names itself, so that a name from outside is never a path.
+
+    Things that are in use are kept beyond the limits, until a new thing comes after their use.
 
     Args:
         kind: kind of the things, one word for messages.

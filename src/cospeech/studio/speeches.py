@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import wave
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from ..audio.transcripts import load_words
 from ..errors import InputError
 from ..rules.plan_model import words_of
 from .messages import MessageWords, UploadedSpeech
+from .shelf import TakeSource
 
 __all__ = ["MINUTES", "HeldSpeech", "add_words", "hold_example", "hold_speech", "label_of", "rename_error", "set_language"]
 
@@ -28,7 +29,7 @@ _LONGEST_LABEL = 120
 
 
 @dataclass
-class HeldSpeech:
+class HeldSpeech(TakeSource):
     """A speech in a folder of its own."""
 
     folder: Path
@@ -41,7 +42,6 @@ class HeldSpeech:
     words: tuple[Word, ...] = ()
     user_language: str = ""
     """Code of the language that the user gave for the words; empty: it is found from the words."""
-    in_use: bool = field(default=False, init=False)
 
     @property
     def sound(self) -> Path:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import warnings
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
@@ -15,7 +15,7 @@ from .catalogue import MOST_TAKES, make_catalogue
 from .events import EventHub, OpenPages
 from .live import LiveModels
 from .messages import Catalogue
-from .shelf import Shelf
+from .shelf import Shelf, TakeSource
 from .speeches import HeldSpeech
 from .takes import HeldTake, TakeQueue
 from .uploads import Uploads
@@ -28,12 +28,11 @@ _DISK = 2 << 30  # bytes of each shelf [ours: sixteen takes of half an hour at 6
 
 
 @dataclass
-class HeldClip:
+class HeldClip(TakeSource):
     """An example of a style, in a folder of its own."""
 
     folder: Path
     path: Path
-    in_use: bool = field(default=False, init=False)
 
 
 class StudioState:

@@ -13,7 +13,7 @@ from typing import Any
 
 from ..errors import CospeechError
 from .messages import TakeEvent
-from .shelf import Shelf
+from .shelf import Shelf, TakeSource
 from .speeches import HeldSpeech
 from .worker import JobCancelled, StudioWorker
 
@@ -74,8 +74,11 @@ class TakeQueue:
         self._thread = threading.Thread(target=self._work, name="cospeech takes", daemon=True)
         self._thread.start()
 
-    def add(self, name: str, folder: Path, speech: HeldSpeech, job: dict[str, Any], page: str | None = None) -> None:
-        """Queue a take; see `HeldTake`.
+    def add(
+        self, name: str, folder: Path, speech: HeldSpeech, job: dict[str, Any], page: str | None = None,
+        clip: TakeSource | None = None,
+    ) -> None:  # fmt: skip
+        """Queue a take; see `HeldTake`. Its speech stays until it is made, and so does the ``clip`` whose style it has.
 
         Raises:
             QueueFull: `MOST_WAITING` takes wait already.
@@ -84,6 +87,9 @@ class TakeQueue:
         with self._change:
             if len(self._waiting) >= MOST_WAITING:
                 raise QueueFull
+            for source in (speech, clip):
+                if source is not None:
+                    source.add_take(take)
             self._waiting.append(take)
             self._shelf.put(name, take)
             self._publish(take.event)
@@ -164,13 +170,13 @@ class TakeQueue:
             kind = "cancelled"
         except CospeechError as error:
             facts = {"problem": error.problem, "hint": error.hint}
+        except Exception as error:  # the thread must go on: other takes wait for it
+            facts = {"problem": f"{type(error).__name__}: {error}".removesuffix(": "), "hint": "this is a bug of ours"}
         with self._change:
             if take.event.type != "cancelled":
                 self._tell(take, kind, seconds=time.perf_counter() - start, **facts)
 
     def _warm_up(self) -> None:
         """Start the process again, so that the next take does not have to wait for it."""
-        try:
+        with suppress(Exception):  # the next take reports it
             self._worker.run("warm")
-        except (CospeechError, JobCancelled):
-            return  # the next take reports it

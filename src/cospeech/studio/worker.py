@@ -13,6 +13,7 @@ from weakref import WeakSet
 
 from ..audio.worker import TooLong, Worker, WorkerEnded, worker_command
 from ..errors import InputError, InternalError
+from ..files import describe_os_error
 
 __all__ = ["JobCancelled", "StudioWorker"]
 
@@ -60,7 +61,7 @@ class StudioWorker:
 
         Raises:
             InputError: an argument cannot be used.
-            InternalError: the process has ended, or failed.
+            InternalError: the process cannot start, has ended, or failed.
             JobCancelled: `cancel` was called.
         """
         with self._turn:
@@ -68,8 +69,7 @@ class StudioWorker:
                 if self._closed or (owner is not None and owner in self._cancelled_owners):
                     raise JobCancelled
                 if self._worker is None:
-                    command = worker_command(Path(__file__).with_name("_jobs.py"))
-                    self._worker = Worker(command, {"OMP_NUM_THREADS": "1"})
+                    self._worker = _start_worker()
                 worker, number = self._worker, next(self._numbers)
                 self._running, self._owner = number, owner
             worker.request(b"J", json.dumps({"job": job, "number": number, **values}).encode())
@@ -133,3 +133,17 @@ class StudioWorker:
             if progress is not None:
                 with suppress(RuntimeError):  # the event loop of the listener has ended
                     progress(values["done"], values["total"])
+
+
+def _start_worker() -> Worker:
+    """Start a process.
+
+    Raises:
+        InternalError: the system starts none: memory is short, or a limit of processes or open files is reached.
+    """
+    command = worker_command(Path(__file__).with_name("_jobs.py"))
+    try:
+        return Worker(command, {"OMP_NUM_THREADS": "1"})
+    except OSError as error:
+        reason = describe_os_error(error)
+        raise InternalError(f"the worker process cannot start: {reason}", "close other programs, then try again") from None

@@ -52,7 +52,7 @@ def make_study(
     faces: str = "auto",
     fps: float = FPS,
     allow_differences: bool = False,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[float, float | None], None] | None = None,
 ) -> StudyPlan:
     """Make the folder of a study from clips of systems on the same speech.
 
@@ -72,6 +72,7 @@ def make_study(
         faces: of motion files: ``show``, ``hide``, or ``auto``, which hides all faces if a clip has none.
         fps: pictures per second of motion files.
         allow_differences: accept videos that differ in kind, size, rate, sound or length, with a warning.
+        progress: called after each clip with the number of clips that are done, and of all clips.
 
     Raises:
         InputError: clips are missing, cannot be read, do not suit the template, or differ in something other than motion.
@@ -127,7 +128,7 @@ def _write_clips(
     *,
     faces: str,
     fps: float,
-    progress: Callable[[float], None] | None,
+    progress: Callable[[float, float | None], None] | None,
 ) -> None:
     """Render motion files, and copy videos."""
     tick = _count(progress, len(sources))
@@ -146,7 +147,7 @@ def _check_names(**choices: tuple[str, Sequence[str] | Mapping[str, object]]) ->
             raise InputError(f"unknown {what} {name!r}", nearest(name, [*names]))
 
 
-def _count(progress: Callable[[float], None] | None, total: int) -> Callable[[], None]:
+def _count(progress: Callable[[float, float | None], None] | None, total: int) -> Callable[[], None]:
     """A function to call after each clip; it reports progress."""
     count = 0
 
@@ -154,7 +155,7 @@ def _count(progress: Callable[[float], None] | None, total: int) -> Callable[[],
         nonlocal count
         count += 1
         if progress is not None:
-            progress(count / total)
+            progress(count, total)
 
     return tell
 

@@ -517,12 +517,12 @@ def test_notes_and_the_report_tell_which_speech_they_mean(place, cli, tmp_path, 
 
 def test_resume_without_an_output_makes_what_is_missing(cli, place):
     assert cli("generate", "rec/me", "-q") == (0, "", "")
-    made = Path("b.bvh").read_bytes()
+    content = Path("b.bvh").read_bytes()
     for name in ("b.bvh", "b.glb"):
         Path(name).unlink()
     line = ["generate", "rec/me", "--resume", "-q"]
     assert cli(*line) == (0, "", "note: 1 of 2 speeches left out: their files are there (--resume)\n")
-    assert Path("b.bvh").read_bytes() == made
+    assert Path("b.bvh").read_bytes() == content
     Path("b.glb").unlink()  # as if the run had been killed between the two files
     assert cli(*line)[0] == 0
     assert Path("b.glb").exists()

@@ -134,8 +134,8 @@ def _write_report(report: str | PathLike[str] | None, result: Reports) -> None:
 
 def _fail(job: Job, error: Exception) -> Failure:
     """What the report says about a speech that failed."""
-    known = error if isinstance(error, CospeechError) else explain(error, "generate")
-    return Failure(speech=str(job.speech), error=str(known), ours=isinstance(known, InternalError))
+    own = error if isinstance(error, CospeechError) else explain(error, "generate")
+    return Failure(speech=str(job.speech), error=str(own), ours=isinstance(own, InternalError))
 
 
 def _ends_work(error: Exception) -> bool:
@@ -199,10 +199,10 @@ def _add_outcome(job: Job, future: Future[tuple[Report | Failure, list[str]]], r
     try:
         outcome, notes = future.result()
     except BrokenProcessPool:
-        ended = InternalError(
+        death = InternalError(
             "a process that generates has ended, as if it were killed", "is there room in memory? --resume makes the rest"
         )
-        outcome, notes = _fail(job, ended), []
+        outcome, notes = _fail(job, death), []
     except Exception as error:
         result.failed.append(_fail(job, error))
         raise

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cospeech.errors import InputError
+from cospeech.errors import InputError, InternalError
 from cospeech.export import load, save
 from cospeech.motion.edit import cut
 from cospeech.motion.rotations import quat_angle
@@ -195,6 +196,30 @@ def test_several_motions_are_converted_one_by_one(cli, place):
     (place / "takes" / "two.BVH").write_bytes((place / "takes" / "one.bvh").read_bytes())
     assert cli("convert", "takes", "from a folder/{name}.npz")[0] == 0
     assert sorted(each.name for each in (place / "from a folder").iterdir()) == ["one.npz", "two.npz"]
+
+
+def test_no_error_of_one_motion_ends_the_others(place):
+    from cospeech.cli.several import MotionFile, convert_each
+
+    motions = [MotionFile(place / f"{name}.bvh", place / f"{name}.npz", name, has_placeholder=False) for name in "abc"]
+    done = list[str]()
+
+    def convert(each):
+        if each.source.name == "a.bvh":
+            raise MemoryError
+        if each.source.name == "b.bvh":
+            raise OSError(errno.EIO, "Input/output error")
+        done.append(each.source.name)
+
+    with pytest.raises(InternalError, match=r"2 of 3 motions failed: .*a\.bvh: too little memory.*Input/output error"):
+        convert_each(motions, convert)
+    assert done == ["c.bvh"]
+
+    def fill_disk(each):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(OSError, match="No space left"):
+        convert_each(motions, fill_disk)
 
 
 def test_a_folder_of_motions_is_searched_to_the_bottom_and_one_of_each_name_taken(cli, place):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import signal
 import sys
@@ -17,7 +16,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from ..errors import CospeechError, CospeechWarning, InputError, InternalError, is_broken_pipe
+from ..errors import CospeechError, CospeechWarning, InputError, InternalError
 from ..export import FORMATS
 from ..files import atomic, check_destination, make_folders, regular_file, scratch, workplace
 from ..generate import check_request, generate_files
@@ -28,7 +27,7 @@ from ..runtime.report import Failure, Report, Reports
 from ..training.interrupts import list_stop_signals
 from .batch_files import Job, check_files_of_jobs, check_left_out, check_new, list_undone, make_job
 from .several import NAME, FoundFiles, LeftOut, find_files
-from .unexpected import explain
+from .unexpected import ends_work, explain
 
 __all__ = ["STANDARD_INPUT", "generate_speeches"]
 
@@ -138,19 +137,6 @@ def _fail(job: Job, error: Exception) -> Failure:
     return Failure(speech=str(job.speech), error=str(own), ours=isinstance(own, InternalError))
 
 
-def _ends_work(error: Exception) -> bool:
-    """Whether an error is not that of one speech alone.
-
-    It is a full disk, a reader of our output that has left, or what a library has made of Ctrl-C or of a signal.
-    """
-    if isinstance(error, OSError) and (error.errno == errno.ENOSPC or is_broken_pipe(error)):
-        return True
-    cause: BaseException | None = None if isinstance(error, CospeechError) else error
-    while cause is not None and isinstance(cause, Exception):
-        cause = cause.__cause__ or cause.__context__
-    return cause is not None
-
-
 def _each(
     jobs: list[Job], options: Mapping[str, Any], model: str, instance: Model, progress: Progress | None, result: Reports
 ) -> None:
@@ -162,7 +148,7 @@ def _each(
             result.speeches.append(_generate_one(job, options, model=model, instance=instance, progress=tell))
         except Exception as error:
             result.failed.append(_fail(job, error))
-            if _ends_work(error):
+            if ends_work(error):
                 raise
 
 
@@ -253,7 +239,7 @@ def _generate_alone(job: Job, options: dict[str, Any], model: str) -> tuple[Repo
             _check_stop()
             outcome: Report | Failure = _generate_one(job, options, model=model, progress=_check_stop)
         except Exception as error:
-            if _ends_work(error):
+            if ends_work(error):
                 raise
             outcome = _fail(job, error)
     return outcome, [str(warning.message) for warning in notes if issubclass(warning.category, CospeechWarning)]

@@ -19,6 +19,7 @@ from ..export.checks import check_apart
 from ..export.registry import reads_body, suffixes
 from ..files import make_folders
 from .options import NAME
+from .unexpected import ends_work, explain
 
 __all__ = [
     "NAME",
@@ -220,7 +221,7 @@ def _list_motions(folder: Path, left_out: LeftOut) -> list[tuple[str, Path]]:
 
 
 def convert_each(motions: Sequence[MotionFile], convert: Callable[[MotionFile], None]) -> None:
-    """Convert motion files one after the other. An error in one of several does not stop the others.
+    """Convert motion files one after the other. An error in one of several does not stop the others, unless it ends all work.
 
     Raises:
         InputError: some could not be converted; the message names them.
@@ -230,10 +231,11 @@ def convert_each(motions: Sequence[MotionFile], convert: Callable[[MotionFile], 
         try:
             with make_folders({each.target.parent} if each.has_placeholder else ()):
                 convert(each)
-        except CospeechError as error:
-            if len(motions) == 1:
+        except Exception as error:
+            if len(motions) == 1 or ends_work(error):
                 raise
-            failures.append((str(each.source), str(error), isinstance(error, InternalError)))
+            own = error if isinstance(error, CospeechError) else explain(error, "convert")
+            failures.append((str(each.source), str(own), isinstance(own, InternalError)))
     if failures:
         hint = "the others are done" if len(failures) < len(motions) else ""
         raise describe_failures(failures, say_count(len(motions), "motion"), hint)

@@ -10,11 +10,11 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from types import CodeType
 
-from ..errors import CospeechError, InputError, InternalError
+from ..errors import CospeechError, InputError, InternalError, is_broken_pipe
 from ..export.plugins import USED
 from .standard_streams import STANDARD_OUTPUT
 
-__all__ = ["explain"]
+__all__ = ["ends_work", "explain"]
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _LIBRARIES = tuple(Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib"))
@@ -42,6 +42,19 @@ def explain(error: Exception, command: str) -> CospeechError:
         return InputError(f"{place}: {what}", "the error comes from this file, not from cospeech; --debug shows the whole way")
     whose = f"this is a bug of ours, or of {' or '.join(USED)}" if USED else "this is a bug of ours"
     return InternalError(what, f"{whose}; --debug shows where")
+
+
+def ends_work(error: Exception) -> bool:
+    """Whether an error is not that of one file alone.
+
+    It is a full disk, a reader of our output that has left, or what a library has made of Ctrl-C or of a signal.
+    """
+    if isinstance(error, OSError) and (error.errno == errno.ENOSPC or is_broken_pipe(error)):
+        return True
+    cause: BaseException | None = None if isinstance(error, CospeechError) else error
+    while cause is not None and isinstance(cause, Exception):
+        cause = cause.__cause__ or cause.__context__
+    return cause is not None
 
 
 def _explain_os_error(error: OSError) -> CospeechError:

@@ -202,18 +202,18 @@ def test_no_error_of_one_motion_ends_the_others(place):
     from cospeech.cli.several import MotionFile, convert_each
 
     motions = [MotionFile(place / f"{name}.bvh", place / f"{name}.npz", name, has_placeholder=False) for name in "abc"]
-    done = list[str]()
+    names = list[str]()
 
     def convert(each):
         if each.source.name == "a.bvh":
             raise MemoryError
         if each.source.name == "b.bvh":
             raise OSError(errno.EIO, "Input/output error")
-        done.append(each.source.name)
+        names.append(each.source.name)
 
     with pytest.raises(InternalError, match=r"2 of 3 motions failed: .*a\.bvh: too little memory.*Input/output error"):
         convert_each(motions, convert)
-    assert done == ["c.bvh"]
+    assert names == ["c.bvh"]
 
     def fill_disk(each):
         raise OSError(errno.ENOSPC, "No space left on device")

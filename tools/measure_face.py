@@ -94,7 +94,7 @@ def lag(real: np.ndarray, generated: np.ndarray, fps: float) -> np.ndarray:
 
 def format_figure(values: np.ndarray, figure: Callable[[np.ndarray], float], unit: float = 1.0) -> str:
     """A figure of rows that each stand for a clip, with its interval."""
-    ends = bootstrap(lambda indices: float(figure(values[indices])), len(values), draws=DRAWS, seed=0).interval
+    ends = bootstrap(lambda k: float(figure(values[k])), [*map(str, range(len(values)))], draws=DRAWS).interval
     low, high = ends if ends is not None else (np.nan, np.nan)
     return f"{unit * figure(values):.3g} ({unit * low:.3g} … {unit * high:.3g})"
 

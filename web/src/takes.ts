@@ -392,7 +392,7 @@ export class Takes {
     for (const take of takes.splice(step.takes.length)) if (take.making !== null) api.forgetTake(take.making);
     step.takes.forEach((old, k) => {
       takes[k] ??= makeTake(old.seed);
-      Object.assign(takes[k], old);
+      Object.assign(takes[k], old, { madeFrom: "" }); // so that its plan comes back with the motion that it belongs to
     });
     this.store.update({ settings: step.settings, chosen: step.chosen, gesture: null, notice });
     this.makeAll();

@@ -91,8 +91,8 @@ def generate_speeches(
             check_files_of_jobs(work, options, report)
         if resume:
             work = list_undone(work, options)
-            if not outputs:
-                check_new(work, options, resume=True)
+            if not outputs:  # nothing is there of a speech that an interruption has left: its files come together
+                check_new(work, options)
             if not work:
                 return Reports(speeches=[], failed=[])
         if len(files) == 1:

@@ -83,22 +83,14 @@ def make_job(
     return Job(speech, name, outputs, folders, own_options)
 
 
-def check_new(jobs: list[Job], options: Mapping[str, Any], *, resume: bool = False) -> None:
-    """Raise an InputError if an output that the user did not name exists: it may be the recording of a speech.
-
-    With ``resume``, an output may exist if it is newer than its speech: then an earlier run has made it.
-    """
+def check_new(jobs: list[Job], options: Mapping[str, Any]) -> None:
+    """Raise an InputError if an output that the user did not name exists: it may be the recording of a speech."""
     takes = int(options.get("takes", 1))
-    existing = [path for job in jobs for path in _takes(job, takes) if path.exists() and not (resume and _is_newer(path, job))]
+    existing = [path for job in jobs for path in _takes(job, takes) if path.exists()]
     if existing:
         are = f" and {len(existing) - 1} more are" if len(existing) > 1 else " is"
         hint = f"-o {existing[0]} writes over it" if len(existing) == 1 else "-o ./ writes over them"
-        older = ", and older than the speech" if resume else ""
-        raise InputError(f"{str(existing[0])!r}{are} there already{older}", f"{hint}; -o out/ writes to another folder")
-
-
-def _is_newer(path: Path, job: Job) -> bool:
-    return path.stat().st_mtime > job.speech.stat().st_mtime
+        raise InputError(f"{str(existing[0])!r}{are} there already", f"{hint}; -o out/ writes to another folder")
 
 
 def check_left_out(jobs: list[Job], options: Mapping[str, Any], report: str | PathLike[str] | None, left_out: LeftOut) -> None:

@@ -248,7 +248,7 @@ def _follows_not(row: str, evidence: Evidence) -> str | None:
     lacking = next((cell.get("why", "it has no beat lift") for cell in lifts if "value" not in cell), None)
     if lacking is not None:
         return f"it is not known whether {row} follows the speech: {lacking}"
-    lift, truth = evidence.mean(row, LIFT), lifts[0]["value"]
+    lift, truth = evidence.mean(row, LIFT), evidence.values_of_controls(row, LIFT)[CONTROLS[0]]
     if lift >= LEAST_LIFT * truth:
         return None
     return f"{row} hardly follows the speech: beat lift {lift:.3f}, of the recordings {truth:.3f}"

@@ -303,15 +303,25 @@ def test_all_tools_are_seen_in_a_low_window(talking):
     wait_until(talking, "document.getElementById('edits').getBoundingClientRect().bottom <= 620")
 
 
-def test_words_that_come_during_a_download_are_those_of_the_motion_that_is_shown(page, wav):
+def change_words_while_held(page, pattern: str, wav):
+    """Hold the first answer of the studio to a request while another transcript is dropped and its motion comes.
+
+    Returns:
+        The route of the request, and the answer that it waits for.
+    """
     waiting = []
-    page.route("**/api/takes/*/motion", lambda route: waiting.append((route, route.fetch())), times=1)
+    page.route(pattern, lambda route: waiting.append((route, route.fetch())), times=1)
     page.set_input_files("#speech-file", wav)
     wait_for(page, waiting)
     drop_all(page, {"talk.srt": b"1\n00:00:00,500 --> 00:00:01,000\nhuge\n"})
     wait_until(page, f"cospeechStudio.speech.words.length === 1 && {READY}")
+    (pair,) = waiting
+    return pair
+
+
+def test_words_that_come_during_a_download_are_those_of_the_motion_that_is_shown(page, wav):
+    route, answer = change_words_while_held(page, "**/api/takes/*/motion", wav)
     mine = page.evaluate("cospeechStudio.takes[0].id")
-    ((route, answer),) = waiting
     with page.expect_event("requestfinished", lambda request: request == route.request):
         route.fulfill(response=answer)
     page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
@@ -320,13 +330,7 @@ def test_words_that_come_during_a_download_are_those_of_the_motion_that_is_shown
 
 
 def test_a_take_that_was_asked_for_with_other_words_is_forgotten(page, wav):
-    waiting = []
-    page.route("**/api/takes", lambda route: waiting.append((route, route.fetch())), times=1)
-    page.set_input_files("#speech-file", wav)
-    wait_for(page, waiting)
-    drop_all(page, {"talk.srt": b"1\n00:00:00,500 --> 00:00:01,000\nhuge\n"})
-    wait_until(page, f"cospeechStudio.speech.words.length === 1 && {READY}")
-    ((route, answer),) = waiting
+    route, answer = change_words_while_held(page, "**/api/takes", wav)
     old = answer.json()["take"]
     with page.expect_request(lambda each: each.method == "DELETE" and each.url.endswith(old), timeout=5000):
         route.fulfill(response=answer)

@@ -66,8 +66,7 @@ def generate_speeches(
         report: JSON file for the `Report` of one speech, or the `Reports` of several.
         progress: called with (seconds done, seconds in all or None, which speech).
         jobs: number of speeches that are generated at the same time, 1 … 64, each in its own process.
-        resume: leave out a speech if all its files exist and are newer than it; a note tells how many. Of the others, without
-            ``outputs``, files that are newer than the speech are replaced.
+        resume: leave out a speech if all its files exist and are newer than it; a note tells how many.
         options: as for `generate_files`. transcript, emotion, face, continue_from, plan, plan_out and keep_from may have
             ``{name}`` in them.
 
@@ -133,7 +132,7 @@ def _write_report(report: str | PathLike[str] | None, result: Reports) -> None:
 
 def _fail(job: Job, error: Exception) -> Failure:
     """What the report says about a speech that failed."""
-    own = error if isinstance(error, CospeechError) else explain(error, "generate")
+    own = explain(error, "generate")
     return Failure(speech=str(job.speech), error=str(own), ours=isinstance(own, InternalError))
 
 

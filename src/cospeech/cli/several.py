@@ -234,7 +234,7 @@ def convert_each(motions: Sequence[MotionFile], convert: Callable[[MotionFile], 
         except Exception as error:
             if len(motions) == 1 or ends_work(error):
                 raise
-            own = error if isinstance(error, CospeechError) else explain(error, "convert")
+            own = explain(error, "convert")
             failures.append((str(each.source), str(own), isinstance(own, InternalError)))
     if failures:
         hint = "the others are done" if len(failures) < len(motions) else ""

@@ -23,15 +23,18 @@ _GROUPS = ("cospeech.formats", "cospeech.models")
 
 
 def explain(error: Exception, command: str) -> CospeechError:
-    """The error to print for an unexpected exception.
+    """The error to print for an exception: for one of ours, itself.
 
     Args:
         error: with its traceback.
         command: the name of the command, such as "train".
 
     Returns:
-        An `InputError` if the exception comes from a file of the user, such as a model of their own; else an `InternalError`.
+        For an unexpected exception, an `InputError` if it comes from a file of the user, such as a model of their own; else an
+        `InternalError`.
     """
+    if isinstance(error, CospeechError):
+        return error
     if isinstance(error, OSError):
         return _explain_os_error(error)
     what = f"{type(error).__name__}: {error}".removesuffix(": ")

@@ -5,17 +5,18 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from fractions import Fraction
+from typing import TypeVar
 
 import numpy as np
 
-from ..audio.speech import Speech
+from ..audio.speech import Speech, Word
 from ..errors import InputError
 from ..motion.motion import Motion
 from ..motion.points import Points
 from ..motion.rotations import Array
 from ..motion.skeleton import Skeleton
 from ..motion.skeletons.arkit import ARKIT_MIRROR
-from .clip import Clip
+from .clip import Clip, Semantic
 
 __all__ = ["faster", "mirror_clip", "mirror_motion", "mirror_points", "shift_pitch"]
 
@@ -24,6 +25,7 @@ _SWAP = {"left": "right", "right": "left", "Left": "Right", "Right": "Left", "_l
 _TED = (0, 1, 2, 3, 7, 8, 9, 4, 5, 6)  # ted: left arm 4–6, right arm 7–9
 _PATS = (0, 4, 5, 6, 1, 2, 3, 7, 9, 8, *range(31, 52), *range(10, 31))  # pats: arms, eyes, hands
 _POINTS = {"ted": _TED, "pats": _PATS}
+_Timed = TypeVar("_Timed", Word, Semantic)
 _WINDOW = 1024  # samples, 64 ms at 16 kHz; ours: some pitch periods of any voice, short against a syllable
 
 
@@ -86,17 +88,21 @@ def faster(clip: Clip, factor: float) -> Clip:
     _check(factor, "times as fast")
     _check_sound(clip)
     motion, points, speech = clip.motion, clip.points, clip.speech
+
+    def hasten(entries: tuple[_Timed, ...]) -> tuple[_Timed, ...]:
+        return tuple(replace(each, start=each.start / factor, end=each.end / factor) for each in entries)
+
     if speech is not None:
-        words = speech.words and tuple(replace(w, start=w.start / factor, end=w.end / factor) for w in speech.words)
+        words = speech.words and hasten(speech.words)
         rate = Fraction(factor).limit_denominator(1000) * speech.rate
         samples = _resample(speech.samples, float(rate), speech.rate)
         speech = Speech(samples, speech.rate, words, name=speech.name)
     semantics = clip.semantics
     if semantics is not None:
-        semantics = tuple(replace(s, start=s.start / factor, end=s.end / factor) for s in semantics)
+        semantics = hasten(semantics)
     extra, words_alone = dict(clip.extra), clip.extra.get("words")
     if isinstance(words_alone, tuple):  # of a clip without sound
-        extra["words"] = tuple(replace(w, start=w.start / factor, end=w.end / factor) for w in words_alone)
+        extra["words"] = hasten(words_alone)
     return replace(
         clip,
         name=f"{clip.name}|x{factor:g}",

@@ -78,9 +78,8 @@ def _clips(samples: Sequence[Sample]) -> list[Blinks]:
 
 
 def _score(samples: Sequence[Sample], figure: Callable[[Sequence[Blinks]], float], tools: Tools) -> Score:
-    faces = [sample for sample in samples if sample.face is not None]
-    clips = _clips(faces)
-    resamples = bootstrap(lambda k: figure([clips[i] for i in k]), groups_of(faces), draws=DRAWS, seed=tools.seed)
+    clips, groups = _clips(samples), groups_of([sample for sample in samples if sample.face is not None])
+    resamples = bootstrap(lambda k: figure([clips[i] for i in k]), groups, draws=DRAWS, seed=tools.seed)
     return Score(figure(clips), resamples.interval, sum(len(clip.widths) for clip in clips), draws=resamples.draws)
 
 

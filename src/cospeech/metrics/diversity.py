@@ -53,8 +53,8 @@ def _windows(sample: Sample, *, root: bool = False) -> Array:
 @metric("positions|points", better="reference", unit="mm (px)", same=("rate", "joints"))
 def diversity(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Mean distance of all pairs of windows (34 frames), mm per coordinate; best where it equals the reference's."""
-    long_enough = [sample for sample in generated if len(_windows(sample))]
-    clips = [_windows(sample) for sample in long_enough]
+    own = [(windows, sample.group) for sample in generated if len(windows := _windows(sample))]
+    clips, groups = [windows for windows, _ in own], [group for _, group in own]
     sizes = np.array([len(windows) for windows in clips], np.int64)
     unit = MILLI if generated[0].positions is not None else 1.0
 
@@ -67,7 +67,7 @@ def diversity(generated: Sequence[Sample], reference: Sequence[Sample], tools: T
     value = of(np.arange(len(clips))) if clips else float("nan")
     if not np.isfinite(value):
         raise InputError(f"fewer than two windows of {FRAMES} frames", "longer clips, or more of them")
-    resamples = bootstrap(of, groups_of(long_enough), draws=DRAWS, seed=tools.seed)
+    resamples = bootstrap(of, groups, draws=DRAWS, seed=tools.seed)
     return Score(value, resamples.interval, sum(map(len, clips)), draws=resamples.draws)
 
 

@@ -91,7 +91,7 @@ def _clips(samples: Sequence[Sample], net: FeatureNet) -> list[Array]:
     clips = [net.windows(sample) for sample in samples]
     if sum(map(len, clips)) < 2:
         raise InputError(f"{say_count(sum(map(len, clips)), 'window')} of {net.frames} frames", "longer clips, or more of them")
-    return [rows for rows in _join(clips, samples) if len(rows)]
+    return _join(clips, samples)
 
 
 def _join(rows: Sequence[Array], samples: Sequence[Sample]) -> list[Array]:

@@ -39,19 +39,21 @@ def score_of_classes(classes: Array, eps: float = 0.0) -> float:
     return float(np.exp((classes * np.log(classes + tiny)).mean(0).sum() - (mean * np.log(mean + tiny)).sum()))
 
 
-def _classes(generated: Sequence[Sample], tools: Tools) -> Array:
+def _classes(generated: Sequence[Sample], tools: Tools) -> tuple[Array, list[str]]:
+    """(N, C) class probabilities of all windows, and the group of each."""
     assert tools.classifier is not None
-    probabilities = [rows for sample in generated if len(rows := tools.classifier.windows(sample))]
-    if not probabilities:
+    probabilities = [tools.classifier.windows(sample) for sample in generated]
+    groups = [sample.group for sample, rows in zip(generated, probabilities, strict=True) for _ in rows]
+    if not groups:
         raise InputError(f"no clip has {tools.classifier.frames} frames", "longer clips")
-    return np.concatenate(probabilities)
+    return np.concatenate([rows for rows in probabilities if len(rows)]), groups
 
 
 @metric("classifier", better="higher", same=("rate", "joints"))
 def inception_score(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Mean of the score over 10 random parts of the windows, with its 95 % interval."""
     assert tools.classifier is not None
-    classes = _classes(generated, tools)
+    classes, _ = _classes(generated, tools)
     order = np.random.default_rng(tools.seed).permutation(len(classes))
     parts = min(PARTS, max(1, len(classes) // (2 * classes.shape[1])))  # ours: a part has twice as many windows as classes
     scores = [score_of_classes(classes[part]) for part in np.array_split(order, parts)]
@@ -65,7 +67,6 @@ def inception_score(generated: Sequence[Sample], reference: Sequence[Sample], to
 def inception_score_published(generated: Sequence[Sample], reference: Sequence[Sample], tools: Tools) -> Score:
     """Mix-StAGE's IS: all windows at once, ε = 1e-6."""
     assert tools.classifier is not None
-    classes = _classes(generated, tools)
-    groups = [s.group for s in generated for _ in range(len(tools.classifier.windows(s)))]
+    classes, groups = _classes(generated, tools)
     resamples = bootstrap(lambda k: score_of_classes(classes[k], EPS), groups, draws=SCORE_DRAWS, seed=tools.seed)
     return Score(score_of_classes(classes, EPS), resamples.interval, len(classes), tools.classifier.name, resamples.draws)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from .controls import ORACLE, faults_of, oracle_key
 from .figures import choose_excerpt, draw_poses
 from .paper_tables import COSTS, Cells, PaperTable, Pictures, TableSplit, TableSystem, replace_minus
 from .runs import PlayableRun, Runs
-from .scores import cache_result, score_columns
+from .scores import ScoreCache, score_columns
 
 __all__ = ["Chains", "Lacking", "cost_cells", "generate_clips"]
 
@@ -48,7 +47,7 @@ class Chains:
 
     def __init__(self, paper_table: PaperTable, part: TableSplit, runs: Runs, raw: str | PathLike[str] | None) -> None:
         self.paper_table, self.part, self.runs = paper_table, part, runs
-        self.data = CogWindows(runs.folder, raw)
+        self.data, self._scores = CogWindows(runs.folder, raw), ScoreCache(runs, raw)
         self.columns = tuple(name for name in paper_table.columns if name not in COSTS)
 
     @cached_property
@@ -68,13 +67,8 @@ class Chains:
         windows, clips = say_count(len(self.data), "test window"), say_count(len(self.data.entries), "clip")
         return f"{windows} of 34 frames, 4 of them given, joined to {clips}"
 
-    @cached_property
-    def _data_digest(self) -> str:
-        return self.runs.digest_data(self.data.raw)
-
     def _cache(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
-        own = ("cog", self.runs.fingerprint, self.columns, self.features, self._data_digest)
-        return cache_result(Path(self.runs.runs) / "scores", [*own, *key], work)
+        return self._scores.find(["cog", self.columns, self.features, *key], work)
 
     def _player(self, row: TableSystem, seed: int) -> PlayableRun:
         assert row.recipe is not None

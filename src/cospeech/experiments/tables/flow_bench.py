@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from .inputs import generate_rows
 from .likelihood import COLUMNS, STILL, score_likelihood, score_still
 from .paper_tables import Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .runs import PlayableRun, Runs
-from .scores import cache_result, controls_of_latents, latents, score, score_columns, score_latents
+from .scores import ScoreCache, controls_of_latents, latents, score, score_columns, score_latents
 
 __all__ = ["Latents", "Performances"]
 
@@ -32,7 +31,7 @@ class _Flows:
         self.columns = tuple(name for name in paper_table.columns if name not in COLUMNS)
         self.likely = len(self.columns) < len(paper_table.columns)
         self.excerpts = Excerpts(runs.folder, raw)
-        self._data = runs.digest_data(raw)
+        self._scores = ScoreCache(runs, raw)
 
     @property
     def windows(self) -> str:
@@ -42,15 +41,7 @@ class _Flows:
         return f"{some}{say_count(total, 'test window')} of {self.excerpts.protocol.made} frames"
 
     def _cache(self, name: str, key: Sequence[object], work: Callable[[], Any]) -> Any:
-        own = (
-            self.paper_table.name,
-            self.runs.fingerprint,
-            self.excerpts.protocol,
-            self.columns,
-            name,
-            self._data,
-        )
-        return cache_result(Path(self.runs.runs) / "scores", [*own, *key], work)
+        return self._scores.find([self.paper_table.name, self.excerpts.protocol, self.columns, name, *key], work)
 
     def _players(self, table: Mapping[str, Any]) -> dict[str, PlayableRun]:
         """For each row, the run with the first seed."""

@@ -20,11 +20,11 @@ from ...metrics.interval import SCORE_DRAWS, Resampled, draw_groups
 from ...motion.rotations import Array
 from .controls import ORACLE, far_rows, faults_of, oracle_key
 from .mix_figures import draw_styles
-from .mix_scores import OWN_COLUMNS, mean_cells, score_cells, score_target_style
+from .mix_scores import OWN_COLUMNS, attach_controls, mean_cells, score_cells, score_target_style
 from .mix_windows import MixWindows
 from .paper_tables import Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .runs import CLASSIFIER, PlayableRun, Runs, of_speakers
-from .scores import as_cell, cache_result, cell
+from .scores import ScoreCache, as_cell, cache_result, cell
 
 __all__ = ["Measured", "StylePreservation", "StyleTransfer"]
 
@@ -57,6 +57,7 @@ class _Windowed:
     ) -> None:
         self.paper_table, self.part, self.runs, self.draw = paper_table, part, runs, draw
         self.columns, self.data = tuple(paper_table.columns), MixWindows(runs.folder, raw)
+        self._scores = ScoreCache(runs, raw)
 
     features = ""
 
@@ -65,13 +66,8 @@ class _Windowed:
         """The number of windows and of their frames, in words."""
         return f"{say_count(len(self.data), 'test window')} of 64 frames, one after another"
 
-    @cached_property
-    def _data_digest(self) -> str:
-        return self.runs.digest_data(self.data.raw)
-
     def _cache(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
-        own = (type(self).__name__, self.runs.fingerprint, self.columns, self._data_digest, self.features)
-        return cache_result(Path(self.runs.runs) / "scores", [*own, *key], work)
+        return self._scores.find([type(self).__name__, self.columns, self.features, *key], work)
 
     def _player(self, row: TableSystem, speakers: tuple[str, ...], seed: int) -> PlayableRun:
         assert row.recipe is not None
@@ -140,12 +136,8 @@ class StylePreservation(_Windowed):
         """Cells with the values of control rows over the same speakers, unless these are all: one who hardly moves is easy."""
         if {*speakers} == {*self.part.speakers}:
             return cells
-        values = {name: control for name, control in self._control_rows(speakers).items() if not name.startswith(ORACLE)}
-        values_of = {
-            metric: {name: control[metric]["value"] for name, control in values.items() if "value" in control[metric]}
-            for metric in cells
-        }
-        return {metric: {**cell, "controls": values_of[metric]} for metric, cell in cells.items()}
+        rows = {name: control for name, control in self._control_rows(speakers).items() if not name.startswith(ORACLE)}
+        return attach_controls(cells, rows)
 
     def controls(self) -> dict[str, Cells]:
         """Scores of the control rows over all speakers of the table."""
@@ -251,11 +243,7 @@ class StyleTransfer(_Windowed):
         """Cells with the values of control rows of the same speakers, unless these are the largest set: fewer are easier."""
         if speakers == self._largest:
             return cells
-        rows = self._cache(["controls", speakers], partial(self._score_recordings, speakers))
-        values_of = {
-            metric: {name: own[metric]["value"] for name, own in rows.items() if "value" in own[metric]} for metric in cells
-        }
-        return {metric: {**cell, "controls": values_of[metric]} for metric, cell in cells.items()}
+        return attach_controls(cells, self._cache(["controls", speakers], partial(self._score_recordings, speakers)))
 
     @property
     def _largest(self) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from ...motion.rotations import Array
 from .paper_tables import Cells
 from .scores import as_cell, cell
 
-__all__ = ["OWN_COLUMNS", "mean_cells", "score_cells", "score_target_style"]
+__all__ = ["OWN_COLUMNS", "attach_controls", "mean_cells", "score_cells", "score_target_style"]
 
 OWN_COLUMNS = ("score_of_set", "named", "named_windows")
 """Columns that are no metric of `cospeech.metrics.METRICS`."""
@@ -35,6 +35,14 @@ def mean_cells(parts: Sequence[Cells]) -> Cells:
             if draws[0] and len({*map(len, draws)}) == 1:
                 means[metric]["draws"] = np.mean(draws, 0).tolist()
     return means
+
+
+def attach_controls(cells: Cells, rows: Mapping[str, Cells]) -> Cells:
+    """Cells with the values of control rows over the same speakers."""
+    return {
+        metric: cell | {"controls": {name: own[metric]["value"] for name, own in rows.items() if "value" in own[metric]}}
+        for metric, cell in cells.items()
+    }
 
 
 def score_cells(classes: Array, own: Array, name: str, clips: Sequence[str]) -> Cells:

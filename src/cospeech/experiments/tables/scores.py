@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from hashlib import blake2b
+from os import PathLike
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -17,11 +19,12 @@ from ...motion.rotations import Array
 from .excerpts import Excerpts
 from .inputs import find_context, generate_rows
 from .paper_tables import Cells
-from .runs import PlayableRun, make_folder
+from .runs import PlayableRun, Runs, make_folder
 from .tsne import tsne
 
 __all__ = [
     "Recordings",
+    "ScoreCache",
     "as_cell",
     "cache_result",
     "cell",
@@ -50,6 +53,26 @@ def cache_result(folder: Path, key: Sequence[object], work: Callable[[], Any]) -
     with atomic(path) as temporary:
         temporary.write_text(json.dumps(result, indent=1) + "\n", "utf-8", newline="\n")
     return result
+
+
+class ScoreCache:
+    """Keeps scores in the folder of the runs of a table, by the data that they are of.
+
+    Args:
+        runs: of the table.
+        raw: the corpus, for metrics that hear; None: no sound.
+    """
+
+    def __init__(self, runs: Runs, raw: str | PathLike[str] | None) -> None:
+        self._runs, self._raw = runs, raw
+
+    @cached_property
+    def _data(self) -> str:
+        return self._runs.digest_data(self._raw)
+
+    def find(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
+        """The result of ``work``; see `cache_result`."""
+        return cache_result(Path(self._runs.runs) / "scores", [self._runs.fingerprint, self._data, *key], work)
 
 
 def cell(metric: str, generated: Sequence[Sample], truth: Sequence[Sample], tools: Tools) -> dict[str, Any]:

@@ -15,14 +15,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...errors import InputError, say_count
 from ...metrics import Score, Tools
-from ...metrics.controls import UNSURE
+from ...metrics.controls import CONTROLS, UNSURE
 from ...metrics.interval import DRAWS, bootstrap, mean_score
 from ...motion.rotations import Array
 from ..style_judge import FPS, WARM, WindowJudge, describe_manner
@@ -30,15 +29,15 @@ from .excerpts import Excerpts, Protocol
 from .figures import SECONDS, draw_poses
 from .paper_tables import NAMED, NAMED_BY_ALL, REPLAY, SIZE, SIZE_RATIO, Cells, PaperTable, Pictures, TableSplit, TableSystem
 from .runs import PlayableRun, Runs
-from .scores import as_cell, cache_result, score_columns
+from .scores import ScoreCache, as_cell, score_columns
+from .verdicts import LIFT
 
 __all__ = ["EXAMPLE", "RANDOM", "SCALED", "StyleTransfers"]
 
 EXAMPLE, SCALED, RANDOM = "latents of an example", "latents of an example, scaled like random ones", "random latents"
 """The rows. The paper has the first. Random latents are multiplied by the network's ``latent_scale``. In the second row, those
 of the example are, too."""
-TRUTH, OTHERS, SHUFFLED = "ground truth", "another clip", "shuffled speech"
-LIFT = "beat_align"
+TRUTH, _, _, SHUFFLED, OTHERS = CONTROLS
 _COLUMNS = (NAMED, NAMED_BY_ALL, SIZE, SIZE_RATIO, REPLAY)
 WINDOW, MADE = 6.0, 120  # s, that the judges see, and frames of a piece; [ours] half of TED's takes are shorter than 10 s
 EXAMPLES = 5  # [ours] examples for each piece of speech
@@ -210,7 +209,7 @@ class StyleTransfers:
     features = "judges of styles that learnt from the training split"
 
     def __init__(self, paper_table: PaperTable, part: TableSplit, runs: Runs, raw: str | PathLike[str] | None) -> None:
-        self.runs, self.pieces, self._data = runs, _Pieces(runs.folder, raw), runs.digest_data(raw)
+        self.runs, self.pieces, self._scores = runs, _Pieces(runs.folder, raw), ScoreCache(runs, raw)
 
     @property
     def windows(self) -> str:
@@ -220,8 +219,7 @@ class StyleTransfers:
         return f"{say_count(pieces, 'test piece')} of {MADE} frames{more}, {say_count(count, 'performance')}"
 
     def _cache(self, key: Sequence[object], work: Callable[[], Any]) -> Any:
-        whole = ["style transfer", _COLUMNS, self.runs.fingerprint, PROTOCOL, EXAMPLES, self._data, *key]
-        return cache_result(Path(self.runs.runs) / "scores", whole, work)
+        return self._scores.find(["style transfer", _COLUMNS, PROTOCOL, EXAMPLES, RUN, *key], work)
 
     def row(self, row: TableSystem, seed: int) -> tuple[Cells, str]:
         """Scores of all performances."""

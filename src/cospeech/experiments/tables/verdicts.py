@@ -27,7 +27,7 @@ from .controls import ORACLE
 from .paper_tables import COSTS, HEARING, LIKELIHOOD, Cells, Claim
 
 __all__ = [
-    "CONTRADICTED", "HOLDS", "LEAST_SEEDS", "NOT_ASSAYED", "UNDECIDED", "WORDS", "Difference", "Evidence", "below",
+    "CONTRADICTED", "HOLDS", "LEAST_SEEDS", "LIFT", "NOT_ASSAYED", "UNDECIDED", "WORDS", "Difference", "Evidence", "below",
     "below_controls", "compare", "headroom", "judge",
 ]  # fmt: skip
 

@@ -5,7 +5,8 @@ figure, where a PNG of the same name lies beside it, in ``docs/media/``. Without
 kept. ``--check`` writes nothing, and names the pages that are not as they would be written.
 
 A table stands where a page in ``docs/results/`` has the line ``<!-- table: NAME -->``; NAME is that of the file, without
-``.json``. The tool writes heading and figures there. Text between the heading and ``<!-- figures -->`` is by hand, and stays.
+``.json``. Where two tables would have the same heading, ``<!-- table: NAME, WORDS -->`` adds words to one. The tool writes
+heading and figures there. Text between the heading and ``<!-- figures -->`` is by hand, and stays.
 Tables below the heading "Earlier runs" are not current. ``docs/results.md`` gets the overview and the decided claims.
 
 ``python tools/write_tables.py --join OUT.json PART.json …`` makes one table of parts: the same rows on the same corpus with
@@ -33,8 +34,8 @@ from cospeech.files import atomic
 ROOT = Path(__file__).resolve().parents[1]
 KEPT, DOCS = ROOT / "benchmarks" / "tables", ROOT / "docs"
 NUMBERS = re.compile(r"\[[-+.\deE,\s]+\]")  # a list of numbers alone: it is kept in one line
-MARK = re.compile(r"^(?:## (.+)|<!-- table: (\S+) -->)$", re.M)  # a section, or a place for a table
-PIECE = re.compile(r"<!-- table: (\S+) -->\n?(.*?)(?=<!-- table: |\Z)", re.S)
+MARK = re.compile(r"^(?:## (.+)|<!-- table: ([^\s,]+)(?:, (.+))? -->)$", re.M)  # a section, or a place for a table
+PIECE = re.compile(r"(<!-- table: ([^\s,]+)(?:, [^\n]+)? -->)\n?(.*?)(?=<!-- table: |\Z)", re.S)
 BLOCK = re.compile(r"(<!-- (overview|decided|decided earlier) -->\n).*?(<!-- end of \2 -->)", re.S)
 HEADING = re.compile(r"\A\s*### .*\n")
 FIGURES, END, EARLIER = "<!-- figures -->", "<!-- end of figures -->", "Earlier runs"
@@ -119,18 +120,20 @@ class Shown(NamedTuple):
         page: name of the page.
         section: the heading above it.
         table: with today's verdicts.
+        words: the end of its heading.
     """
 
     name: str
     page: str
     section: str
     table: dict[str, Any]
+    words: str = ""
 
     @property
     def title(self) -> str:
         """Text of its heading; no two tables have the same."""
         hours = re.findall(r"[\d.]+ h(?= for training)", self.table["head"])[:1]
-        what = ", ".join([*hours, say_seeds(self.table["seeds"])])
+        what = ", ".join(filter(None, [*hours, say_seeds(self.table["seeds"]), self.words]))
         return f"{self.table['table']} on {CORPORA[self.table['corpus']]}: {what}"
 
     @property
@@ -157,14 +160,14 @@ def find_shown() -> list[Shown]:
     entries: list[Shown] = []
     for path in sorted((DOCS / "results").glob("*.md")):
         section = ""
-        for heading, name in MARK.findall(path.read_text("utf-8")):
+        for heading, name, words in MARK.findall(path.read_text("utf-8")):
             section = heading or section
             if name and name not in tables:
                 raise InputError(f"<!-- table: {name} --> in {path.name}", f"there is no benchmarks/tables/{name}.json")
             if name and section not in (tables[name]["table"], EARLIER):
                 raise InputError(f"<!-- table: {name} --> in {path.name}", f"move it below '## {tables[name]['table']}'")
             if name:
-                entries.append(Shown(name, path.name, section, tables[name] | judge_again(tables[name])))
+                entries.append(Shown(name, path.name, section, tables[name] | judge_again(tables[name]), words))
     places = Counter(each.name for each in entries)
     for name in tables:
         if places[name] != 1:
@@ -182,17 +185,18 @@ def fill(text: str, entries: dict[str, Shown]) -> str:
     """Write the tables of a page into its text."""
 
     def write_piece(match: re.Match[str]) -> str:
-        head, mark, after = match[2].partition(FIGURES)
+        place, name, content = match.groups()
+        head, mark, after = content.partition(FIGURES)
         words = HEADING.sub("", head).strip() if mark else ""
         _, end, rest = after.partition(END)
         if mark and not end:
-            raise InputError(f"<!-- table: {match[1]} -->", f"{END} is missing")
-        each = entries[match[1]]
-        lines = [f"<!-- table: {each.name} -->\n\n### {each.title}\n", *([f"{words}\n"] if words else []), f"{FIGURES}\n"]
+            raise InputError(place, f"{END} is missing")
+        each = entries[name]
+        lines = [f"{place}\n\n### {each.title}\n", *([f"{words}\n"] if words else []), f"{FIGURES}\n"]
         lines.append(to_markdown(each.table).partition("\n\n")[2])
         if (DOCS / "media" / f"{each.name}.png").is_file():
             lines.append(f"![{TABLES[each.table['table']].shown}](../media/{each.name}.png)\n")
-        return "\n".join([*lines, END]) + (rest if mark else f"\n{match[2]}")
+        return "\n".join([*lines, END]) + (rest if mark else f"\n{content}")
 
     return PIECE.sub(write_piece, text)
 

@@ -355,6 +355,56 @@ def test_an_edit_that_was_undone_before_it_had_motion_does_not_come_back(talking
     talking.unroute("**/api/takes")
 
 
+def test_a_plan_of_other_settings_is_not_edited_before_it_is_made_anew(talking):
+    names = talking.evaluate(f"{PLAN}.gestures.filter(each => each.form !== 'superimposed-beat').map(each => each.id)")
+    old = talking.evaluate("cospeechStudio.takes[0].id")
+    for name in names[:2]:
+        talking.locator(f'[data-id="{name}"]').focus()
+        talking.keyboard.press("k" if name == names[1] else "Delete")
+    wait_until(talking, f"{PLAN}.locked?.length === 1 && cospeechStudio.takes[0].id !== '{old}' && {READY}")
+    waiting = []
+    talking.route("**/api/takes", lambda route: waiting.append(route), times=1)
+    talking.select_option("#emotion", "anger")
+    talking.locator(".gesture").last.focus()
+    talking.keyboard.press("k")  # the page shows the gestures of the last settings still
+    wait_until(talking, "document.getElementById('problem').textContent.includes('made anew')")
+    wait_for(talking, waiting)
+    waiting[0].continue_()
+    wait_until(talking, f"{PLAN}.emotion === 'anger' && {READY}")
+    assert not talking.evaluate(f"cospeechStudio.takes[0].edited || {PLAN}.locked?.length")
+    talking.locator(".gesture").last.focus()
+    talking.keyboard.press("k")
+    wait_until(talking, f"cospeechStudio.takes[0].edited && {PLAN}.locked?.length === 1 && {PLAN}.emotion === 'anger'")
+
+
+def test_two_quick_keys_lock_and_unlock(talking):
+    waiting = []
+    talking.route("**/api/plans/edit", lambda route: waiting.append(route), times=1)
+    talking.locator(".gesture").first.focus()
+    talking.keyboard.press("k")
+    talking.keyboard.press("k")
+    wait_for(talking, waiting)
+    with talking.expect_response("**/api/plans/edit"):
+        waiting[0].continue_()
+    wait_until(talking, f"cospeechStudio.takes[0].edited && !{PLAN}.locked?.length && {READY}")
+
+
+def test_the_selection_stays_where_a_value_could_not_be_moved(talking):
+    row = talking.locator('.track[data-value="emotion"]').bounding_box()
+    second = row["width"] / 4.0
+    drag(talking, (row["x"] + 1.0 * second, row["y"] + 8), (row["x"] + 2.0 * second, row["y"] + 8))
+    talking.select_option("#stretch-emotion", "anger")
+    wait_until(talking, f"{PLAN}.stretches?.length === 1 && {READY}")
+    before = talking.evaluate("cospeechStudio.selection")
+    refused = {"status": 422, "json": {"problem": "this stretch is locked", "hint": ""}}
+    talking.route("**/api/plans/edit", lambda route: route.fulfill(**refused))
+    talking.locator(".segment").focus()
+    talking.keyboard.press("ArrowRight")
+    wait_until(talking, "document.getElementById('problem').textContent.includes('locked')")
+    assert talking.evaluate("cospeechStudio.selection") == before
+    talking.unroute("**/api/plans/edit")
+
+
 @pytest.mark.parametrize(
     ("keys", "way"),
     [

@@ -50,15 +50,14 @@ function describe(gesture: PlannedGesture, locked: boolean): string {
   return `${readName(gesture.form)}, ${hands}, at ${gesture.stroke.toFixed(1)} seconds${word}${locked ? ", locked" : ""}`;
 }
 
-/** Take a gesture off the plan, and say whether it was asked for: a locked one stays, and the page says why. */
+/** Take a gesture off the plan, and say whether it is off: a locked one stays, and the page says why. */
 export async function removeGesture(store: Store, takes: Takes, gesture: PlannedGesture): Promise<boolean> {
   const { plan } = store.take;
   if (plan !== null && isLocked(plan, gesture)) {
     store.update({ problem: "this gesture is locked: press K to unlock it" });
     return false;
   }
-  await takes.edit({ kind: "remove", gesture: gesture.id });
-  return true;
+  return takes.edit({ kind: "remove", gesture: gesture.id });
 }
 
 export class GestureTrack {
@@ -123,7 +122,7 @@ export class GestureTrack {
   }
 
   /** Move a gesture by so many seconds from where it then is: keys come faster than the server answers. */
-  private move({ id }: PlannedGesture, by: number): Promise<void> {
+  private move({ id }: PlannedGesture, by: number): Promise<boolean> {
     return this.takes.edit((plan) => {
       const gesture = plan.gestures?.find((each) => each.id === id);
       if (gesture === undefined) return null;
@@ -134,8 +133,7 @@ export class GestureTrack {
 
   /** Lock the stretch of a gesture, or unlock it. */
   lock(gesture: PlannedGesture): void {
-    const plan = this.store.take.plan;
-    if (plan !== null) void this.takes.edit(lockOrUnlock(plan, shownSpanOf(gesture, plan.gestures ?? [])));
+    void this.takes.edit((plan) => lockOrUnlock(plan, shownSpanOf(gesture, plan.gestures ?? [])));
   }
 
   private drag(down: PointerEvent, gesture: PlannedGesture, button: HTMLElement): void {

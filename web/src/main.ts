@@ -108,9 +108,9 @@ function drawState(state: State, takes: Takes): void {
   problem.hidden = !state.problem;
   const notice = find("notice");
   if (notice.textContent !== state.notice) notice.textContent = state.notice;
-  find("gave-way").hidden = !takes.hasLost;
-  enable("undo", takes.mayUndo, takes.mayRedo ? "redo" : "view");
-  enable("redo", takes.mayRedo, takes.mayUndo ? "undo" : "view");
+  find("gave-way").hidden = !takes.history.hasLost;
+  enable("undo", takes.history.mayUndo, takes.history.mayRedo ? "redo" : "view");
+  enable("redo", takes.history.mayRedo, takes.history.mayUndo ? "undo" : "view");
   const link = writeLink(state.settings, state.takes.map((take) => take.seed));
   if (location.hash !== link && state.speech !== null) history.replaceState(null, "", link);
 }

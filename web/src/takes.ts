@@ -1,6 +1,7 @@
 // Making takes: asking for them, following them, undoing, and keeping what was made already.
 
 import * as api from "./api";
+import { History, type Step } from "./history";
 import type { Plan, TakeEvent, TakeRequest, UploadedSpeech } from "./messages";
 import { readMix } from "./link";
 import type { Motion } from "./motion";
@@ -11,32 +12,28 @@ const MOST_RESULTS = 24; // results that undo and redo find again without asking
 const NUMBERS = ["intensity", "temperature"] as const; // of a plan: its gestures stay where one of them changes
 const OUTSIDE = ["fps", "parts"]; // settings that no plan holds: an edited plan is played with others
 const PATIENCE = 250; // milliseconds from the last change of a setting to the request [ours: a slider sends one request]
-const TOGETHER = 800; // milliseconds within which changes of one setting are one step of undo [ours: keys that are held repeat faster]
 const NO_CONNECTION = "the connection to the studio is lost: it is tried again";
+const OLD_PLAN = "the plan is made anew: edit it when the motion is ready";
 const NEW_STUDIO = "the studio was started anew: open the address that it has printed";
 
 interface Result { id: string; motion: Motion; plan: Plan | null; factor: number | null }
 type Edit = api.PlanEdit | ((plan: Plan) => api.PlanEdit | null);
-interface Step { settings: Settings; takes: Pick<Take, "seed" | "edited" | "plan">[]; chosen: number }
 
 export class Takes {
   private readonly results = new Map<string, Result>();
   private readonly events = new Map<string, TakeEvent>();
-  private past: Step[] = [];
-  private future: Step[] = [];
-  /** The last step that has the edits which gave way to a setting, until the user has answered. */
-  private stepWithEdits: Step | null = null;
+  readonly history: History;
   private readonly plansInFiles = new WeakSet<Plan>();
   private isConnected = true;
   private timer = 0;
   private note = ""; // of `renew`
   private changesOfWords = 0; // how often `renew` was called: a request does not hold the words
-  private setting = { names: "", at: 0 }; // that was changed last, and when
-  private edits: Promise<void> = Promise.resolve();
+  private edits: Promise<unknown> = Promise.resolve();
   /** Of a take whose edits have no motion yet: the plan with them, and what there was before. */
   private readonly unmade = new Map<Take, { edited: Plan; before: Pick<Take, "edited" | "plan"> }>();
 
   constructor(private readonly store: Store) {
+    this.history = new History(store);
     api.followEvents((event) => this.hear(event), (isConnected) => this.onConnection(isConnected), () => this.store.update({ problem: NEW_STUDIO }));
   }
 
@@ -45,15 +42,13 @@ export class Takes {
   /** Ask for every take that is not as the settings say. */
   makeAll(): void {
     window.clearTimeout(this.timer);
+    this.timer = 0;
     for (const take of this.store.state.takes) void this.make(take);
   }
 
   /** Another speech: what was planned for the last one is not right for it. */
   openSpeech(speech: UploadedSpeech): void {
-    const forget = (step: Step): Step => ({ ...step, takes: step.takes.map((take) => ({ ...take, edited: null, plan: null })) });
-    this.past = this.past.map(forget);
-    this.future = this.future.map(forget);
-    this.stepWithEdits = null;
+    this.history.forgetPlans();
     this.note = "";
     for (const take of this.store.state.takes) Object.assign(take, { plan: null, edited: null, motion: null, id: null, madeFrom: "" });
     this.store.update({ speech, selection: null, gesture: null, notice: "" });
@@ -175,7 +170,7 @@ export class Takes {
     Object.assign(take, { making: null, progress: null, madeFrom: "" });
     const unmade = this.unmade.get(take);
     if (unmade !== undefined && unmade.edited === take.edited) {
-      this.remember();
+      this.history.remember();
       Object.assign(take, unmade.before);
     }
     this.unmade.delete(take);
@@ -189,7 +184,7 @@ export class Takes {
    * parts. Any other setting makes another plan: the edits give way until `bringBack`.
    */
   changeSettings(change: Partial<Settings>): void {
-    const step = this.rememberSetting(Object.keys(change).join());
+    const step = this.history.rememberSetting(Object.keys(change).join());
     const { takes, settings } = this.store.state;
     const numbers = Object.fromEntries(NUMBERS.filter((name) => name in change).map((name) => [name, change[name]]));
     const stays = Object.keys(change).every((name) => name in numbers || OUTSIDE.includes(name));
@@ -205,7 +200,7 @@ export class Takes {
   }
 
   changeSeed(seed: number): void {
-    const step = this.remember();
+    const step = this.history.remember();
     const { take } = this.store;
     if (take.edited !== null) this.dropEdits(take, step);
     take.seed = seed;
@@ -220,7 +215,7 @@ export class Takes {
 
   private dropEdits(take: Take, step: Step): void {
     take.edited = null;
-    this.stepWithEdits ??= step;
+    this.history.loseEdits(step);
   }
 
   get mayAdd(): boolean {
@@ -229,7 +224,7 @@ export class Takes {
 
   add(): void {
     if (!this.mayAdd) return;
-    this.remember();
+    this.history.remember();
     const { takes } = this.store.state;
     takes.push(makeTake(Math.max(...takes.map((take) => take.seed)) + 1));
     this.store.update({ chosen: takes.length - 1, gesture: null, ...this.silence() });
@@ -239,7 +234,7 @@ export class Takes {
   remove(index: number): void {
     const { takes, chosen } = this.store.state;
     if (takes.length < 2) return;
-    this.remember();
+    this.history.remember();
     const [take] = takes.splice(index, 1);
     if (take.making !== null) api.forgetTake(take.making);
     this.store.update({ chosen: Math.min(chosen > index ? chosen - 1 : chosen, takes.length - 1), gesture: null });
@@ -247,17 +242,22 @@ export class Takes {
 
   /**
    * Edit the plan of the chosen take, show it at once, and ask for its motion. Several edits are one step of undo. An edit may
-   * be a function of the plan, for what depends on the edits before it.
+   * be a function of the plan, for what depends on the edits before it. The answer is whether the plan is another one then.
    */
-  edit(...edits: Edit[]): Promise<void> {
+  edit(...edits: Edit[]): Promise<boolean> {
     const { take } = this.store;
-    this.edits = this.edits.then(() => this.editNow(take, edits)); // one after the other: each begins with the plan of the last
-    return this.edits;
+    const done = this.edits.then(() => this.editNow(take, edits)); // one after the other: each begins with the plan of the last
+    this.edits = done;
+    return done;
   }
 
-  private async editNow(take: Take, edits: Edit[]): Promise<void> {
+  private async editNow(take: Take, edits: Edit[]): Promise<boolean> {
     const { speech, takes } = this.store.state;
-    if (take.plan === null || speech === null || !takes.includes(take)) return;
+    if (take.plan === null || speech === null || !takes.includes(take)) return false;
+    if (take.edited === null && (this.timer !== 0 || take.progress !== null)) { // what is shown is a plan of other settings
+      this.store.update({ problem: OLD_PLAN });
+      return false;
+    }
     const before = { edited: take.edited, plan: take.plan };
     try {
       let plan = take.plan;
@@ -265,17 +265,19 @@ export class Takes {
         const edit = typeof each === "function" ? each(plan) : each;
         if (edit !== null) ({ plan } = await api.editPlan({ plan, speech: speech.speech, edit }));
       }
-      if (plan === take.plan) return;
-      if (take.edited !== before.edited || this.store.state.speech !== speech) return; // something else was played meanwhile
-      this.remember();
-      this.stepWithEdits = null;
+      if (plan === take.plan) return false;
+      if (take.edited !== before.edited || this.store.state.speech !== speech) return false; // something else was played meanwhile
+      this.history.remember();
+      this.history.letGo();
       const entry = this.unmade.get(take);
       this.unmade.set(take, { edited: plan, before: entry !== undefined && entry.edited === take.edited ? entry.before : before });
       Object.assign(take, { edited: plan, plan });
       this.store.update({ problem: "", notice: "" });
       await this.make(take);
+      return true;
     } catch (error) {
       this.store.update({ problem: error instanceof Error ? error.message : String(error) });
+      return false;
     }
   }
 
@@ -298,8 +300,8 @@ export class Takes {
 
   /** Play a plan from a file as the chosen take; the settings become those of the plan. */
   openPlan(plan: Plan): void {
-    this.remember();
-    this.stepWithEdits = null;
+    this.history.remember();
+    this.history.letGo();
     this.plansInFiles.add(plan);
     const { settings } = this.store.state;
     const mix = readMix(plan.style?.includes(":") ? plan.style : "", this.store.model.styles);
@@ -313,81 +315,27 @@ export class Takes {
 
   // ------------------------------------------------------------------------------------------ undoing
 
-  private step(): Step {
-    const { settings, takes, chosen } = this.store.state;
-    return { settings, takes: takes.map(({ seed, edited, plan }) => ({ seed, edited, plan })), chosen };
-  }
-
-  /** One step for the changes of one setting that follow each other quickly: a slider that keys move. */
-  private rememberSetting(names: string): Step {
-    const { names: last, at } = this.setting;
-    const before = this.past.at(-1);
-    const step = names === last && performance.now() - at < TOGETHER && before ? before : this.remember();
-    this.setting = { names, at: performance.now() };
-    return step;
-  }
-
-  private remember(): Step {
-    this.setting = { names: "", at: 0 };
-    const step = this.step();
-    this.past.push(step);
-    if (this.past.length > 100 && this.past.shift() === this.stepWithEdits) this.stepWithEdits = null;
-    this.future = [];
-    return step;
-  }
-
-  /** Whether edits gave way to a setting, and the user has neither brought them back nor let them go. */
-  get hasLost(): boolean {
-    return this.stepWithEdits !== null;
-  }
-
   /** Undo up to the edits that gave way. */
   bringBack(): void {
-    if (this.stepWithEdits === null) return;
-    const later = this.past.splice(this.past.indexOf(this.stepWithEdits) + 1);
-    this.future.push(this.step(), ...later.reverse());
-    this.restore(this.past.pop() as Step);
+    this.restore(this.history.bringBack());
   }
 
   letGo(): void {
-    this.stepWithEdits = null;
+    this.history.letGo();
     this.store.update();
-  }
-
-  get mayUndo(): boolean {
-    return this.past.length > 0;
-  }
-
-  get mayRedo(): boolean {
-    return this.future.length > 0;
   }
 
   /** Undo, after the edits that are on their way. */
   undo(): void {
-    this.edits = this.edits.then(() => this.undoNow());
+    this.edits = this.edits.then(() => this.restore(this.history.undo(), "undone"));
   }
 
   redo(): void {
-    this.edits = this.edits.then(() => this.redoNow());
+    this.edits = this.edits.then(() => this.restore(this.history.redo(), "done again"));
   }
 
-  private undoNow(): void {
-    const step = this.past.pop();
-    if (step === undefined) return;
-    this.setting = { names: "", at: 0 };
-    this.future.push(this.step());
-    this.restore(step, "undone");
-  }
-
-  private redoNow(): void {
-    const step = this.future.pop();
-    if (step === undefined) return;
-    this.past.push(this.step());
-    this.restore(step, "done again");
-  }
-
-  private restore(step: Step, notice = ""): void {
-    if (step === this.stepWithEdits) this.stepWithEdits = null;
+  private restore(step: Step | null, notice = ""): void {
+    if (step === null) return;
     const { takes } = this.store.state;
     for (const take of takes.splice(step.takes.length)) if (take.making !== null) api.forgetTake(take.making);
     step.takes.forEach((old, k) => {

@@ -131,11 +131,11 @@ export class ValueTracks {
       next = changed;
       return clear(name, old);
     };
-    await this.takes.edit(leave, () => next && set(name, next));
-    if (next !== null && this.store.state.selection !== null) this.store.update({ selection: [next.from, next.to] });
+    const isMoved = await this.takes.edit(leave, () => next && set(name, next));
+    if (isMoved && next !== null && this.store.state.selection !== null) this.store.update({ selection: [next.from, next.to] });
   }
 
-  private remove(name: Value, places: Segment[]): Promise<void> {
+  private remove(name: Value, places: Segment[]): Promise<boolean> {
     return this.takes.edit((plan) => {
       const segment = findLast(plan, name, places);
       return segment && clear(name, segment);

@@ -44,14 +44,13 @@ export class EditPanel {
     store.onChange((state) => this.draw(state));
   }
 
-  private editStretch(edit: (start: number, end: number) => Promise<void>): void {
+  private editStretch(edit: (start: number, end: number) => Promise<unknown>): void {
     const { selection } = this.store.state;
     if (selection !== null) void edit(round(selection[0]), round(selection[1]));
   }
 
   private lockStretch(): void {
-    const { plan } = this.store.take;
-    if (plan !== null) this.editStretch((from, to) => this.takes.edit(lockOrUnlock(plan, { from, to })));
+    this.editStretch((from, to) => this.takes.edit((plan) => lockOrUnlock(plan, { from, to })));
   }
 
   private onSet(id: string, values: (value: string) => { style?: string; emotion?: string; intensity?: number }): void {

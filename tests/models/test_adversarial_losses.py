@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from cospeech.models.nn.adversarial_losses import ADVERSARIAL_LOSSES
-from cospeech.models.nn.gumbel import smooth_gumbel
 from cospeech.models.nn.objective import StepRandom
-from cospeech.runtime.mode_noise import SECONDS, SmoothGumbel
+from cospeech.models.nn.smooth_noise import smooth_noise
+from cospeech.runtime.mode_noise import SECONDS, SmoothNoise
 
 
 @pytest.mark.parametrize("name", ADVERSARIAL_LOSSES)
@@ -37,19 +37,22 @@ def test_a_perfect_judge_loses_nothing():
 
 def test_the_largest_logit_under_the_noise_is_drawn_as_the_softmax_says():
     logits = torch.tensor([1.0, 0.0, -1.0])
-    noise = smooth_gumbel(StepRandom(0, 0), 20_000, 3, 2, 6.0)
+    noise = smooth_noise(StepRandom(0, 0), 20_000, 3, 2, 6.0)
     frequencies = (logits[:, None] + noise).argmax(1)[:, 0].bincount() / 20_000
     np.testing.assert_allclose(frequencies, torch.softmax(logits, 0), atol=0.015)
 
 
-def test_training_and_playing_have_the_same_noise():
+@pytest.mark.parametrize(
+    ("normal", "mean", "deviation"), [(False, np.euler_gamma, np.pi / np.sqrt(6)), (True, 0, 1)], ids=["gumbel", "normal"]
+)
+def test_training_and_playing_have_the_same_noise(normal, mean, deviation):
     """Both have the same mean, deviation and correlation over time, although they are drawn by different code."""
     fps, frames = 12.0, 48
-    training_noise = smooth_gumbel(StepRandom(1, 0), 3000, 1, frames, SECONDS * fps)[:, 0].numpy()
-    played_noise = SmoothGumbel(3000, fps, seed=1).draw(frames).T
+    training_noise = smooth_noise(StepRandom(1, 0), 3000, 1, frames, SECONDS * fps, normal=normal)[:, 0].numpy()
+    played_noise = SmoothNoise(3000, fps, seed=1, normal=normal).draw(frames).T
     for rows in (training_noise, played_noise):
-        assert abs(rows.mean() - np.euler_gamma) < 0.03
-        assert abs(rows.std() - np.pi / np.sqrt(6)) < 0.03
+        assert abs(rows.mean() - mean) < 0.03
+        assert abs(rows.std() - deviation) < 0.03
     for lag in (1, 4, 12):
         both = [np.corrcoef(rows[:, 20], rows[:, 20 + lag])[0, 1] for rows in (training_noise, played_noise)]
         assert abs(both[0] - both[1]) < 0.06
@@ -58,4 +61,4 @@ def test_training_and_playing_have_the_same_noise():
 
 def test_noise_is_finite_for_any_persistence():
     for persistence in (0.01, 1.0, 1e4):
-        assert torch.isfinite(smooth_gumbel(StepRandom(0, 0), 2, 3, 64, persistence)).all()
+        assert torch.isfinite(smooth_noise(StepRandom(0, 0), 2, 3, 64, persistence)).all()

@@ -701,6 +701,9 @@ def test_a_pause_costs_speed_and_the_shape_of_a_stroke_does_not():
     net = chain(speed_envelope=2.0).train()
     terms = net.gesture_loss(batch(net), 0)
     assert terms["speed_envelope"].item() > 0
+    other_speech = chain(speed_envelope=2.0, speech_swap=1.0).train()  # no recording has this speech, so no speed is wrong
+    other_speech.gesture_loss(batch(other_speech), 0)["speed_envelope"].backward()
+    assert all(value.grad is None or not value.grad.any() for value in other_speech.parameters())
 
 
 def test_strokes_at_other_times_cost_timing_and_strokes_of_another_size_and_form_do_not():

@@ -162,6 +162,17 @@ def test_takes_differ_by_their_noise_alone():
     assert torch.equal(net.play(arrays)["pose"], net.play(arrays)["pose"])
 
 
+def test_known_poses_are_encoded_as_long_as_the_windows_of_training():
+    net = train_windowed("gesturediffuclip")
+    arrays, prefixes = batch(net).arrays, []
+    draw = net.draw
+    net.draw = lambda features, style, noise, prefix: prefixes.append(prefix) or draw(features, style, noise, prefix)
+    net.play(arrays)
+    poses = torch.cat([arrays["pose"][:, :4], arrays["pose"][:, 3:4].expand(-1, net.window - 4, -1)], 1)
+    assert torch.equal(prefixes[0], net.encode(poses)[..., :1].mT)
+    assert net.preliminary_steps == net.config.diffusion_from
+
+
 def test_layers_normalise_a_step_and_are_steered():
     torch.manual_seed(0)
     net = StyledTransformer(5, 3, width=8, words=4, layers=2, heads=2).eval()

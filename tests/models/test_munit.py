@@ -61,6 +61,12 @@ def test_the_losses_are_those_of_the_equation(net):
     assert {*terms} == {f"{name}_{k.partition('_')[2]}" for k in expected for name in ("audio", "pose")}
 
 
+def test_biases_begin_at_zero(net):
+    biases = [value for name, value in net.named_parameters() if name.endswith(".bias")]
+    assert biases
+    assert not any(value.any() for value in biases)
+
+
 def test_no_term_compares_a_speech_with_its_own_poses(net):
     """Poses in another order: all terms but the cycles, whose styles are of the rows, have the same means."""
     data = walks()

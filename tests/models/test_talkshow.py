@@ -185,6 +185,17 @@ def test_of_the_poses_the_first_four_are_looked_at_and_no_others():
         net.play(arrays, ("faces",))
 
 
+def test_known_poses_are_encoded_as_long_as_the_windows_of_training():
+    net = train_windowed("talkshow")
+    arrays, prefixes = batch(net).arrays, []
+    draw = net.draw
+    net.draw = lambda speech, who, noise, prefix: prefixes.append(prefix) or draw(speech, who, noise, prefix)
+    net.play(arrays)
+    poses = torch.cat([arrays["pose"][:, :4], arrays["pose"][:, 3:4].expand(-1, net.window - 4, -1)], 1)
+    assert torch.equal(prefixes[0], net.encode(poses)[:, :1])
+    assert net.preliminary_steps == net.config.prior_from
+
+
 def test_a_face_is_made_of_the_speech_in_the_speaker_s_manner():
     net = train_windowed("talkshow")
     data = batch(net)

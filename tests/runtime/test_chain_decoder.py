@@ -15,7 +15,7 @@ from cospeech.audio.emotions import EMOTIONS, EmotionTrack
 from cospeech.runtime.bundles.spec import VOICE
 from cospeech.runtime.causal_stream_decoder import CausalStreamDecoder
 from cospeech.runtime.crossfade import FADE
-from cospeech.runtime.mode_noise import SmoothGumbel
+from cospeech.runtime.mode_noise import SmoothNoise
 from cospeech.runtime.network_decoder import NetworkDecoder
 from cospeech.runtime.sliding_window_decoder import OverlapAddDecoder, sections
 from cospeech.runtime.speaker_emotion_tracker import SpeakerEmotionTracker
@@ -83,7 +83,7 @@ def test_frame_by_frame_is_the_network_with_silence_after_the_speech(frames):
     rows = speech(frames)
     poses = play(player(CausalStreamDecoder, VOICED, seeds=(3, 4)), rows)
     style = shares_of_voice(rows, np.arange(frames + LOOK_AHEAD)).astype(np.float32)
-    draws = np.stack([SmoothGumbel(NOISE, FPS, seed=seed).draw(frames + LOOK_AHEAD) for seed in (3, 4)])
+    draws = np.stack([SmoothNoise(NOISE, FPS, seed=seed).draw(frames + LOOK_AHEAD) for seed in (3, 4)])
     noise = system().statistics.noise_gain[1] * draws
     state, expected = LIVE.begin(2), []
     for k, row in enumerate(np.concatenate([rows, np.repeat(QUIET, LOOK_AHEAD, 0)])):

@@ -10,7 +10,7 @@ import pytest
 
 from cospeech.errors import InputError
 from cospeech.runtime.crossfade import FADE, Crossfade
-from cospeech.runtime.mode_noise import SmoothGumbel
+from cospeech.runtime.mode_noise import SmoothNoise
 from cospeech.runtime.sliding_window_decoder import LIVE, SlidingWindowDecoder, live, looking, whole
 from cospeech.runtime.styles.space import style_space
 from cospeech.runtime.window_layout import WindowLayout
@@ -380,7 +380,7 @@ def test_without_modes_and_codes_of_their_own_takes_are_alike(styles):
 @pytest.mark.slow
 def test_noise_is_gumbel_at_every_frame_and_draws_modes_as_softmax_has_them():
     rate = 2.0  # frames so far apart that there are many draws in few frames
-    noise = SmoothGumbel(5, rate, seed=1).draw(40_000)
+    noise = SmoothNoise(5, rate, seed=1).draw(40_000)
     assert noise.dtype == np.float32
     assert noise.std() == pytest.approx(np.pi / sqrt(6), rel=0.02)
     assert noise.mean() == pytest.approx(0.5772, abs=0.02)
@@ -395,7 +395,7 @@ def test_noise_is_gumbel_at_every_frame_and_draws_modes_as_softmax_has_them():
 @pytest.mark.slow
 @pytest.mark.parametrize("fps", [12.0, 15.0, 30.0])
 def test_noise_is_smooth_and_as_slow_at_any_rate(fps):
-    noise = SmoothGumbel(400, fps, seed=2).draw(round(3 * fps) + 1).astype(float)
+    noise = SmoothNoise(400, fps, seed=2).draw(round(3 * fps) + 1).astype(float)
     # back to normal numbers, by bisection: what correlates is known there
     level = np.exp(-np.exp(-noise))
     low, high = np.full(noise.shape, -8.0), np.full(noise.shape, 8.0)
@@ -414,12 +414,12 @@ def test_noise_is_smooth_and_as_slow_at_any_rate(fps):
 
 
 def test_noise_does_not_depend_on_the_pieces():
-    at_once = SmoothGumbel(3, 15, seed=7).draw(100)
-    noise = SmoothGumbel(3, 15, seed=7)
+    at_once = SmoothNoise(3, 15, seed=7).draw(100)
+    noise = SmoothNoise(3, 15, seed=7)
     assert np.concatenate([noise.draw(n) for n in (0, 1, 2, 3, 60, 34)]).tobytes() == at_once.tobytes()
-    assert not np.allclose(SmoothGumbel(3, 15, seed=8).draw(100), at_once, atol=0.5)
-    assert np.isfinite(SmoothGumbel(3, 15, seed=2**62).draw(2000)).all()
-    assert SmoothGumbel(0, 15, seed=1).draw(4).shape == (4, 0)
+    assert not np.allclose(SmoothNoise(3, 15, seed=8).draw(100), at_once, atol=0.5)
+    assert np.isfinite(SmoothNoise(3, 15, seed=2**62).draw(2000)).all()
+    assert SmoothNoise(0, 15, seed=1).draw(4).shape == (4, 0)
 
 
 def test_numbers_far_out_stay_numbers():

@@ -396,8 +396,8 @@ def test_the_selection_stays_where_a_value_could_not_be_moved(talking):
     talking.select_option("#stretch-emotion", "anger")
     wait_until(talking, f"{PLAN}.stretches?.length === 1 && {READY}")
     before = talking.evaluate("cospeechStudio.selection")
-    refused = {"status": 422, "json": {"problem": "this stretch is locked", "hint": ""}}
-    talking.route("**/api/plans/edit", lambda route: route.fulfill(**refused))
+    refusal = {"status": 422, "json": {"problem": "this stretch is locked", "hint": ""}}
+    talking.route("**/api/plans/edit", lambda route: route.fulfill(**refusal))
     talking.locator(".segment").focus()
     talking.keyboard.press("ArrowRight")
     wait_until(talking, "document.getElementById('problem').textContent.includes('locked')")

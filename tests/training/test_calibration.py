@@ -10,8 +10,8 @@ torch = pytest.importorskip("torch", exc_type=ImportError)
 
 import numpy as np  # noqa: E402
 
-from cospeech.models.nn.gumbel import smooth_gumbel  # noqa: E402
 from cospeech.models.nn.objective import StepRandom  # noqa: E402
+from cospeech.models.nn.smooth_noise import smooth_noise  # noqa: E402
 from cospeech.runtime.network import Network  # noqa: E402
 from cospeech.training.export.calibration import FASTER, GAINS, calibrate  # noqa: E402
 from tests.support.exports import export_graphs  # noqa: E402
@@ -48,7 +48,9 @@ def test_styles_have_their_speakers_mean_and_deviation_and_are_not_much_faster(n
     means, gains = calibrate_network(net, arrays, codes)
     assert means.shape == gains.shape == (SPEAKERS, net.pose)
     speech = arrays["speech"].reshape(-1, 64, net.audio)
-    noise = smooth_gumbel(StepRandom(0, 0), len(speech), net.modes, 64, FPS).mT if net.modes else torch.zeros(24, 64, 0)
+    noise = torch.zeros(24, 64, 0)
+    if net.modes:
+        noise = smooth_noise(StepRandom(0, 0), len(speech), net.modes, 64, FPS, normal=net.normal_noise).mT
     for k in range(SPEAKERS):
         with torch.no_grad():
             poses = net.make(speech, codes[k].expand(24, 64, -1), noise)

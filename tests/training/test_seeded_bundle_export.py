@@ -73,6 +73,8 @@ def test_a_run_becomes_a_bundle_that_plays_as_speech_comes_what_it_plays_at_once
     player, speech = TrainedModel.open(tmp_path / "it.cospeech"), Speech.load(example()[0]).window(0, 2)
     network = player.system.networks["make"]
     assert network.signature.feeds_back
+    assert network.signature.window == MODELS[name][1]["frames"]  # as long as in training
+    assert network.signature.normal_noise is (name in NOISY)
     assert network.signature.hop == network.signature.window - 4 - network.signature.look_ahead
     takes = player.generate_takes(speech, takes=2, seed=2, parts=("body",))
     assert len(takes[0]) == speech.frames(30.0)

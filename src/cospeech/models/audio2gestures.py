@@ -179,6 +179,7 @@ class Audio2Gestures(Windowed):
 
     dimensions = ("pose", "audio", "representation")
     Config = Audio2GesturesConfig
+    normal_noise = True
     config: Audio2GesturesConfig
     pose_mean: Tensor
     pose_std: Tensor

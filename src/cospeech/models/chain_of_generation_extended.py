@@ -40,13 +40,13 @@ from .chain_of_generation import ChainConfig, ChainOfGeneration
 from .nn.adversarial_losses import ADVERSARIAL_LOSSES
 from .nn.cascade import EMOTIONS, CascadeOutput
 from .nn.gain_augmentation import GainAugmentation
-from .nn.gumbel import smooth_gumbel
 from .nn.motion_statistics_loss import statistics_term
 from .nn.objective import Batch, Objective
 from .nn.part_speeds import Parts, PartWeights, part_terms
 from .nn.patch import PATCH_FRAMES
 from .nn.pose_discriminator import PoseDiscriminator
 from .nn.settings import check_least
+from .nn.smooth_noise import smooth_noise
 from .nn.speech_augmentation import SpeechAugmentation
 from .nn.speed_distance import speed_distance, timing_term
 from .nn.temporal import Memory
@@ -253,7 +253,7 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         inputs, own = self._swap_speech(recording)
         style = self._draw_style(inputs, own)
         rows, frames = len(batch), style.shape[-1]
-        noise = smooth_gumbel(batch.chance, rows, self.config.noise, frames, self.config.persistence)
+        noise = smooth_noise(batch.chance, rows, self.config.noise, frames, self.config.persistence)
         coins = batch.chance.uniform(rows, 3, 1, 1)
         coins = coins if self.training else torch.ones_like(coins)
         words = self.words(inputs["text"]).mT * (coins[:, 0] >= self.config.word_dropout)
@@ -292,7 +292,7 @@ class ChainOfGenerationExtended(ChainOfGeneration):
         """Loss terms of the generated motion."""
         c, frames, output = self.config, self.config.frames, turn.output
         pose, face = batch["pose"][:, :frames].mT, turn.inputs["face"][:, :frames].mT
-        target = torch.where(turn.own, pose, output.pose)  # no distance where no recording has this speech
+        target = torch.where(turn.own, pose, output.pose.detach())  # no distance where no recording has this speech
         terms = self.losses(output._replace(features=turn.features), turn.audio, target, face)
         terms |= statistics_term(c.motion_statistics, output.pose, pose)
         if c.speed_envelope:

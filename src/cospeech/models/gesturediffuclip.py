@@ -45,7 +45,7 @@ from .nn.export import ExportGraph, Shape
 from .nn.modalities import check_lacks, weights_of
 from .nn.norm import BatchNorm1d
 from .nn.objective import Batch, Objective
-from .nn.sampled import Sampled, at_rest, fill_up
+from .nn.sampled import Sampled, at_rest, fill_up, hold
 from .nn.settings import check_least
 from .nn.temporal import Memory, TextTcn
 from .nn.transformer import StyledTransformer
@@ -366,11 +366,12 @@ class GestureDiffuClip(Sampled):
         check_lacks(lacks)
         frames, words = arrays["audio"].shape[1], self.embedding(arrays["text"])
         words = torch.zeros_like(words) if "text" in lacks else words
-        features = self.hear(fill_up(torch.cat([arrays["audio"], words], -1)).mT)
+        speech = fill_up(torch.cat([arrays["audio"], words], -1))
+        features = self.hear(speech.mT)
         speaker, emotion = weights_of(arrays["speaker"], self.speakers), weights_of(self._emotion(arrays), len(NAMES))
         style = self.labels(speaker * ("speaker" not in lacks), emotion * ("emotion" not in lacks))
         step_noise = fill_up(self.draw_noise(arrays["audio"]) if noise is None else noise)[:, ::STRIDE]
-        prefix = None if "seed" in lacks else self.encode(arrays["pose"][:, :STRIDE]).mT
+        prefix = None if "seed" in lacks else self.encode(hold(arrays["pose"][:, :STRIDE], speech.shape[1]))[..., :1].mT
         return {"pose": self.decode(self.draw(features, style, step_noise, prefix).mT).mT[:, :frames]}
 
     def sampler(self) -> dict[str, ExportGraph]:

@@ -155,6 +155,7 @@ class JointEmbedding(SeededWindows):
 
     dimensions = ("pose", "audio", "text")
     Config = JointEmbeddingConfig
+    normal_noise = True
     config: JointEmbeddingConfig
 
     def __init__(self, config: JointEmbeddingConfig, *, pose: int, audio: int, text: int = 0) -> None:

@@ -33,13 +33,13 @@ from torch import Tensor, nn
 
 from .mix_stage import MixStage, MixStageConfig
 from .nn.adversarial_losses import ADVERSARIAL_LOSSES
-from .nn.gumbel import smooth_gumbel
 from .nn.mixture import mix
 from .nn.motion_statistics_loss import statistics_term
 from .nn.objective import Batch
 from .nn.part_speeds import Parts, PartWeights, part_terms
 from .nn.pose_discriminator import PoseDiscriminator
 from .nn.settings import check_least
+from .nn.smooth_noise import smooth_noise
 from .nn.speech_augmentation import SpeechAugmentation
 from .nn.speed_distance import timing_term
 
@@ -117,7 +117,7 @@ class MixStageExtended(MixStage):
         if not self.config.persistence:
             return poses
         rows, modes, frames = logits.shape
-        noise = smooth_gumbel(batch.chance, rows, modes, frames, self.config.persistence)
+        noise = smooth_noise(batch.chance, rows, modes, frames, self.config.persistence)
         return mix(outputs, torch.softmax(logits + noise, 1))
 
     def _score(self, pose: Tensor, batch: Batch, shift: int = 0) -> Tensor:

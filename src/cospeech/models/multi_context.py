@@ -125,6 +125,7 @@ class MultiContext(ManyInputs, AdversarialWindows):
     arrays: tuple[str, ...] = ("pose", "audio", "text")
     dimensions = ("pose", "audio", "speakers", "text")
     Config = MultiContextConfig
+    normal_noise = True
     config: MultiContextConfig
 
     def __init__(self, config: MultiContextConfig, *, pose: int, audio: int, speakers: int, text: int = 0) -> None:

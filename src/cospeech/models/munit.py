@@ -159,6 +159,12 @@ class _Decoder(nn.Module):
         return x
 
 
+def _clear_bias(layer: nn.Conv1d | nn.Linear) -> None:
+    """Biases begin at 0; authors' code."""
+    if layer.bias is not None:
+        nn.init.zeros_(layer.bias)
+
+
 class _Discriminator(nn.Module):
     """(B, X, T) → (B, P) scores at three scales of time, one after the other; each weighs as its own mean."""
 
@@ -168,6 +174,7 @@ class _Discriminator(nn.Module):
         for part in self.modules():
             if isinstance(part, nn.Conv1d):  # authors' code
                 nn.init.normal_(part.weight, 0, 0.02)
+                _clear_bias(part)
 
     @staticmethod
     def _scale(inputs: int, channels: int) -> nn.Sequential:
@@ -197,6 +204,7 @@ class _Domain(nn.Module):
         for part in self.modules():
             if isinstance(part, nn.Conv1d | nn.Linear):  # authors' code
                 nn.init.kaiming_normal_(part.weight)
+                _clear_bias(part)
 
     def decode(self, content: Tensor, style: Tensor) -> Tensor:
         """(B, X, T)."""

@@ -126,8 +126,10 @@ class Speech2Gesture(SeededWindows):
             raise InputError(f"a Speech2Gesture from {audio} numbers of speech to {pose} of a pose", "both are positive")
         self.config = config
         self.measure(pose, audio)
-        self.multiple = self.shortest = 2 ** max(SPEECH_HALVINGS, config.depth)
+        self.whole = 2 ** max(SPEECH_HALVINGS, config.depth)  # frames that the halvings of time divide
         self.seeds = SEEDS if config.seed else 0
+        self.cut = bool(self.seeds)  # windows that begin with known poses are played as long as they were in training
+        self.multiple = self.shortest = config.frames if self.cut else self.whole
         self.encoder = AudioContent(config.channels)
         self.unet = UNet1d(config.channels, config.depth)
         widths = (config.channels + config.seed, *[config.channels] * config.decoder)
@@ -138,9 +140,9 @@ class Speech2Gesture(SeededWindows):
 
     def forward(self, audio: Tensor, seed: Tensor | None = None) -> Tensor:
         """G: (B, T, A), (B, T, D + 1) known poses → (B, T, D), for T of any length: the last frame is repeated up to the next
-        multiple of `multiple`."""
+        multiple of `whole`."""
         frames = audio.shape[1]
-        rows = F.pad(audio.mT, (0, -frames % self.multiple), mode="replicate").mT
+        rows = F.pad(audio.mT, (0, -frames % self.whole), mode="replicate").mT
         return self._poses(rows, seed)[:, :frames]
 
     def poses(self, inputs: WindowInputs, noise: Tensor) -> Tensor:
@@ -192,4 +194,4 @@ class Speech2Gesture(SeededWindows):
 
     def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor, seed: Tensor | None = None) -> Tensor:
         """(B, T, A), (B, T, D + 1) known poses → (B, T, D); there is no style to choose and no mode."""
-        return self._poses(audio, seed)
+        return super().make(audio, style, mode_noise, seed) if self.cut else self._poses(audio, seed)

@@ -41,7 +41,7 @@ from .nn.modalities import check_lacks, weights_of
 from .nn.objective import Batch, Objective
 from .nn.pixel_cnn import GatedPixelCnn
 from .nn.quantise import Quantiser
-from .nn.sampled import Sampled, at_rest, fill_up
+from .nn.sampled import Sampled, at_rest, fill_up, hold
 from .nn.settings import check_least
 from .nn.speech_encoders import SPEECH_ENCODERS
 from .nn.temporal import Memory, SameConv
@@ -335,7 +335,7 @@ class TalkShow(Sampled):
         speaker = torch.full_like(arrays["speaker"], -1) if "speaker" in lacks else arrays["speaker"]
         who = weights_of(speaker, self.styles).unsqueeze(-1).expand(-1, -1, audio.shape[1])
         uniform = fill_up(self.draw_noise(arrays["audio"]) if noise is None else noise)[:, ::STRIDE]
-        prefix = None if "seed" in lacks else self.encode(arrays["pose"][:, :STRIDE])
+        prefix = None if "seed" in lacks else self.encode(hold(arrays["pose"][:, :STRIDE], audio.shape[1]))[:, :1]
         codes = self.draw(self.hear(audio.mT), who[..., ::STRIDE], uniform, prefix)
         face = self.face(arrays[self.face.encoder.array].mT, who[..., :frames])
         return {"pose": self._decode_codes(codes)[:, :frames], "face": face.mT.clamp(0, 1)}

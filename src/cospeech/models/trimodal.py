@@ -114,6 +114,7 @@ class Trimodal(SeededWindows, AdversarialWindows):
 
     dimensions = ("pose", "audio", "speakers", "text")
     Config = TrimodalConfig
+    normal_noise = True
     config: TrimodalConfig
 
     def __init__(self, config: TrimodalConfig, *, pose: int, audio: int, speakers: int, text: int = 0) -> None:

@@ -8,28 +8,30 @@ import numpy as np
 
 from ..motion.rotations import Array
 
-__all__ = ["SECONDS", "SmoothGumbel"]
+__all__ = ["SECONDS", "SmoothNoise"]
 
 SECONDS = 1.0  # ours: about a gesture with its preparation; over it noise correlates (the integral of its correlation)
 BLOCK = 16  # frames of noise that are made ahead; ours: about a second
 LEAST = 1e-300  # ours: of a probability, so that logarithms are numbers
 
 
-class SmoothGumbel:
-    """Gumbel noise that moves smoothly: at every frame of a standard Gumbel distribution, independent from mode to mode.
+class SmoothNoise:
+    """Noise that moves smoothly: at every frame of a standard Gumbel or normal distribution, independent from mode to mode.
 
-    The mode whose logit with such noise is the largest is drawn with the probability that the softmax gives it (Gumbel and
-    Lieblein 1954); a smooth path draws a mode for about a second. It is a Gaussian process of the correlation
-    (1 + λτ) e^(−λτ), λ = 2 / `SECONDS`, which is differentiable, brought to the Gumbel distribution by both distribution
-    functions. The same seed gives the same noise, in whatever pieces it is drawn.
+    Gumbel noise is for the logits of modes. The mode whose logit with such noise is the largest is drawn with the probability
+    that the softmax gives it (Gumbel and Lieblein 1954); a smooth path draws a mode for about a second. The noise is a Gaussian
+    process of the correlation (1 + λτ) e^(−λτ), λ = 2 / `SECONDS`, which is differentiable. Both distribution functions bring
+    it to the Gumbel distribution. The same seed gives the same noise, in whatever pieces it is drawn.
 
     Args:
         width: modes.
         fps: frames per second.
         seed: of the take.
+        normal: whether the noise is normal, for a network that was trained with such noise.
     """
 
-    def __init__(self, width: int, fps: float, *, seed: int) -> None:
+    def __init__(self, width: int, fps: float, *, seed: int, normal: bool = False) -> None:
+        self._normal = normal
         self._rng = np.random.default_rng([seed, 3])  # 1 and 2 are of `cospeech.runtime.styles.style`
         rate, step = 2 / SECONDS, 1 / fps
         decay = exp(-rate * step)
@@ -58,7 +60,7 @@ class SmoothGumbel:
             row[:] = x
             x, v = a * x + b * v + en, c * x + d * v + fn + gm
         self._state = np.stack([x, v])
-        return _gumbel(out).astype(np.float32)
+        return (out if self._normal else _gumbel(out)).astype(np.float32)
 
 
 def _gumbel(normal: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..audio.emotions import Moods
 from ..motion.rotations import Array
-from .mode_noise import SmoothGumbel
+from .mode_noise import SmoothNoise
 from .network import Network
 from .styles.embedding import StyleMixture
 from .styles.track import SpokenStyleTrack, StyleTrack
@@ -42,7 +42,8 @@ class NetworkDecoder:
         self._intensity = np.float32(intensity)
         gain = system.statistics.noise_gain[int(network.signature.window is None)]
         self._temperature = gain * np.float32(temperature)
-        self._noise = [SmoothGumbel(network.signature.width("noise"), system.fps, seed=seed) for seed in seeds]
+        width, is_normal = network.signature.width("noise"), network.signature.normal_noise
+        self._noise = [SmoothNoise(width, system.fps, seed=seed, normal=is_normal) for seed in seeds]
 
     @property
     def moods(self) -> Moods | None:

@@ -44,6 +44,7 @@ class ExportGraph:
     seeds: int = 0
     groups: int = 1
     steps: int = 0
+    normal_noise: bool = False
     fixed: bool = False
     """Whether T is always ``window``."""
 

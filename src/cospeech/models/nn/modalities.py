@@ -163,7 +163,10 @@ class ManyInputs(Windowed):
         inputs |= {"noise": ("N", "T", self.modes)} if self.modes else {}
         hop, ahead = max(1, self.window // 2), self.window // 4
         poses = {"poses": ("N", "T", self.pose)}
-        return {"make": ExportGraph(_Playing(self), inputs, poses, window=self.window, hop=hop, look_ahead=ahead)}
+        make = ExportGraph(
+            _Playing(self), inputs, poses, window=self.window, hop=hop, look_ahead=ahead, normal_noise=self.normal_noise
+        )
+        return {"make": make}
 
 
 class _Playing(nn.Module):

@@ -20,7 +20,7 @@ from .coder import STRIDE
 from .export import ExportGraph
 from .windowed import Windowed
 
-__all__ = ["Sampled", "at_rest", "fill_up"]
+__all__ = ["Sampled", "at_rest", "fill_up", "hold"]
 
 _SEED = 0  # of the noise of tables; ours
 
@@ -41,7 +41,12 @@ def at_rest(*modules: nn.Module) -> Iterator[None]:
 
 def fill_up(x: Tensor) -> Tensor:
     """(B, T, C) with its last frame repeated, up to whole steps."""
-    return torch.cat([x, x[:, -1:].expand(-1, -x.shape[1] % STRIDE, -1)], 1)
+    return hold(x, x.shape[1] + -x.shape[1] % STRIDE)
+
+
+def hold(x: Tensor, frames: int) -> Tensor:
+    """(B, T, C) with its last frame repeated → (B, ``frames``, C)."""
+    return torch.cat([x, x[:, -1:].expand(-1, frames - x.shape[1], -1)], 1)
 
 
 class Sampled(Windowed):
@@ -57,6 +62,11 @@ class Sampled(Windowed):
     """Numbers of a step of the features of speech."""
     latent: int
     """Numbers of a step of the latents."""
+
+    @property
+    def preliminary_steps(self) -> int:
+        """Those of the stages before that of the distribution."""
+        return max(objective.start for objective in self.objectives().values())
 
     def hear(self, audio: Tensor) -> Tensor:
         """(B, A, T) → (B, heard, T / 4)."""

@@ -152,6 +152,7 @@ class SeededWindows(Windowed):
                 _Playing(self), inputs, {"poses": ("N", "T", self.pose)}, frames=window if self.cut else 2 * window,
                 fixed=self.cut, multiple=self.multiple,
                 shortest=self.shortest, window=window, hop=window - self.seeds - ahead, look_ahead=ahead, seeds=self.seeds,
+                normal_noise=self.normal_noise,
             )
         }  # fmt: skip
 

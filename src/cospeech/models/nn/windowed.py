@@ -29,6 +29,8 @@ class Windowed(Trainable):
     """The least T of `make`, a multiple too."""
     modes: int
     """Sub-generators whose logits can be shifted by noise; 0: none."""
+    normal_noise = False
+    """Whether the noise is normal in training and when it plays; else it is of a Gumbel distribution, for logits of modes."""
 
     def make(self, audio: Tensor, style: Tensor, mode_noise: Tensor) -> Tensor:
         """(B, T, A), (B, T, styles), (B, T, modes) → (B, T, D); T a multiple of ``multiple``, ``shortest`` at least.
@@ -68,7 +70,7 @@ class Windowed(Trainable):
         frames = max(self.shortest, 4) * 2
         make = ExportGraph(
             Playing(self), inputs, {"poses": poses}, frames=frames, multiple=self.multiple, shortest=self.shortest,
-            window=self.window,
+            window=self.window, normal_noise=self.normal_noise,
         )  # fmt: skip
         return {"make": make, **self.style_graph()}
 

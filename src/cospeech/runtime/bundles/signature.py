@@ -33,7 +33,8 @@ STYLE_FRAMES = 64  # frames of an example of a style at least: six halvings by M
 PORTS = {
     "rows": "standardised features of speech, then style controls, then what stands for the word; one speech for all takes",
     "style": "weights of the speakers, then of the emotions where the network takes them; or a style code",
-    "noise": "noise that makes takes differ: on the logits of modes, or of any use; zeros for the most likely take",
+    "noise": "noise that makes takes differ: on the logits of modes, or of any use (`Signature.normal_noise`); zeros for the "
+    "most likely take",
     "face": "ARKit weights of a face that is given, and how far it is given, 0 … 1",
     "seed": "standardised poses before the first new frame, and 1 where one is given; where each take (N) has its own, every "
     "window after the first begins with the last poses of the window before",
@@ -105,6 +106,8 @@ class Signature:
     """Groups of codes of a step, of each of which one is drawn."""
     steps: int = 0
     """Steps in which noise is taken away."""
+    normal_noise: bool = False
+    """Whether ``noise`` is of a normal distribution in training; else of a Gumbel distribution, as for logits of modes."""
 
     def __post_init__(self) -> None:
         for name, (low, high) in _RANGES.items():
@@ -112,6 +115,8 @@ class Signature:
             if (value is None and name in ("window", "reach", "hop")) or (type(value) is int and low <= value <= high):
                 continue
             raise InputError(f"the signature of a network has {name} = {str(value)[:60]}", f"a whole number, {low} … {high}")
+        if not isinstance(self.normal_noise, bool):
+            raise InputError(f"the signature of a network has normal_noise = {str(self.normal_noise)[:60]}", "true or false")
         if self.state and self.window is not None:
             raise InputError("a network has a window and a state", "a network of windows keeps no state; leave one of them out")
         if self.hop is not None and not (self.window is not None and self.hop + self.look_ahead <= self.window):

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from ...audio.emotions import EMOTIONS
-from ...models.nn.gumbel import smooth_gumbel
 from ...models.nn.objective import StepRandom
+from ...models.nn.smooth_noise import smooth_noise
 from ...motion.rotations import Array
 from ...runtime.bundles.statistics import Statistics
 from ...runtime.mode_noise import SECONDS
@@ -90,7 +90,11 @@ class _Playback:
         has = signature.width("style") - self.codes.shape[1]
         self.moods = np.eye(len(EMOTIONS), dtype=np.float32)[labels][..., :has]
         width, count = signature.width("noise"), len(self.rows)
-        noise = smooth_gumbel(StepRandom(0, 0), takes * count, width, frames, SECONDS * fps) if width else np.zeros(0)
+        noise = (
+            smooth_noise(StepRandom(0, 0), takes * count, width, frames, SECONDS * fps, normal=signature.normal_noise)
+            if width
+            else np.zeros(0)
+        )
         self.noise = np.asarray(noise).reshape(takes, count, width, frames).swapaxes(2, 3) if width else np.zeros((1, 1, 1, 0))
         self.position, self.progress = 0, progress
         self.plays = count * (1 if len(self.noise) == 1 else 3)  # `compare` plays each window once, `find_noise_gain` twice

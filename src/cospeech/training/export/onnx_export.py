@@ -59,7 +59,7 @@ def export_graphs(graphs: Mapping[str, ExportGraph]) -> Exported:
         export.signatures[name] = Signature(
             graph.inputs, graph.outputs, state, window=graph.window, look_ahead=graph.look_ahead, multiple=graph.multiple,
             reach=measure_reach(graph) if _has_reach(graph) else None, hop=graph.hop, seeds=graph.seeds, groups=graph.groups,
-            steps=graph.steps,
+            steps=graph.steps, normal_noise=graph.normal_noise,
         )  # fmt: skip
         export.signatures[name].check(name)
     return export

@@ -77,6 +77,8 @@ def random_arrays(s: FlowSizes, seed: int = 0) -> dict[str, np.ndarray]:
         shapes |= {f"stylist.convolutions.{2 * n}.weight": (s.channels, s.channels if n else s.pose, 4)}
         shapes |= {f"stylist.convolutions.{2 * n}.bias": (s.channels,)}
     shapes |= {"stylist.full.weight": (s.style, 2 * s.channels), "stylist.full.bias": (s.style,)}
+    shapes["stylist.norm.running_mean"] = (s.style,)
+    constants["stylist.norm.running_var"] = np.ones(s.style)
     weights = {name: rng.normal(0, 0.3 if "mix" not in name else 0.1, shape) for name, shape in shapes.items()}
     return {name: value.astype(np.float32) for name, value in (weights | constants).items()}
 

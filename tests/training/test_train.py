@@ -200,6 +200,15 @@ def test_half_precision_trains_too(store, tmp_path):
     assert load_run(tmp_path / "run")[0].decode.weight.dtype == torch.float32
 
 
+def test_a_processor_without_half_precision_is_told(store, tmp_path, monkeypatch):
+    def refuse(*arguments):
+        raise RuntimeError("could not create a primitive descriptor for the LSTM forward propagation primitive")
+
+    monkeypatch.setattr("cospeech.training.train.ObjectiveOptimiser.terms", refuse)
+    with pytest.raises(InputError, match=r"in bfloat16 \(set train.precision=float32"):
+        run(plan("tiny-gan", precision="bfloat16"), store, tmp_path / "run")
+
+
 def test_tensorboard_gets_the_same_figures(store, tmp_path):
     pytest.importorskip("tensorboard", reason="needs TensorBoard (cospeech[train])")
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
@@ -534,6 +543,13 @@ def test_balanced_batches_have_as_many_of_each_speaker(store):
     assert len(starts) == len(windows)  # every window can come
     plain = np.bincount(np.concatenate([Windows(Store(store), 10).at(12, 0, step)["speaker"] for step in range(100)]))
     assert plain[0] > 3 * plain[2]
+
+
+@pytest.mark.parametrize(("share", "count"), [(0.1, 1), (0.5, 3), (0.7, 5), (0.8, 5)])
+def test_as_many_clips_are_held_out_as_the_share_says(tmp_path, share, count):
+    store = Store(make_store(tmp_path / "store", validation=False))
+    assert len(Windows(store, 10).clips) == 6
+    assert len(Windows(store, 10, split="validation", held_out=share).clips) == count
 
 
 def test_held_out_clips_are_in_one_split_only(tmp_path):

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import json
 import signal
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass
 from math import isfinite
@@ -130,10 +130,21 @@ class _Run:
         """Seed layers that draw random numbers themselves, such as dropout, by seed, step and process; see `surroundings`."""
         torch.random.manual_seed(((self.settings.seed * 1_000_003 + step) * 1009 + self.team.rank * (step > 0)) % 2**63)
 
-    def autocast(self) -> AbstractContextManager[Any]:
-        """Mixed precision, where the recipe has it."""
-        on = self.settings.precision == "bfloat16"
-        return torch.autocast(self.team.device.type, torch.bfloat16) if on else nullcontext()
+    @contextmanager
+    def autocast(self) -> Iterator[None]:
+        """Mixed precision, where the recipe has it.
+
+        Raises:
+            InputError: the processor has no such product for a layer of the network.
+        """
+        try:
+            with torch.autocast(self.team.device.type, torch.bfloat16, enabled=self.settings.precision == "bfloat16"):
+                yield
+        except RuntimeError as error:
+            if "could not create a primitive" not in str(error):
+                raise
+            problem = f"this processor cannot train {self.model.__class__.__name__} in bfloat16"
+            raise InputError(problem, "set train.precision=float32") from None
 
     def batch(self, feed: BatchLoader, step: int) -> Batch:
         """This process's rows of a step's batch."""

@@ -28,7 +28,8 @@ class Windows:
         split: train or validation.
         balanced: whether a batch has the same number of windows of each speaker, up to one.
         mirror: whether windows of mirrored clips are among them.
-        held_out: share of the training clips that count as validation split: every k-th, with its augmented copies.
+        held_out: share of the training clips that count as validation split, evenly from all of them, with their augmented
+            copies.
         spare: arrays that a clip may lack; their values then mark them as missing.
 
     Raises:
@@ -56,7 +57,8 @@ class Windows:
         good = np.array([mirror or not is_mirror_image(name) for name in names])
         if held_out:
             bases = list(dict.fromkeys(name.split("|")[0] for name in names))
-            hold_out = {*bases[:: max(2, round(1 / held_out))]}
+            turns = np.ceil(np.round(np.arange(len(bases) + 1) * held_out, 6))  # rises where the share is due
+            hold_out = {name for name, rises in zip(bases, np.diff(turns) > 0, strict=True) if rises}
             good &= np.array([(name.split("|")[0] in hold_out) == (split == "validation") for name in names])
         if not good.any():
             hint = _ALL_HELD_OUT if held_out and split == "train" else NO_WINDOW

@@ -243,12 +243,14 @@ def _pack_encoder(out: dict[str, Array], arrays: Mapping[str, Array], sizes: Flo
 
 
 def _pack_stylist(out: dict[str, Array], arrays: Mapping[str, Array]) -> None:
-    """The style encoder's weights."""
+    """The style encoder's weights, with its batch norm in the last of them."""
     for n in range(3):
         for kind, end in (("weight", ""), ("bias", ".bias")):
             out[f"style.{n}{end}"] = np.asarray(arrays[f"stylist.convolutions.{2 * n}.{kind}"], np.float32)
-    out["style.full"] = np.ascontiguousarray(arrays["stylist.full.weight"].T, np.float32)
-    out["style.full.bias"] = np.asarray(arrays["stylist.full.bias"], np.float32)
+    gain = 1 / np.sqrt(arrays["stylist.norm.running_var"] + BATCH_NORM_EPS)
+    out["style.full"] = np.ascontiguousarray(arrays["stylist.full.weight"].T * gain, np.float32)
+    bias = (arrays["stylist.full.bias"] - arrays["stylist.norm.running_mean"]) * gain
+    out["style.full.bias"] = np.asarray(bias, np.float32)
 
 
 def _matrix_shapes(sizes: FlowSizes) -> dict[str, tuple[int, ...]]:

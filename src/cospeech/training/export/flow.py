@@ -96,8 +96,9 @@ def _calibrate(
         The feedback gain, (D,) mean, (D,) standard deviation.
     """
     gains = FEEDBACK_GAINS if model.runtime_sizes()["residual"] else FEEDBACK_GAINS[:1]
-    target, takes = _wandering(examples["stretches"].flatten(0, 1)), _generate_freely(model, examples, codes, gains, progress)
+    takes = _generate_freely(model, examples, codes, gains, progress)
     takes = takes[:, :, min(WARM, takes.shape[2] // 2) :]
+    target = _wandering(examples["stretches"].flatten(0, 1)[:, -takes.shape[2] :])  # means of fewer poses vary more
     best = min(range(len(gains)), key=lambda k: abs((_wandering(takes[k]) / target).log().item()))
     return gains[best], takes[best].mean((0, 1)), takes[best].std((0, 1)).clamp_min(LEAST)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
 onnx = pytest.importorskip("onnx", reason="graphs are built with onnx (the train extra)")
 
+from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.nn.export import ExportGraph  # noqa: E402
 from cospeech.runtime.bundles.graph_check import OPERATORS  # noqa: E402
 from cospeech.runtime.flow.graph import build_graphs  # noqa: E402
@@ -89,6 +91,18 @@ def test_a_frame_of_speech_and_a_style_lie_side_by_side():
         output = engine.run(rows=row.numpy(), style=style.numpy(), **state)
         state = {name: output[f"next.{name}"] for name in state}
         assert off(output["poses"], memory.numpy()) < 1e-5
+
+
+def test_a_fold_that_changes_what_a_network_makes_is_found(monkeypatch):
+    def fold_wrongly(net):
+        copy = deepcopy(net)
+        copy.cell.bias_ih.data += 0.1
+        return copy
+
+    graph = ExportGraph(Cell(), {"rows": (1, 4), "style": ("N", 3)}, {"poses": ("N", 5)}, states={"memory": 5})
+    monkeypatch.setattr("cospeech.training.export.onnx_export.inference_copy", fold_wrongly)
+    with pytest.raises(InputError, match="gives other numbers"):
+        export_graphs({"live": graph})
 
 
 @pytest.mark.filterwarnings("ignore:LSTM with projections is not supported with oneDNN")

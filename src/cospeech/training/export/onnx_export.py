@@ -14,6 +14,7 @@ import logging
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
+from copy import deepcopy
 from io import StringIO
 from typing import Any, NamedTuple
 
@@ -97,7 +98,7 @@ def _export(name: str, graph: ExportGraph, weights: dict[str, Array]) -> tuple[b
             break
         common = {key for key in common if f"next.{key}" in alike}
     data = writer.file(name, inputs, outputs)
-    _compare(name, graph, module, data, store, inputs)
+    _compare(name, graph, data, store, inputs)
     weights |= {key: value for key, value in store.items() if key in writer.used}
     return data, _states(graph, common)
 
@@ -166,14 +167,12 @@ def _quiet() -> Iterator[None]:
             gc.enable()
 
 
-def _compare(
-    name: str, graph: ExportGraph, module: Any, data: bytes, weights: Mapping[str, Array], inputs: Mapping[str, Dims]
-) -> None:
+def _compare(name: str, graph: ExportGraph, data: bytes, weights: Mapping[str, Array], inputs: Mapping[str, Dims]) -> None:
     tensors = _examples(graph, 3, graph.frames + (0 if graph.fixed else graph.multiple))
     for key, shape in inputs.items():
         if shape[0] == 1:
             tensors[key] = tensors[key][:1].expand(3, *tensors[key].shape[1:]).contiguous()
-    target = module(*tensors.values())
+    target = deepcopy(graph.module).eval()(*tensors.values())  # not of the copy for inference: its folds are compared too
     arrays = {key: tensors[key][:1].numpy() if inputs[key][0] == 1 else tensors[key].numpy() for key in tensors}
     try:
         outputs = open_session(data, weights).run(None, arrays)

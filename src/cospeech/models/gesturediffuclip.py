@@ -211,7 +211,7 @@ class GestureDiffuClip(Sampled):
             nn.Conv1d(config.latent, config.text, 3, padding=1), nn.ReLU(), nn.Conv1d(config.text, config.text, 1)
         )
         self.labels = _Labels(config, speakers)
-        self.example = StyleEncoder(pose, channels=config.heard, style=config.style)
+        self.example = StyleEncoder(pose, channels=config.heard, style=config.style, norm=False)
         self.speech = Down(audio, config.heard)
         self.denoiser = _Denoiser(config)
 

@@ -106,10 +106,16 @@ class StyleEncoder(nn.Module):
 
     Three convolutions with stride 2, then mean and deviation over the remaining frames. The code says how people hold
     themselves, and how much and how fast they move, but not when. A batch norm keeps the code where tanh has a slope: means and
-    deviations are all positive, so that without it the first hundred steps move all codes the same way, to the same ends.
+    deviations are all positive, so that without it the first hundred steps of a flow move all codes the same way, to the same ends.
+
+    Args:
+        pose: D, numbers of a pose.
+        channels: of the convolutions.
+        style: numbers of the code.
+        norm: whether there is that batch norm. A loss that contrasts codes keeps them apart without it.
     """
 
-    def __init__(self, pose: int, *, channels: int, style: int) -> None:
+    def __init__(self, pose: int, *, channels: int, style: int, norm: bool = True) -> None:
         super().__init__()
         self.convolutions = nn.Sequential(
             nn.Conv1d(pose, channels, 4, stride=2, padding=1), nn.ReLU(),
@@ -117,7 +123,7 @@ class StyleEncoder(nn.Module):
             nn.Conv1d(channels, channels, 4, stride=2, padding=1), nn.ReLU(),
         )  # fmt: skip
         self.full = nn.Linear(2 * channels, style)
-        self.norm = BatchNorm1d(style, affine=False)
+        self.norm = BatchNorm1d(style, affine=False) if norm else nn.Identity()
 
     def forward(self, poses: Tensor) -> Tensor:
         x = self.convolutions(poses.transpose(1, 2))

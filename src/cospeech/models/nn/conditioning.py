@@ -106,7 +106,7 @@ class StyleEncoder(nn.Module):
 
     Three convolutions with stride 2, then mean and deviation over the remaining frames. The code says how people hold
     themselves, and how much and how fast they move, but not when. A batch norm keeps the code where tanh has a slope: means and
-    deviations are all positive, so that without it the first hundred steps of a flow move all codes the same way, to the same ends.
+    deviations are all positive, so that without it the first steps of a flow move all codes the same way, to the same ends.
 
     Args:
         pose: D, numbers of a pose.

@@ -15,7 +15,7 @@ from cospeech.generate import generate_files
 from cospeech.motion.skeleton import humanoid
 from tests.export.test_avatar import rewrite, still  # noqa: F401  a fixture
 from tests.export.test_part_avatars import as_bust, as_half, as_head, as_nodes
-from tests.support.browser import find_violations, open_chromium, scrub, wait_until
+from tests.support.browser import NO_DRAWING, find_violations, open_chromium, scrub, wait_until
 from tests.support.study_raters import running
 
 pytest.importorskip("starlette", reason="local pages need starlette (the studio extra)")
@@ -24,6 +24,7 @@ pytest.importorskip("uvicorn", reason="local pages need uvicorn (the studio extr
 pytestmark = pytest.mark.slow
 READY = "cospeechStudio.takes.every(take => take.frames > 0 && take.progress === null)"
 SPEECH, WORDS = example()
+DRAWING = pytest.mark.parametrize("draws", [True], ids=["drawing"])
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +56,16 @@ def wav(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def page(chromium, address):
+def draws() -> bool:
+    """Whether pages draw their pictures; a test or a module that wants them says so."""
+    return False
+
+
+@pytest.fixture
+def page(chromium, address, draws):
     context = chromium.new_context(viewport={"width": 1280, "height": 860}, accept_downloads=True)
+    if not draws:
+        context.add_init_script(NO_DRAWING)
     tab, wrong = context.new_page(), []
     tab.on("pageerror", lambda error: wrong.append(str(error)))
     tab.on("console", lambda message: wrong.append(message.text) if is_wrong(message) else None)
@@ -108,6 +117,7 @@ def drop(page, path: Path) -> None:
     )
 
 
+@DRAWING
 def test_a_dropped_speech_moves_the_character(page, wav):
     drop(page, wav)
     wait_until(page, READY)
@@ -165,6 +175,7 @@ def check_sync(rows: np.ndarray) -> None:
     assert np.median(sound[running] / machine[running]) == pytest.approx(1, abs=0.1)  # at its own speed
 
 
+@DRAWING
 def test_sound_and_motion_are_within_40_ms(talking):
     rows = follow(talking, 2.5)
     check_sync(rows)
@@ -184,6 +195,7 @@ def test_sound_and_motion_are_within_40_ms_after_a_minute(page, tmp_path):
     assert rows[-1, 1] > 59
 
 
+@DRAWING
 def test_no_script_keeps_the_page_longer_than_100_ms(talking):
     longest = """new Promise(done => { let most = 0;
     new PerformanceObserver(list => { for (const task of list.getEntries()) most = Math.max(most, task.duration); })
@@ -565,6 +577,7 @@ def test_a_page_that_is_loaded_again_does_not_wait_for_its_last_take(page, wav, 
     wait_until(page, READY, 6)
 
 
+@DRAWING
 def test_takes_stand_side_by_side_and_a_link_brings_them_back(talking, chromium):
     talking.click("#add-take")
     talking.click("#add-take")
@@ -613,6 +626,7 @@ def test_loop_speed_and_keys(talking):
     assert talking.locator("#help").is_visible()
 
 
+@DRAWING
 @pytest.mark.parametrize("name", ["Godette_vrm_v4_CC-BY-3.0.vrm", "avatar_mpfb_female_arkit52_viseme15.glb"])
 def test_an_avatar_wears_the_motion_and_stays_in_the_browser(talking, shared_folder, name):
     requests: list[str] = []
@@ -632,6 +646,7 @@ def test_an_avatar_wears_the_motion_and_stays_in_the_browser(talking, shared_fol
     assert not requests
 
 
+@DRAWING
 @pytest.mark.parametrize("change", [as_half, as_bust, as_head, as_nodes])
 def test_a_part_of_a_body_is_shown_where_it_would_be_on_a_person(talking, still, tmp_path, change):  # noqa: F811
     rewrite(still, tmp_path / "part.glb", change)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.studio.test_page import READY, address, chromium, page, talking, wav  # noqa: F401  fixtures
+from tests.studio.test_page import READY, address, chromium, draws, page, talking, wav  # noqa: F401  fixtures
 from tests.studio.test_page_edits import COUNT, PLAN, free_gesture
 from tests.support.browser import scrub, wait_until
 

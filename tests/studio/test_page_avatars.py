@@ -20,6 +20,12 @@ WOMAN, GODETTE = "avatar_mpfb_female_arkit52_viseme15.glb", "Godette_vrm_v4_CC-B
 LOOK = {"inputMaxValue": 90, "outputScale": 90}
 
 
+@pytest.fixture
+def draws() -> bool:
+    """Materials of others are drawn."""
+    return True
+
+
 def rename(document: dict, change) -> None:
     for mesh in document["meshes"]:
         if "targetNames" in mesh.get("extras", {}):

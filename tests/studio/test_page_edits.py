@@ -8,7 +8,7 @@ from base64 import b64encode
 
 import pytest
 
-from tests.studio.test_page import READY, address, chromium, drag, page, talking, wav  # noqa: F401  fixtures
+from tests.studio.test_page import READY, address, chromium, drag, draws, page, talking, wav  # noqa: F401  fixtures
 from tests.support.browser import scrub, wait_until
 
 pytestmark = pytest.mark.slow

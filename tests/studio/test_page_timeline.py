@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from tests.studio.test_page import READY, address, chromium, drag, page, seek, talking, wav  # noqa: F401  fixtures
+from tests.studio.test_page import READY, address, chromium, drag, draws, page, seek, talking, wav  # noqa: F401  fixtures
 from tests.studio.test_page_edits import COUNT, PLAN, free_gesture
 from tests.support.browser import find_violations, scrub, wait_until
 

@@ -1,4 +1,4 @@
-"""The style code of the flow: what keeps it alive in training, and by what a bundle is calibrated."""
+"""The style code of the flow: what it is in training, and by what a bundle is calibrated."""
 
 from __future__ import annotations
 

@@ -207,6 +207,8 @@ def test_a_processor_without_half_precision_is_told(store, tmp_path, monkeypatch
     monkeypatch.setattr("cospeech.training.train.ObjectiveOptimiser.terms", refuse)
     with pytest.raises(InputError, match=r"in bfloat16 \(set train.precision=float32"):
         run(plan("tiny-gan", precision="bfloat16"), store, tmp_path / "run")
+    with pytest.raises(RuntimeError, match="could not create a primitive"):  # it is another fault then
+        run(plan("tiny-gan"), store, tmp_path / "whole")
 
 
 def test_tensorboard_gets_the_same_figures(store, tmp_path):

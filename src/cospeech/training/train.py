@@ -141,7 +141,7 @@ class _Run:
             with torch.autocast(self.team.device.type, torch.bfloat16, enabled=self.settings.precision == "bfloat16"):
                 yield
         except RuntimeError as error:
-            if "could not create a primitive" not in str(error):
+            if self.settings.precision != "bfloat16" or "could not create a primitive" not in str(error):
                 raise
             problem = f"this processor cannot train {self.model.__class__.__name__} in bfloat16"
             raise InputError(problem, "set train.precision=float32") from None

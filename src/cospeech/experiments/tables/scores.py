@@ -36,7 +36,7 @@ __all__ = [
     "score_latents",
 ]
 
-SCORING = 4  # counts up when the computation of scores changes, so that cached ones are not used
+SCORING = 5  # counts up when the computation of scores changes, so that cached ones are not used
 TAKES, SPEECHES = 5, 100  # of multimodality: performances of a window, and number of such windows; ours
 
 

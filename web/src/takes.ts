@@ -24,6 +24,7 @@ export class Takes {
   private readonly events = new Map<string, TakeEvent>();
   readonly history: History;
   private readonly plansInFiles = new WeakSet<Plan>();
+  private readonly origins = new WeakMap<Plan, string>(); // the requests that plans without edits were made for
   private isConnected = true;
   private timer = 0;
   private note = ""; // of `renew`
@@ -73,7 +74,7 @@ export class Takes {
     const { speech } = this.store.state;
     if (speech === null) return;
     const request = this.requestOf(take, speech.speech);
-    const key = JSON.stringify([request, this.changesOfWords]);
+    const key = this.keyOf(request);
     if (take.madeFrom === key) return;
     if (take.making !== null) api.forgetTake(take.making);
     Object.assign(take, { madeFrom: key, making: null, progress: 0, problem: "" });
@@ -89,6 +90,15 @@ export class Takes {
     } catch (error) {
       if (take.madeFrom === key) this.fail(take, error);
     }
+  }
+
+  private keyOf(request: TakeRequest): string {
+    return JSON.stringify([request, this.changesOfWords]);
+  }
+
+  /** Whether the plan of a take without edits is one of the settings of now. */
+  private isCurrent(take: Take, plan: Plan, speech: string): boolean {
+    return this.origins.get(plan) === this.keyOf(this.requestOf(take, speech));
   }
 
   private requestOf(take: Take, speech: string): TakeRequest {
@@ -133,7 +143,9 @@ export class Takes {
   private show(take: Take, { id, motion, plan, factor }: Result): void {
     Object.assign(take, { id, motion, plan, factor, played: take.edited, making: null, progress: null, problem: "" });
     this.unmade.delete(take);
-    const { takes } = this.store.state;
+    if (plan !== null && take.edited === null) this.origins.set(plan, take.madeFrom);
+    const { takes, problem } = this.store.state;
+    if (problem === OLD_PLAN && takes.every((each) => each.progress === null)) this.store.update({ problem: "" });
     this.store.update({ notice: `${this.note && `${this.note}; `}take ${takes.indexOf(take) + 1} is ready` });
     if (takes.every((each) => each.progress === null)) this.note = "";
   }
@@ -254,11 +266,8 @@ export class Takes {
   private async editNow(take: Take, edits: Edit[]): Promise<boolean> {
     const { speech, takes } = this.store.state;
     if (take.plan === null || speech === null || !takes.includes(take)) return false;
-    if (take.edited === null && (this.timer !== 0 || take.progress !== null)) { // what is shown is a plan of other settings
-      this.store.update({ problem: OLD_PLAN });
-      return false;
-    }
     const before = { edited: take.edited, plan: take.plan };
+    if (before.edited === null && !this.isCurrent(take, before.plan, speech.speech)) return this.refuseOldPlan(take);
     try {
       let plan = take.plan;
       for (const each of edits) {
@@ -267,6 +276,7 @@ export class Takes {
       }
       if (plan === take.plan) return false;
       if (take.edited !== before.edited || this.store.state.speech !== speech) return false; // something else was played meanwhile
+      if (before.edited === null && !this.isCurrent(take, before.plan, speech.speech)) return this.refuseOldPlan(take);
       this.history.remember();
       this.history.letGo();
       const entry = this.unmade.get(take);
@@ -279,6 +289,13 @@ export class Takes {
       this.store.update({ problem: error instanceof Error ? error.message : String(error) });
       return false;
     }
+  }
+
+  /** What is shown is a plan of other settings; its motion may have been cancelled. */
+  private refuseOldPlan(take: Take): boolean {
+    this.store.update({ problem: OLD_PLAN });
+    if (this.timer === 0) void this.make(take);
+    return false;
   }
 
   // ------------------------------------------------------------------------------------------ plans in files

@@ -38,6 +38,7 @@ MARK = re.compile(r"^(?:## (.+)|<!-- table: ([^\s,]+)(?:, (.+))? -->)$", re.M)  
 PIECE = re.compile(r"(<!-- table: ([^\s,]+)(?:, [^\n]+)? -->)\n?(.*?)(?=<!-- table: |\Z)", re.S)
 BLOCK = re.compile(r"(<!-- (overview|decided|decided earlier) -->\n).*?(<!-- end of \2 -->)", re.S)
 HEADING = re.compile(r"\A\s*### .*\n")
+HEADINGS = re.compile(r"^##+ .+$", re.M)
 FIGURES, END, EARLIER = "<!-- figures -->", "<!-- end of figures -->", "Earlier runs"
 CORPORA = {"ted": "TED", "trinity": "Trinity", "beat": "BEAT", "pats": "PATS"}
 DECIDED = (HOLDS, CONTRADICTED)
@@ -257,7 +258,11 @@ def list_decided(pairs: list[tuple[Shown, dict[str, Any]]]) -> str:
 
 
 def pages() -> dict[Path, str]:
-    """Path → text of every page of results, as it should be."""
+    """Path → text of every page of results, as it should be.
+
+    Raises:
+        InputError: a page has a heading twice; or as `find_shown`.
+    """
     entries = find_shown()
     earlier = [(each, verdict) for each in entries if each.section == EARLIER for verdict in each.table["verdicts"]]
     current = [pair for runs in current_runs(entries).values() for pair in find_verdicts(runs).values()]
@@ -265,7 +270,12 @@ def pages() -> dict[Path, str]:
     index = DOCS / "results.md"
     text = BLOCK.sub(lambda match: f"{match[1]}\n{blocks[match[2]]}\n{match[3]}", index.read_text("utf-8"))
     by_name = {each.name: each for each in entries}
-    return {index: text} | {path: fill(path.read_text("utf-8"), by_name) for path in sorted((DOCS / "results").glob("*.md"))}
+    texts = {index: text} | {path: fill(path.read_text("utf-8"), by_name) for path in sorted((DOCS / "results").glob("*.md"))}
+    for path, each in texts.items():
+        heading, times = Counter(HEADINGS.findall(each)).most_common(1)[0] if HEADINGS.search(each) else ("", 1)
+        if times > 1:
+            raise InputError(f"{path.name} has the heading {heading!r} {times} times", "each has its text below it, once")
+    return texts
 
 
 def stale() -> dict[Path, str]:

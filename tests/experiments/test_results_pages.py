@@ -71,6 +71,12 @@ def test_links_of_the_overview_lead_to_headings():
         assert slugs.count(anchor) == 1, f"{page}#{anchor}"
 
 
+def test_a_heading_that_occurs_twice_is_told(tool):
+    write_page(tool, "## mix-1", FRESH, "## mix-1", FIRST, "## mix-3", STYLES)
+    with pytest.raises(InputError, match=r"mix\.md has the heading '## mix-1' 2 times"):
+        tool.stale()
+
+
 def test_one_line_shows_a_table_and_text_by_hand_stays(tool):
     page = write_page(tool, "## mix-1", "before", FRESH, "after", FIRST, "## mix-3", STYLES, "the end")
     tool.main([])

@@ -382,6 +382,24 @@ def test_a_run_may_grow(store, tmp_path):
     assert (tmp_path / "grown" / "config.json").read_bytes() == before
 
 
+def test_a_run_whose_first_stages_were_counted_in_another_way_is_told(store, tmp_path, monkeypatch):
+    tiny = tiny_models.TinyFlow
+    run(plan(steps=4), store, tmp_path / "run")
+    monkeypatch.setattr(tiny, "preliminary_steps", 3)
+    with pytest.raises(InputError, match="first stages had 0 uncounted steps, and have 3 now"):
+        run(plan(steps=6), store, tmp_path / "run", resume=True)
+    assert run(plan(steps=4), store, tmp_path / "other").step == 7
+    path = tmp_path / "other" / "last.safetensors"
+    tensors, state = read_tensors(path)
+    assert (state["step"], state.pop("preliminary_steps")) == (4, 3)
+    write_tensors(path, tensors, state)  # as runs were saved before
+    assert run(plan(steps=5), store, tmp_path / "other", resume=True).resumed == 7
+    write_tensors(path, tensors, state)
+    monkeypatch.setattr("cospeech.training.train.Sampled", tiny)
+    with pytest.raises(InputError, match="its first stages had 0 uncounted steps"):
+        run(plan(steps=6), store, tmp_path / "other", resume=True)
+
+
 def test_a_store_of_which_nothing_is_left_to_train_on_is_told(tmp_path):
     single = make_store(tmp_path / "single", alone=True)
     with pytest.raises(InputError, match=r"data\.validation holds all clips out: leave it out"):

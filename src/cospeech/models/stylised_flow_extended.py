@@ -12,6 +12,7 @@ thousands of steps without. All of them are linear in xₜ, so that the likeliho
     latent_scale         scale of random latents at play
     pose_noise           noise on the poses in training: a density of smooth data has no upper limit
     stroke_timing        ℓ_T = 1 − r of the logarithms of the speeds of self-play and of the recording
+    style_recognition    ℓ_S = cross-entropy of a network that names speakers by their velocities: recorded, and self-play
     whole_history_norms  the batch norms of the encoder keep the statistics of histories without hidden poses
 
 The effect of each on the motion: docs/models/stylised_flow.md, "Changed, and added".
@@ -35,9 +36,12 @@ from .nn.norm import without_tracking
 from .nn.objective import Batch, StepRandom
 from .nn.self_play import FAR, play_window
 from .nn.speed_distance import timing_term
+from .nn.style_recogniser import StyleRecogniser
 from .stylised_flow import FlowConfig, StylisedFlow
 
 __all__ = ["FlowExtendedConfig", "StylisedFlowExtended"]
+
+SWAPPED = 0.5  # of the steps with self-play, with ``style_recognition``: its styles are those of other recordings of the batch
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,13 @@ class FlowExtendedConfig(FlowConfig):
     stretch of the same recording, without labels. So an example sets the style, and the latents stay free."""
     style_window: int = 80
     """Frames of that stretch, which lies before the history; [ours]."""
+    style_gap: int = 0
+    """Frames between that stretch and the history; [ours]. Without a gap, the code tells what somebody does at this moment."""
+    style_recognition: float = 0.0
+    """Weight of the cross-entropy of a network that names the speaker of velocities; [ours]. The likelihood hardly needs a
+    style, because the last poses tell nearly all. So self-play must have the style of its code, in half of the steps that of
+    another recording: one that this network recognises, which learns from recordings alone. It is for training alone, as are
+    its labels: in play, a code of any motion is a style."""
     residual: bool = False
     """Whether the flow models xₜ − xₜ₋₁, which has the density of xₜ, in place of xₜ; [ours], quicker to learn."""
     inertia: float = 0.0
@@ -68,7 +79,7 @@ class FlowExtendedConfig(FlowConfig):
     (``nn.speed_distance.timing_term``); [ours]. The likelihood sees recorded histories only: a network can be good at
     it, and in play still time its strokes by its own history, not by the speech."""
     stroke_timing_every: int = 4
-    """Every how many steps there is that term; [ours]: playing a window costs as much as the rest of a step."""
+    """Every how many steps there is self-play; [ours]: playing a window costs as much as the rest of a step."""
     whole_history_norms: bool = False
     """Whether the batch norms of the encoder keep the statistics of whole histories; [ours]. Without it, they keep those of
     histories with hidden poses (``history_dropout``), while every history is whole in play: the variance shift of Li et al.
@@ -82,33 +93,49 @@ class StylisedFlowExtended(StylisedFlow):
     Args:
         config: sizes and weights.
         pose, audio, omega: as in `StylisedFlow`.
+        speakers: of the store; only ``style_recognition`` needs them.
     """
 
     Config = FlowExtendedConfig
     config: FlowExtendedConfig
 
-    def __init__(self, config: FlowExtendedConfig, *, pose: int, audio: int, omega: nn.Module | None = None) -> None:
+    def __init__(
+        self, config: FlowExtendedConfig, *, pose: int, audio: int, speakers: int = 0, omega: nn.Module | None = None
+    ) -> None:
         if config.inertia and (config.history < 2 or not config.residual or not 0 < config.inertia <= 1):
             raise InputError(f"inertia {config.inertia}", "0 … 1, with residual and a history of 2 poses at least")
         if config.whole_history_norms and config.steps_seen:
             raise InputError("whole_history_norms with steps_seen", "use one of the two")
+        weight = config.style_recognition
+        if config.style_gap < 0 or weight < 0 or (weight and not (config.style and speakers)):
+            problem = f"style_recognition {weight} and style_gap {config.style_gap} with a style of {config.style}"
+            raise InputError(problem, "neither is negative, and the first needs style codes and speakers")
         super().__init__(config, pose=pose, audio=audio, omega=omega)
+        self.recogniser = StyleRecogniser(pose, channels=config.hidden, speakers=speakers) if weight else None
+
+    @classmethod
+    def dimensions_for(cls, config: Any) -> tuple[str, ...]:
+        return (*cls.dimensions, "speakers") if config.style_recognition else cls.dimensions
 
     def _add_encoders(self) -> int:
         c = self.config
         self.stylist = StyleEncoder(self.pose, channels=c.encoder_channels, style=c.style) if c.style else None
-        self.styles, self.encodes_style = c.style, c.style > 0
+        self.styles, self.encodes_style, self.smallest_batch = c.style, c.style > 0, 2 if c.style else 1
         return c.style
 
     @property
     def window(self) -> int:
-        """Frames of a training window: stretch for the style, history, trained frames, look-ahead."""
+        """Frames of a training window: stretch for the style, gap, history, trained frames, look-ahead."""
         return self.style_frames + super().window
 
     @property
     def style_frames(self) -> int:
-        """Frames before the history that the style is taken from."""
-        return self.config.style_window if self.config.style else 0
+        """Frames before the history: the stretch that the style is taken from, and the gap."""
+        return self.config.style_window + self.config.style_gap if self.config.style else 0
+
+    def _stretch(self, pose: Tensor) -> Tensor:
+        """The stretch of a window that the style is taken from."""
+        return pose[:, : self.config.style_window * self.encodes_style]
 
     # the density ----------------------------------------------------------------------------------------------------
 
@@ -140,7 +167,7 @@ class StylisedFlowExtended(StylisedFlow):
     def _condition_poses(self, pose: Tensor, audio: Tensor) -> tuple[Tensor, Tensor]:
         """(B, F, D) targets of the flow for recorded poses, and (B, F, C) their conditioning."""
         x, histories, speech = self._windows(pose, audio)
-        return x - self._base(histories), self.condition(histories, speech, self.style(pose[:, : self.style_frames]))
+        return x - self._base(histories), self.condition(histories, speech, self.style(self._stretch(pose)))
 
     def _base(self, histories: Tensor) -> Tensor:
         """(B, F, D) that are added to the flow's output: the last pose of each history and its inertia; or zeros."""
@@ -161,13 +188,21 @@ class StylisedFlowExtended(StylisedFlow):
         if self.training:
             drop = blank_history if self.config.steps_seen else drop_history
             histories = drop(histories, self.config.history_dropout, batch.chance)
-        style = self.style(pose[:, : self.style_frames])
+        style = self.style(self._stretch(pose))
         with self._norms_of(whole_histories, speech):
             conditioning = self.condition(histories, speech, style)
         terms = self.losses(x, conditioning, batch.chance, step, base)
-        if self.config.stroke_timing and step % self.config.stroke_timing_every == 0:
+        if self.recogniser is not None:
+            terms["style_recognition"] = self.config.style_recognition * self.recogniser.of_recordings(x, batch["speaker"])
+        if (self.config.stroke_timing or self.recogniser) and step % self.config.stroke_timing_every == 0:
+            speaker = batch["speaker"]
+            if style is not None and self.recogniser is not None and self.training:
+                swap = batch.chance.uniform(1) < SWAPPED
+                style, speaker = torch.where(swap, style.roll(1, 0), style), torch.where(swap, speaker.roll(1, 0), speaker)
             motion = self._play_window(pose, speech, style, batch.chance)
             terms |= timing_term(self.config.stroke_timing, motion.mT, x.mT)
+            if self.recogniser is not None:
+                terms["style_self_play"] = self.config.style_recognition * self.recogniser.of_self_play(motion, speaker)
         return terms
 
     @contextmanager

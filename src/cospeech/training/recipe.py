@@ -142,6 +142,8 @@ class Train(Optimiser):
     best: str = ""
     """Validation figure whose minimum is best, such as "flow" or "flow.nll"; "": the first."""
     tensorboard: bool = False
+    start: str = ""
+    """Folder of a run, or bundle of the stylised flow, whose parameters it begins with; "": new ones, by the seed."""
     objectives: Mapping[str, Optimiser] = field(default_factory=dict)
     """Name of an objective → how it is minimised, where that differs."""
 

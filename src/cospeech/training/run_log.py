@@ -8,9 +8,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Protocol
 
+from ..errors import InputError
 from ..files import atomic
 
-__all__ = ["Board", "RunLog"]
+__all__ = ["Board", "RunLog", "open_board"]
 
 
 class Board(Protocol):
@@ -55,3 +56,17 @@ class RunLog:
         self._file.close()
         if self._board is not None:
             self._board.close()
+
+
+def open_board(folder: Path, step: int) -> Board:
+    """TensorBoard's writer, for a run that continues after a step.
+
+    Raises:
+        InputError: TensorBoard is not installed.
+    """
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError:
+        raise InputError("train.tensorboard is true, and TensorBoard is not installed", "pip install tensorboard") from None
+    board: Board = SummaryWriter(str(folder / "tensorboard"), purge_step=step + 1)
+    return board

@@ -26,17 +26,19 @@ from ..corpora.store import Store
 from ..errors import CospeechError, InputError, nearest
 from ..models.nn.named_initialisation import initialise_by_name
 from ..models.nn.objective import Batch, StepRandom
+from ..models.nn.sampled import Sampled
 from .batch_loader import BatchLoader
 from .checkpoint import build_model, read_facts, read_tensors, write_facts, write_tensors
 from .dataset import check_same, open_set
 from .interrupts import SignalWatch, Stopped, defer_signals
 from .objective_optimiser import ObjectiveOptimiser, list_objectives, with_prefix
 from .processes import Team, average, join, mean_values, surroundings
-from .recipe import Recipe, Train
+from .recipe import Recipe
 from .renamed import suggest_key
-from .run_log import Board, RunLog
+from .run_log import RunLog, open_board
 from .running_average import RunningAverage
 from .signals import let_signals_in
+from .start import start_from
 
 __all__ = ["TrainReport", "train"]
 
@@ -78,6 +80,8 @@ class _Run:
         self.seed(0)
         model = initialise_by_name(lambda: build_model(work.facts, work.needs), self.settings.seed)
         self.model = model.to(team.device)
+        if self.settings.batch < self.model.smallest_batch:
+            raise InputError(f"train.batch is {self.settings.batch}", f"at least {self.model.smallest_batch} for this network")
         self.total = self.settings.steps + self.model.preliminary_steps
         self.model.set_statistics(work.statistics)
         self.parts = [ObjectiveOptimiser(name, part, self.settings.of(name)) for name, part in list_objectives(self.model)]
@@ -89,6 +93,9 @@ class _Run:
         self.validation: BatchLoader | None = (
             work.feed(self.model, "validation", False) if self.settings.validate_every else None
         )
+        self.started = ""
+        if self.settings.start and not there:
+            self.started = start_from(self.model, self.settings.start, self.batch(self.feed, 0).arrays)
         self.average = RunningAverage(self.model, self.settings.ema)
         self.steps_done = 0
         self.steps_saved, self.slow = 0, True  # the step that last.safetensors holds; whether steps take longer than `PROMPT`
@@ -119,6 +126,9 @@ class _Run:
     def _put_back(self, snapshot: Snapshot) -> None:
         """Restore the run to a `state`."""
         tensors, state = snapshot
+        before = state.get("preliminary_steps", 0 if isinstance(self.model, Sampled) else self.model.preliminary_steps)
+        if before != self.model.preliminary_steps:  # runs of `Sampled` did not keep it; they counted all steps
+            raise ValueError(f"its first stages had {before} uncounted steps, and have {self.model.preliminary_steps} now")
         self.model.load_state_dict(with_prefix("model.", tensors))
         self.steps_done = int(state["step"]) + self.model.preliminary_steps
         self.best, self.latest = state["best"], state["latest"]
@@ -260,7 +270,8 @@ class _Run:
         tensors |= {f"ema.{name}": tensor for name, tensor in self.average.values.items()}
         for part in self.parts:
             tensors |= part.state()
-        return tensors, {"step": self.steps_done - self.model.preliminary_steps, "best": self.best, "latest": self.latest}
+        first = self.model.preliminary_steps
+        return tensors, {"step": self.steps_done - first, "preliminary_steps": first, "best": self.best, "latest": self.latest}
 
     def _keep(self) -> Snapshot | None:
         """A copy of `state`, to go back to; None where last.safetensors holds it, or the next step will be short."""
@@ -322,23 +333,12 @@ class _Rows:
         self._mark, self._since = run.steps_done, now
 
 
-def _board(settings: Train, folder: Path, step: int) -> Board | None:
-    """TensorBoard's writer, where it is wanted."""
-    if not settings.tensorboard:
-        return None
-    try:
-        from torch.utils.tensorboard import SummaryWriter
-    except ImportError:
-        raise InputError("train.tensorboard is true, and TensorBoard is not installed", "pip install tensorboard") from None
-    board: Board = SummaryWriter(str(folder / "tensorboard"), purge_step=step + 1)
-    return board
-
-
 def _run_loop(run: _Run, watch: SignalWatch, progress: Tell | None) -> bool:
     """Run the loop, with its log; return whether it was stopped."""
     log = None
     if run.team.rank == 0:
-        log = RunLog(run.folder / "log.jsonl", run.steps_done, _board(run.settings, run.folder, run.steps_done))
+        board = open_board(run.folder, run.steps_done) if run.settings.tensorboard else None
+        log = RunLog(run.folder / "log.jsonl", run.steps_done, board)
     try:
         return run.loop(_Rows(log, run), watch, progress)
     finally:
@@ -383,6 +383,8 @@ def train(
             with join(recipe.train.device) as team, surroundings(recipe.train.threads, team.device):
                 with watch.raise_at_once(team.size == 1):
                     run = _Run(recipe, store if isinstance(store, Store) else Store(store), folder, team, resume)
+                if run.started and team.rank == 0:
+                    tell(run.started)
                 stopping = _run_loop(run, watch, progress if team.rank == 0 else None)
         except Stopped:
             stopping = True

@@ -306,12 +306,16 @@ class Runs:
         """Whether a run exists that has this recipe and all its steps."""
         if not (folder / "last.safetensors").exists():
             return False
-        from ...training.checkpoint import read_facts, read_state
+        from ...models.nn.sampled import Sampled
+        from ...training.checkpoint import network, read_facts, read_state
 
         differs = list_changes(read_recipe(read_facts(folder)["recipe"]).to_dict(), recipe.to_dict())
         if any(not text.startswith("needs.") for text in differs):  # the folders of needed runs do not matter
             return False  # resuming says what differs
-        return int(read_state(folder / "last.safetensors")["step"]) >= recipe.train.steps
+        state = read_state(folder / "last.safetensors")
+        if "preliminary_steps" not in state and issubclass(network(recipe.model), Sampled):
+            return False  # its steps were counted in another way
+        return int(state["step"]) >= recipe.train.steps
 
     def player(self, name: str, seed: int = 0, more: Sequence[str] = ()) -> PlayableRun:
         """The run of a row; it is trained if it is missing."""

@@ -45,6 +45,8 @@ class Trainable(nn.Module):
     """Whether `style_of` gives the style of poses."""
     estimates_speaker: bool = False
     """Whether it estimates speaker and emotion from the speech."""
+    smallest_batch: int = 1
+    """Windows that a batch has at least, over all processes; 2 where a batch norm sees one vector a window."""
     wants_quantiles: bool = False
     """Whether `set_statistics` is given ``pose_quantiles`` (S, Q, D) as well: quantiles of each speaker's poses, 0 … 1."""
     literal: bool = False

@@ -51,32 +51,32 @@ def far_apart(one, other):
 
 
 def test_a_run_begins_with_the_parameters_of_another(store, first, tmp_path):
-    told = []
-    train(recipe(steps=1, start=str(first), seed=2), store, tmp_path / "second", notice=told.append)
+    notes = []
+    train(recipe(steps=1, start=str(first), seed=2), store, tmp_path / "second", notice=notes.append)
     states = [load_run(folder)[0].state_dict() for folder in (first, tmp_path / "second")]
     weights = [{n: v for n, v in state.items() if "running" not in n} for state in states]
     assert far_apart(*weights) < 1e-4  # one step of a rate of 1e-6
-    assert len(told) == 1
-    assert f"are those of {str(first)!r}" in told[0]
-    assert "new" not in told[0]
+    assert len(notes) == 1
+    assert f"are those of {str(first)!r}" in notes[0]
+    assert "new" not in notes[0]
 
 
 def test_parts_that_the_other_run_has_not_begin_anew_and_are_named(store, first, tmp_path):
-    told = []
-    changed = recipe({"style_recognition": 1.0}, steps=1, start=str(first))
-    train(changed, store, tmp_path / "second", notice=told.append)
-    assert told[0].endswith("; new: recogniser")
+    notes = []
+    more = recipe({"style_recognition": 1.0}, steps=1, start=str(first))
+    train(more, store, tmp_path / "second", notice=notes.append)
+    assert notes[0].endswith("; new: recogniser")
 
 
 def test_a_continued_run_does_not_begin_again(store, first, tmp_path):
-    told = []
-    started = recipe(steps=2, start=str(first), lr=1e-2)
-    train(started, store, tmp_path / "one", notice=told.append)
-    train(recipe(steps=4, start=str(first), lr=1e-2), store, tmp_path / "one", resume=True, notice=told.append)
+    notes = []
+    sections = recipe(steps=2, start=str(first), lr=1e-2)
+    train(sections, store, tmp_path / "one", notice=notes.append)
+    train(recipe(steps=4, start=str(first), lr=1e-2), store, tmp_path / "one", resume=True, notice=notes.append)
     train(recipe(steps=4, start=str(first), lr=1e-2), store, tmp_path / "other")
     states = [load_run(tmp_path / name)[0].state_dict() for name in ("one", "other")]
     assert far_apart(*states) == 0
-    assert len(told) == 1
+    assert len(notes) == 1
     assert json.loads((tmp_path / "one" / "config.json").read_text("utf-8"))["recipe"]["train"]["start"] == str(first)
 
 
@@ -149,6 +149,6 @@ def test_norms_take_the_statistics_of_a_run_and_change_nothing():
 def test_what_was_unpacked_is_packed_again(tmp_path):
     write_small(tmp_path / "it.cospeech")
     _, bundle, sizes = flow_of(tmp_path / "it.cospeech")
-    found = unpack_flow(bundle.arrays(WEIGHTS), sizes)
-    assert all(torch.isfinite(value).all() for value in found.values())
-    assert {name.partition(".")[0] for name in found} == {"encoder", "flow", "stylist"}
+    arrays = unpack_flow(bundle.arrays(WEIGHTS), sizes)
+    assert all(torch.isfinite(value).all() for value in arrays.values())
+    assert {name.partition(".")[0] for name in arrays} == {"encoder", "flow", "stylist"}

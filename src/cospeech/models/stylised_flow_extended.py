@@ -33,7 +33,7 @@ from ..errors import InputError
 from .nn.conditioning import StyleEncoder, as_steps, blank_history, drop_history
 from .nn.flow import State
 from .nn.norm import without_tracking
-from .nn.objective import Batch, StepRandom
+from .nn.objective import Batch, Objective, StepRandom
 from .nn.self_play import FAR, play_window
 from .nn.speed_distance import timing_term
 from .nn.style_recogniser import StyleRecogniser
@@ -178,6 +178,20 @@ class StylisedFlowExtended(StylisedFlow):
 
     # what is optimised ----------------------------------------------------------------------------------------------
 
+    def objectives(self) -> dict[str, Objective]:
+        """Equation 11 with what is added to it, and the network that recognises styles where there is one."""
+        if self.recogniser is None:
+            return super().objectives()
+        others = [value for name, value in self.named_parameters() if not name.startswith("recogniser.")]
+        own = Objective(self.recogniser.parameters(), self.recogniser_loss)
+        return {"flow": Objective(others, self.loss), "recogniser": own}
+
+    def recogniser_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """The cross-entropy of recordings."""
+        assert self.recogniser is not None
+        x = self._windows(batch["pose"], batch["audio"])[0]
+        return {"speaker": self.recogniser.of_recordings(x, batch["speaker"])}
+
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """The terms of equation 11, weighted."""
         pose = batch["pose"]
@@ -192,8 +206,6 @@ class StylisedFlowExtended(StylisedFlow):
         with self._norms_of(whole_histories, speech):
             conditioning = self.condition(histories, speech, style)
         terms = self.losses(x, conditioning, batch.chance, step, base)
-        if self.recogniser is not None:
-            terms["style_recognition"] = self.config.style_recognition * self.recogniser.of_recordings(x, batch["speaker"])
         if (self.config.stroke_timing or self.recogniser) and step % self.config.stroke_timing_every == 0:
             speaker = batch["speaker"]
             if style is not None and self.recogniser is not None and self.training:

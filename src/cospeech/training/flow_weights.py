@@ -56,10 +56,10 @@ def unpack_flow(weights: Mapping[str, Array], sizes: FlowSizes) -> dict[str, Ten
 
 def _coupling_ends(weights: Mapping[str, Array], k: int, sizes: FlowSizes, net: str) -> dict[str, Array]:
     """The last layer of a coupling, whose shifts and scales alternate in the network."""
-    moved = sizes.pose - sizes.first_half
-    pairs = np.concatenate([np.arange(0, 2 * moved, 2), np.arange(1, 2 * moved, 2)])
+    width = sizes.pose - sizes.first_half
+    pairs = np.concatenate([np.arange(0, 2 * width, 2), np.arange(1, 2 * width, 2)])
     bias = weights[f"{k}.out.bias"].copy()
-    bias[moved:] -= SCALE_SHIFT
+    bias[width:] -= SCALE_SHIFT
     back = np.argsort(pairs)
     return {f"{net}out.weight": weights[f"{k}.out"].T[back], f"{net}out.bias": bias[back]}
 

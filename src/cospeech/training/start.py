@@ -35,11 +35,11 @@ def start_from(model: Trainable, source: str, batch: Mapping[str, Tensor]) -> st
     Raises:
         InputError: there is no such run or bundle, or none of its parameters fits.
     """
-    shipped = SHIPPED / f"{source}{BUNDLE}"
-    path = shipped if shipped.exists() else Path(source)
-    found = load_run(path)[0].state_dict() if path.is_dir() else _open_bundle(path)
+    own_bundle = SHIPPED / f"{source}{BUNDLE}"
+    path = own_bundle if own_bundle.exists() else Path(source)
+    arrays = load_run(path)[0].state_dict() if path.is_dir() else _open_bundle(path)
     own = {name: value for name, value in model.state_dict().items() if not name.endswith("num_batches_tracked")}
-    fits = {name: value for name, value in found.items() if name in own and own[name].shape == value.shape}
+    fits = {name: value for name, value in arrays.items() if name in own and own[name].shape == value.shape}
     if not any(value.dim() for value in fits.values()):
         raise InputError(f"no parameter of {source!r} fits {type(model).__name__}", "a network of the same sizes fits")
     model.load_state_dict(fits, strict=False)

@@ -93,9 +93,9 @@ class _Run:
         self.validation: BatchLoader | None = (
             work.feed(self.model, "validation", False) if self.settings.validate_every else None
         )
-        self.started = ""
+        self.start_note = ""
         if self.settings.start and not there:
-            self.started = start_from(self.model, self.settings.start, self.batch(self.feed, 0).arrays)
+            self.start_note = start_from(self.model, self.settings.start, self.batch(self.feed, 0).arrays)
         self.average = RunningAverage(self.model, self.settings.ema)
         self.steps_done = 0
         self.steps_saved, self.slow = 0, True  # the step that last.safetensors holds; whether steps take longer than `PROMPT`
@@ -383,8 +383,8 @@ def train(
             with join(recipe.train.device) as team, surroundings(recipe.train.threads, team.device):
                 with watch.raise_at_once(team.size == 1):
                     run = _Run(recipe, store if isinstance(store, Store) else Store(store), folder, team, resume)
-                if run.started and team.rank == 0:
-                    tell(run.started)
+                if run.start_note and team.rank == 0:
+                    tell(run.start_note)
                 stopping = _run_loop(run, watch, progress if team.rank == 0 else None)
         except Stopped:
             stopping = True

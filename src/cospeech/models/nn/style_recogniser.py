@@ -46,5 +46,5 @@ class StyleRecogniser(nn.Module):
 
     def of_self_play(self, motion: Tensor, speaker: Tensor) -> Tensor:
         """The mean cross-entropy of motion that was played in the style of speakers, (); the motion learns alone."""
-        fixed = {name: value.detach() for name, value in self.named_parameters()}
-        return F.cross_entropy(functional_call(self, fixed, (motion,)), speaker)
+        constants = {name: value.detach() for name, value in self.named_parameters()}
+        return F.cross_entropy(functional_call(self, constants, (motion,)), speaker)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch", reason="networks need torch (the train extra)")
+from torch.nn import functional as F  # noqa: E402
 
 from cospeech.errors import InputError  # noqa: E402
 from cospeech.models.nn.objective import Batch, StepRandom  # noqa: E402
@@ -37,12 +38,10 @@ def batch(net: StylisedFlowExtended, step: int, rows: int = 12) -> Batch:
     return Batch(arrays, StepRandom(0, step))
 
 
-def test_of_recordings_the_network_learns_and_of_self_play_the_motion_alone():
+def test_of_self_play_the_motion_learns_alone():
     torch.manual_seed(0)
     recogniser, speaker = StyleRecogniser(4, channels=8, speakers=3), torch.arange(6) % 3
     motion, parameters = waves(6, 20, 0).requires_grad_(), list(recogniser.parameters())
-    slopes = torch.autograd.grad(recogniser.of_recordings(motion, speaker), [motion, *parameters])
-    assert all(slope.abs().max() > 0 for slope in slopes)
     slopes = torch.autograd.grad(recogniser.of_self_play(motion, speaker), [motion, *parameters], allow_unused=True)
     assert slopes[0].abs().max() > 0
     assert [*slopes[1:]] == [None] * len(parameters)
@@ -53,7 +52,7 @@ def test_it_learns_whose_motion_it_is():
     recogniser, speaker = StyleRecogniser(4, channels=16, speakers=4), torch.arange(12) // 3
     optimiser, losses = torch.optim.Adam(recogniser.parameters(), 1e-2), []
     for step in range(60):
-        loss = recogniser.of_recordings(waves(12, 24, step), speaker)
+        loss = F.cross_entropy(recogniser(waves(12, 24, step)), speaker)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
@@ -66,14 +65,22 @@ def test_it_learns_whose_motion_it_is():
     assert recogniser.of_self_play(held_out, speaker.roll(3)).item() > 2
 
 
-def test_the_network_is_an_objective_of_its_own():
-    net = network(style_recognition=2.0)
-    flow, recogniser = net.objectives().values()
-    counts = [sum(value.numel() for value in part.parameters) for part in (flow, recogniser)]
-    assert counts[1] == sum(value.numel() for value in net.recogniser.parameters())
-    assert sum(counts) == sum(value.numel() for value in net.parameters())
-    assert recogniser.loss(batch(net, 0), 0)["speaker"].item() == pytest.approx(np.log(4), rel=0.2)
-    assert list(network().objectives()) == ["flow"]
+def test_the_networks_of_styles_come_first_and_stay():
+    net = network(style_recognition=2.0, style_steps=7).train()
+    style, flow = net.objectives().values()
+    assert list(net.objectives()) == ["style", "flow"]
+    assert (net.preliminary_steps, style.stop, flow.start) == (7, 7, 7)
+    first = [*net.recogniser.parameters(), *net.stylist.parameters(), *net.speaker_of_code.parameters()]
+    assert {id(value) for value in style.parameters} == {id(value) for value in first}
+    assert len({id(v) for part in (style, flow) for v in part.parameters}) == len(list(net.parameters()))
+    terms = style.loss(batch(net, 0), 0)
+    assert set(terms) == {"code", "motion"}
+    assert all(slope.abs().max() > 0 for slope in torch.autograd.grad(sum(terms.values()), first))
+    before = {name: value.clone() for name, value in net.state_dict().items() if name.startswith("stylist")}
+    slopes = torch.autograd.grad(sum(flow.loss(batch(net, 7), 8).values()), first, allow_unused=True)
+    assert slopes == (None,) * len(first)
+    assert all(torch.equal(value, net.state_dict()[name]) for name, value in before.items()), "its norm keeps its statistics"
+    assert (network().preliminary_steps, list(network().objectives())) == (0, ["flow"])
 
 
 def test_a_mean_pose_is_no_style():

@@ -63,9 +63,9 @@ def test_a_run_begins_with_the_parameters_of_another(store, first, tmp_path):
 
 def test_parts_that_the_other_run_has_not_begin_anew_and_are_named(store, first, tmp_path):
     notes = []
-    more = recipe({"style_recognition": 1.0}, steps=1, start=str(first))
+    more = recipe({"style_recognition": 1.0, "style_steps": 2}, steps=1, start=str(first))
     train(more, store, tmp_path / "second", notice=notes.append)
-    assert notes[0].endswith("; new: recogniser")
+    assert notes[0].endswith("; new: recogniser, speaker_of_code")
 
 
 def test_a_continued_run_does_not_begin_again(store, first, tmp_path):

@@ -21,19 +21,21 @@ The effect of each on the motion: docs/models/stylised_flow.md, "Changed, and ad
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional as F
 
 from ..errors import InputError
 from .nn.conditioning import StyleEncoder, as_steps, blank_history, drop_history
 from .nn.flow import State
 from .nn.norm import without_tracking
 from .nn.objective import Batch, Objective, StepRandom
+from .nn.sampled import at_rest
 from .nn.self_play import FAR, play_window
 from .nn.speed_distance import timing_term
 from .nn.style_recogniser import StyleRecogniser
@@ -58,10 +60,13 @@ class FlowExtendedConfig(FlowConfig):
     style_gap: int = 0
     """Frames between that stretch and the history; [ours]. Without a gap, the code tells what somebody does at this moment."""
     style_recognition: float = 0.0
-    """Weight of the cross-entropy of a network that names the speaker of velocities; [ours]. The likelihood hardly needs a
-    style, because the last poses tell nearly all. So self-play must have the style of its code, in half of the steps that of
-    another recording: one that this network recognises, which learns from recordings alone. It is for training alone, as are
-    its labels: in play, a code of any motion is a style."""
+    """Weight of the cross-entropy of a network that names the speaker of the velocities of self-play; [ours]. The likelihood
+    hardly needs a style, because the last poses tell nearly all. So self-play must have the style of its code, in half of the
+    steps that of another recording. This network and the encoder of styles learn first, from recordings and their speakers. In
+    play there are no labels: the code of any motion is a style."""
+    style_steps: int = 500
+    """Steps in which they learn, before those of the flow; [ours]: after half a minute on one core, nothing more is learnt of
+    recordings that are held out."""
     residual: bool = False
     """Whether the flow models xₜ − xₜ₋₁, which has the density of xₜ, in place of xₜ; [ours], quicker to learn."""
     inertia: float = 0.0
@@ -112,6 +117,7 @@ class StylisedFlowExtended(StylisedFlow):
             raise InputError(problem, "neither is negative, and the first needs style codes and speakers")
         super().__init__(config, pose=pose, audio=audio, omega=omega)
         self.recogniser = StyleRecogniser(pose, channels=config.hidden, speakers=speakers) if weight else None
+        self.speaker_of_code = nn.Linear(config.style, speakers) if weight else None
 
     @classmethod
     def dimensions_for(cls, config: Any) -> tuple[str, ...]:
@@ -178,19 +184,30 @@ class StylisedFlowExtended(StylisedFlow):
 
     # what is optimised ----------------------------------------------------------------------------------------------
 
+    @property
+    def preliminary_steps(self) -> int:
+        """Those in which styles are learnt."""
+        return self.config.style_steps if self.recogniser is not None else 0
+
     def objectives(self) -> dict[str, Objective]:
-        """Equation 11 with what is added to it, and the network that recognises styles where there is one."""
+        """Equation 11 with what is added to it. With ``style_recognition``, the networks of styles come first, and stay."""
         if self.recogniser is None:
             return super().objectives()
-        others = [value for name, value in self.named_parameters() if not name.startswith("recogniser.")]
-        own = Objective(self.recogniser.parameters(), self.recogniser_loss)
-        return {"flow": Objective(others, self.loss), "recogniser": own}
+        first, steps = ("recogniser.", "stylist.", "speaker_of_code."), self.config.style_steps
+        styles = [value for name, value in self.named_parameters() if name.startswith(first)]
+        others = [value for name, value in self.named_parameters() if not name.startswith(first)]
+        return {"style": Objective(styles, self.style_loss, stop=steps), "flow": Objective(others, self.loss, start=steps)}
 
-    def recogniser_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """The cross-entropy of recordings."""
+    def style_loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """Cross-entropies of two networks that name the speaker: by a style code, and by velocities."""
         assert self.recogniser is not None
-        x = self._windows(batch["pose"], batch["audio"])[0]
-        return {"speaker": self.recogniser.of_recordings(x, batch["speaker"])}
+        assert self.speaker_of_code is not None
+        pose, speaker = batch["pose"], batch["speaker"]
+        motion, code = self._windows(pose, batch["audio"])[0], self.style(self._stretch(pose))
+        return {
+            "code": F.cross_entropy(self.speaker_of_code(code), speaker),
+            "motion": F.cross_entropy(self.recogniser(motion), speaker),
+        }
 
     def loss(self, batch: Batch, step: int) -> dict[str, Tensor]:
         """The terms of equation 11, weighted."""
@@ -202,7 +219,8 @@ class StylisedFlowExtended(StylisedFlow):
         if self.training:
             drop = blank_history if self.config.steps_seen else drop_history
             histories = drop(histories, self.config.history_dropout, batch.chance)
-        style = self.style(self._stretch(pose))
+        with at_rest(self.stylist) if self.recogniser is not None and self.stylist is not None else nullcontext():
+            style = self.style(self._stretch(pose))
         with self._norms_of(whole_histories, speech):
             conditioning = self.condition(histories, speech, style)
         terms = self.losses(x, conditioning, batch.chance, step, base)

@@ -40,10 +40,6 @@ class StyleRecogniser(nn.Module):
         logits: Tensor = self.full(self.dropout(moments))
         return logits
 
-    def of_recordings(self, motion: Tensor, speaker: Tensor) -> Tensor:
-        """The mean cross-entropy of recorded motion, (); this network learns. Speaker: (B,) numbers."""
-        return F.cross_entropy(self(motion), speaker)
-
     def of_self_play(self, motion: Tensor, speaker: Tensor) -> Tensor:
         """The mean cross-entropy of motion that was played in the style of speakers, (); the motion learns alone."""
         constants = {name: value.detach() for name, value in self.named_parameters()}

@@ -1,4 +1,4 @@
-"""A network that recognises the style of motion by its velocities: motion must have the style of its code; ours."""
+"""A network that recognises the manner of motion: motion must have the style of its code; ours."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from torch.nn import functional as F
 
 __all__ = ["StyleRecogniser"]
 
-PER_STEP = 10.0  # [ours] velocities have a tenth of the size of poses
+SPREAD = 0.1  # of poses standardised over a recording [ours]: a number that varies less within a window is nearly still
+PER_STEP = 3.0  # [ours] velocities have a third of the size of poses that are standardised within their window
 DROPOUT = 0.3  # [ours] a few hours of motion are soon known by heart
 
 
 class StyleRecogniser(nn.Module):
-    """Velocities of standardised poses → logits of the speakers: three convolutions, then mean and size over time.
+    """Poses → logits of the speakers: velocities, three convolutions, then mean and size over time.
 
-    It sees no poses: the mean pose of a speaker is set in play, and is no manner of movement. It learns from recordings alone.
+    It sees neither mean pose nor amplitude: each number of a pose is standardised within its window. Both are set in play.
 
     Args:
         pose: D, numbers of a pose.
@@ -35,7 +36,8 @@ class StyleRecogniser(nn.Module):
 
     def forward(self, motion: Tensor) -> Tensor:
         """(B, F, D) poses → (B, S)."""
-        x = self.convolutions(PER_STEP * motion.diff(dim=1).mT)
+        manner = motion / (motion.std(1, keepdim=True) + SPREAD)
+        x = self.convolutions(PER_STEP * manner.diff(dim=1).mT)
         moments = torch.cat([x.mean(-1), (x.square().mean(-1) + 1e-6).sqrt()], -1)
         logits: Tensor = self.full(self.dropout(moments))
         return logits

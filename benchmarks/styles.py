@@ -1,6 +1,6 @@
 """Whether trained models move in the styles that they are asked for: a judge that sees neither mean pose nor amplitude.
 
-    OMP_NUM_THREADS=1 python benchmarks/styles.py FOLDER_OF_SPEECH [--bundle FILE …] [--bare]
+    OMP_NUM_THREADS=1 python benchmarks/styles.py FOLDER_OF_SPEECH [--bundle FILE …] [--bare] [--takes 2 --pieces 6]
 
 The rules taught the networks that ship, in the styles of eight speakers. A judge (`cospeech.experiments.style_judge`) learns
 these speakers from performances of the rules on every other piece of speech in the folder. Then each model performs the rest in
@@ -28,7 +28,7 @@ from cospeech.experiments.style_judge import StyleJudge
 from cospeech.rules import RuleBasedModel
 
 SPEAKERS, SEED = 8, 0  # as tools/build_weights.py
-TAKES = 4  # of each piece in each style, that the judge learns from
+TAKES = 4  # of each piece in each style, that the judge learns from, as published in docs/styles.md
 
 
 def perform(model: Any, speeches: list[cospeech.Speech], people: list[Speaker], seed: int, **options: Any) -> Any:
@@ -45,19 +45,21 @@ def main() -> None:
     parser.add_argument("speech", type=Path, help="a folder of recordings")
     parser.add_argument("--bundle", action="append", help="a file; those that ship where not given")
     parser.add_argument("--bare", action="store_true", help="networks alone, without what was measured at bundling")
+    parser.add_argument("--takes", type=int, default=TAKES, help="takes of each piece that a judge learns from")
+    parser.add_argument("--pieces", type=int, help="of either half of the folder, the first ones alone; quicker")
     arguments = parser.parse_args()
     people = choose_speakers(SPEAKERS, SEED)
     pieces = held_out(arguments.speech, "all", 0.0)
-    train_pieces, test_pieces = pieces[::2], pieces[1::2]
+    train_pieces, test_pieces = pieces[::2][: arguments.pieces], pieces[1::2][: arguments.pieces]
     if not test_pieces:
         parser.error(f"{arguments.speech} has fewer than two pieces of 13 s or more")
-    judge = teach_judge(RuleBasedModel(), train_pieces, people)
+    judge = teach_judge(RuleBasedModel(), train_pieces, people, arguments.takes)
     print(f"the judge learnt from {len(train_pieces)} pieces; {len(test_pieces)} others in {SPEAKERS} styles\n")
     print("| | named | named by a judge of its own | chance |\n|---|---|---|---|")
     bare = {"calibrated": not arguments.bare, "stance": False}
     rows: list[Player] = [("rules, other seeds", RuleBasedModel(), {}), *players(arguments.bundle, bare)]
     for name, model, options in rows:
-        own = teach_judge(model, train_pieces, people, arms=False, **options)
+        own = teach_judge(model, train_pieces, people, arguments.takes, arms=False, **options)
         performances = list(perform(model, test_pieces, people, 50_000, **options))
         answers = [[(who, each.name(motion)) for who, motion in performances] for each in (judge, own)]
         print(f"| {name} | {' | '.join(map(share_right, answers))} | {1 / SPEAKERS:.0%} |", flush=True)
@@ -68,11 +70,11 @@ def main() -> None:
 
 
 def teach_judge(
-    model: Any, speeches: list[cospeech.Speech], people: list[Speaker], *, arms: bool = True, **options: Any
+    model: Any, speeches: list[cospeech.Speech], people: list[Speaker], takes: int, *, arms: bool = True, **options: Any
 ) -> StyleJudge:
     """A judge that has seen some takes of a model."""
-    takes = (perform(model, speeches, people, 7919 * take + 1, **options) for take in range(TAKES))
-    return StyleJudge((pair for take in takes for pair in take), arms=arms)
+    performances = (perform(model, speeches, people, 7919 * take + 1, **options) for take in range(takes))
+    return StyleJudge((pair for each in performances for pair in each), arms=arms)
 
 
 def share_right(pairs: list[tuple[int, int]]) -> str:

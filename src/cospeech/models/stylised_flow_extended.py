@@ -225,13 +225,12 @@ class StylisedFlowExtended(StylisedFlow):
             conditioning = self.condition(histories, speech, style)
         terms = self.losses(x, conditioning, batch.chance, step, base)
         if (self.config.stroke_timing or self.recogniser) and step % self.config.stroke_timing_every == 0:
-            speaker = batch["speaker"]
-            if style is not None and self.recogniser is not None and self.training:
-                swap = batch.chance.uniform(1) < SWAPPED
-                style, speaker = torch.where(swap, style.roll(1, 0), style), torch.where(swap, speaker.roll(1, 0), speaker)
+            turn = self.training and self.recogniser is not None and batch.chance.uniform(1).item() < SWAPPED
+            style = style.roll(1, 0) if style is not None and turn else style
             motion = self._play_window(pose, speech, style, batch.chance)
             terms |= timing_term(self.config.stroke_timing, motion.mT, x.mT)
             if self.recogniser is not None:
+                speaker = batch["speaker"].roll(int(turn), 0)
                 terms["style_self_play"] = self.config.style_recognition * self.recogniser.of_self_play(motion, speaker)
         return terms
 
